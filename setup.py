@@ -1,0 +1,270 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The one build of the project, for pip, editable installs, uv and colcon.
+
+The package is plain Python; what is not plain is `msg_defs/`, an ament_cmake package of
+interfaces. `build_ext` runs CMake on it into a staging folder and hands what came out to
+setuptools as data files, so that every way of installing Python installs the messages too.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from setuptools import find_packages, setup
+from setuptools.command.build_ext import build_ext
+from setuptools.dist import Distribution
+
+HERE = Path(__file__).resolve().parent
+NAME = "control_board_ros"
+MESSAGES = "control_board_msgs"
+MSG_DEFS = HERE / "msg_defs"
+PYTHON_DIR = f"lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
+
+# Another version, or an unpinned name, can belong to another ROS distribution.
+ROS_WHEELS = [
+    "ros-jazzy-rclpy[fastrtps]==7.1.6",
+    "ros-rosidl-default-runtime==1.6.0",
+    "ros-action-msgs==2.0.3",
+    "ros-builtin-interfaces==2.0.3",
+    "ros-diagnostic-msgs==5.3.6",
+    "ros-rcl-interfaces==2.0.3",
+    "ros-rosgraph-msgs==2.0.3",
+    "ros-sensor-msgs==5.3.6",
+    "ros-std-msgs==5.3.6",
+    "ros-std-srvs==5.3.6",
+    "setuptools",
+]
+
+# What one machine's build leaves behind and no other has a use for.
+UNWANTED_DIRS = {"environment", "__pycache__", "parent_prefix_path"}
+UNWANTED_SUFFIXES = (".pyc", ".egg-info")
+
+# Many ROS wheels export an include folder of the machine that built them; CMake then stops.
+DROP_MISSING_INCLUDES = """\
+function(drop_missing_includes)
+  get_property(targets DIRECTORY PROPERTY IMPORTED_TARGETS)
+  foreach(target IN LISTS targets)
+    get_target_property(includes ${target} INTERFACE_INCLUDE_DIRECTORIES)
+    if(NOT includes)
+      continue()
+    endif()
+    set(kept "")
+    foreach(folder IN LISTS includes)
+      if(folder MATCHES "\\\\$<" OR EXISTS "${folder}")
+        list(APPEND kept "${folder}")
+      endif()
+    endforeach()
+    set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${kept}")
+  endforeach()
+endfunction()
+cmake_language(DEFER CALL drop_missing_includes)
+"""
+
+
+def ros_prefixes() -> list[Path]:
+    """Folders that hold ROS 2: those of a sourced setup file, else where the ROS wheels are.
+
+    `sys.prefix` is of no use: pip and uv build in an environment apart, and colcon sets it.
+    """
+    sourced = os.environ.get("AMENT_PREFIX_PATH", "")
+    candidates = [Path(entry) for entry in sourced.split(os.pathsep) if entry]
+    if not candidates:
+        sites = [Path(entry).resolve() for entry in sys.path if entry]
+        candidates = [site.parents[2] for site in sites if (site / "rosidl_generator_py").is_dir()]
+    prefixes = list(dict.fromkeys(path for path in candidates if path.is_dir()))
+    if not prefixes:
+        raise SystemExit(
+            "ROS 2 not found: AMENT_PREFIX_PATH is empty and rosidl_generator_py is not "
+            "importable; source /opt/ros/jazzy/setup.sh, or build with pip's isolation "
+            "(pip install . without --no-build-isolation)"
+        )
+    return prefixes
+
+
+def require_tools() -> None:
+    """Stop with one line that names the packages, where a build tool is missing."""
+    packages = {"cmake": "cmake", "c++": "g++", "make": "make"}
+    chosen = {"c++": os.environ.get("CXX", "c++").split()[0]}
+    missing = [packages[tool] for tool in packages if shutil.which(chosen.get(tool, tool)) is None]
+    if missing:
+        raise SystemExit(
+            f"cannot build the messages without {', '.join(missing)}: "
+            f"install them, e.g. sudo apt-get install {' '.join(missing)}"
+        )
+
+
+def build_environment(prefixes: list[Path]) -> dict[str, str]:
+    """The environment of CMake: the ROS prefixes, and no interpreter tricks of colcon."""
+    environment = dict(os.environ)
+    joined = os.pathsep.join(str(prefix) for prefix in prefixes)
+    environment["AMENT_PREFIX_PATH"] = joined
+    known = environment.get("CMAKE_PREFIX_PATH", "")
+    environment["CMAKE_PREFIX_PATH"] = joined + (os.pathsep + known if known else "")
+    python_path = environment.get("PYTHONPATH", "").split(os.pathsep)
+    kept = [entry for entry in python_path if entry and "prefix_override" not in entry]
+    environment["PYTHONPATH"] = os.pathsep.join(kept)
+    return environment
+
+
+def fresh_folder(work: Path, prefixes: list[Path]) -> None:
+    """Make the work folder; begin anew where CMake's cache would belong to another setup."""
+    key = "\n".join([sys.executable, sys.version, str(MSG_DEFS), *map(str, prefixes)])
+    stamp = work / "built-for.txt"
+    if work.exists() and not (stamp.is_file() and stamp.read_text() == key):
+        shutil.rmtree(work)
+    work.mkdir(parents=True, exist_ok=True)
+    stamp.write_text(key)
+
+
+def build_messages(work: Path, jobs: int) -> Path:
+    """Build `msg_defs/` in the work folder; return the staged tree."""
+    require_tools()
+    prefixes = ros_prefixes()
+    fresh_folder(work, prefixes)
+    build, stage = work / "build", work / "stage"
+    if stage.exists():
+        shutil.rmtree(stage)  # or files of a message that is gone would be installed for ever
+    include = work / "drop_missing_includes.cmake"
+    if not include.is_file():
+        include.write_text(DROP_MISSING_INCLUDES)
+    definitions = {
+        "CMAKE_INSTALL_PREFIX": stage,
+        "BUILD_TESTING": "OFF",
+        "Python3_EXECUTABLE": sys.executable,
+        "PYTHON_EXECUTABLE": sys.executable,
+        "PYTHON_INSTALL_DIR": PYTHON_DIR,
+        # Libraries find each other, and Python modules find the libraries, wherever installed.
+        "CMAKE_INSTALL_RPATH": "$ORIGIN;$ORIGIN/../../..",
+        "CMAKE_PROJECT_INCLUDE": include,
+    }
+    environment = build_environment(prefixes)
+    arguments = [f"-D{key}={value}" for key, value in definitions.items()]
+    for command in (
+        ["cmake", "-S", str(MSG_DEFS), "-B", str(build), *arguments],
+        ["cmake", "--build", str(build), "--target", "install", "--parallel", str(jobs)],
+    ):
+        done = subprocess.run(command, env=environment, check=False)
+        if done.returncode != 0:
+            raise SystemExit(f"building the messages failed: {' '.join(command[:5])} …; see above")
+    return stage
+
+
+def staged_files(stage: Path) -> list[tuple[str, list[str]]]:
+    """The staged tree as data files: pairs of a folder under the prefix and its files."""
+    found: dict[str, list[str]] = {}
+    for path in sorted(stage.rglob("*")):
+        relative = path.relative_to(stage)
+        unwanted = (
+            UNWANTED_DIRS & set(relative.parts)
+            or any(part.endswith(UNWANTED_SUFFIXES) for part in relative.parts)
+            or relative.name.startswith("local_setup.")
+        )
+        if path.is_file() and not unwanted:
+            found.setdefault(str(relative.parent), []).append(os.path.relpath(path, HERE))
+    return list(found.items())
+
+
+class BuildMessages(build_ext):
+    """`build_ext`, with the messages in the place of C extensions."""
+
+    def run(self) -> None:
+        jobs = int(self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or 0)
+        work = (HERE / self.build_temp).resolve().parent / f"{MESSAGES}-{sys.implementation.cache_tag}"
+        stage = build_messages(work, jobs or os.cpu_count() or 1)
+        known = self.distribution.data_files
+        known[:] = [pair for pair in known if MESSAGES not in pair[0] and pair[0] != "lib"]
+        known.extend(staged_files(stage))  # in place: install_data already holds this list
+
+    def get_outputs(self) -> list[str]:
+        return []
+
+    def get_output_mapping(self) -> dict[str, str]:
+        return {}
+
+    def get_source_files(self) -> list[str]:
+        files = (path for path in MSG_DEFS.rglob("*") if path.is_file())
+        return sorted(os.path.relpath(path, HERE) for path in files)
+
+
+class DistributionWithMessages(Distribution):
+    """Says that there is something to compile and something to install beside the package."""
+
+    def has_ext_modules(self) -> bool:
+        return True
+
+    def has_data(self) -> bool:
+        # Asked by editable installs only, which drop every data file without it.
+        return True
+
+
+def version() -> str:
+    text = (HERE / NAME / "__init__.py").read_text(encoding="utf-8")
+    found = re.search(r'^__version__ = "([^"]+)"$', text, re.MULTILINE)
+    if found is None:
+        raise SystemExit(f"no __version__ in {NAME}/__init__.py")
+    return found.group(1)
+
+
+def runtime_requirements() -> list[str]:
+    """What pip installs; a sourced ROS 2 brings its own packages, which pip does not know."""
+    plain = [
+        "numpy>=1.26",
+        "prompt_toolkit>=3.0",
+        "pybullet>=3.2.6",
+        "pyyaml>=6.0",
+        "rich>=13.0",
+        "typer>=0.12",
+    ]
+    return plain if os.environ.get("AMENT_PREFIX_PATH") else plain + ROS_WHEELS
+
+
+TEST = ["hypothesis>=6.100", "pytest>=8.2", "pytest-timeout>=2.3", "pytest-xdist>=3.6"]
+ICUB = ["icub-models==3.2.0"]
+DEV = [
+    "import-linter>=2.1",
+    "matplotlib>=3.8",
+    "mypy>=1.13",
+    "pip-audit>=2.7",
+    "pre-commit>=4.0",
+    "py-spy>=0.4",
+    "ruff>=0.9",
+    "types-PyYAML",
+]
+
+setup(
+    name=NAME,
+    version=version(),
+    description="A robot joint control board with YARP/iCub control modes, as a ROS 2 node "
+    "with a simulated arm",
+    license="Apache-2.0",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (
+            f"share/{NAME}/config",
+            sorted(
+                os.path.relpath(path, HERE)
+                for pattern in ("*.yaml", "*.xml")
+                for path in (HERE / "config").glob(pattern)
+            ),
+        ),
+    ],
+    install_requires=runtime_requirements(),
+    extras_require={"test": TEST, "icub": ICUB, "dev": DEV},
+    entry_points={
+        "console_scripts": [
+            f"control_board = {NAME}.node.main:main",
+            f"cbctl = {NAME}.cli:main",
+        ]
+    },
+    cmdclass={"build_ext": BuildMessages},
+    distclass=DistributionWithMessages,
+    zip_safe=False,
+)
