@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The answer to a request or a command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Answer(StrEnum):
+    """What became of one joint's part of a request."""
+
+    ACCEPTED = "accepted"
+    IGNORED = "ignored"  # a command that the mode does not take, or a bad value (M4, P13)
+    REFUSED = "refused"  # nothing changed (F2, K2, M6, M7, N4)
+    UNSUPPORTED = "unsupported"  # not implemented by the joint, now in HW_FAULT (M5, I7)
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The answer to a set method; true when every joint accepted.
+
+    Attributes: joints (names in the order asked; empty when the request named none that
+    exist), answers (one per joint), message (one line for a person, empty when all is well).
+    """
+
+    joints: tuple[str, ...]
+    answers: tuple[Answer, ...]
+    message: str = ""
+
+    def __bool__(self) -> bool:
+        return bool(self.answers) and all(a is Answer.ACCEPTED for a in self.answers)
