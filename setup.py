@@ -174,7 +174,8 @@ class BuildMessages(build_ext):
 
     def run(self) -> None:
         jobs = int(self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or 0)
-        work = (HERE / self.build_temp).resolve().parent / f"{MESSAGES}-{sys.implementation.cache_tag}"
+        builds = (HERE / self.build_temp).resolve().parent
+        work = builds / f"{MESSAGES}-{sys.implementation.cache_tag}"
         stage = build_messages(work, jobs or os.cpu_count() or 1)
         known = self.distribution.data_files
         known[:] = [pair for pair in known if MESSAGES not in pair[0] and pair[0] != "lib"]
