@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+# `make run` and `make test` set up all they need, once. Choose with PYTHON=python3.12,
+# VENV=folder; pass arguments with ARGS="…".
+
+VENV ?= .venv
+JOBS ?= 2
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check -q
+STAMPS := $(VENV)/.control_board_ros
+
+# What the installation is made of: when one of these changes, it is made again.
+SOURCES := setup.py setup.cfg pyproject.toml package.xml MANIFEST.in \
+    control_board_ros/__init__.py \
+    $(shell find msg_defs config resource -type f 2>/dev/null)
+
+# This environment stands on its own: a sourced ROS 2 of another Python would break it.
+ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
+unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH
+unexport RMW_IMPLEMENTATION ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION
+unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
+endif
+
+.DEFAULT_GOAL := help
+.PHONY: help run test check bench soak conformance mutants docs setup clean distclean
+
+help: ## Say what there is
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
+
+run: setup ## Start the arm; ARGS="--ros-args --params-file …" go to the node
+	@$(BIN)/control_board $(ARGS)
+
+test: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests; ARGS="-k M4" go to pytest
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup $(ARGS)
+
+check: setup $(STAMPS)/test $(STAMPS)/dev ## Run ruff, mypy --strict and import-linter
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+bench: setup $(STAMPS)/test $(STAMPS)/dev $(STAMPS)/icub ## Measure the figures of the README
+	@$(BIN)/python benchmark/run.py $(ARGS)
+
+soak: setup $(STAMPS)/test $(STAMPS)/dev ## Run the board for a long time under load
+	@$(BIN)/python benchmark/soak.py $(ARGS)
+
+conformance: setup $(STAMPS)/test ## Print rule -> tests -> result, write docs/conformance.md
+	@$(BIN)/python test/spec/conformance.py $(ARGS)
+
+mutants: setup $(STAMPS)/test ## Break each row of the mode tables: a test must fail
+	@$(BIN)/python test/spec/mutants.py $(ARGS)
+
+docs: setup $(STAMPS)/test $(STAMPS)/dev ## Write the generated pages and pictures of docs/
+	@$(BIN)/python docs/generate.py $(ARGS)
+
+setup: $(STAMPS)/installed ## Make the environment and install into it, where not yet done
+
+clean: ## Remove what was built, and caches; keeps the environment
+	rm -rf build install log *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .import_linter_cache .benchmarks
+	find control_board_ros test benchmark docs -name __pycache__ -prune -exec rm -rf {} + \
+	    2>/dev/null || true
+
+distclean: clean ## Remove the environment too
+	rm -rf $(VENV)
+
+$(STAMPS)/environment: pyproject.toml tools/find-python
+	@python=$$(tools/find-python $(PYTHON)) || exit 1; \
+	test -x $(BIN)/python && $(BIN)/python -m pip --version >/dev/null 2>&1 || \
+	{ echo "making $(VENV) with $$python"; "$$python" -m venv $(VENV); } || exit 1; \
+	mkdir -p $(STAMPS); \
+	$(BIN)/python -c 'import tomllib; print("\n".join( \
+	    tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"]))' \
+	    >$(STAMPS)/build-requirements.txt; \
+	echo "installing the build tools of ROS 2 Jazzy into $(VENV)"; \
+	$(PIP) install -r $(STAMPS)/build-requirements.txt
+	@touch $@
+
+$(STAMPS)/installed: $(STAMPS)/environment $(SOURCES)
+	@echo "building the messages and installing control_board_ros (once, a minute or two)"
+	@$(PIP) install --no-build-isolation -e .
+	@touch $@
+
+# By its name, the project is found installed: only what the extra adds is fetched.
+$(STAMPS)/test $(STAMPS)/icub $(STAMPS)/dev: $(STAMPS)/%: $(STAMPS)/installed
+	@echo "installing the packages of the extra '$*'"
+	@$(PIP) install 'control_board_ros[$*]'
+	@touch $@
