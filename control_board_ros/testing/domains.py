@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS domains of their own, and the environment of a process that lives on one."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import random
+import socket
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+BOOTSTRAP_FLAG = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
+DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+
+
+def child_environment(domain: int) -> dict[str, str]:
+    """The environment for a process on this domain that discovers this host only.
+
+    The ROS wheels start Python anew with LD_LIBRARY_PATH set, and leave a flag that it is done.
+    A child of another virtual environment must not inherit either: both go, and the child's own
+    wheels set them again. A sourced ROS 2 has no such flag and keeps its paths.
+    """
+    environment = dict(os.environ)
+    if environment.pop(BOOTSTRAP_FLAG, None):
+        paths = environment.pop("LD_LIBRARY_PATH", "").split(os.pathsep)
+        kept = [path for path in paths if path and not path.startswith(sys.prefix)]
+        if kept:
+            environment["LD_LIBRARY_PATH"] = os.pathsep.join(kept)
+        if environment.get("AMENT_PREFIX_PATH") == sys.prefix:
+            del environment["AMENT_PREFIX_PATH"]
+    return environment | {
+        "ROS_DOMAIN_ID": str(domain),
+        DISCOVERY: "LOCALHOST",
+        "PYTHONUNBUFFERED": "1",
+        "RCUTILS_COLORIZED_OUTPUT": "0",
+    }
+
+
+@contextlib.contextmanager
+def free_domain() -> Iterator[int]:
+    """A ROS_DOMAIN_ID that nobody on this host uses, locked until the block ends.
+
+    Raises:
+        AssertionError: all of them are taken.
+    """
+    first, last = map(int, os.environ.get("CONTROL_BOARD_TEST_DOMAINS", "40-99").split("-"))
+    domains = list(range(first, last + 1))
+    random.shuffle(domains)  # workers that start together seldom try the same
+    folder = Path(tempfile.gettempdir())
+    for domain in domains:
+        path = folder / f"control_board_ros_domain_{domain}_{os.getuid()}.lock"
+        with path.open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                continue
+            if not _in_use(domain):
+                yield domain
+                return
+    raise AssertionError(
+        f"no free ROS domain in {first}-{last}; set CONTROL_BOARD_TEST_DOMAINS to a wider range"
+    )
+
+
+def _in_use(domain: int) -> bool:
+    """Whether a DDS participant of this host listens: the first one of a domain has this port."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(("", 7400 + 250 * domain + 10))
+        except OSError:
+            return True
+    return False

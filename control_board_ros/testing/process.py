@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The board as a process of its own, for the length of a test."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .domains import child_environment, free_domain
+from .nodes import ros_node
+
+START_TIMEOUT = 30.0  # s; pybullet loads its meshes first, and test machines are busy
+STOP_TIMEOUT = 10.0  # s; the node promises 2 s
+
+
+class BoardProcess:
+    """A running board.
+
+    Attributes: name (of the node, absolute: ``/control_board``), domain (its ROS_DOMAIN_ID),
+    process (the subprocess.Popen), environment (of the process; give it to other processes
+    that shall meet the board).
+    """
+
+    def __init__(
+        self, command: Sequence[str], name: str, domain: int, environment: Mapping[str, str]
+    ) -> None:
+        self.name, self.domain = name, domain
+        self.environment = dict(environment)
+        self._lines: list[str] = []
+        self._printed = threading.Condition()
+        self.process = subprocess.Popen(
+            command,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+        self._reader = threading.Thread(target=self._read, name="board output", daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            with self._printed:
+                self._lines.append(line)
+                self._printed.notify_all()
+        with self._printed:
+            self._printed.notify_all()
+
+    @property
+    def output(self) -> str:
+        """What the process has printed so far, standard output and error together."""
+        with self._printed:
+            return "".join(self._lines)
+
+    def wait_for_output(self, text: str, timeout: float = 10.0) -> str:
+        """Wait until a line holds this text; return the line.
+
+        Raises:
+            AssertionError: no such line within the timeout (s).
+        """
+
+        def found() -> str | None:
+            return next((line for line in self._lines if text in line), None)
+
+        with self._printed:
+            self._printed.wait_for(lambda: found() or not self._reader.is_alive(), timeout)
+            line = found()
+        assert line is not None, f"no line with {text!r} in {timeout:g} s:\n{self.tail()}"
+        return line
+
+    def tail(self, lines: int = 40) -> str:
+        """The last lines printed, for an error message."""
+        with self._printed:
+            return "".join(self._lines[-lines:])
+
+    def stop(self, number: int = signal.SIGTERM, timeout: float = STOP_TIMEOUT) -> int:
+        """Send the signal, wait for the end (SIGKILL after the timeout), return the exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        try:
+            self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        self._reader.join(timeout=5.0)
+        if self.process.stdout is not None and not self._reader.is_alive():
+            self.process.stdout.close()
+        return self.process.returncode
+
+
+@contextlib.contextmanager
+def board_process(
+    params: Mapping[str, Any] | None = None,
+    *,
+    config: str | Path | None = None,
+    name: str = "control_board",
+    namespace: str = "",
+    arguments: Sequence[str] = (),
+    env: Mapping[str, str] | None = None,
+    domain: int | None = None,
+    command: Sequence[str] | None = None,
+    configured: bool | None = None,
+    start_timeout: float = START_TIMEOUT,
+    exit_code: int = 0,
+) -> Iterator[BoardProcess]:
+    """Start a board, wait until it answers, and stop it when the block ends.
+
+    Args:
+        params: Parameters by name; nested dictionaries are joined with dots.
+        config: A parameter file, given before ``params``.
+        name: Of the node.
+        namespace: Of the node.
+        arguments: Further command-line arguments, as they stand.
+        env: Variables to set for the process, beside those of a test.
+        domain: ROS_DOMAIN_ID; None takes a free one.
+        command: What to run in place of the board, before the arguments (a node of your own).
+        configured: Whether to wait until no joint is NOT_CONFIGURED; None: unless ``params``
+            holds ``autoconfigure: False``.
+        start_timeout: s.
+        exit_code: What the process must return at the end.
+
+    Raises:
+        AssertionError: the board ended early, did not answer in time, or returned another
+            exit code; with what it printed.
+    """
+    params = flatten(params or {})
+    if configured is None:
+        configured = params.get("autoconfigure", True) is not False
+    with contextlib.ExitStack() as stack:
+        if domain is None:
+            domain = stack.enter_context(free_domain())
+        logs = stack.enter_context(tempfile.TemporaryDirectory(prefix="control_board_log_"))
+        environment = child_environment(domain) | {"ROS_LOG_DIR": logs} | dict(env or {})
+        full = f"/{namespace.strip('/')}/{name}".replace("//", "/")
+        line = [*(command or (sys.executable, "-m", "control_board_ros.node.main"))]
+        line += [*arguments, "--ros-args", "-r", f"__node:={name}"]
+        if namespace:
+            line += ["-r", f"__ns:=/{namespace.strip('/')}"]
+        if config is not None:
+            line += ["--params-file", str(config)]
+        for key, value in params.items():
+            line += ["-p", f"{key}:={yaml_text(value)}"]
+        board = BoardProcess(line, full, domain, environment)
+        try:
+            _wait_until_ready(board, configured, start_timeout)
+            yield board
+        except BaseException as error:
+            board.stop()
+            error.add_note(f"--- the board printed:\n{board.tail()}")
+            raise
+        code = board.stop()
+        assert code == exit_code, f"the board returned {code}, not {exit_code}:\n{board.tail()}"
+
+
+def _wait_until_ready(board: BoardProcess, configured: bool, timeout: float) -> None:
+    """Wait for the latched modes and the services; the graph of an own node tells."""
+    from control_board_msgs.msg import JointModes
+    from control_board_msgs.srv import GetControlMode, SetControlMode
+    from rclpy.qos import DurabilityPolicy, QoSProfile
+
+    ready = threading.Event()
+
+    def on_modes(modes: Any) -> None:
+        if not (configured and "cfgn" in modes.control_modes):
+            ready.set()
+
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    deadline = time.monotonic() + timeout
+    with ros_node(board.domain, "wait_until_ready") as node:
+        node.create_subscription(JointModes, f"{board.name}/modes", on_modes, latched)
+        clients = [
+            node.create_client(GetControlMode, f"{board.name}/get_control_mode"),
+            node.create_client(SetControlMode, f"{board.name}/set_control_mode"),
+        ]
+        while not (ready.wait(0.02) and all(c.service_is_ready() for c in clients)):
+            if board.process.poll() is not None:
+                raise AssertionError(f"the board ended with code {board.process.returncode}")
+            if time.monotonic() > deadline:
+                raise AssertionError(f"no answer from {board.name} within {timeout:g} s")
+
+
+def flatten(params: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested parameters as flat ones: ``{"a": {"b": 1}}`` gives ``{"a.b": 1}``."""
+    flat: dict[str, Any] = {}
+    for key, value in params.items():
+        if isinstance(value, Mapping):
+            flat |= flatten(value, f"{prefix}{key}.")
+        else:
+            flat[prefix + key] = value
+    return flat
+
+
+def yaml_text(value: Any) -> str:
+    """A parameter value as YAML on one line, floats such that they stay floats."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
+        text = repr(value)  # YAML asks for a dot: 1e-05 would be a string
+        return text.replace("e", ".0e") if "e" in text and "." not in text else text
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(yaml_text, value))}]"
+    return json.dumps(value, ensure_ascii=False)
