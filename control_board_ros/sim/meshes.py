@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the meshes of a URDF lie, and where they may lie.
+
+A URDF names files that the simulation then opens, so a path counts only below a few roots: the
+URDF's own folder (or its ROS package), the shares of ROS packages, pybullet_data and
+icub-models. Everything else is refused.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import unquote
+
+
+class MeshPathError(ValueError):
+    """A mesh path that is not allowed; one line without the URDF's name."""
+
+
+def package_folder(module: str) -> Path | None:
+    """The folder of an installed Python package, found without importing it."""
+    spec = find_spec(module)
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+def share_folders() -> list[Path]:
+    """The share folders of ROS prefixes and of this environment, where packages install to."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    shares = [Path(prefix) / "share" for prefix in [*prefixes, sys.prefix] if prefix]
+    return list(dict.fromkeys(share for share in shares if share.is_dir()))
+
+
+def source_package(folder: Path) -> Path | None:
+    """The ROS package that holds this folder: the nearest one upwards with a package.xml."""
+    for candidate in (folder, *folder.parents):
+        if (candidate / "package.xml").is_file():
+            return candidate
+    return None
+
+
+class MeshFinder:
+    """Finds the meshes of the URDF in one folder.
+
+    Args:
+        folder: The URDF's folder, absolute.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        package = source_package(folder)
+        # What a user put beside the URDF must truly lie there; an installed share may be made
+        # of links into a workspace (colcon build --symlink-install).
+        self.own = [folder] + ([package] if package else [])
+        self.installed = share_folders()
+        data = package_folder("pybullet_data")
+        if data is not None:
+            self.installed.append(data)
+
+    def find(self, name: str) -> Path | None:
+        """The file of a mesh path as a URDF gives it; None where there is no such file.
+
+        Raises:
+            MeshPathError: the path is a URL, or leads out of the allowed folders.
+        """
+        if "\0" in name or len(name) > 4096:
+            raise MeshPathError(f"mesh path {name[:40]!r}… is not a path")
+        scheme, mark, rest = name.partition("://")
+        if not mark:
+            candidates = [self.folder / name]
+        elif scheme in ("package", "model"):
+            candidates = self._in_package(unquote(rest))
+        elif scheme == "file":
+            candidates = [Path("/" + unquote(rest).lstrip("/"))]
+        else:
+            raise MeshPathError(
+                f"mesh {name!r} is not allowed; use a relative path, package:// or file://, "
+                "and put the file beside the URDF"
+            )
+        places = [Path(os.path.normpath(path)) for path in candidates]
+        allowed = [path for path in places if self._allowed(path)]
+        if not allowed:
+            raise MeshPathError(
+                f"mesh {name!r} lies outside the folders that meshes may come from; put it "
+                f"below {self.folder} or into a ROS package"
+            )
+        return next((path for path in allowed if path.is_file()), None)
+
+    def _in_package(self, path: str) -> list[Path]:
+        package, _, inside = path.partition("/")
+        if package in ("", ".", ".."):
+            raise MeshPathError(f"mesh 'package://{path}' names no package")
+        found = [share / package / inside for share in self.installed]
+        found += [root / inside for root in self.own if root.name == package]
+        # pybullet_data writes package://meshes/… for a folder beside the URDF.
+        return [*found, self.folder / package / inside]
+
+    def _allowed(self, path: Path) -> bool:
+        if any(path.is_relative_to(root) for root in self.installed):
+            return True
+        if not any(path.is_relative_to(root) for root in self.own):
+            return False
+        real = path.resolve()
+        return any(real.is_relative_to(root.resolve()) for root in self.own)

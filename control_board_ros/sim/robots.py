@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robots that ``robot`` can name, and any other one by the path of its URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import partial
+from pathlib import Path
+
+from .meshes import package_folder, share_folders
+from .urdf import Urdf, UrdfError, load
+
+
+def _pybullet_data(relative: str) -> Path:
+    """A file of pybullet_data, which comes with pybullet."""
+    folder = package_folder("pybullet_data")
+    if folder is None:
+        raise UrdfError(
+            f"robot needs {relative} of pybullet_data, which is not installed; "
+            "install it with: pip install pybullet"
+        )
+    return folder / relative
+
+
+def _icub_models(relative: str) -> Path:
+    """A file of icub-models: a share folder of this environment or of a ROS prefix."""
+    for share in share_folders():
+        path = share / "iCub" / relative
+        if path.is_file():
+            return path
+    raise UrdfError(
+        "robot needs the iCub models, which are not installed; "
+        "install them with: pip install 'control_board_ros[icub]'"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class NamedRobot:
+    """A robot known by name: where its URDF is, and the chain (base link, tip link) to keep."""
+
+    path: Callable[[], Path]
+    chain: tuple[str, str] | None = None
+
+
+_ICUB = partial(_icub_models, "robots/iCubGazeboV2_7/model.urdf")
+
+ROBOTS = {
+    "iiwa": NamedRobot(partial(_pybullet_data, "kuka_iiwa/model.urdf")),
+    "panda": NamedRobot(partial(_pybullet_data, "franka_panda/panda.urdf")),
+    # The rest of the robot holds links without an inertia, and a board drives one arm.
+    "icub_left_arm": NamedRobot(_ICUB, ("chest", "l_hand")),
+    "icub_right_arm": NamedRobot(_ICUB, ("chest", "r_hand")),
+}
+
+
+def load_robot(robot: str, folder: Path | None = None) -> Urdf:
+    """The description of a named robot, or of the URDF at a path.
+
+    Args:
+        robot: A key of ROBOTS, or a path.
+        folder: What a relative path is relative to besides the working directory (the folder
+            of the configuration file that gave it).
+
+    Raises:
+        UrdfError: no such robot, or a description that cannot be used; one line.
+    """
+    if robot in ROBOTS:
+        named = ROBOTS[robot]
+        return load(named.path(), named.chain)
+    path = Path(robot).expanduser()
+    if looks_like_path(robot):
+        beside = folder / path if folder is not None else path
+        return load(beside if not path.is_file() and beside.is_file() else path)
+    near = get_close_matches(robot, list(ROBOTS), n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise UrdfError(
+        f"robot {robot[:60]!r} unknown; {hint}known: {', '.join(ROBOTS)}, "
+        "or the path of a URDF file"
+    )
+
+
+def looks_like_path(robot: str) -> bool:
+    """Whether ``robot`` is meant as a path and not as a name."""
+    return "/" in robot or robot.lower().endswith((".urdf", ".xml"))

@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Robot descriptions: read safely, checked, cut to a chain, made ready for the simulation.
+
+A URDF is somebody else's file. It is read with a size cap, without DTD and entities, its
+meshes only from allowed folders (see :mod:`.meshes`), and checked whole, so that pybullet,
+which reports errors to a terminal or not at all, meets only what it can load.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+from .meshes import MeshFinder, MeshPathError
+from .urdf_tree import SIZE_CAP, Tree, UrdfError, check_numbers, parse_xml
+
+__all__ = ["MOVABLE", "Mimic", "Urdf", "UrdfError", "UrdfJoint", "load", "parse"]
+
+MOVABLE = ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True, slots=True)
+class Mimic:
+    """A joint that follows another one: position = multiplier · leader + offset."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True)
+class UrdfJoint:
+    """A joint that moves, as its URDF says.
+
+    Attributes: kind (``revolute``, ``continuous`` or ``prismatic``), lower and upper (rad or m;
+    None for continuous), effort (N·m or N) and velocity (rad/s or m/s; None where the URDF
+    gives none above zero), mimic (None: an independent joint).
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    lower: float | None
+    upper: float | None
+    effort: float | None
+    velocity: float | None
+    mimic: Mimic | None
+
+
+@dataclass(frozen=True, slots=True)
+class Urdf:
+    """A checked robot description.
+
+    Attributes: name, source (the file), text (mesh paths are absolute), joints (all that move,
+    from the base outwards), warnings (one line each).
+    """
+
+    name: str
+    source: str
+    text: str
+    joints: tuple[UrdfJoint, ...]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """Names of the joints that can be driven: all that move and do not mimic."""
+        return tuple(joint.name for joint in self.joints if joint.mimic is None)
+
+    @property
+    def mimics(self) -> dict[str, Mimic]:
+        """The following joints by name."""
+        return {joint.name: joint.mimic for joint in self.joints if joint.mimic is not None}
+
+    @property
+    def description(self) -> str:
+        """The text for ``robot_description``: mesh paths as URLs, as RViz wants them."""
+        return re.sub(r'(<mesh [^>]*filename=")/', r"\1file:///", self.text)
+
+
+def load(path: Path, chain: tuple[str, str] | None = None) -> Urdf:
+    """Read, check and prepare a URDF file.
+
+    Args:
+        path: The file.
+        chain: Base link and tip link; what does not hang rigidly on the links between them
+            is cut away. None keeps everything.
+
+    Raises:
+        UrdfError: the file cannot be read or used; one line with the next step.
+    """
+    source = str(path)
+    try:
+        if path.is_dir():
+            raise UrdfError(f"{source}: is a folder; name the URDF file in it")
+        with path.open("rb") as file:
+            data = file.read(SIZE_CAP + 1)
+        return parse(data, source, path.absolute().parent, chain)
+    except (OSError, ValueError) as error:
+        if isinstance(error, UrdfError):
+            raise
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise UrdfError(f"{source}: cannot be read ({reason}); check robot") from None
+
+
+def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None = None) -> Urdf:
+    """As :func:`load`, from the bytes of a file that lies in the given folder."""
+    root = parse_xml(data, source)
+    if root.tag != "robot":
+        raise UrdfError(f"{source}: the root is <{root.tag[:40]}>; a URDF's is <robot>")
+    for element in list(root):
+        if element.tag not in ("link", "joint", "material"):
+            root.remove(element)  # gazebo, transmission, sensor: for other programs
+    tree = Tree(root, source)
+    if chain is not None:
+        tree = tree.cut(*chain)
+    check_numbers(root, source)
+    joints = tuple(_joint(element, source) for element in tree.moving())
+    _check_mimics(joints, source)
+    if all(joint.mimic for joint in joints):
+        raise UrdfError(f"{source}: no joint moves; a board needs at least one")
+    warnings = _place_meshes(root, source, MeshFinder(folder)) + tree.add_masses()
+    ET.indent(root)
+    name = root.get("name") or Path(source).stem
+    return Urdf(name, source, ET.tostring(root, encoding="unicode"), joints, tuple(warnings))
+
+
+def _joint(element: ET.Element, source: str) -> UrdfJoint:
+    name, kind = element.get("name", ""), element.get("type", "")
+    if kind not in MOVABLE:
+        raise UrdfError(
+            f"{source}: joint {name!r} is of type {kind[:40]!r}; allowed: fixed, "
+            + ", ".join(MOVABLE)
+        )
+    limit = element.find("limit")
+    bounds = (
+        {}
+        if limit is None
+        else {
+            key: float(text)
+            for key, text in limit.attrib.items()
+            if key in ("lower", "upper", "effort", "velocity")
+        }
+    )
+    lower, upper = bounds.get("lower", 0.0), bounds.get("upper", 0.0)
+    if kind != "continuous" and not lower < upper:
+        found = "no <limit>" if limit is None else f"lower {lower:g}, upper {upper:g}"
+        raise UrdfError(
+            f"{source}: joint {name!r} has {found}; give it <limit lower=… upper=…> with "
+            "lower < upper, or make it continuous"
+        )
+    bounded = kind != "continuous"
+    return UrdfJoint(
+        name=name,
+        kind=kind,
+        parent=Tree.end(element, "parent"),
+        child=Tree.end(element, "child"),
+        lower=lower if bounded else None,
+        upper=upper if bounded else None,
+        effort=bounds.get("effort") if bounds.get("effort", 0.0) > 0.0 else None,
+        velocity=bounds.get("velocity") if bounds.get("velocity", 0.0) > 0.0 else None,
+        mimic=_mimic(element),
+    )
+
+
+def _mimic(element: ET.Element) -> Mimic | None:
+    mimic = element.find("mimic")
+    if mimic is None:
+        return None
+    return Mimic(
+        joint=mimic.get("joint", ""),
+        multiplier=float(mimic.get("multiplier", "1")),
+        offset=float(mimic.get("offset", "0")),
+    )
+
+
+def _check_mimics(joints: tuple[UrdfJoint, ...], source: str) -> None:
+    leaders = {joint.name for joint in joints if joint.mimic is None}
+    for joint in joints:
+        if joint.mimic is not None and joint.mimic.joint not in leaders:
+            raise UrdfError(
+                f"{source}: joint {joint.name!r} mimics {joint.mimic.joint!r}, which is no "
+                "joint that moves by itself"
+            )
+
+
+def _place_meshes(root: ET.Element, source: str, finder: MeshFinder) -> list[str]:
+    """Make mesh paths absolute; drop the shapes whose mesh is not there, with a warning."""
+    warnings = []
+    for link in root.findall("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            mesh = shape.find("geometry/mesh")
+            if mesh is None:
+                continue
+            name = mesh.get("filename", "")
+            try:
+                found = finder.find(name)
+            except MeshPathError as error:
+                raise UrdfError(f"{source}: link {link.get('name')!r}: {error}") from None
+            if found is None:
+                link.remove(shape)
+                warnings.append(
+                    f"{source}: link {link.get('name')!r}: mesh {name!r} not found; "
+                    f"its {shape.tag} is left out"
+                )
+            else:
+                mesh.set("filename", str(found))
+    return warnings
