@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS parameter files, read without ROS, safely and with line numbers.
+
+What rcl does with a broken file is a traceback, and with a misspelt name nothing at all; so
+the board reads the files itself. Only plain YAML is taken: no tags, no anchors, no aliases,
+bounded in size, depth and number of values.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .yaml_tree import Leaf, Mapping, SettingsError, parse_yaml, shown
+
+__all__ = ["Entry", "Layer", "SettingsError", "parse_value", "read_file", "shown"]
+
+SIZE_CAP = 1024 * 1024
+PATTERN_CAP = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A value and where it was written (``file:line``, or ``-p`` for the command line)."""
+
+    value: Any
+    where: str
+
+
+@dataclass(slots=True)
+class Layer:
+    """Parameters of one source: entries by flat name, and the folder that paths relate to."""
+
+    entries: dict[str, Entry] = field(default_factory=dict)
+    folder: Path | None = None
+    path: Path | None = None
+
+
+def read_file(path: Path, node: str = "/control_board") -> Layer:
+    """The parameters that a file has for a node.
+
+    Args:
+        path: A ROS parameter file: ``<node>: {ros__parameters: {…}}``.
+        node: The node's full name; ``/**`` and ``*`` in the file match as in ROS. A section
+            whose name has no slash matches the node's bare name, in any namespace.
+
+    Raises:
+        SettingsError: the file cannot be read or is not such a file.
+    """
+    text = _read_text(path)
+    top = _parse(text, str(path))
+    layer = Layer(folder=path.absolute().parent, path=path.absolute())
+    sections = list(_sections(top, str(path)))
+    if not sections:
+        raise SettingsError(
+            f"{path}: has no ros__parameters; write control_board: {{ros__parameters: {{…}}}}"
+        )
+    used = [body for name, body in sections if _matches(name, node)]
+    if not used:
+        names = ", ".join(name for name, _ in sections[:5])
+        raise SettingsError(
+            f"{path}:{sections[0][1].line}: no section for node {node}, only {names}; "
+            "rename one to control_board or /**"
+        )
+    for body in used:
+        layer.entries.update(_flat(body, str(path)))
+    return layer
+
+
+def parse_value(text: str, where: str) -> Any:
+    """The value of a ``-p name:=value`` argument, typed as in a file."""
+    parsed = parse_yaml(text, where)
+    if isinstance(parsed, Leaf):
+        return parsed.value
+    raise SettingsError(f"{where}: {shown(text)} is not one value or a list of values")
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if path.is_dir():
+            raise SettingsError(f"{path}: is a folder; name a YAML file")
+        if not path.exists():
+            raise SettingsError(f"{path}: there is no such file; check the path")
+        if not path.is_file():
+            raise SettingsError(f"{path}: is not a regular file; name a YAML file")
+        with path.open("rb") as file:
+            data = file.read(SIZE_CAP + 1)
+    except (OSError, ValueError) as error:
+        if isinstance(error, SettingsError):
+            raise
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise SettingsError(f"{shown(str(path))}: cannot be read ({reason})") from None
+    if len(data) > SIZE_CAP:
+        raise SettingsError(f"{path}: larger than {SIZE_CAP >> 20} MiB; no parameter file is")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise SettingsError(
+            f"{path}:{line}: byte {data[error.start]:#04x} is not UTF-8 text; save as UTF-8"
+        ) from None
+
+
+def _parse(text: str, source: str) -> Mapping:
+    parsed = parse_yaml(text, source)
+    if not isinstance(parsed, Mapping):
+        raise SettingsError(
+            f"{source}: is empty or no mapping; write control_board: {{ros__parameters: {{…}}}}"
+        )
+    return parsed
+
+
+def _sections(top: Mapping, source: str) -> Iterator[tuple[str, Mapping]]:
+    """Pairs of node name and the mapping under its ros__parameters."""
+    stack: list[tuple[str, Any]] = list(reversed(top.items.items()))
+    while stack:
+        name, node = stack.pop()
+        if not isinstance(node, Mapping):
+            raise SettingsError(
+                f"{source}:{node.line}: {shown(name)} is a value where a node's section is "
+                "due; write control_board: {ros__parameters: {…}}"
+            )
+        for key, inner in reversed(node.items.items()):
+            if key != "ros__parameters":
+                stack.append((f"{name.rstrip('/')}/{key.lstrip('/')}", inner))
+            elif isinstance(inner, Mapping):
+                yield name, inner
+            elif inner.value is not None:
+                raise SettingsError(f"{source}:{inner.line}: ros__parameters is not a mapping")
+
+
+def _matches(pattern: str, node: str) -> bool:
+    """Whether a section's name means this node; as rcl, but a bare name fits any namespace."""
+    if "/" not in pattern.strip():
+        return pattern in (node.rsplit("/", 1)[-1], "*", "**")
+    if len(pattern) > PATTERN_CAP:
+        return False
+    tokens = re.sub(r"(/\*\*)+", "/**", "/" + pattern.strip("/")).split("/")[1:]
+    translated = "".join(
+        r"(/[^/]+)*" if token == "**" else "/" + re.sub(r"(\\\*)+", "[^/]*", re.escape(token))
+        for token in tokens
+    )
+    return re.fullmatch(translated, node) is not None
+
+
+def _flat(body: Mapping, source: str) -> dict[str, Entry]:
+    """Nested names joined by dots."""
+    flat: dict[str, Entry] = {}
+    stack: list[tuple[str, Any]] = list(reversed(body.items.items()))
+    while stack:
+        name, node = stack.pop()
+        if isinstance(node, Mapping):
+            stack += [(f"{name}.{key}", inner) for key, inner in reversed(node.items.items())]
+            continue
+        if name in flat:
+            first = flat[name].where
+            raise SettingsError(f"{source}:{node.line}: {shown(name)} again, first in {first}")
+        if node.value is None:
+            raise SettingsError(f"{source}:{node.line}: {shown(name)}: has no value")
+        flat[name] = Entry(node.value, f"{source}:{node.line}")
+    return flat
