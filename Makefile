@@ -36,7 +36,7 @@ check: setup $(STAMPS)/test $(STAMPS)/dev ## Run ruff, mypy --strict and import-
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/lint-imports --no-cache
+	$(BIN)/lint-imports --no-cache --no-logo
 
 bench: setup $(STAMPS)/test $(STAMPS)/dev $(STAMPS)/icub ## Measure the figures of the README
 	@$(BIN)/python benchmark/run.py $(ARGS)

@@ -224,7 +224,13 @@ def runtime_requirements() -> list[str]:
     return plain if os.environ.get("AMENT_PREFIX_PATH") else plain + ROS_WHEELS
 
 
-TEST = ["hypothesis>=6.100", "pytest>=8.2", "pytest-timeout>=2.3", "pytest-xdist>=3.6"]
+TEST = [
+    "hypothesis>=6.100",
+    "matplotlib>=3.8",
+    "pytest>=8.2",
+    "pytest-timeout>=2.3",
+    "pytest-xdist>=3.6",
+]
 ICUB = ["icub-models==3.2.0"]
 DEV = [
     "import-linter>=2.1",
