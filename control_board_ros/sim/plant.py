@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulated plant: motors, sensors and a body, behind ``core.measurement.Plant``.
+
+    plant = SimulatedPlant(board_config, simulation_config)
+    measurement = plant.read()     # readings of now; does not let time pass
+    plant.write(actuation)         # one control period passes
+    plant.push("elbow", 5.0)       # external torque, N·m, until it is set to 0
+    plant.inject("elbow", "encoder", persistent=True)   # see injection.KINDS
+    plant.clear_injected()
+    plant.reset()                  # home pose at rest, cold motors; time goes on
+    plant.time, plant.body         # s of simulated time; the IdealBody or BulletBody
+    plant.close()
+
+Without a URDF the body is an IdealBody (numpy), with one a BulletBody (pybullet). ``read`` and
+``write`` raise PlantGone when the physics server is gone.
+
+The numbers of a diverged simulation never reach the board: the body goes back to the last good
+pose, at most 0.1 s old, and every joint raises the alarm DIVERGED in that one reading.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from ..core.config import BoardConfig
+from ..core.faults import FaultCode
+from ..core.measurement import Actuation, Array, Measurement
+from .config import SimulationConfig
+from .errors import PlantError, PlantGone
+from .ideal import IdealBody
+from .injection import Injector
+from .motor import Motors
+from .sensors import Sensors
+
+__all__ = ["Body", "PlantError", "PlantGone", "SimulatedPlant"]
+
+SAVE_PERIOD = 0.1
+
+
+class Body(Protocol):
+    """Masses and joints: turns joint torques into motion."""
+
+    def attach(self, state: Array) -> None:
+        """Refresh ``state``, shape (2, n), position and velocity, from now on."""
+        ...
+
+    def step(self, torque: Array) -> bool:
+        """Apply torques, shape (n,), for one physics step; false if the state diverged."""
+        ...
+
+    def restore(self, state: Array) -> None:
+        """Take over positions and velocities, shape (2, n), also after a divergence."""
+        ...
+
+    def close(self) -> None:
+        """Let go of what the body holds; safe to call twice."""
+        ...
+
+
+def make_body(board: BoardConfig, simulation: SimulationConfig) -> Body:
+    """The body that the configuration asks for."""
+    if simulation.urdf is None:
+        return IdealBody(board, simulation)
+    from .bullet import BulletBody  # pybullet starts only where it is used
+
+    return BulletBody(board, simulation)
+
+
+class SimulatedPlant:
+    """A robot that is not there; see the module's text for its use.
+
+    Raises:
+        ConfigError: the simulation does not fit the board.
+        PlantError: the body cannot be made (no such URDF, no display, ...).
+    """
+
+    def __init__(
+        self, board: BoardConfig, simulation: SimulationConfig, body: Body | None = None
+    ) -> None:
+        simulation.check_board(board)
+        self._names = board.names
+        self._period = board.period
+        self._rate = board.control_rate
+        self._steps = range(simulation.steps_per_cycle(board.control_rate))
+        self._motors = Motors(board, simulation)
+        self._sensors = Sensors(simulation)
+        self._faults = Injector(board.names, [j.limits for j in board.joints], board.period)
+        self._home = np.zeros((2, len(board.joints)))
+        self._home[0] = [joint.home for joint in simulation.joints]
+        self._good = self._home.copy()
+        self._external = np.zeros(len(board.joints))
+        self._pushed = False
+        self._total = np.zeros(len(board.joints))
+        self._powered = b""
+        self._cycle = 0
+        self._alarmed = False
+        self._heat_cycles = self._motors.heat_cycles
+        self._save_cycles = max(1, round(SAVE_PERIOD * board.control_rate))
+        self.body = make_body(board, simulation) if body is None else body
+        self.body.attach(self._motors.state)
+        self.reset()
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self._cycle / self._rate
+
+    def read(self) -> Measurement:
+        """The readings of now; the array is reused."""
+        values = self._sensors.values
+        if self._faults.active:
+            values = values.copy()
+            self._faults.corrupt(values, self._cycle)
+        return Measurement(self._cycle / self._rate, values)
+
+    def write(self, actuation: Actuation) -> None:
+        """Apply the actuation and let one control period pass.
+
+        Raises:
+            PlantGone: the physics server is gone.
+        """
+        motors, body, torque = self._motors, self.body, self._sensors.torque
+        if (powered := actuation.powered.tobytes()) != self._powered:
+            motors.switch(actuation.powered)
+            self._powered = powered
+        if self._alarmed:
+            self._alarmed = False
+            self._sensors.alarm(None)
+        motors.pwm[:] = actuation.pwm
+        disturbed = self._pushed or self._faults.active
+        good = True
+        for _ in self._steps:
+            motors.step(torque)
+            good = body.step(self._disturb(torque) if disturbed else torque) and good
+        self._cycle = cycle = self._cycle + 1
+        if cycle % self._heat_cycles == 0:
+            motors.warm()
+            self._sensors.sample_temperature(motors)
+        if not good:
+            self._recover()
+        elif cycle % self._save_cycles == 0:
+            self._good[:] = motors.state
+        self._sensors.sample(motors)
+
+    def push(self, joint: int | str, torque: float) -> None:
+        """Push a joint from outside with a torque, N·m, until it is set to 0."""
+        self._external[self._index(joint)] = torque
+        self._pushed = bool(self._external.any())
+
+    def inject(self, joint: int | str, kind: str, persistent: bool = False) -> None:
+        """Break something: one of ``injection.KINDS``, for 20 ms or until it is cleared.
+
+        Raises:
+            ValueError: unknown joint or kind; the message lists what is allowed.
+        """
+        index = self._index(joint)
+        self._faults.add(index, kind, persistent, self._cycle, self._sensors.values)
+
+    def clear_injected(self) -> None:
+        """Mend everything."""
+        self._faults.clear()
+
+    def reset(self) -> None:
+        """Back to the home pose at rest, with cold motors; time goes on."""
+        self.body.restore(self._home)
+        self._good[:] = self._home
+        self._motors.rest()
+        self._sensors.torque.fill(0.0)
+        self._sensors.sample(self._motors)
+        self._sensors.sample_temperature(self._motors)
+
+    def close(self) -> None:
+        """Let go of the body; safe to call twice."""
+        self.body.close()
+
+    def _disturb(self, torque: Array) -> Array:
+        np.add(torque, self._external, self._total)
+        if self._faults.active:
+            self._total[self._faults.diverged(self._cycle)] = np.nan
+        return self._total
+
+    def _recover(self) -> None:
+        self.body.restore(self._good)
+        self._motors.current.fill(0.0)
+        self._sensors.torque.fill(0.0)
+        self._sensors.alarm(FaultCode.DIVERGED)
+        self._alarmed = True
+
+    def _index(self, joint: int | str) -> int:
+        if isinstance(joint, str) and joint in self._names:
+            return self._names.index(joint)
+        if isinstance(joint, int) and 0 <= joint < len(self._names):
+            return joint
+        raise ValueError(f"joint {joint!r} unknown; joints: {', '.join(self._names)}")

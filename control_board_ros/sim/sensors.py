@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint sensors: encoder with resolution and zero, torque, motor current, temperature."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..core.faults import FaultCode
+from ..core.measurement import ROWS, Row
+from .config import SimulationConfig
+from .motor import Motors
+
+
+class Sensors:
+    """What undamaged sensors say.
+
+    Attributes:
+        values: Readings, shape (ROWS, n), reused from sample to sample.
+        torque: The row that the motors write: torque from the gearbox to the link, N·m.
+    """
+
+    def __init__(self, simulation: SimulationConfig) -> None:
+        encoders = [joint.encoder for joint in simulation.joints]
+        self.values = np.zeros((ROWS, len(encoders)))
+        self.torque = self.values[Row.TORQUE]
+        self._position = self.values[Row.POSITION]
+        self._rates = self.values[Row.VELOCITY : Row.CURRENT + 1]
+        self._alarm = self.values[Row.ALARM]
+        self._zero = np.array([encoder.zero for encoder in encoders])
+        resolution = np.array([encoder.resolution for encoder in encoders])
+        self._coarse = resolution > 0.0
+        self._resolution = np.where(self._coarse, resolution, 1.0)
+        self._counts = 1.0 / self._resolution
+        self._any_coarse = bool(self._coarse.any())
+        self._all_coarse = bool(self._coarse.all())
+        self._rounded = np.zeros(len(encoders))
+
+    def sample(self, motors: Motors) -> None:
+        """Read encoders, speeds and currents; the torque row is the motors' own."""
+        position, rounded = self._position, self._rounded
+        np.add(motors.state[0], self._zero, position)
+        if self._any_coarse:
+            np.multiply(position, self._counts, rounded)
+            np.rint(rounded, rounded)
+            if self._all_coarse:
+                np.multiply(rounded, self._resolution, position)
+            else:
+                np.multiply(rounded, self._resolution, position, where=self._coarse)
+        self._rates[:] = motors.rates
+
+    def sample_temperature(self, motors: Motors) -> None:
+        """Read the windings."""
+        self.values[Row.TEMPERATURE] = motors.temperature
+
+    def alarm(self, code: FaultCode | None) -> None:
+        """Raise an alarm of the hardware on every joint, or none."""
+        self._alarm.fill(0.0 if code is None else 1.0 + code)
