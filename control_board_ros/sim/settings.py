@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From parameter files to a board and its plant, with or without ROS.
+
+    settings = load("iiwa")                          # a shipped configuration
+    settings = load("my_robot.yaml", {"output": "current"})
+    plant = SimulatedPlant(settings.board, settings.simulation)
+
+Layers, the later one wins: what the URDF implies, the robot's shipped configuration, the
+files, the overrides. Within a layer ``<joint>.x`` wins over ``joint_defaults.x``.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from ..core.config import BoardConfig, ConfigError
+from . import build
+from .config import SimulationConfig
+from .derive import complete, loads
+from .params_file import Entry, Layer, SettingsError, read_file, shown
+from .robots import ROBOTS, load_robot
+from .schema import BOARD, BOARD_BY_NAME, JOINT, JOINT_BY_NAME, JOINT_DEFAULTS, Parameter
+from .urdf import Urdf, UrdfError
+from .values import convert
+
+__all__ = ["Settings", "SettingsError", "find_config", "load", "load_layers"]
+
+PACKAGE = "control_board_ros"
+LEAST_PHYSICS_RATE = 1000.0  # Hz, where nobody gives one
+#: Parameters that every ROS node has; they are the node's, not the board's.
+ROS_NAMES = ("use_sim_time", "start_type_description_service")
+ROS_PREFIXES = ("qos_overrides.",)
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """All that a board and its plant are made of.
+
+    Attributes: values (every parameter by its full name, ``joint_defaults.*`` only where
+    given), urdf (the robot), ros (parameters of the ROS node itself), warnings (one line
+    each), where (the origin of each given value).
+    """
+
+    board: BoardConfig
+    simulation: SimulationConfig
+    urdf: Urdf
+    values: dict[str, Any]
+    ros: dict[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    where: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def description(self) -> str:
+        """The text for ``robot_description``."""
+        return self.urdf.description
+
+    def changed(self, changes: Mapping[str, Any]) -> Settings:
+        """The settings with some run-time parameters changed, checked as a whole.
+
+        Raises:
+            SettingsError: a parameter is unknown or fixed, or a value is not allowed.
+        """
+        values = dict(self.values)
+        for name, value in changes.items():
+            row = find_row(name, self.board.names)
+            if row is None or name not in values:
+                raise SettingsError(unknown(name, values))
+            if not row.run_time or name.startswith(JOINT_DEFAULTS + "."):
+                raise SettingsError(f"{name}: is fixed while the board runs; set it at start")
+            values[name] = convert(row, name, Entry(value, ""))
+        touched = {name for name in self.board.names if any(_owned(c, name) for c in changes)}
+        try:
+            joints = tuple(
+                build.joint(values, one.name, one.kind) if one.name in touched else one
+                for one in self.board.joints
+            )
+            board = replace(self.board, joints=joints)
+        except ConfigError as error:
+            raise SettingsError(str(error)) from None
+        return replace(self, board=board, values=values)
+
+
+def load(
+    source: str | os.PathLike[str] | None = None, overrides: Mapping[str, Any] | None = None
+) -> Settings:
+    """Settings of a file, of a shipped configuration by name, or (None) of the default robot.
+
+    Args:
+        source: ``iiwa``, ``minimal``, …, or the path of a ROS parameter file.
+        overrides: Values by full parameter name, over those of the file.
+
+    Raises:
+        SettingsError: one line: where, name, value, what is allowed, the next step.
+    """
+    layers = []
+    if source is not None:
+        path = find_config(source) if isinstance(source, str) and _is_name(source) else source
+        layers.append(read_file(Path(path)))
+    layers.append(Layer({name: Entry(v, "overrides") for name, v in (overrides or {}).items()}))
+    return load_layers(layers)
+
+
+def _is_name(source: str) -> bool:
+    return "/" not in source and not source.endswith((".yaml", ".yml"))
+
+
+def config_folders() -> list[Path]:
+    """Where configurations are: beside the sources, else where ROS or pip installed them."""
+    checkout = Path(__file__).resolve().parents[2]
+    folders = [checkout / "config"] if (checkout / "package.xml").is_file() else []
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    folders += [Path(p) / "share" / PACKAGE / "config" for p in [*prefixes, sys.prefix] if p]
+    return [folder for folder in dict.fromkeys(folders) if folder.is_dir()]
+
+
+def find_config(name: str) -> Path:
+    """The shipped configuration of that name, for example ``iiwa``.
+
+    Raises:
+        SettingsError: there is none; the message names those there are.
+    """
+    folders = config_folders()
+    known: dict[str, Path] = {}
+    for folder in folders:
+        for path in sorted(folder.glob("*.yaml")):
+            known.setdefault(path.stem, path)
+    if name in known:
+        return known[name]
+    near = get_close_matches(name, list(known), n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise SettingsError(
+        f"configuration {shown(name)} unknown; {hint}known: {', '.join(known) or 'none'}, "
+        "or the path of a YAML file"
+    )
+
+
+def load_layers(layers: Iterable[Layer]) -> Settings:
+    """Settings of layers, the last one strongest; the robot's shipped layer comes first."""
+    given = list(layers)
+    robot, folder = _robot(given)
+    if robot in ROBOTS:
+        base = find_config(robot)
+        if all(layer.path != base.absolute() for layer in given):
+            given.insert(0, read_file(base))
+    try:
+        urdf = load_robot(robot, folder)
+    except UrdfError as error:
+        entry = _last(given, "robot")
+        at = f"{entry.where}: " if entry is not None else ""
+        raise SettingsError(f"{at}robot: {error}") from None
+    ros = _take_ros(given)
+    _check_names(given, urdf)
+    board = _board_values(given)
+    names = _joint_names(board, urdf, _last(given, "joints"))
+    values, where = dict(board), _origins(given)
+    try:
+        for name, joint_values in _joint_values(given, names, urdf, where).items():
+            values.update({f"{name}.{key}": value for key, value in joint_values.items()})
+        made = build.board(values, urdf, names)
+        simulation = build.simulation(values, urdf, names)
+        simulation.check_board(made)
+    except ConfigError as error:
+        raise SettingsError(_explain(error, where)) from None
+    values["robot"], values["joints"] = robot, list(names)
+    for layer in given:
+        for name, entry in layer.entries.items():
+            if name.startswith(JOINT_DEFAULTS + "."):
+                row = JOINT_BY_NAME[name.partition(".")[2]]
+                values[name] = convert(row, name, entry)
+    return Settings(made, simulation, urdf, values, ros, urdf.warnings, where)
+
+
+def _robot(layers: list[Layer]) -> tuple[str, Path | None]:
+    """The robot asked for, and the folder that its path is relative to."""
+    row, robot, folder = BOARD_BY_NAME["robot"], str(BOARD_BY_NAME["robot"].default), None
+    for layer in layers:
+        if "robot" in layer.entries:
+            robot = convert(row, "robot", layer.entries["robot"])
+            folder = layer.folder
+    return robot, folder
+
+
+def _last(layers: list[Layer], name: str) -> Entry | None:
+    return next((one.entries[name] for one in reversed(layers) if name in one.entries), None)
+
+
+def _origins(layers: list[Layer]) -> dict[str, str]:
+    return {name: entry.where for layer in layers for name, entry in layer.entries.items()}
+
+
+def _take_ros(layers: list[Layer]) -> dict[str, Any]:
+    """Take the ROS node's own parameters out of the layers."""
+    found = {}
+    for layer in layers:
+        for name in list(layer.entries):
+            if name in ROS_NAMES or name.startswith(ROS_PREFIXES):
+                entry = layer.entries.pop(name)
+                if name in ROS_NAMES and not isinstance(entry.value, bool):
+                    raise SettingsError(
+                        f"{entry.where}: {name}: {shown(entry.value)} is not allowed; "
+                        "use true or false"
+                    )
+                found[name] = entry.value
+    return found
+
+
+def _owned(name: str, joint: str) -> bool:
+    return name.startswith(joint + ".")
+
+
+def find_row(name: str, joints: Iterable[str]) -> Parameter | None:
+    """The schema's row of a full parameter name, None where there is none."""
+    if name in BOARD_BY_NAME:
+        return BOARD_BY_NAME[name]
+    for owner in (JOINT_DEFAULTS, *joints):
+        if _owned(name, owner):
+            row = JOINT_BY_NAME.get(name[len(owner) + 1 :])
+            if row is not None:
+                return row
+    return None
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """The message for a parameter name that does not exist."""
+    near = get_close_matches(name[:200], list(known), n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}?" if near else "see docs/parameters.md"
+    return f"{shown(name)}: no such parameter; {hint}"
+
+
+def _check_names(layers: list[Layer], urdf: Urdf) -> None:
+    joints = urdf.independent
+    for layer in layers:
+        for name, entry in layer.entries.items():
+            if find_row(name, joints) is None:
+                known = [*BOARD_BY_NAME, JOINT_DEFAULTS]
+                owners = (JOINT_DEFAULTS, *joints)
+                known += [f"{owner}.{row.name}" for owner in owners for row in JOINT]
+                raise SettingsError(f"{entry.where}: {unknown(name, known)}")
+
+
+def _board_values(layers: list[Layer]) -> dict[str, Any]:
+    values = {row.name: row.default for row in BOARD}
+    for layer in layers:
+        for name, entry in layer.entries.items():
+            if name in BOARD_BY_NAME:
+                values[name] = convert(BOARD_BY_NAME[name], name, entry)
+    if values["physics_rate"] is None:
+        rate = values["control_rate"]
+        values["physics_rate"] = rate * math.ceil(LEAST_PHYSICS_RATE / rate)
+    return values
+
+
+def _joint_names(board: Mapping[str, Any], urdf: Urdf, entry: Entry | None) -> tuple[str, ...]:
+    chosen = tuple(board["joints"]) or urdf.independent
+    at = f"{entry.where}: " if entry is not None else ""
+    for name in chosen:
+        if name in urdf.independent and chosen.count(name) == 1:
+            continue
+        if name in urdf.mimics:
+            reason = f"it follows {urdf.mimics[name].joint!r}; leave it out"
+        elif name in urdf.independent:
+            reason = "it is there twice; leave one out"
+        else:
+            near = get_close_matches(name, urdf.independent, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            reason = f"{hint}joints: {', '.join(urdf.independent)}"
+        raise SettingsError(f"{at}joints: {shown(name)} is not allowed; {reason}")
+    for reserved in (JOINT_DEFAULTS, "qos_overrides"):
+        if reserved in chosen:
+            raise SettingsError(f"{at}joints: {reserved!r} is not allowed as a joint's name")
+    return chosen
+
+
+def _joint_values(
+    layers: list[Layer], names: tuple[str, ...], urdf: Urdf, where: dict[str, str]
+) -> dict[str, dict[str, Any]]:
+    """The complete parameters of every joint of the board; notes where each came from."""
+    found: dict[str, dict[str, Any]] = {name: {} for name in names}
+    for layer in layers:
+        for name, entry in layer.entries.items():
+            owner, _, key = name.partition(".")
+            if owner == JOINT_DEFAULTS:
+                value = convert(JOINT_BY_NAME[key], name, entry)
+                for joint in names:
+                    found[joint][key] = value
+                    where[f"{joint}.{key}"] = entry.where
+        for name, entry in layer.entries.items():
+            for joint in names:
+                if _owned(name, joint) and (row := JOINT_BY_NAME.get(name[len(joint) + 1 :])):
+                    found[joint][row.name] = convert(row, name, entry)
+                    where[name] = entry.where
+    carried = loads(urdf)
+    by_name = {joint.name: joint for joint in urdf.joints}
+    plain = {row.name: row.default for row in JOINT if row.default is not None}
+    for name, values in found.items():
+        for key, default in plain.items():
+            values.setdefault(key, default)
+        complete(values, by_name[name], carried[name])
+        if not values["torque_sensor"]:  # I7
+            values["control_modes"] = [m for m in values["control_modes"] if m != "torq"]
+            values["interaction_modes"] = [m for m in values["interaction_modes"] if m != "comp"]
+    return found
+
+
+def _explain(error: ConfigError, where: Mapping[str, str]) -> str:
+    """A configuration error with the place of the value that caused it."""
+    key = error.key.removeprefix("simulation.")
+    at = where.get(key)
+    return f"{at}: {key}: {error.value!r} is not allowed; {error.allowed}" if at else str(error)
