@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS parameters: from the command line to settings, and from settings to declarations.
+
+The files and ``-p`` arguments are read here and not by rcl, which is silent about unknown
+names and answers a broken file with a traceback; rclpy gets what is left of the arguments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    ParameterType,
+    SetParametersResult,
+)
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from ..core.config import BoardConfig
+from ..sim.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
+from ..sim.schema import BOARD, JOINT, JOINT_DEFAULTS, Kind, Parameter
+from ..sim.settings import Settings, load_layers
+
+NODE = "control_board"
+
+_TYPES = {
+    Kind.BOOL: ParameterType.PARAMETER_BOOL,
+    Kind.INTEGER: ParameterType.PARAMETER_INTEGER,
+    Kind.DOUBLE: ParameterType.PARAMETER_DOUBLE,
+    Kind.STRING: ParameterType.PARAMETER_STRING,
+    Kind.DOUBLES: ParameterType.PARAMETER_DOUBLE_ARRAY,
+    Kind.STRINGS: ParameterType.PARAMETER_STRING_ARRAY,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What the command line asks for.
+
+    Attributes: settings, arguments (for ``rclpy.init``: the given ones without parameters),
+    overrides (for ``Node(parameter_overrides=…)``: use_sim_time and qos_overrides), name and
+    namespace of the node after remapping.
+    """
+
+    settings: Settings
+    arguments: list[str]
+    overrides: list[RosParameter]
+    name: str
+    namespace: str
+
+
+def settings_from_arguments(argv: Sequence[str], name: str = NODE) -> Start:
+    """Read ``--ros-args --params-file FILE -p name:=value -r __node:=name`` and load it all.
+
+    Args:
+        argv: The arguments, without or with the program's name in front.
+        name: The node's name before remapping.
+
+    Raises:
+        SettingsError: one line: where, name, value, what is allowed, the next step.
+    """
+    given, rest = _split(argv)
+    remapped, namespace = name, "/"
+    for option, value in given:
+        if option == "remap":
+            target, mark, new = value.partition(":=")
+            owner, _, what = target.rpartition(":")
+            if mark and owner in ("", name) and what in ("__node", "__name"):
+                remapped = new
+            elif mark and owner in ("", name) and what == "__ns":
+                namespace = "/" + new.strip("/")
+    full = f"{namespace.rstrip('/')}/{remapped}"
+    layers = []
+    for option, value in given:
+        if option == "params-file":
+            layers.append(_read(Path(value), full, f"{namespace.rstrip('/')}/{name}"))
+        elif option == "param":
+            layers.append(_argument(value, remapped, name))
+    settings = load_layers(layers)
+    overrides = [RosParameter(key, value=value) for key, value in settings.ros.items()]
+    return Start(settings, rest, overrides, remapped, namespace)
+
+
+def _split(argv: Sequence[str]) -> tuple[list[tuple[str, str]], list[str]]:
+    """The ROS options that matter here, in order, and all arguments without parameters."""
+    names = {"-p": "param", "--param": "param", "--params-file": "params-file"}
+    names |= {"-r": "remap", "--remap": "remap"}
+    given: list[tuple[str, str]] = []
+    rest: list[str] = []
+    inside = False
+    arguments = iter(argv)
+    for argument in arguments:
+        if argument == "--ros-args":
+            inside = True
+        elif argument == "--":
+            inside = False
+        option = names.get(argument) if inside else None
+        if option is None:
+            rest.append(argument)
+            continue
+        value = next(arguments, None)
+        if value is None:
+            raise SettingsError(f"{argument}: has no value; see control_board --help")
+        given.append((option, value))
+        if option == "remap":
+            rest += [argument, value]
+    return given, rest
+
+
+def _read(path: Path, full: str, before: str) -> Layer:
+    """A parameter file's layer; sections may name the node as it is or before remapping."""
+    try:
+        return read_file(path, full)
+    except SettingsError:
+        if full == before:
+            raise
+    return read_file(path, before)
+
+
+def _argument(text: str, *names: str) -> Layer:
+    """The layer of one ``-p [node:]name:=value``."""
+    target, mark, value = text.partition(":=")
+    owner, _, name = target.rpartition(":")
+    if not mark or not name:
+        raise SettingsError(f"-p {shown(text)}: write -p name:=value")
+    if owner.rsplit("/", 1)[-1] not in ("", *names):
+        return Layer()
+    where = f"-p {name}"
+    parsed = parse_value(value, where)
+    if parsed is None:
+        raise SettingsError(f"{where}: has no value; write -p {name}:=value")
+    return Layer({name: Entry(parsed, "-p")}, folder=Path.cwd())
+
+
+def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
+    """What ``ros2 param describe`` shows of a parameter."""
+    made = ParameterDescriptor(type=_TYPES[row.kind], description=row.description, read_only=fixed)
+    if row.choices:
+        made.additional_constraints = f"one of: {', '.join(row.choices)}"
+    if row.kind is Kind.DOUBLE:
+        made.floating_point_range = [FloatingPointRange(from_value=row.low, to_value=row.high)]
+    elif row.kind is Kind.INTEGER:
+        made.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high))]
+    return made
+
+
+class Parameters:
+    """The parameters of the node: declared from the schema, changed all or nothing.
+
+    Args:
+        node: Where to declare them.
+        settings: The values at start.
+        reconfigure: Given a new, checked board configuration when gains, limits or timeouts
+            change; raises ValueError to refuse it.
+        changed: Told of the other run-time parameters (``state_rate``, ``real_time_factor``)
+            by name and value.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        reconfigure: Callable[[BoardConfig], None],
+        changed: Callable[[str, Any], None],
+    ) -> None:
+        self.settings = settings
+        self._reconfigure, self._changed = reconfigure, changed
+        node.declare_parameters("", list(self._declarations()), ignore_override=True)
+        node.add_on_set_parameters_callback(self._on_set)
+
+    def _declarations(self) -> list[tuple[str, Any, ParameterDescriptor]]:
+        values = self.settings.values
+        found = []
+        for row in BOARD:
+            found.append((row.name, values[row.name], descriptor(row, fixed=not row.run_time)))
+        for row in JOINT:
+            described = descriptor(row, fixed=not row.run_time)
+            for joint in self.settings.board.names:
+                name = f"{joint}.{row.name}"
+                found.append((name, values[name], described))
+            name = f"{JOINT_DEFAULTS}.{row.name}"
+            if name in values:
+                found.append((name, values[name], descriptor(row, fixed=True)))
+        return found
+
+    def _on_set(self, parameters: list[RosParameter]) -> SetParametersResult:
+        """Check a change as a whole, then let it act."""
+        changes = {one.name: one.value for one in parameters if one.name in self.settings.values}
+        if not changes:
+            return SetParametersResult(successful=True)
+        try:
+            settings = self.settings.changed(changes)
+            if settings.board != self.settings.board:
+                self._reconfigure(settings.board)
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self.settings = settings
+        for name, value in changes.items():
+            if "." not in name:
+                self._changed(name, value)
+        return SetParametersResult(successful=True)
