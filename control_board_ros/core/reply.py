@@ -21,12 +21,32 @@ class Reply:
     """The answer to a set method; true when every joint accepted.
 
     Attributes: joints (names in the order asked; empty when the request named none that
-    exist), answers (one per joint), message (one line for a person, empty when all is well).
+    exist), answers (one per joint), message (one line for a person, empty when all is well),
+    reasons (one text per joint, empty where it accepted; or none at all).
     """
 
     joints: tuple[str, ...]
     answers: tuple[Answer, ...]
     message: str = ""
+    reasons: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
         return bool(self.answers) and all(a is Answer.ACCEPTED for a in self.answers)
+
+
+def accepted(joints: tuple[str, ...]) -> Reply:
+    """All of them accepted."""
+    return Reply(joints, (Answer.ACCEPTED,) * len(joints))
+
+
+def refused(message: str, joints: tuple[str, ...] = ()) -> Reply:
+    """The whole request refused, for one reason."""
+    return Reply(joints, (Answer.REFUSED,) * len(joints), message, (message,) * len(joints))
+
+
+def decided(joints: tuple[str, ...], verdicts: list[tuple[Answer, str]]) -> Reply:
+    """Each joint its own answer; the message tells the first reasons and counts the rest."""
+    reasons = tuple(reason for _, reason in verdicts)
+    told = list(dict.fromkeys(reason for reason in reasons if reason))
+    rest = f" (and {len(told) - 3} more)" if len(told) > 3 else ""
+    return Reply(joints, tuple(a for a, _ in verdicts), "; ".join(told[:3]) + rest, reasons)

@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The references of users: fire and forget, joint by joint (SPEC M3, M4, M11, P).
+
+What the mode of a joint does not take, and what is not a finite number, is ignored and
+counted; the other joints of the same command are served.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..interfaces import Floats, Joints, Values
+from .machine import Machine
+from .modes import AT_REST, STOPPABLE, Event, modes_accepting, next_mode
+from .reply import Answer, Reply, accepted, decided, refused
+from .selection import RequestError, Selection, Selector, spread
+from .state import Indices
+from .vocabs import CommandKind, ControlMode
+
+K = CommandKind
+Bools = NDArray[np.bool_]
+
+
+class Commands(Machine):
+    """The methods that send references, and those that read the last accepted ones."""
+
+    selector: Selector
+
+    def position_move(
+        self, joints: Joints, positions: Values, speeds: Values | None = None
+    ) -> Reply:
+        """Start minimum-jerk moves at the set reference speeds, or at the speeds given (P1)."""
+
+        def apply(chosen: Indices, values: Floats, extra: Floats) -> None:
+            self.references.move(chosen, values, extra)
+
+        limits = self.references
+        return self._command(
+            K.POSITION,
+            joints,
+            positions,
+            (limits.limit_lower, limits.limit_upper),
+            apply,
+            ("speeds", speeds, limits.speed, limits.limit_velocity),
+        )
+
+    def set_position(self, joints: Joints, positions: Values) -> Reply:
+        """Step the position reference (P4)."""
+
+        def apply(chosen: Indices, values: Floats, _: Floats) -> None:
+            self.references.hold(chosen, values)
+
+        limits = self.references
+        bounds = (limits.limit_lower, limits.limit_upper)
+        return self._command(K.POSITION_DIRECT, joints, positions, bounds, apply)
+
+    def velocity_move(
+        self, joints: Joints, velocities: Values, accelerations: Values | None = None
+    ) -> Reply:
+        """Set the reference velocity, reached with the reference acceleration (P5)."""
+
+        def apply(chosen: Indices, values: Floats, extra: Floats) -> None:
+            self.references.roll(chosen, values, extra)
+
+        limits = self.references
+        return self._command(
+            K.VELOCITY,
+            joints,
+            velocities,
+            (-limits.limit_velocity, limits.limit_velocity),
+            apply,
+            ("accelerations", accelerations, limits.acceleration, limits.limit_acceleration),
+        )
+
+    def set_ref_torque(self, joints: Joints, torques: Values) -> Reply:
+        """Set the reference torque (P7)."""
+
+        def apply(chosen: Indices, values: Floats, _: Floats) -> None:
+            self.controller.torque_command[chosen] = values
+            self._refresh(chosen)
+
+        limit = self.controller.max_torque
+        return self._command(K.TORQUE, joints, torques, (-limit, limit), apply)
+
+    def set_output(self, joints: Joints, outputs: Values) -> Reply:
+        """Set the PWM in percent (P8)."""
+
+        def apply(chosen: Indices, values: Floats, _: Floats) -> None:
+            self.controller.output_command[chosen] = values
+            self._refresh(chosen)
+
+        limit = self.controller.max_percent
+        return self._command(K.OUTPUT, joints, outputs, (-limit, limit), apply)
+
+    def set_feedforward(
+        self, joints: Joints, outputs: Values | None = None, torques: Values | None = None
+    ) -> Reply:
+        """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11."""
+        controller = self.controller
+        try:
+            selection = self.selector.select(joints)
+            count = len(selection.names)
+            given = [
+                (target, spread(values, count, what), limit)
+                for target, values, what, limit in (
+                    (controller.output_offset, outputs, "outputs", controller.max_percent),
+                    (controller.torque_offset, torques, "torques", controller.max_torque),
+                )
+                if values is not None
+            ]
+        except RequestError as error:
+            return self._malformed(joints, f"feedforward ignored: {error}")
+        if not given:
+            return self._malformed(
+                joints, "feedforward ignored: neither outputs nor torques given"
+            )
+        good = np.ones(count, dtype=bool)
+        for _, values, _ in given:
+            good &= np.isfinite(values)
+        chosen = selection.joints[good]
+        for target, values, limit in given:
+            target[chosen] = np.clip(values[good], -limit[chosen], limit[chosen])
+        if torques is not None:
+            for j in chosen:
+                self._offset_set[j] = True
+        self._refresh(chosen)
+        if good.all():
+            return accepted(selection.names)
+        reasons = ["not a finite number"] * count
+        return self._ignore("feedforward", selection, good, reasons)
+
+    def stop(self, joints: Joints = None) -> Reply:
+        """Set the position reference to the measured position; the mode stays (P3)."""
+        try:
+            selection = self.selector.select(joints)
+        except RequestError as error:
+            return refused(str(error))
+        modes = [self.state.control_modes[j] for j in selection.joints]
+        moving = np.array([mode in STOPPABLE for mode in modes])
+        chosen = selection.joints[moving]
+        if chosen.size:
+            references = self.references
+            position = self.state.position[chosen]
+            inside = np.clip(position, references.lower[chosen], references.upper[chosen])
+            references.hold(chosen, inside)
+        verdicts = []
+        for name, mode in zip(selection.names, modes, strict=True):
+            if mode in STOPPABLE or mode in AT_REST:
+                verdicts.append((Answer.ACCEPTED, ""))
+            else:
+                text = f"{name} is {mode.name}, where stop does nothing; set idl to take its power"
+                verdicts.append((Answer.IGNORED, text))
+        return decided(selection.names, verdicts)
+
+    # --- reading them back (M11) ------------------------------------------------------------
+
+    def get_target_position(self, joints: Joints = None) -> Floats:
+        """The last accepted target of a position move."""
+        return self._last_of(K.POSITION, joints)
+
+    def get_ref_position(self, joints: Joints = None) -> Floats:
+        """The last accepted direct position."""
+        return self._last_of(K.POSITION_DIRECT, joints)
+
+    def get_ref_velocity(self, joints: Joints = None) -> Floats:
+        """The last accepted velocity."""
+        return self._last_of(K.VELOCITY, joints)
+
+    def get_ref_torque(self, joints: Joints = None) -> Floats:
+        """The last accepted torque."""
+        return self._last_of(K.TORQUE, joints)
+
+    def get_output(self, joints: Joints = None) -> Floats:
+        """The last accepted output."""
+        return self._last_of(K.OUTPUT, joints)
+
+    def check_motion_done(self, joints: Joints = None) -> list[bool]:
+        """False from the cycle that accepts a move until its profile ends (P3)."""
+        done = self.references.trajectories.done
+        return [bool(done[j]) for j in self.selector.select(joints).joints]
+
+    def get_encoder(self, joints: Joints = None) -> Floats:
+        """Measured positions."""
+        return self.state.position[self.selector.select(joints).joints]
+
+    def get_encoder_speed(self, joints: Joints = None) -> Floats:
+        """Measured velocities."""
+        return self.state.velocity[self.selector.select(joints).joints]
+
+    def get_torque(self, joints: Joints = None) -> Floats:
+        """Measured torques."""
+        return self.state.torque[self.selector.select(joints).joints]
+
+    def get_remaining_time(self, joints: Joints = None) -> Floats:
+        """Time until the position moves end, s."""
+        return self.references.trajectories.remaining(self.selector.select(joints).joints)
+
+    # --- the one way in ---------------------------------------------------------------------
+
+    def _command(
+        self,
+        kind: CommandKind,
+        joints: Joints,
+        values: Values,
+        bounds: tuple[Floats, Floats],
+        apply: Callable[[Indices, Floats, Floats], None],
+        extra: tuple[str, Values | None, Floats, Floats] | None = None,
+    ) -> Reply:
+        """Check a command joint by joint, apply what is good, count the rest.
+
+        ``extra`` is what comes along (speeds, accelerations): its name, the values given, what
+        stands where none are given, and the largest allowed.
+        """
+        try:
+            selection = self.selector.select(joints)
+            chosen, count = selection.joints, len(selection.names)
+            array = spread(values, count, f"{kind} references")
+            along = array
+            good = self.accepts[kind, chosen] & np.isfinite(array)
+            if extra is not None:
+                what, given, standing, highest = extra
+                along = standing[chosen] if given is None else spread(given, count, what)
+                if given is not None:
+                    good &= (along > 0.0) & (along <= highest[chosen])
+        except RequestError as error:
+            return self._malformed(joints, f"{kind} reference ignored: {error}")
+        if b"\0" in good.tobytes():
+            reasons = self._reasons(kind, selection, array, along, extra)
+            reply = self._ignore(f"{kind} reference", selection, good, reasons)
+            chosen, array, along = chosen[good], array[good], along[good]
+            if not chosen.size:
+                return reply
+        else:
+            reply = accepted(selection.names)
+        low, high = bounds
+        array = np.minimum(np.maximum(array, low[chosen]), high[chosen])
+        apply(chosen, array, along)
+        self.references.last[kind, chosen] = array
+        self.references.renew(kind, chosen, self.cycle)
+        return reply
+
+    def _reasons(
+        self, kind: CommandKind, selection: Selection, array: Floats, along: Floats, extra: Any
+    ) -> list[str]:
+        """For each joint, why its part of a command would be ignored."""
+        reasons = []
+        for k, j in enumerate(selection.joints):
+            if not self.accepts[kind, j]:
+                reasons.append(self._wrong_mode(kind, int(j)))
+            elif not np.isfinite(array[k]):
+                reasons.append(f"{array[k]} is not a finite number")
+            elif extra is not None:
+                high = extra[3][j]
+                reasons.append(
+                    f"{extra[0]} must be above 0 and up to {high:.6g}, not {along[k]:.6g}"
+                )
+            else:
+                reasons.append("")
+        return reasons
+
+    def _wrong_mode(self, kind: CommandKind, j: int) -> str:
+        name, mode, fault = self.names[j], self.state.control_modes[j], self.faults[j]
+        if mode is ControlMode.HW_FAULT:
+            return f"mode is HW_FAULT ({fault.text}); clear it with: cbctl clear {name}"
+        if next_mode(mode, Event.FAULT) is None:
+            return f"mode is {mode.name}; configure the board first (service configure)"
+        if mode is ControlMode.CALIBRATING:
+            return "mode is CALIBRATING; wait until it is done"
+        have = self.config.joints[j].control_modes
+        codes = [m.code for m in modes_accepting(kind) if m in have]
+        if not codes:
+            return f"mode is {mode.name}, and the joint has no mode for it"
+        return f"mode is {mode.name}; switch with: cbctl mode {name} {codes[0]}"
+
+    def _ignore(self, what: str, selection: Selection, good: Bools, reasons: list[str]) -> Reply:
+        """Count what is ignored (M4) and say why."""
+        self.state.rejected[selection.joints[~good]] += np.uint64(1)
+        verdicts = []
+        for name, j, fine, reason in zip(
+            selection.names, selection.joints, good, reasons, strict=True
+        ):
+            if fine:
+                verdicts.append((Answer.ACCEPTED, ""))
+                continue
+            unconfigured = next_mode(self.state.control_modes[j], Event.CONFIGURED) is not None
+            answer = Answer.REFUSED if unconfigured else Answer.IGNORED  # N4, M4
+            verdicts.append((answer, f"{what} for {name} ignored: {reason}"))
+        return decided(selection.names, verdicts)
+
+    def _malformed(self, joints: Joints, message: str) -> Reply:
+        """A command that is wrong as a whole; the joints it does name count it (P13)."""
+        named = [joints] if isinstance(joints, str | int) else joints
+        known: list[int] = []
+        for joint in named if named is not None else [None]:
+            try:
+                known.extend(self.selector.select(joint).joints.tolist())
+            except RequestError:
+                continue  # the message already tells of it
+        self.state.rejected[sorted(set(known))] += np.uint64(1)
+        return refused(message)
+
+    def _refresh(self, chosen: Indices) -> None:
+        for j in chosen:
+            self.controller.refresh(int(j))
+
+    def _last_of(self, kind: CommandKind, joints: Joints) -> Floats:
+        values: Floats = self.references.last[kind, self.selector.select(joints).joints]
+        return values

@@ -1,0 +1,311 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The mode machine of all joints: the one engine that looks TRANSITIONS up (SPEC M, F, K, N).
+
+It owns what belongs to being in a mode (entering one, faults and their records, calibrations
+and configuration) and emits events; it takes no requests from users.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .calibration import TYPES, CalibrationError, CalibrationStatus, Calibrator
+from .config import BoardConfig
+from .control import Controller
+from .faults import FaultCode, FaultRecord
+from .modes import ACCEPTS, DIRECT_GAINS, INDEX, Choice, Event, Law, Trigger, law_of, next_mode
+from .references import References
+from .state import State
+from .vocabs import CommandKind, ControlMode, InteractionMode
+from .watch import Cause, Watch
+
+#: Events that nobody takes are dropped from here on, oldest first.
+EVENTS_KEPT = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class BoardEvent:
+    """Something that happened in a cycle and belongs in a log.
+
+    Attributes: level (``info``, ``warning`` or ``error``), key (what repeats of it share),
+    joint (name), text (one line).
+    """
+
+    level: str
+    key: str
+    joint: str
+    text: str
+
+
+class Machine:
+    """The joints of a board and what mode each is in."""
+
+    def __init__(self, config: BoardConfig) -> None:
+        self.config = config
+        self.names = config.names
+        self.count = len(config.joints)
+        self.period = config.period
+        self.cycle = 0
+        self.time = 0.0
+        self.modes_version = 0
+        self.faults_version = 0
+        self.faults = [FaultRecord(name) for name in self.names]
+        self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
+        self.state = State(config)
+        self._raw = np.zeros(self.count)
+        self._build()
+
+    def _build(self) -> None:
+        """Everything that a power-on makes anew (N1)."""
+        config, state = self.config, self.state
+        self.controller = Controller(config, state)
+        self.references = References(config, state)
+        self.watch = Watch(config, state)
+        self.accepts = np.zeros((len(CommandKind), self.count), dtype=bool)
+        self.calibration = [CalibrationStatus(name) for name in self.names]
+        self._calibrators: dict[int, Calibrator] = {}
+        self._offset_set = [False] * self.count  # torque offsets that a user has set
+        self._shifted = False
+        group = {name: i for i, names in enumerate(config.calibration_groups) for name in names}
+        self._groups = [group.get(name, len(group)) for name in self.names]
+        state.offset[:] = 0.0
+        self.configure_next = config.autoconfigure
+        for j, joint in enumerate(config.joints):
+            state.calibrated[j] = False
+            state.interaction_modes[j] = InteractionMode.STIFF
+            self.controller.stiffness[j] = joint.impedance.stiffness
+            self.controller.damping[j] = joint.impedance.damping
+            self.enter(j, ControlMode.NOT_CONFIGURED)
+
+    def reset(self) -> None:
+        """Back to power-on (N1): records of faults stay readable, nothing else (F5)."""
+        for j in range(self.count):
+            self.go(j, Event.POWER_ON)
+            self.faults[j] = self.faults[j].cleared()
+        self.faults_version += 1
+        self._build()
+
+    # --- the engine -----------------------------------------------------------------------
+
+    def go(self, j: int, trigger: Trigger) -> bool:
+        """Let a trigger act on a joint; false when the table refuses it."""
+        target = next_mode(self.state.control_modes[j], trigger)
+        if target is None:
+            return False
+        joint = self.config.joints[j]
+        if target is Choice.STARTUP:
+            self.state.interaction_modes[j] = joint.startup_interaction
+            target = joint.startup_mode
+        elif target is Choice.CALIBRATED:
+            assert joint.calibration is not None
+            self.state.interaction_modes[j] = joint.calibration.interaction_mode
+            target = joint.calibration.control_mode
+        assert isinstance(target, ControlMode)
+        self.enter(j, target)
+        return True
+
+    def enter(self, j: int, mode: ControlMode) -> None:
+        """Put a joint into a mode: references and controllers start afresh (M9)."""
+        state, controller = self.state, self.controller
+        state.control_modes[j] = mode
+        state.mode_index[j] = INDEX[mode]
+        law = law_of(mode, state.interaction_modes[j])
+        calibrating = law is Law.CALIBRATOR
+        measured = float(state.torque[j])
+        controller.torque_command[j] = state.torque_reference[j] = measured
+        controller.output_command[j] = 0.0
+        if law is Law.IMPEDANCE and not self._offset_set[j]:
+            controller.torque_offset[j] = measured  # the load it carries: no drop
+        self.set_law(j, Law.POSITION if calibrating else law, direct=mode in DIRECT_GAINS)
+        self.references.reset(j, bounded=not calibrating)
+        on = mode is not ControlMode.NOT_CONFIGURED
+        self.watch.arm(j, self.config.joints[j], on=on, calibrated=state.calibrated[j])
+        kinds = ACCEPTS.get(mode, frozenset())
+        self.accepts[:, j] = [kind in kinds for kind in CommandKind]
+        if not calibrating:
+            self._drop_calibrator(j)
+        self.modes_version += 1
+
+    def set_law(self, j: int, law: Law, *, direct: bool = False) -> None:
+        """Let a law of control run a joint, from its present torque on."""
+        self.controller.arm(j, law, direct=direct)
+        self.controller.reset(j)
+        self.watch.power(j, float(self.state.powered[j]))
+
+    def tell(self, level: str, key: str, j: int, text: str) -> None:
+        """Emit an event."""
+        self.events.append(BoardEvent(level, key, self.names[j], text))
+
+    # --- faults ---------------------------------------------------------------------------
+
+    def raise_fault(self, j: int, code: FaultCode, text: str) -> None:
+        """Put a joint into HW_FAULT; the first cause is kept (F1, F5)."""
+        trigger = Event.UNSUPPORTED if code is FaultCode.UNSUPPORTED else Event.FAULT
+        if not self.go(j, trigger):
+            return
+        self.faults[j] = FaultRecord(
+            self.names[j],
+            active=True,
+            code=int(code),
+            text=f"{code.title}, {text}",
+            stamp=self.time,
+        )
+        self.faults_version += 1
+        if code is FaultCode.OVERHEATING:
+            self.watch.cool_down(j, self.config.joints[j], faulted=True)
+        if code is FaultCode.ENCODER_MISMATCH:
+            self.watch.forget(j)
+        self.tell(
+            "error", f"fault {int(code)}", j, f"{self.names[j]}: fault, {code.title}: {text}"
+        )
+
+    def clear_fault(self, j: int) -> Cause | None:
+        """FORCE_IDLE on a faulted joint; the cause when it persists (F2, F3)."""
+        cause = self.watch.cause(j)
+        if cause is not None:
+            return cause
+        self.go(j, Event.FORCE_IDLE)
+        self.watch.forget(j)
+        self.faults[j] = self.faults[j].cleared()
+        self.faults_version += 1
+        return None
+
+    def _raise_faults(self, last: Any) -> None:
+        causes = self.watch.causes()
+        self.watch.mend(self.state, last)
+        for j, cause in causes.items():
+            self.raise_fault(j, *cause)
+
+    def _expire(self) -> None:
+        """Reference timeouts (P12): a velocity stops and holds, a torque or output faults."""
+        late = self.references.expired(self.cycle)
+        if late is None:
+            return
+        for j in late:
+            if self.accepts[CommandKind.VELOCITY, j]:
+                self.references.halt(np.array([j]))
+                timeout = self.config.joints[j].timeouts.velocity
+                text = f"no velocity reference for {timeout:g} s; it stops and holds"
+                self.tell("info", "velocity timeout", j, f"{self.names[j]}: {text}")
+            else:
+                self.raise_fault(
+                    int(j),
+                    FaultCode.REFERENCE_TIMEOUT,
+                    "references stopped while the motor drives",
+                )
+
+    # --- configuration and calibration -----------------------------------------------------
+
+    def complete_configuration(self) -> None:
+        """The whole configuration is in: every joint leaves NOT_CONFIGURED (N2, N3)."""
+        self.configure_next = False
+        for j, joint in enumerate(self.config.joints):
+            if self.state.control_modes[j] is not ControlMode.NOT_CONFIGURED:
+                continue
+            if joint.calibration is not None and joint.calibration.required:
+                self.start_calibration(j)
+                continue
+            self.set_offset(j, joint.calibration.zero if joint.calibration else 0.0)
+            self.state.calibrated[j] = True
+            self.references.last[CommandKind.POSITION, j] = self.state.position[j]
+            self.references.last[CommandKind.POSITION_DIRECT, j] = self.state.position[j]
+            self.go(j, Event.CONFIGURED)
+
+    def start_calibration(self, j: int) -> bool:
+        """The calibration command (K1); false when the table refuses it."""
+        calibration = self.config.joints[j].calibration
+        assert calibration is not None
+        if next_mode(self.state.control_modes[j], Event.CALIBRATE) is None:
+            return False
+        self.state.calibrated[j] = False
+        self._calibrators[j] = TYPES[calibration.type](
+            calibration, JointHand(self, j), self.period
+        )
+        self.calibration[j] = CalibrationStatus(self.names[j], running=True, phase="waiting")
+        return self.go(j, Event.CALIBRATE)
+
+    def set_offset(self, j: int, offset: float) -> None:
+        """Take reading − offset as the joint angle."""
+        self.state.offset[j] = offset
+        self.state.position[j] = self._raw[j] - offset
+        self._shifted = bool(self.state.offset.any())
+
+    def _calibrate(self) -> None:
+        """Step the calibrators of the group whose turn it is (K1, K3, K4)."""
+        turn = min(self._groups[j] for j in self._calibrators)
+        for j in [j for j in self._calibrators if self._groups[j] == turn]:
+            calibrator = self._calibrators[j]
+            try:
+                done = calibrator.step()
+            except CalibrationError as error:
+                self.raise_fault(j, FaultCode.CALIBRATION, str(error))
+                continue
+            progress = calibrator.progress
+            self.calibration[j] = CalibrationStatus(
+                self.names[j], running=True, progress=progress.fraction, phase=progress.phase
+            )
+            if done:
+                self._finish_calibration(j)
+
+    def _finish_calibration(self, j: int) -> None:
+        del self._calibrators[j]
+        self.state.calibrated[j] = True
+        self.references.last[CommandKind.POSITION, j] = self.state.position[j]
+        self.references.last[CommandKind.POSITION_DIRECT, j] = self.state.position[j]
+        self.calibration[j] = CalibrationStatus(
+            self.names[j], done=True, progress=1.0, phase="done"
+        )
+        self.go(j, Event.CALIBRATED)
+        self.tell("info", "calibrated", j, f"{self.names[j]}: calibrated")
+
+    def _drop_calibrator(self, j: int) -> None:
+        if self._calibrators.pop(j, None) is None:
+            return
+        status = self.calibration[j]
+        self.calibration[j] = CalibrationStatus(
+            status.name, progress=status.progress, phase="aborted", message="aborted"
+        )
+
+
+class JointHand:
+    """What a calibrator may do with its joint; see calibration.Hand."""
+
+    __slots__ = ("_j", "_machine")
+
+    def __init__(self, machine: Machine, j: int) -> None:
+        self._machine, self._j = machine, j
+
+    @property
+    def reading(self) -> float:
+        return float(self._machine._raw[self._j])
+
+    @property
+    def position(self) -> float:
+        return float(self._machine.state.position[self._j])
+
+    @property
+    def travelled(self) -> float:
+        return float(self._machine.watch.travelled[self._j])
+
+    def hold(self) -> None:
+        self._machine.references.reset(self._j, bounded=False)
+        self._machine.set_law(self._j, Law.POSITION)
+
+    def drive(self, output: float) -> None:
+        self._machine.controller.output_command[self._j] = output
+        self._machine.set_law(self._j, Law.OUTPUT)
+
+    def set_offset(self, offset: float) -> None:
+        self._machine.set_offset(self._j, offset)
+        self._machine.references.reset(self._j, bounded=False)
+
+    def move(self, target: float, speed: float) -> None:
+        joints = np.array([self._j])
+        self._machine.references.move(joints, np.array([target]), np.array([speed]))
+
+    def moving(self) -> bool:
+        return not self._machine.references.trajectories.done[self._j]

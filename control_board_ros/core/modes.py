@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The mode machine as data: all of SPEC M, F, K, N in three tables and one look-up.
+
+TRANSITIONS says what may follow what: an absent pair means "refused". ACCEPTS says which
+references a mode takes. LAWS says which control law of source Fig. 2 runs. Nothing else in
+the product decides on a mode by its name.
+"""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum, auto
+
+from .vocabs import CommandKind, ControlMode, InteractionMode
+
+M = ControlMode
+K = CommandKind
+
+
+class Event(Enum):
+    """What happens to a joint besides the request of a selectable mode."""
+
+    FORCE_IDLE = auto()  # the command of source Table 5
+    UNSUPPORTED = auto()  # a mode asked for that the joint does not implement (M5, I7)
+    FAULT = auto()  # raised by a check of the hardware (F1), a timeout (P12), a calibrator (K4)
+    CONFIGURED = auto()  # the whole configuration is in (N2)
+    CALIBRATE = auto()  # the calibration command (K1)
+    CALIBRATED = auto()  # the calibrator is done (K3)
+    POWER_ON = auto()  # power-on or power cycle (N1)
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class Choice(Enum):
+    """A target that the joint's own configuration names."""
+
+    STARTUP = auto()  # startup_mode and startup_interaction (N3)
+    CALIBRATED = auto()  # control_mode and interaction_mode of its calibrator (K3)
+
+
+class Law(IntEnum):
+    """What computes the output of a joint (source Fig. 2)."""
+
+    OFF = 0  # controller off, bridge open
+    POSITION = 1  # position PID on the output (first row)
+    IMPEDANCE = 2  # impedance, tracked by the torque PID (second row)
+    TORQUE = 3  # torque PID
+    OUTPUT = 4  # the given output
+    CALIBRATOR = 5  # POSITION or OUTPUT, as the calibrator says from cycle to cycle
+
+
+#: The modes of source Table 1: what a user may ask for.
+SELECTABLE = (
+    M.POSITION,
+    M.POSITION_DIRECT,
+    M.VELOCITY,
+    M.MIXED,
+    M.TORQUE,
+    M.OPENLOOP,
+    M.IDLE,
+)
+
+#: Modes that a joint can be in; the index of a mode here is its number in the state arrays.
+STATES = (*SELECTABLE, M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED)
+INDEX = {mode: i for i, mode in enumerate(STATES)}
+
+#: Known vocabs that no joint implements (SPEC V): asking for one is a user fault (M5).
+UNIMPLEMENTED = (M.CURRENT, M.VELOCITY_DIRECT)
+
+#: What set_control_mode takes besides: M6 refuses everything else.
+REQUESTABLE = (*SELECTABLE, M.FORCE_IDLE, *UNIMPLEMENTED)
+
+Trigger = ControlMode | Event
+TRANSITIONS: dict[tuple[ControlMode, Trigger], ControlMode | Choice] = {
+    **{(a, b): b for a in SELECTABLE for b in SELECTABLE},  # M1
+    **{(a, Event.FORCE_IDLE): M.IDLE for a in SELECTABLE},  # F4
+    **{(a, Event.UNSUPPORTED): M.HW_FAULT for a in SELECTABLE},  # M5, I7
+    **{(a, Event.FAULT): M.HW_FAULT for a in SELECTABLE},  # F1
+    **{(a, Event.CALIBRATE): M.CALIBRATING for a in SELECTABLE},  # K1
+    (M.HW_FAULT, Event.FORCE_IDLE): M.IDLE,  # F2, the only way out
+    (M.CALIBRATING, Event.FORCE_IDLE): M.IDLE,  # K2
+    (M.CALIBRATING, Event.CALIBRATED): Choice.CALIBRATED,  # K3
+    (M.CALIBRATING, Event.FAULT): M.HW_FAULT,  # K4, F1
+    (M.NOT_CONFIGURED, Event.CONFIGURED): Choice.STARTUP,  # N3
+    (M.NOT_CONFIGURED, Event.CALIBRATE): M.CALIBRATING,  # N2, N3
+    **{(a, Event.POWER_ON): M.NOT_CONFIGURED for a in STATES},  # N1
+}
+
+#: The references that each mode takes (M3); an absent mode takes none.
+ACCEPTS: dict[ControlMode, frozenset[CommandKind]] = {
+    M.POSITION: frozenset({K.POSITION}),
+    M.POSITION_DIRECT: frozenset({K.POSITION_DIRECT}),
+    M.VELOCITY: frozenset({K.VELOCITY}),
+    M.MIXED: frozenset({K.POSITION, K.VELOCITY}),
+    M.TORQUE: frozenset({K.TORQUE}),
+    M.OPENLOOP: frozenset({K.OUTPUT}),
+}
+
+#: The law of each mode, stiff and compliant (source Table 3, Fig. 2); absent: OFF.
+LAWS: dict[ControlMode, dict[InteractionMode, Law]] = {
+    **{
+        mode: {
+            InteractionMode.STIFF: Law.POSITION,
+            InteractionMode.COMPLIANT: Law.IMPEDANCE,
+        }
+        for mode in (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED)  # I2, I5
+    },
+    M.TORQUE: dict.fromkeys(InteractionMode, Law.TORQUE),  # P7
+    M.OPENLOOP: dict.fromkeys(InteractionMode, Law.OUTPUT),  # P8
+    M.CALIBRATING: dict.fromkeys(InteractionMode, Law.CALIBRATOR),  # K1, I8
+}
+
+#: Modes that use the second set of position gains, where a joint has one.
+DIRECT_GAINS = frozenset({M.POSITION_DIRECT})
+
+#: Laws in which the protection at the limits watches the output (P9).
+GUARDED = frozenset({Law.IMPEDANCE, Law.TORQUE, Law.OUTPUT})
+
+#: Modes in which an interaction mode can be asked for and is stored (I1, I2).
+STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})
+
+#: Modes in which a stop does something, and those that are at rest by themselves (P3).
+STOPPABLE = frozenset({M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED})
+AT_REST = frozenset({M.IDLE, M.HW_FAULT})
+
+
+def law_of(mode: ControlMode, interaction: InteractionMode) -> Law:
+    """The law that runs in a mode with an interaction mode."""
+    return LAWS.get(mode, {}).get(interaction, Law.OFF)
+
+
+def next_mode(mode: ControlMode, trigger: Trigger) -> ControlMode | Choice | None:
+    """Where a joint in ``mode`` goes on ``trigger``; None when that is refused."""
+    return TRANSITIONS.get((mode, trigger))
+
+
+def modes_accepting(kind: CommandKind) -> tuple[ControlMode, ...]:
+    """The modes that take a kind of reference, for messages."""
+    return tuple(mode for mode in STATES if kind in ACCEPTS.get(mode, ()))

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The state of a board as a struct of arrays, one (n,) row per quantity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .config import BoardConfig
+from .measurement import ROWS, Array, Row
+from .modes import INDEX
+from .vocabs import ControlMode, InteractionMode
+
+Indices = NDArray[np.intp]
+
+
+class Reference(IntEnum):
+    """Rows of the state block below the measured ones."""
+
+    POSITION = ROWS
+    TORQUE = ROWS + 1
+    VELOCITY = ROWS + 2
+    OUTPUT = ROWS + 3
+
+
+BLOCK_ROWS = ROWS + len(Reference)
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """Everything a board shows after a cycle; arrays of shape (n,), nobody changes them.
+
+    position, velocity, torque, current, temperature are measured (rad, rad/s, N·m, A, °C);
+    position_reference, velocity_reference, torque_reference are in force; output is the PWM in
+    percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored.
+    """
+
+    time: float
+    cycle: int
+    block: Array
+    motion_done: NDArray[np.bool_]
+    rejected_commands: NDArray[np.uint64]
+
+    @property
+    def position(self) -> Array:
+        return self._row(Row.POSITION)
+
+    @property
+    def velocity(self) -> Array:
+        return self._row(Row.VELOCITY)
+
+    @property
+    def torque(self) -> Array:
+        return self._row(Row.TORQUE)
+
+    @property
+    def current(self) -> Array:
+        return self._row(Row.CURRENT)
+
+    @property
+    def temperature(self) -> Array:
+        return self._row(Row.TEMPERATURE)
+
+    @property
+    def position_reference(self) -> Array:
+        return self._row(Reference.POSITION)
+
+    @property
+    def velocity_reference(self) -> Array:
+        return self._row(Reference.VELOCITY)
+
+    @property
+    def torque_reference(self) -> Array:
+        return self._row(Reference.TORQUE)
+
+    @property
+    def output(self) -> Array:
+        return self._row(Reference.OUTPUT)
+
+    def _row(self, row: int) -> Array:
+        values: Array = self.block[row]
+        return values
+
+
+class State:
+    """The arrays that the parts of a board share.
+
+    Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
+    joint angle), calibrated, powered (1.0 where the bridge is on), mode_index and interaction
+    (numbers in modes.STATES and in InteractionMode), rejected.
+    """
+
+    def __init__(self, config: BoardConfig) -> None:
+        n = len(config.joints)
+        self.n = n
+        self.everyone: Indices = np.arange(n)
+        self.block: Array = np.zeros((BLOCK_ROWS, n))
+        self.measured: Array = self.block[:ROWS]
+        self.position: Array = self.block[Row.POSITION]
+        self.torque: Array = self.block[Row.TORQUE]
+        self.velocity: Array = self.block[Row.VELOCITY]
+        self.current: Array = self.block[Row.CURRENT]
+        self.position_reference: Array = self.block[Reference.POSITION]
+        self.torque_reference: Array = self.block[Reference.TORQUE]
+        self.velocity_reference: Array = self.block[Reference.VELOCITY]
+        self.output: Array = self.block[Reference.OUTPUT]
+        self.offset: Array = np.zeros(n)
+        self.powered: Array = np.zeros(n)
+        self.rejected: NDArray[np.uint64] = np.zeros(n, dtype=np.uint64)
+        self.calibrated = [False] * n
+        self.control_modes = [ControlMode.NOT_CONFIGURED] * n
+        self.interaction_modes = [InteractionMode.STIFF] * n
+        self.mode_index = np.full(n, INDEX[ControlMode.NOT_CONFIGURED], dtype=np.intp)

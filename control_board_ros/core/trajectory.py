@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Minimum-jerk moves and velocity ramps for all joints at once (SPEC P1, P5, P6).
+
+A move is the quintic that leaves a position with a velocity (and no acceleration) and ends at
+rest after a duration T. From rest it is q(s) = q0 + Δ(10s³ − 15s⁴ + 6s⁵), s = t/T.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .measurement import Array
+
+#: The longest move, s: keeps a denormal speed from making an infinite duration.
+LONGEST = 1e6
+
+#: Peak over mean speed of a minimum-jerk move from rest to rest.
+PEAK = 1.875
+
+#: A move that starts with velocity v0 towards its target does not overshoot while
+#: T ≤ 2.5 Δ/v0 (the factor (1−s)² of its velocity stays positive).
+NO_OVERSHOOT = 2.5
+
+
+def durations(
+    distance: Array, speed: Array, velocity: Array, max_velocity: Array, max_acceleration: Array
+) -> Array:
+    """Durations of moves (P1): T = |Δ|/v, bounded by what the joint can do.
+
+    T = max(|Δ|/v, 1.875|Δ|/v_max, 1.5|v0|/a_max); where the start velocity points at the
+    target, shortened to 2.5|Δ|/|v0| when that keeps it from overshooting.
+
+    Args:
+        distance: Δ, target minus start, shape (k,), rad.
+        speed: v, the mean speed asked for, shape (k,), rad/s, positive.
+        velocity: v0, reference velocity at the start, shape (k,), rad/s.
+        max_velocity: limit of the peak velocity, shape (k,), rad/s.
+        max_acceleration: shape (k,), rad/s².
+
+    Returns:
+        T, shape (k,), s, at most LONGEST.
+    """
+    far = np.abs(distance)
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        time = np.maximum(far / speed, PEAK * far / max_velocity)
+        ahead = velocity * distance > 0.0
+        short = np.where(ahead, NO_OVERSHOOT * far / np.abs(velocity), np.inf)
+    time = np.minimum(time, short)
+    floor = np.maximum(1.5 * np.abs(velocity) / max_acceleration, PEAK * far / max_velocity)
+    result: Array = np.minimum(np.maximum(time, floor), LONGEST)
+    return result
+
+
+class Trajectories:
+    """The moves of n joints: position and velocity of the reference, cycle by cycle.
+
+    Attributes: position, velocity (shape (n,), rad and rad/s: views of one array), done
+    (shape (n,), bool), moving (whether any joint is on its way).
+    """
+
+    def __init__(self, n: int, period: float) -> None:
+        self._period = period
+        self._coefficients = np.zeros((6, 2, n))  # highest power first; position, velocity
+        self._tick = np.zeros(n)
+        self._step = np.zeros(n)  # s grows by this much in each cycle
+        self._cycle = 0
+        self._end = np.full(n, np.inf)  # cycle in which each move ends
+        self._next_end = np.inf
+        self._s = np.ones(n)
+        self._scratch = np.empty((2, n))
+        self._value = np.zeros((2, n))
+        self._target = np.zeros(n)
+        self.position: Array = self._value[0]
+        self.velocity: Array = self._value[1]
+        self.done: NDArray[np.bool_] = np.ones(n, dtype=bool)
+        self.moving = False
+
+    def hold(self, joints: NDArray[np.intp], position: Array) -> None:
+        """Stay at a position, at once; done.
+
+        Args:
+            joints: indices, shape (k,).
+            position: shape (k,), rad.
+        """
+        self._coefficients[:, :, joints] = 0.0
+        self._coefficients[5, 0, joints] = position
+        self._target[joints] = position
+        self._step[joints] = 0.0
+        self._value[0, joints] = position
+        self._value[1, joints] = 0.0
+        self._end[joints] = np.inf
+        self._count_moves()
+
+    def move(self, joints: NDArray[np.intp], start: Array, target: Array, time: Array) -> None:
+        """Start moves from the present reference velocity (P1).
+
+        Args:
+            joints: indices, shape (k,).
+            start: position of the reference now, shape (k,), rad.
+            target: shape (k,), rad.
+            time: duration, shape (k,), s; a duration 0 (no distance at rest) ends in one cycle.
+        """
+        time = np.maximum(time, self._period)
+        reach = target - start
+        run = self._value[1, joints] * time  # v0 T
+        position = np.array(
+            [6 * reach - 3 * run, 8 * run - 15 * reach, 10 * reach - 6 * run, 0 * run, run, start]
+        )
+        powers = np.arange(5.0, 0.0, -1.0)[:, None]
+        self._coefficients[:, 0, joints] = position
+        self._coefficients[0, 1, joints] = 0.0
+        self._coefficients[1:, 1, joints] = position[:5] * powers / time
+        self._target[joints] = target
+        self._value[0, joints] = start
+        self._tick[joints] = 0.0
+        self._step[joints] = self._period / time
+        self._end[joints] = self._cycle + np.ceil(time / self._period - 1e-9)
+        self._count_moves()
+
+    def remaining(self, joints: NDArray[np.intp]) -> Array:
+        """Time until the moves end, shape (k,), s; 0 where there is none."""
+        step = self._step[joints]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            left = (1.0 / step - self._tick[joints]) * self._period
+        result: Array = np.where(self.done[joints], 0.0, np.maximum(left, 0.0))
+        return result
+
+    def advance(self) -> None:
+        """Evaluate all moves one control period later."""
+        s, value, scratch, c = self._s, self._value, self._scratch, self._coefficients
+        np.add(self._tick, 1.0, out=self._tick)
+        np.multiply(self._tick, self._step, out=s)
+        np.minimum(s, 1.0, out=s)
+        np.multiply(c[0], s, out=scratch)
+        np.add(scratch, c[1], out=scratch)
+        for k in (2, 3, 4):
+            np.multiply(scratch, s, out=scratch)
+            np.add(scratch, c[k], out=scratch)
+        np.multiply(scratch, s, out=scratch)
+        np.add(scratch, c[5], out=value)
+        self._cycle += 1
+        if self._cycle >= self._next_end:
+            ended = np.flatnonzero(self._end <= self._cycle)
+            self.hold(ended, self._target[ended])
+
+    def _count_moves(self) -> None:
+        self._next_end = float(self._end.min())
+        self.moving = self._next_end < np.inf
+        np.isinf(self._end, out=self.done)
+
+
+def ramp(velocity: Array, target: Array, up: Array, down: Array, scratch: Array) -> None:
+    """Move velocities towards their targets by at most a step, in place (P5).
+
+    v += clip(target − v, down, up)
+
+    Args:
+        velocity: v, shape (n,), rad/s, changed.
+        target: shape (n,), rad/s.
+        up: largest step, acceleration times the control period, shape (n,), rad/s.
+        down: its negative, shape (n,).
+        scratch: shape (n,), overwritten.
+    """
+    np.subtract(target, velocity, out=scratch)
+    np.minimum(scratch, up, out=scratch)
+    np.maximum(scratch, down, out=scratch)
+    np.add(velocity, scratch, out=velocity)
