@@ -66,22 +66,32 @@ cmake_language(DEFER CALL drop_missing_includes)
 """
 
 
+def sourced_prefixes() -> list[Path]:
+    """The prefixes of sourced setup files; without an earlier install of this very project."""
+    entries = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    prefixes = [Path(entry) for entry in entries if entry]
+    return [path for path in prefixes if not (path / "share" / NAME).is_dir() or has_ros(path)]
+
+
+def has_ros(prefix: Path) -> bool:
+    return (prefix / "share/std_msgs").is_dir()
+
+
 def ros_prefixes() -> list[Path]:
-    """Folders that hold ROS 2: those of a sourced setup file, else where the ROS wheels are.
+    """Folders that hold ROS 2: those of sourced setup files, else where the ROS wheels are.
 
     `sys.prefix` is of no use: pip and uv build in an environment apart, and colcon sets it.
     """
-    sourced = os.environ.get("AMENT_PREFIX_PATH", "")
-    candidates = [Path(entry) for entry in sourced.split(os.pathsep) if entry]
-    if not candidates:
+    prefixes = sourced_prefixes()
+    if not any(map(has_ros, prefixes)):
         sites = [Path(entry).resolve() for entry in sys.path if entry]
-        candidates = [site.parents[2] for site in sites if (site / "rosidl_generator_py").is_dir()]
-    prefixes = list(dict.fromkeys(path for path in candidates if path.is_dir()))
-    if not prefixes:
+        prefixes += [site.parents[2] for site in sites if (site / "rosidl_generator_py").is_dir()]
+    prefixes = list(dict.fromkeys(path for path in prefixes if path.is_dir()))
+    if not any(map(has_ros, prefixes)):
         raise SystemExit(
-            "ROS 2 not found: AMENT_PREFIX_PATH is empty and rosidl_generator_py is not "
-            "importable; source /opt/ros/jazzy/setup.sh, or build with pip's isolation "
-            "(pip install . without --no-build-isolation)"
+            "ROS 2 not found: AMENT_PREFIX_PATH names no folder with std_msgs, and "
+            "rosidl_generator_py is not importable; source /opt/ros/jazzy/setup.sh, or build "
+            "with pip's isolation (pip install . without --no-build-isolation)"
         )
     return prefixes
 
@@ -165,7 +175,7 @@ def staged_files(stage: Path) -> list[tuple[str, list[str]]]:
             or relative.name.startswith("local_setup.")
         )
         if path.is_file() and not unwanted:
-            found.setdefault(str(relative.parent), []).append(os.path.relpath(path, HERE))
+            found.setdefault(str(relative.parent), []).append(os.path.relpath(path))
     return list(found.items())
 
 
@@ -174,7 +184,7 @@ class BuildMessages(build_ext):
 
     def run(self) -> None:
         jobs = int(self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or 0)
-        builds = (HERE / self.build_temp).resolve().parent
+        builds = Path(self.build_temp).resolve().parent
         work = builds / f"{MESSAGES}-{sys.implementation.cache_tag}"
         stage = build_messages(work, jobs or os.cpu_count() or 1)
         known = self.distribution.data_files
@@ -221,7 +231,7 @@ def runtime_requirements() -> list[str]:
         "rich>=13.0",
         "typer>=0.12",
     ]
-    return plain if os.environ.get("AMENT_PREFIX_PATH") else plain + ROS_WHEELS
+    return plain if any(map(has_ros, sourced_prefixes())) else plain + ROS_WHEELS
 
 
 TEST = [
@@ -249,6 +259,7 @@ setup(
     description="A robot joint control board with YARP/iCub control modes, as a ROS 2 node "
     "with a simulated arm",
     license="Apache-2.0",
+    python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed"]},
     data_files=[

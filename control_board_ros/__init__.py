@@ -13,12 +13,13 @@ __version__ = "0.1.0"
 def _name_the_ros_prefix() -> None:
     """Tell ament_index_python where the ROS wheels of this environment are.
 
-    The wheels never set AMENT_PREFIX_PATH, and ament_index_python raises without it. A sourced
-    ROS 2 has set it, and stays in charge.
+    The wheels never set AMENT_PREFIX_PATH, and ament_index_python raises without it. What
+    sourced setup files have put there comes first.
     """
+    known = [entry for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
     index = os.path.join(sys.prefix, "share", "ament_index")
-    if not os.environ.get("AMENT_PREFIX_PATH") and os.path.isdir(index):
-        os.environ["AMENT_PREFIX_PATH"] = sys.prefix
+    if os.path.isdir(index) and sys.prefix not in known:
+        os.environ["AMENT_PREFIX_PATH"] = os.pathsep.join([*known, sys.prefix])
 
 
 _name_the_ros_prefix()
