@@ -19,6 +19,9 @@ from .state import State
 
 POSITION_LOOP, TORQUE_LOOP = 0, 1
 
+#: Where the protection at a software limit begins, rad inside it (P9).
+GUARD_ZONE = math.radians(1.0)
+
 
 class PidLoops:
     """PIDs with a clamped integral and a filtered derivative, for arrays of loops.
@@ -124,8 +127,8 @@ class Controller:
         self.max_torque = np.array([limit.torque for limit in limits])
         self._min_torque = -self.max_torque
         self.max_percent = np.array([limit.output for limit in limits])
-        self._lower = np.array([limit.lower for limit in limits])
-        self._upper = np.array([limit.upper for limit in limits])
+        self._guard_lower = np.array([limit.lower + GUARD_ZONE for limit in limits])
+        self._guard_upper = np.array([limit.upper - GUARD_ZONE for limit in limits])
         self._max_velocity = np.array([limit.velocity for limit in limits])
         for j, joint in enumerate(config.joints):
             self.current.set_gains(0, j, joint.current_pid, config.period)
@@ -268,35 +271,42 @@ class Controller:
     def _guard(self, output: Array) -> None:
         """The protection at the limits, where no position loop keeps them (P9), in place.
 
-        Beyond a software limit the output may not drive the joint further out, and a virtual
-        spring and damper pushes it back; beyond the speed limit it may not drive it faster.
+        Towards a software limit the torque that may drive the joint further out falls to zero
+        over GUARD_ZONE; beyond it a virtual spring and damper pushes the joint back. Beyond the
+        speed limit the output may not drive it faster.
         """
         state, inside, speed = self._state, self._a, self._b
-        np.maximum(state.position, self._lower, out=inside)
-        np.minimum(inside, self._upper, out=inside)
+        np.maximum(state.position, self._guard_lower, out=inside)
+        np.minimum(inside, self._guard_upper, out=inside)
         np.absolute(state.velocity, out=speed)
         np.less_equal(speed, self._max_velocity, out=self._calm)
         if inside.tobytes() != state.position.tobytes() or b"\0" in self._calm.tobytes():
             for j, law in enumerate(self.laws):
-                if law in GUARDED:
-                    self._guard_joint(j, output, float(inside[j]))
-        elif any(self.on_limit):
+                if law in GUARDED and state.calibrated[j]:
+                    self._guard_joint(j, output, float(state.position[j] - inside[j]))
+        elif True in self.on_limit:
             self.on_limit = [False] * state.n
 
-    def _guard_joint(self, j: int, output: Array, inside: float) -> None:
+    def _guard_joint(self, j: int, output: Array, depth: float) -> None:
+        """One joint, ``depth`` rad past where the guard begins, positive above."""
         state, joint = self._state, self._joints[j]
-        depth = float(state.position[j]) - inside
-        velocity = float(state.velocity[j])
-        self.on_limit[j] = depth != 0.0 and state.calibrated[j]
-        idle = 0.0 if self._in_amps[j] else float(self._percent_per_speed[j]) * velocity
-        if self.on_limit[j]:
-            push = -joint.guard_stiffness * depth - joint.guard_damping * velocity
+        limits, bound = joint.limits, float(self._max_output[j])
+        velocity, per_torque = float(state.velocity[j]), float(self._per_torque[j])
+        coasting = 0.0 if self._in_amps[j] else float(self._percent_per_speed[j]) * velocity
+        wanted = float(output[j])
+        if depth != 0.0:
             way = math.copysign(1.0, depth)
-            inward = max(0.0, -push * way)
-            inward = min(inward, joint.limits.torque) * float(self._per_torque[j])
-            output[j] = way * min(float(output[j]) * way, -inward)
-        elif abs(velocity) > joint.limits.velocity:
+            past = abs(depth) - GUARD_ZONE
+            allowed = (
+                -joint.guard_stiffness * past if past > 0 else limits.torque * -past / GUARD_ZONE
+            )
+            allowed -= joint.guard_damping * max(0.0, velocity * way)
+            allowed = max(allowed, -limits.torque)
+            wanted = way * min(wanted * way, allowed * per_torque + coasting * way)
+            self.on_limit[j] = past > 0.0 or self.on_limit[j]
+        else:
+            self.on_limit[j] = False
+        if abs(velocity) > limits.velocity:
             way = math.copysign(1.0, velocity)
-            output[j] = way * min(float(output[j]) * way, idle * way)
-        bound = float(self._max_output[j])
-        output[j] = max(-bound, min(bound, float(output[j])))
+            wanted = way * min(wanted * way, coasting * way)
+        output[j] = max(-bound, min(bound, wanted))

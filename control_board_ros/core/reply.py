@@ -46,6 +46,8 @@ def refused(message: str, joints: tuple[str, ...] = ()) -> Reply:
 
 def decided(joints: tuple[str, ...], verdicts: list[tuple[Answer, str]]) -> Reply:
     """Each joint its own answer; the message tells the first reasons and counts the rest."""
+    if all(answer is Answer.ACCEPTED for answer, _ in verdicts):
+        return accepted(joints)
     reasons = tuple(reason for _, reason in verdicts)
     told = list(dict.fromkeys(reason for reason in reasons if reason))
     rest = f" (and {len(told) - 3} more)" if len(told) > 3 else ""

@@ -107,8 +107,7 @@ class Requests(Machine):
         )
 
     def _unsupported(self, j: int, asked: str, have: str) -> Verdict:
-        text = f"{asked} was asked for, the joint has {have}"
-        self.raise_fault(j, FaultCode.UNSUPPORTED, text)
+        self.raise_fault(j, FaultCode.UNSUPPORTED, f"{asked} was asked for")
         return Answer.UNSUPPORTED, (
             f"{self.names[j]} does not implement {asked} and is now in HW_FAULT; "
             f"it has {have}; send FORCE_IDLE, then one of these"
