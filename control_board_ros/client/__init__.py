@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The Python client: the interfaces of SPEC A and D, over ROS.
+
+::
+
+    rclpy.init()
+    node = rclpy.create_node("my_program")
+    board = ControlBoardClient(node, "control_board")
+    board.set_control_mode("l_elbow", "pos")
+    board.position_move("l_elbow", 0.5)          # fire and forget, by topic
+    board.move(["l_elbow", 2], [0.7, 0.1])       # waits for the end
+    board.get_encoder()                          # numpy array, all joints
+
+``await board.aio.move(…)`` is the awaitable form of each method, for asyncio and for coroutines
+of an rclpy executor. A call works from any thread, with the node spinning or not, and from
+within a callback: the client serves its own connection.
+"""
+
+from .base import State
+from .board import ControlBoardClient
+from .errors import BoardError, BoardNotFound, BoardTimeout
+from .goals import CalibrationFeedback, MoveFeedback
+
+__all__ = [
+    "BoardError",
+    "BoardNotFound",
+    "BoardTimeout",
+    "CalibrationFeedback",
+    "ControlBoardClient",
+    "MoveFeedback",
+    "State",
+]

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Control modes, interaction modes and impedance, over the services."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from control_board_msgs.srv import (
+    GetAvailableModes,
+    GetControlMode,
+    GetImpedance,
+    GetInteractionMode,
+    SetControlMode,
+    SetImpedance,
+    SetInteractionMode,
+)
+
+from control_board_ros.core.modes import REQUESTABLE
+from control_board_ros.core.reply import Answer, Reply, accepted, refused
+from control_board_ros.core.selection import RequestError, Selection, spread
+from control_board_ros.core.vocabs import (
+    ControlMode,
+    InteractionMode,
+    Vocab,
+    parse_control_mode,
+    parse_interaction_mode,
+)
+from control_board_ros.interfaces import Floats, Interaction, Joints, Mode, Values
+
+from .base import ClientBase
+from .waiting import Steps, operation
+
+V = TypeVar("V", bound=Vocab)
+Available = tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]
+
+
+class ModeOperations(ClientBase):
+    """IControlMode2, IInteractionMode and IImpedanceControl."""
+
+    @operation
+    def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Steps[Reply]:
+        """Ask for control modes: enumeration, code, name or vocab (M1, M5 to M8, F2, F4)."""
+        try:
+            selection = yield from self._select(joints)
+            wanted = parse_all(modes, len(selection.names), parse_control_mode)
+        except ValueError as error:
+            return refused(str(error))
+        before = {name: self._view.control_mode(name) for name in selection.names}
+        codes = [mode.code for mode in wanted]
+        response = yield from self._request(
+            SetControlMode, "set_control_mode", selection, modes=codes
+        )
+        self._changed()
+        self._view.on_answer(response.names, response.modes)
+        if response.success:
+            return accepted(selection.names)
+        if not response.names or any(mode not in REQUESTABLE for mode in wanted):
+            return refused(response.message)
+        after = dict(zip(response.names, response.modes, strict=True))
+        answers = []
+        for name, mode in zip(selection.names, wanted, strict=True):
+            target = ControlMode.IDLE if mode is ControlMode.FORCE_IDLE else mode
+            answers.append(answer_of(before[name], after[name], target.code))
+        return replied(selection, answers, response.message)
+
+    @operation
+    def get_control_mode(self, joints: Joints = None) -> Steps[list[ControlMode]]:
+        """The modes that joints are in, also the statuses HW_FAULT, CALIBRATING, …"""
+        response = yield from self._get(GetControlMode, "get_control_mode", joints)
+        return [ControlMode(vocab) for vocab in response.vocabs]
+
+    @operation
+    def set_interaction_mode(
+        self, joints: Joints, modes: Interaction | Sequence[Interaction]
+    ) -> Steps[Reply]:
+        """Ask for interaction modes; in an active mode a change stops the joint (I1 to I7)."""
+        try:
+            selection = yield from self._select(joints)
+            wanted = parse_all(modes, len(selection.names), parse_interaction_mode)
+        except ValueError as error:
+            return refused(str(error))
+        before = {name: self._view.control_mode(name) for name in selection.names}
+        response = yield from self._request(
+            SetInteractionMode,
+            "set_interaction_mode",
+            selection,
+            modes=[mode.code for mode in wanted],
+        )
+        self._changed()
+        if response.success:
+            return accepted(selection.names)
+        if not response.names:
+            return refused(response.message)
+        # A mode that a joint does not implement faults it (I7); the answer holds no control mode.
+        control = yield from self._request(GetControlMode, "get_control_mode", selection)
+        self._view.on_answer(control.names, control.modes)
+        answers = []
+        for name, mode, now, state in zip(
+            selection.names, wanted, response.modes, control.modes, strict=True
+        ):
+            if before[name] is ControlMode.NOT_CONFIGURED:
+                answers.append(Answer.REFUSED)
+            elif now == mode.code:
+                answers.append(Answer.ACCEPTED)
+            else:
+                answers.append(answer_of(before[name], state, ""))
+        return replied(selection, answers, response.message)
+
+    @operation
+    def get_interaction_mode(self, joints: Joints = None) -> Steps[list[InteractionMode]]:
+        """The interaction modes as stored, also where they do not act (I2)."""
+        response = yield from self._get(GetInteractionMode, "get_interaction_mode", joints)
+        return [InteractionMode(vocab) for vocab in response.vocabs]
+
+    @operation
+    def get_available_modes(self, joints: Joints = None) -> Steps[list[Available]]:
+        """What each joint implements: control modes, and interaction modes."""
+        available = yield from self._available(joints)
+        return available
+
+    def _available(self, joints: Joints) -> Steps[list[Available]]:
+        response = yield from self._get(GetAvailableModes, "get_available_modes", joints)
+        return [
+            (
+                tuple(parse_control_mode(code) for code in control.split(",") if code),
+                tuple(parse_interaction_mode(code) for code in interaction.split(",") if code),
+            )
+            for control, interaction in zip(
+                response.control_modes, response.interaction_modes, strict=True
+            )
+        ]
+
+    @operation
+    def set_impedance(self, joints: Joints, stiffness: Values, damping: Values) -> Steps[Reply]:
+        """Set spring and damper, at any time; they act in the next cycle (I6)."""
+        try:
+            selection = yield from self._select(joints)
+            count = len(selection.names)
+            fields = {
+                "stiffness": spread(stiffness, count, "stiffness").tolist(),
+                "damping": spread(damping, count, "damping").tolist(),
+            }
+        except RequestError as error:
+            return refused(str(error))
+        reply = yield from self._change(SetImpedance, "set_impedance", selection, **fields)
+        return reply
+
+    @operation
+    def get_impedance(self, joints: Joints = None) -> Steps[tuple[Floats, Floats]]:
+        """Stiffness and damping, two arrays."""
+        response = yield from self._get(GetImpedance, "get_impedance", joints)
+        return np.array(response.stiffness), np.array(response.damping)
+
+    @operation
+    def get_max_impedance(self, joints: Joints = None) -> Steps[tuple[Floats, Floats]]:
+        """The largest stiffness and damping that a joint takes, two arrays."""
+        response = yield from self._get(GetImpedance, "get_impedance", joints)
+        return np.array(response.max_stiffness), np.array(response.max_damping)
+
+    @operation
+    def get_torque_offset(self, joints: Joints = None) -> Steps[Floats]:
+        """τ_ff of the impedance law: as a user set it, else the load on entering COMPLIANT."""
+        response = yield from self._get(GetImpedance, "get_impedance", joints)
+        return np.array(response.torque_offset)
+
+
+def parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
+    """The modes of a request, one per joint; one mode goes to all of them.
+
+    Raises:
+        ValueError: an unknown mode, or a number of modes that fits neither.
+    """
+    given = [modes] if isinstance(modes, str | int) else list(modes)
+    parsed = [parse(mode) for mode in given]
+    if len(parsed) == 1:
+        return parsed * count
+    if len(parsed) != count:
+        raise RequestError(
+            f"{len(parsed)} modes for {count} joint{'s' if count != 1 else ''}; "
+            "send one mode per named joint, or one for all"
+        )
+    return parsed
+
+
+def answer_of(before: ControlMode, after: str, target: str) -> Answer:
+    """One joint's answer, from its mode before and after a request that was not all accepted."""
+    if after == target:
+        return Answer.ACCEPTED
+    fault = ControlMode.HW_FAULT
+    if after == fault.code and before is not fault:
+        return Answer.UNSUPPORTED  # M5, I7
+    return Answer.REFUSED
+
+
+def replied(selection: Selection, answers: list[Answer], message: str) -> Reply:
+    """The reply of joints that answered differently."""
+    reasons = tuple("" if answer is Answer.ACCEPTED else message for answer in answers)
+    return Reply(selection.names, tuple(answers), message, reasons)

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the client knows of the board's joints and modes: from ~/modes and from answers."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from control_board_ros.core.selection import Selector
+from control_board_ros.core.vocabs import ControlMode, InteractionMode
+
+#: s for which an answer outweighs a message that says otherwise: it may have been on its way.
+ANSWER_HOLDS = 0.1
+
+
+class ModesView:
+    """Joint names and modes, kept up by the link's thread.
+
+    The answer to a request carries the modes after the call, and the ``~/modes`` message of the
+    same change travels apart. Until a message agrees with the answer, or ANSWER_HOLDS has
+    passed, the answer counts: a command that follows a request is not judged by old modes.
+    """
+
+    def __init__(self) -> None:
+        self.selector: Selector | None = None
+        self._lock = threading.Lock()
+        self._control: dict[str, ControlMode] = {}
+        self._interaction: dict[str, InteractionMode] = {}
+        self._held: dict[str, tuple[ControlMode, float]] = {}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.selector.names if self.selector is not None else ()
+
+    def known(self) -> bool:
+        """Whether a message has come."""
+        return self.selector is not None
+
+    def on_message(self, message: Any) -> None:
+        """Take a JointModes message."""
+        names = tuple(message.names)
+        with self._lock:
+            self._control = {
+                name: ControlMode(vocab)
+                for name, vocab in zip(names, message.control_mode_vocabs, strict=True)
+            }
+            self._interaction = {
+                name: InteractionMode(vocab)
+                for name, vocab in zip(names, message.interaction_mode_vocabs, strict=True)
+            }
+            now = time.monotonic()
+            self._held = {
+                name: (mode, end)
+                for name, (mode, end) in self._held.items()
+                if now < end and self._control.get(name) is not mode
+            }
+            if names != self.names:
+                self.selector = Selector(names)
+
+    def on_answer(self, names: Sequence[str], codes: Sequence[str]) -> None:
+        """Take the control modes that a response carries."""
+        end = time.monotonic() + ANSWER_HOLDS
+        modes = {mode.code: mode for mode in ControlMode}
+        with self._lock:
+            for name, code in zip(names, codes, strict=True):
+                self._held[name] = (modes[code], end)
+
+    def control_mode(self, name: str) -> ControlMode:
+        """The control mode of a joint as far as the client knows."""
+        with self._lock:
+            mode, end = self._held.get(name, (None, 0.0))
+            if mode is not None and time.monotonic() < end:
+                return mode
+            return self._control[name]
+
+    def interaction_mode(self, name: str) -> InteractionMode:
+        """The interaction mode of a joint as of the last message."""
+        with self._lock:
+            return self._interaction[name]
