@@ -20,7 +20,7 @@ reflected rotor inertia, a lower bound of what the joint moves, or the ideal bod
 where the rotor has none. Back-EMF must fit the step too: h (Ke kt N η/R + viscous) < M.
 
 The winding warms by R i² through its thermal resistance and capacitance, first order, solved
-exactly over 10 ms for the current at their end: a winding takes seconds, a call microseconds.
+exactly over 50 ms at a time for the current at their end: windings take minutes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ..core.measurement import Array
 from .config import SimulationConfig
 
 SLIP_SPEED = 1e-3
-HEAT_PERIOD = 0.01
+HEAT_PERIOD = 0.05
 
 
 class Motors:
@@ -40,7 +40,7 @@ class Motors:
 
     Attributes:
         state: What the body refreshes after each step: position and velocity, shape (2, n).
-        velocity, current, pwm: Rows of the same block, shape (n,); rad/s, A, percent.
+        position, velocity, current, pwm: Rows of one block, shape (n,); rad, rad/s, A, percent.
         rates: velocity and current, shape (2, n).
         temperature: Of the windings, shape (n,), °C.
         heat_cycles: Control cycles between two calls of ``warm``.
@@ -53,6 +53,7 @@ class Motors:
         h = simulation.physics_step
         block = np.zeros((5, n))
         self.state, self._inputs = block[:2], block[1:]
+        self.position = block[0]
         self.velocity, self.current, self.pwm, self._friction = block[1:]
         self.rates = block[1:3]
 

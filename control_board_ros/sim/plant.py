@@ -15,7 +15,7 @@ Without a URDF the body is an IdealBody (numpy), with one a BulletBody (pybullet
 ``write`` raise PlantGone when the physics server is gone.
 
 The numbers of a diverged simulation never reach the board: the body goes back to the last good
-pose, at most 0.1 s old, and every joint raises the alarm DIVERGED in that one reading.
+pose, at most 0.05 s old, and every joint raises the alarm DIVERGED in that one reading.
 """
 
 from __future__ import annotations
@@ -35,8 +35,6 @@ from .motor import Motors
 from .sensors import Sensors
 
 __all__ = ["Body", "PlantError", "PlantGone", "SimulatedPlant"]
-
-SAVE_PERIOD = 0.1
 
 
 class Body(Protocol):
@@ -97,7 +95,6 @@ class SimulatedPlant:
         self._cycle = 0
         self._alarmed = False
         self._heat_cycles = self._motors.heat_cycles
-        self._save_cycles = max(1, round(SAVE_PERIOD * board.control_rate))
         self.body = make_body(board, simulation) if body is None else body
         self.body.attach(self._motors.state)
         self.reset()
@@ -121,27 +118,26 @@ class SimulatedPlant:
         Raises:
             PlantGone: the physics server is gone.
         """
-        motors, body, torque = self._motors, self.body, self._sensors.torque
+        motors, torque = self._motors, self._sensors.torque
         if (powered := actuation.powered.tobytes()) != self._powered:
             motors.switch(actuation.powered)
             self._powered = powered
         if self._alarmed:
             self._alarmed = False
             self._sensors.alarm(None)
-        motors.pwm[:] = actuation.pwm
+        motors.pwm[...] = actuation.pwm
         disturbed = self._pushed or self._faults.active
+        drive, move = motors.step, self.body.step
         good = True
         for _ in self._steps:
-            motors.step(torque)
-            good = body.step(self._disturb(torque) if disturbed else torque) and good
+            drive(torque)
+            if not move(self._disturb(torque) if disturbed else torque):
+                good = False
         self._cycle = cycle = self._cycle + 1
-        if cycle % self._heat_cycles == 0:
-            motors.warm()
-            self._sensors.sample_temperature(motors)
         if not good:
             self._recover()
-        elif cycle % self._save_cycles == 0:
-            self._good[:] = motors.state
+        if cycle % self._heat_cycles == 0:
+            self._keep()
         self._sensors.sample(motors)
 
     def push(self, joint: int | str, torque: float) -> None:
@@ -180,6 +176,12 @@ class SimulatedPlant:
         if self._faults.active:
             self._total[self._faults.diverged(self._cycle)] = np.nan
         return self._total
+
+    def _keep(self) -> None:
+        """What need not be done in every cycle: warm the windings, remember a good pose."""
+        self._motors.warm()
+        self._sensors.sample_temperature(self._motors)
+        self._good[...] = self._motors.state
 
     def _recover(self) -> None:
         self.body.restore(self._good)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.faults import FaultCode
 from ..core.measurement import ROWS, Row
@@ -28,25 +29,29 @@ class Sensors:
         self._alarm = self.values[Row.ALARM]
         self._zero = np.array([encoder.zero for encoder in encoders])
         resolution = np.array([encoder.resolution for encoder in encoders])
-        self._coarse = resolution > 0.0
-        self._resolution = np.where(self._coarse, resolution, 1.0)
+        quantised = resolution > 0.0
+        self._resolution = np.where(quantised, resolution, 1.0)
         self._counts = 1.0 / self._resolution
-        self._any_coarse = bool(self._coarse.any())
-        self._all_coarse = bool(self._coarse.all())
+        self._shifted, self._coarse = bool(self._zero.any()), bool(quantised.any())
+        self._some: NDArray[np.bool_] | None = None if quantised.all() else quantised
         self._rounded = np.zeros(len(encoders))
 
     def sample(self, motors: Motors) -> None:
         """Read encoders, speeds and currents; the torque row is the motors' own."""
-        position, rounded = self._position, self._rounded
-        np.add(motors.state[0], self._zero, position)
-        if self._any_coarse:
+        position = self._position
+        if self._shifted:
+            np.add(motors.position, self._zero, position)
+        else:
+            position[...] = motors.position
+        if self._coarse:
+            rounded = self._rounded
             np.multiply(position, self._counts, rounded)
             np.rint(rounded, rounded)
-            if self._all_coarse:
+            if self._some is None:
                 np.multiply(rounded, self._resolution, position)
             else:
-                np.multiply(rounded, self._resolution, position, where=self._coarse)
-        self._rates[:] = motors.rates
+                np.multiply(rounded, self._resolution, position, where=self._some)
+        self._rates[...] = motors.rates
 
     def sample_temperature(self, motors: Motors) -> None:
         """Read the windings."""

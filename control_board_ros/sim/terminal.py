@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keeps what C libraries print away from the user's terminal."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from tempfile import TemporaryFile
+
+
+@contextmanager
+def captured_output() -> Iterator[Callable[[], list[str]]]:
+    """Catch all that this process prints, below Python too, while the context lasts.
+
+    Yields:
+        A function that returns the lines caught so far; show them where something failed.
+    """
+    library = ctypes.CDLL(None)
+    with TemporaryFile() as file:
+
+        def flush() -> None:
+            for stream in (sys.stdout, sys.stderr):
+                if stream is not None:
+                    stream.flush()
+            library.fflush(None)
+
+        def lines() -> list[str]:
+            flush()
+            file.seek(0)
+            return file.read().decode(errors="replace").splitlines()
+
+        flush()
+        saved: dict[int, int] = {}
+        for descriptor in (1, 2):
+            try:
+                saved[descriptor] = os.dup(descriptor)
+            except OSError:  # this process has no such output
+                continue
+            os.dup2(file.fileno(), descriptor)
+        try:
+            yield lines
+        finally:
+            flush()
+            for descriptor, copy in saved.items():
+                os.dup2(copy, descriptor)
+                os.close(copy)
