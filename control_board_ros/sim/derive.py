@@ -65,7 +65,7 @@ def complete(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
         load: What it carries.
     """
     _limits(values, joint, load)
-    _motor(values)
+    _motor(values, sliding=joint.kind == "prismatic")
     give = values.setdefault
     inertia = give("inertia", load.inertia)
     total = inertia + values["motor.inertia"] * values["motor.gear_ratio"] ** 2
@@ -115,20 +115,22 @@ def _limits(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     give("max_travel_error", tolerance)
 
 
-def _motor(values: dict[str, Any]) -> None:
+def _motor(values: dict[str, Any], *, sliding: bool) -> None:
     """A motor that fits the limits: the torque at the peak current, the speed at full supply."""
     give = values.setdefault
     supply, gear = values["motor.supply_voltage"], values["motor.gear_ratio"]
     velocity, torque = values["limits.velocity"], values["limits.torque"]
-    give("motor.torque_constant", EMF_SHARE * supply / (velocity * gear))
+    share = 0.2 * EMF_SHARE if sliding else EMF_SHARE
+    give("motor.torque_constant", share * supply / (velocity * gear))
     per_ampere = values["motor.torque_constant"] * gear * values["motor.efficiency"]
     peak = give("limits.peak_current", CURRENT_MARGIN * torque / per_ampere)
     give("limits.nominal_current", 0.6 * peak)
-    give("motor.resistance", supply / peak)
-    # Light rotors would not bear the back-EMF within one physics step.
+    give("motor.resistance", 1.02 * supply / peak)  # a stall is no overcurrent yet
+    # A light rotor would not bear the back-EMF within one physics step; the simulation has no
+    # rotor inertia for joints that slide, so their back-EMF is small.
     emf = values["motor.torque_constant"] * gear
     drag = emf * per_ampere / values["motor.resistance"] + values["motor.viscous"]
-    give("motor.inertia", 4e-3 * drag / gear**2)
+    give("motor.inertia", 0.0 if sliding else 4e-3 * drag / gear**2)
 
 
 def _pid(values: dict[str, Any], prefix: str, limit: float) -> None:

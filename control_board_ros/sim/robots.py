@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -69,7 +70,7 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     if robot in ROBOTS:
         named = ROBOTS[robot]
         return load(named.path(), named.chain)
-    path = Path(robot).expanduser()
+    path = Path(os.path.expanduser(robot))  # as it is where there is no such user
     if looks_like_path(robot):
         beside = folder / path if folder is not None else path
         return load(beside if not path.is_file() and beside.is_file() else path)

@@ -95,6 +95,8 @@ def load(path: Path, chain: tuple[str, str] | None = None) -> Urdf:
     try:
         if path.is_dir():
             raise UrdfError(f"{source}: is a folder; name the URDF file in it")
+        if path.exists() and not path.is_file():
+            raise UrdfError(f"{source}: is not a regular file; name a URDF file")
         with path.open("rb") as file:
             data = file.read(SIZE_CAP + 1)
         return parse(data, source, path.absolute().parent, chain)

@@ -40,6 +40,8 @@ NUMBERS = {
     ("cylinder", "length"): 1,
     ("color", "rgba"): 4,
 }
+#: Those of them that cannot be below zero.
+POSITIVE = {("mass", "value"), ("inertia", "ixx"), ("inertia", "iyy"), ("inertia", "izz")}
 
 
 def check_numbers(root: ET.Element, source: str) -> None:
@@ -48,21 +50,24 @@ def check_numbers(root: ET.Element, source: str) -> None:
         for element in owner.iter():
             for attribute, text in element.attrib.items():
                 count = NUMBERS.get((element.tag, attribute))
-                if count is None or _are_numbers(text, count):
+                low = 0.0 if (element.tag, attribute) in POSITIVE else -math.inf
+                if count is None or _are_numbers(text, count, low):
                     continue
                 wanted = "a number" if count == 1 else f"{count} numbers"
+                wanted += " of at least 0" if low == 0.0 else ""
                 raise UrdfError(
                     f"{source}: {owner.tag} {owner.get('name', '')!r}: <{element.tag} "
                     f"{attribute}={text[:40]!r}> is not {wanted}"
                 )
 
 
-def _are_numbers(text: str, count: int) -> bool:
+def _are_numbers(text: str, count: int, low: float) -> bool:
     try:
         values = [float(word) for word in text.split()]
     except ValueError:
         return False
-    return len(values) == count and all(map(math.isfinite, values)) and "_" not in text
+    right = len(values) == count and "_" not in text
+    return right and all(low <= value < math.inf and value > -math.inf for value in values)
 
 
 def parse_xml(data: bytes, source: str) -> ET.Element:
@@ -103,7 +108,7 @@ def parse_xml(data: bytes, source: str) -> ET.Element:
         raise
     except (expat.ExpatError, ET.ParseError, LookupError, ValueError) as error:
         line = f":{error.lineno}" if isinstance(error, expat.ExpatError) else ""
-        reason = " ".join(str(error).split())
+        reason = " ".join(str(error).partition(": line ")[0].split())
         raise UrdfError(f"{source}{line}: not well-formed XML ({reason})") from None
 
 

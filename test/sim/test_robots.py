@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The named robots, and any other one by its path."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from control_board_ros.sim import robots
+from control_board_ros.sim.robots import ROBOTS, load_robot
+from control_board_ros.sim.urdf import UrdfError
+
+needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
+
+
+def test_iiwa() -> None:
+    made = load_robot("iiwa")
+    assert made.independent == tuple(f"lbr_iiwa_joint_{i}" for i in range(1, 8))
+    assert made.warnings == ()
+    assert made.joints[1].effort == 300.0
+
+
+def test_panda_has_one_finger_to_drive() -> None:
+    made = load_robot("panda")
+    assert made.independent == (*(f"panda_joint{i}" for i in range(1, 8)), "panda_finger_joint1")
+    assert made.mimics["panda_finger_joint2"].joint == "panda_finger_joint1"
+    assert made.warnings == ()
+
+
+@needs_icub
+@pytest.mark.parametrize(("name", "side"), [("icub_left_arm", "l"), ("icub_right_arm", "r")])
+def test_icub_arms_are_cut_out_of_the_robot(name: str, side: str) -> None:
+    made = load_robot(name)
+    words = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow")
+    words += ("wrist_prosup", "wrist_pitch", "wrist_yaw")
+    assert made.independent == tuple(f"{side}_{word}" for word in words)
+    assert "neck" not in made.text
+    assert f"{side}_upper_arm" in made.text  # behind the fixed force sensor
+    assert made.warnings == ()
+
+
+def test_missing_extra_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(robots, "share_folders", lambda: [tmp_path])
+    with pytest.raises(UrdfError, match=r"pip install 'control_board_ros\[icub\]'"):
+        load_robot("icub_left_arm")
+
+
+def test_missing_pybullet_data_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(robots, "package_folder", lambda _: None)
+    with pytest.raises(UrdfError, match="pip install pybullet"):
+        load_robot("iiwa")
+
+
+def test_a_path_beside_the_configuration(tmp_path: Path) -> None:
+    source = ROBOTS["iiwa"].path()
+    (tmp_path / "arm.urdf").write_text(source.read_text())
+    assert load_robot("arm.urdf", tmp_path).name == "lbr_iiwa"
+    assert load_robot(str(tmp_path / "arm.urdf")).name == "lbr_iiwa"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("iwa", "did you mean 'iiwa'"),
+        ("", "known: iiwa"),
+        ("none.urdf", "No such file"),
+        ("~nobody-of-that-name/x.urdf", "r.urdf|cannot|No such"),
+        ("a\0b.urdf", "null byte"),
+        ("/dev/zero", "regular"),
+    ],
+)
+def test_unknown_robots(name: str, words: str) -> None:
+    with pytest.raises(UrdfError, match=words) as caught:
+        load_robot(name)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Robot descriptions: what is taken, what is refused and how, what is made of them."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from control_board_ros.sim import urdf_tree
+from control_board_ros.sim.urdf import Urdf, UrdfError, load, parse
+
+INERTIAL = "<inertial><mass value='1'/><inertia ixx='0.1' iyy='0.1' izz='0.1'/></inertial>"
+LIMIT = "<limit lower='-1' upper='1' effort='10' velocity='2'/>"
+
+
+def link(name: str, inside: str = INERTIAL) -> str:
+    return f"<link name='{name}'>{inside}</link>"
+
+
+def joint(name: str, parent: str, child: str, inside: str = LIMIT, kind: str = "revolute") -> str:
+    return (
+        f"<joint name='{name}' type='{kind}'><parent link='{parent}'/><child link='{child}'/>"
+        f"<axis xyz='0 0 1'/>{inside}</joint>"
+    )
+
+
+def robot(*parts: str) -> bytes:
+    return ("<robot name='r'>" + "".join(parts) + "</robot>").encode()
+
+
+ARM = robot(link("base"), link("tip"), joint("elbow", "base", "tip"))
+
+
+def read(data: bytes, folder: Path = Path("/nowhere"), **rest: object) -> Urdf:
+    return parse(data, "r.urdf", folder, **rest)  # type: ignore[arg-type]
+
+
+def message(data: bytes, folder: Path = Path("/nowhere")) -> str:
+    with pytest.raises(UrdfError) as caught:
+        read(data, folder)
+    text = str(caught.value)
+    assert "\n" not in text
+    assert "r.urdf" in text
+    assert len(text) < 400
+    return text
+
+
+def test_joints_with_limits_and_order() -> None:
+    data = robot(
+        link("base"),
+        link("b"),
+        link("c"),
+        link("d"),
+        joint("slide", "b", "c", "<limit lower='0' upper='0.1' effort='5'/>", "prismatic"),
+        joint("turn", "base", "b", "", "continuous"),
+        joint("glue", "c", "d", "", "fixed"),
+    )
+    turn, slide = read(data).joints
+    assert (turn.name, turn.kind, turn.lower, turn.upper) == ("turn", "continuous", None, None)
+    assert (slide.name, slide.kind, slide.lower, slide.upper) == ("slide", "prismatic", 0.0, 0.1)
+    assert (slide.effort, slide.velocity) == (5.0, None)
+
+
+def test_mimic_joints_follow() -> None:
+    mimic = LIMIT + "<mimic joint='elbow' multiplier='-0.5' offset='0.1'/>"
+    data = robot(
+        link("base"), link("tip"), link("t2"),
+        joint("elbow", "base", "tip"), joint("follower", "base", "t2", mimic),
+    )  # fmt: skip
+    made = read(data)
+    assert made.independent == ("elbow",)
+    assert made.mimics["follower"].multiplier == -0.5
+    assert made.mimics["follower"].offset == 0.1
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "empty"),
+        (b"   \n ", "empty"),
+        (b"\x00\x01\x02", "not well-formed"),
+        (b"<robot", "not well-formed"),
+        (b"<robot name='r'></rob>", "not well-formed"),
+        (b"<?xml version='1.0' encoding='klingon'?><robot/>", "not well-formed"),
+        (b"<sdf/>", "<sdf>"),
+        (robot(), "base link"),
+        (robot(link("base")), "no joint moves"),
+        (robot(link("a"), link("a")), "twice"),
+        (robot(link("a"), link("b"), joint("j", "a", "c")), "child link 'c'"),
+        (robot(link("a"), link("b"), joint("j", "a", "b"), joint("k", "a", "b")), "two joints"),
+        (robot(link("a"), link("b"), joint("j", "a", "b"), joint("k", "b", "a")), "base link"),
+        (
+            robot(link("z"), link("a"), link("b"), joint("j", "a", "b"), joint("k", "b", "a")),
+            "loop",
+        ),
+        (robot(link("a"), link("b")), "base link"),
+        (robot(link("a"), link("b"), joint("j", "a", "b", "")), "'j' has no <limit>"),
+        (robot(link("a"), link("b"), joint("j", "a", "b", "<limit lower='1' upper='1'/>")), "'j'"),
+        (robot(link("a"), link("b"), joint("j", "a", "b", LIMIT, "floating")), "'floating'"),
+        (robot(link("a"), link("b"), joint("j j", "a", "b")), "not usable"),
+        (robot(link("a"), link("b"), joint("", "a", "b")), "not usable"),
+        (
+            robot(link("a"), link("b"), joint("j", "a", "b", LIMIT + "<mimic joint='j'/>")),
+            "mimics 'j'",
+        ),
+        (
+            robot(link("a"), link("b"), joint("j", "a", "b", "<limit lower='nan' upper='1'/>")),
+            "lower='nan'",
+        ),
+        (
+            robot(link("a"), link("b"), joint("j", "a", "b", "<limit lower='x' upper='1'/>")),
+            "lower='x'",
+        ),
+        (ARM.replace(b"mass value='1'", b"mass value='inf'"), "value='inf'"),
+        (ARM.replace(b"mass value='1'", b"mass value='-1'"), "value='-1'"),
+        (ARM.replace(b"xyz='0 0 1'", b"xyz='0 0'"), "3 numbers"),
+    ],
+)
+def test_broken_descriptions_are_refused_in_one_line(data: bytes, words: str) -> None:
+    assert words in message(data)
+
+
+def test_entity_bomb_is_refused() -> None:
+    """A document type is refused before any entity is looked at."""
+    bomb = b"<!DOCTYPE r [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;&a;'>]>" + ARM
+    assert "not allowed" in message(bomb)
+    external = b"<!DOCTYPE r SYSTEM 'file:///etc/passwd'>" + ARM
+    assert "not allowed" in message(external)
+
+
+def test_size_depth_and_number_are_capped() -> None:
+    assert "MiB" in message(ARM + b" " * urdf_tree.SIZE_CAP)
+    assert "deeper" in message(b"<robot>" + b"<a>" * 100_000)
+    assert "elements" in message(robot("<material/>" * 60_000))
+
+
+def test_load_says_why_a_file_cannot_be_read(tmp_path: Path) -> None:
+    for path, words in (
+        (tmp_path, "folder"),
+        (tmp_path / "none.urdf", "No such file"),
+        (tmp_path / ("x" * 300), "too long"),
+    ):
+        with pytest.raises(UrdfError, match=words):
+            load(path)
+
+
+def mesh_arm(filename: str) -> bytes:
+    shape = f"<visual><geometry><mesh scale='1 1 1' filename='{filename}'/></geometry></visual>"
+    return robot(link("base", shape), link("tip"), joint("elbow", "base", "tip"))
+
+
+def test_mesh_paths_become_absolute(tmp_path: Path) -> None:
+    mesh = tmp_path / "meshes" / "a.stl"
+    mesh.parent.mkdir()
+    mesh.write_bytes(b"solid")
+    for name in ("meshes/a.stl", "package://meshes/a.stl", f"file://{mesh}", str(mesh)):
+        made = read(mesh_arm(name), tmp_path)
+        found = ET.fromstring(made.text).find(".//mesh")
+        assert found is not None
+        assert found.get("filename") == str(mesh)
+        assert f'filename="file://{mesh}"' in made.description
+        assert made.warnings == ()
+
+
+def test_meshes_of_a_ros_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = tmp_path / "share" / "arm_description" / "meshes" / "a.stl"
+    mesh.parent.mkdir(parents=True)
+    mesh.write_bytes(b"solid")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
+    made = read(mesh_arm("package://arm_description/meshes/a.stl"))
+    assert str(mesh) in made.text
+
+
+def test_meshes_beside_the_urdf_in_a_source_package(tmp_path: Path) -> None:
+    (tmp_path / "package.xml").write_text("<package/>")
+    mesh = tmp_path / "meshes" / "a.stl"
+    mesh.parent.mkdir()
+    mesh.write_bytes(b"solid")
+    folder = tmp_path / "urdf"
+    folder.mkdir()
+    for name in ("../meshes/a.stl", f"package://{tmp_path.name}/meshes/a.stl"):
+        assert str(mesh) in read(mesh_arm(name), folder).text
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "http://example.org/a.stl",
+        "https://example.org/a.stl",
+        "../a.stl",
+        "meshes/../../a.stl",
+        "/etc/passwd",
+        "file:///etc/passwd",
+        "package://../a.stl",
+        "package:///etc/passwd",
+        "package://meshes/../../../etc/passwd",
+        "package://%2e%2e/%2e%2e/etc/passwd",
+        "model://../../etc/passwd",
+    ],
+)
+def test_mesh_paths_out_of_the_allowed_folders_are_refused(name: str, tmp_path: Path) -> None:
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    (tmp_path / "a.stl").write_bytes(b"solid")
+    assert "link 'base'" in message(mesh_arm(name), folder)
+
+
+def test_a_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "secret.stl").write_bytes(b"solid")
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    (folder / "a.stl").symlink_to(tmp_path / "secret.stl")
+    assert "outside" in message(mesh_arm("a.stl"), folder)
+
+
+def test_a_missing_mesh_drops_its_shape_with_a_warning(tmp_path: Path) -> None:
+    made = read(mesh_arm("none.stl"), tmp_path)
+    assert "visual" not in made.text
+    assert "'none.stl' not found" in made.warnings[0]
+
+
+TREE = robot(
+    link("root"), link("chest"), link("arm"), link("sensor"), link("frame", ""), link("hand"),
+    link("other"), link("finger"),
+    joint("torso", "root", "chest"), joint("shoulder", "chest", "arm"),
+    joint("glue", "arm", "sensor", "", "fixed"), joint("dh", "arm", "frame", "", "fixed"),
+    joint("wrist", "arm", "hand"), joint("left", "chest", "other"),
+    joint("grasp", "hand", "finger"),
+)  # fmt: skip
+
+
+def test_cutting_keeps_the_chain_and_the_masses_on_it() -> None:
+    made = read(TREE, chain=("chest", "hand"))
+    assert made.independent == ("shoulder", "wrist")
+    links = {element.get("name") for element in ET.fromstring(made.text).findall("link")}
+    assert links == {"chest", "arm", "sensor", "hand"}
+    with pytest.raises(UrdfError, match="no chain"):
+        read(TREE, chain=("hand", "chest"))
+    with pytest.raises(UrdfError, match="'nose'"):
+        read(TREE, chain=("chest", "nose"))
+
+
+def test_links_without_inertia_weigh_next_to_nothing() -> None:
+    """Left alone, pybullet gives each 1 kg; only a joint that moves nothing else keeps that."""
+    data = robot(
+        link("base", ""), link("arm"), link("frame", ""), link("bare", ""),
+        joint("a", "base", "arm"), joint("f", "arm", "frame", "", "fixed"),
+        joint("b", "arm", "bare"),
+    )  # fmt: skip
+    made = read(data)
+    masses = {
+        element.get("name"): float(mass.get("value", "0"))
+        for element in ET.fromstring(made.text).findall("link")
+        if (mass := element.find("inertial/mass")) is not None
+    }
+    assert masses == {"arm": 1.0, "frame": 1e-4, "bare": 1.0}
+    assert ["bare" in line for line in made.warnings] == [True]
