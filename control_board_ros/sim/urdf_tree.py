@@ -12,12 +12,14 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from xml.parsers import expat
 
+from .errors import OneLineError
+
 SIZE_CAP = 5 * 1024 * 1024
 DEPTH_CAP = 64
 ELEMENT_CAP = 50_000
 
 
-class UrdfError(ValueError):
+class UrdfError(OneLineError):
     """A robot description that cannot be used; one line: file, what, the next step."""
 
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import yaml
 
+from .errors import OneLineError
+
 DEPTH_CAP = 16
 VALUE_CAP = 20_000
 
@@ -20,7 +22,7 @@ _SPECIAL = {".inf": math.inf, "+.inf": math.inf, "-.inf": -math.inf, ".nan": mat
 _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
 
 
-class SettingsError(ValueError):
+class SettingsError(OneLineError):
     """A setting that cannot be used; one line: where, name, value, what is allowed."""
 
 
