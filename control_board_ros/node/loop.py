@@ -1,0 +1,368 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The control thread: the only clock and the only lock of the node.
+
+Everything that touches the board does so between two cycles::
+
+    with loop.exclusive() as board:
+        reply = board.set_control_mode(["elbow"], "pos")
+
+What others read without a lock are frozen records, replaced whole: ``latest``, ``modes`` and
+``faults``. After each of them changed, ``on_state`` is called from the thread that changed it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..core.board import Board
+from ..core.faults import FaultRecord
+from ..core.machine import BoardEvent
+from ..core.measurement import Actuation, Plant
+from ..core.state import Snapshot
+from ..core.vocabs import ControlMode, InteractionMode
+from .pacing import Pacer, Statistics, sharpen_timers
+
+NANOSECONDS = 1_000_000_000
+#: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
+PAUSED_PERIOD = 0.1
+EVENTS_KEPT = 1000
+#: States kept for a publisher that was held up; older ones are lost.
+STATES_KEPT = 50
+
+Hook = Callable[[Board, float], None]
+
+
+class Resettable(Plant, Protocol):
+    """A plant that can be put back to its initial pose."""
+
+    def reset(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A reading of the board; stamp in ns of ROS time."""
+
+    snapshot: Snapshot
+    stamp: int
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """The modes of all joints, since stamp (ns of ROS time)."""
+
+    control: list[ControlMode]
+    interaction: list[InteractionMode]
+    stamp: int
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """The last fault of every joint, as of stamp; offset takes simulated to ROS time (ns)."""
+
+    records: list[FaultRecord]
+    stamp: int
+    offset: int
+
+
+class ControlLoop:
+    """Runs a board on a plant, one cycle after the other, in a thread of its own.
+
+    Args:
+        board, plant: what to run; the loop closes the plant at the end.
+        state_rate: how often ``latest`` is replaced, Hz of simulated time.
+        real_time_factor: simulated seconds per second; 0 = as fast as possible.
+        simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
+        on_state: called when a record was replaced; must return at once.
+        on_end: called when the thread ends, by :meth:`stop` or by a failure.
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        plant: Plant,
+        *,
+        state_rate: float = 100.0,
+        real_time_factor: float = 1.0,
+        simulated_stamps: bool = False,
+        on_state: Callable[[], None] = lambda: None,
+        on_end: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._board, self._plant = board, plant
+        self._gate, self._lock = threading.Lock(), threading.Lock()
+        self._simulated_stamps = simulated_stamps
+        self.on_state, self.on_end = on_state, on_end
+        self._pacer = Pacer(0.0)
+        self.hooks: list[Hook] = []
+        self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
+        #: States that nobody has taken yet, oldest first; ``latest`` is the newest.
+        self.states: deque[State] = deque(maxlen=STATES_KEPT)
+        self.failure: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="control", daemon=True)
+        self._wake = threading.Event()
+        self._stopping = self._paused = False
+        self._steps = 0
+        self._on_steps: Callable[[str], None] | None = None
+        self._modes_version = self._faults_version = -1
+        self._until_state = 1
+        self._read_time, self._read_stamp = 0.0, 0
+        self.state_every = 1
+        self.set_state_rate(state_rate)
+        self.set_real_time_factor(real_time_factor)
+        self._note_time(self._plant.read().time)
+        self.latest: State = State(board.snapshot(), self._read_stamp)
+        self.modes: Modes
+        self.faults: Faults
+        self._note_changes()
+
+    # -- life ---------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Start the control thread."""
+        self._thread.start()
+
+    def stop(self, timeout: float = 1.0) -> None:
+        """End the thread: joints unpowered, ``latest`` the last state; then close the plant."""
+        self._stopping = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout)
+        self._plant.close()
+
+    def exclusive(self) -> Turn:
+        """The board to oneself, between two cycles: ``with loop.exclusive() as board``."""
+        return Turn(self)
+
+    def tell(self, level: str, text: str) -> None:
+        """Say something from a hook; it reaches the log with the board's own events."""
+        self.events.append(BoardEvent(level, text, "", text))
+
+    def statistics(self) -> Statistics:
+        """How the loop fared since the last call, and in all."""
+        return self._pacer.take()
+
+    # -- time ---------------------------------------------------------------------------------
+
+    @property
+    def paused(self) -> bool:
+        """Whether simulated time stands still."""
+        return self._paused
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second; 0 = as fast as possible."""
+        return self._real_time_factor
+
+    @property
+    def simulated_time(self) -> bool:
+        """Whether stamps are simulated time, as /clock then tells."""
+        return self._simulated_stamps or self._real_time_factor != 1.0
+
+    def set_real_time_factor(self, factor: float) -> None:
+        """Run at this many simulated seconds per second; 0 = as fast as possible."""
+        self._real_time_factor = factor
+        self._pacer.period = self._board.period / factor if factor > 0.0 else 0.0
+        self._pacer.restart()
+
+    def set_state_rate(self, rate: float) -> None:
+        """Replace ``latest`` at this rate, Hz of simulated time, on whole cycles."""
+        self.state_every = max(1, round(1.0 / (rate * self._board.period)))
+        self._until_state = min(self._until_state, self.state_every)
+
+    def pause(self, paused: bool) -> None:
+        """Stop or go on between two cycles; steps that have not run yet are dropped."""
+        with self.exclusive():
+            self._paused = paused
+            self._finish_steps("the simulation was resumed before all steps had run")
+        self._wake.set()
+
+    def step(self, cycles: int, on_done: Callable[[str], None]) -> str:
+        """Run exactly this many cycles while paused.
+
+        ``on_done`` is called from the control thread after the last one, with an empty text or
+        why they did not all run. Returns an empty text, or why the request is refused.
+        """
+        with self.exclusive():
+            if not self._paused:
+                return (
+                    "~/step needs a paused simulation, and this one runs; "
+                    "call ~/pause with data: true first"
+                )
+            if self._steps:
+                return f"~/step refused: {self._steps} cycles of the last one are still to run"
+            if cycles <= 0:
+                return f"steps: {cycles} is not allowed; a number of control cycles above 0"
+            self._steps, self._on_steps = cycles, on_done
+        self._wake.set()
+        return ""
+
+    def reset(self) -> None:
+        """Back to the initial pose and power-on; simulated time goes on.
+
+        Raises:
+            TypeError: the plant cannot be reset.
+        """
+        with self.exclusive() as board:
+            reset = getattr(self._plant, "reset", None)
+            if reset is None:
+                raise TypeError("this plant has no reset; it is not a simulation")
+            reset()
+            board.power_cycle()
+
+    # -- the thread ---------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        sharpen_timers()
+        gc.collect()
+        gc.freeze()  # or every full collection would walk rclpy's and pybullet's objects
+        try:
+            self._pacer.restart()
+            while not self._stopping:
+                if self._paused:
+                    self._stand_still()
+                else:
+                    self._pacer.wait()
+                    self._cycle()
+                    self._pacer.finished()
+            self._unpower()
+        except Exception as error:
+            self.failure = error
+            with contextlib.suppress(Exception):  # it may be the plant that failed
+                self._cut_power()
+        finally:
+            self.on_end()
+
+    def _cycle(self) -> None:
+        """One control cycle; the reading of t is taken before what is commanded at t acts."""
+        with self._gate:
+            self._lock.acquire()
+        try:
+            if self._paused and not self._steps:
+                return  # paused while this cycle waited for its turn
+            self._until_state -= 1
+            measurement = self._plant.read()
+            if self._until_state <= 0:
+                self._note_time(measurement.time)
+            for hook in self.hooks:
+                hook(self._board, measurement.time)
+            self._plant.write(self._board.tick(measurement))
+            self._note_changes()
+            if self._until_state <= 0:
+                self._until_state = self.state_every
+                self._note_state()
+        finally:
+            self._lock.release()
+
+    def _stand_still(self) -> None:
+        """Run the steps asked for, else wait; show the state to newcomers now and then."""
+        while self._steps and not self._stopping:
+            self._cycle()
+            with self.exclusive():
+                if self._steps:
+                    self._steps -= 1
+                    if not self._steps:
+                        self._note_time(self._plant.read().time)
+                        self._note_state()
+                        self._finish_steps("")
+        self._wake.clear()
+        if self._paused and not self._steps and not self._stopping:
+            self._wake.wait(PAUSED_PERIOD)
+            with self.exclusive():
+                self._note_state()
+        if not self._paused:
+            self._pacer.restart()
+
+    def _finish_steps(self, message: str) -> None:
+        done, self._on_steps, self._steps = self._on_steps, None, 0
+        if done is not None:
+            done(message)
+
+    def _unpower(self) -> None:
+        """Every joint to IDLE, one cycle to let it act, and the last state."""
+        with self.exclusive() as board:
+            modes = board.get_control_mode(None)
+            for name, mode in zip(board.names, modes, strict=True):
+                calibrating = mode is ControlMode.CALIBRATING  # refuses IDLE (K2)
+                board.set_control_mode(
+                    name, ControlMode.FORCE_IDLE if calibrating else ControlMode.IDLE
+                )
+            measurement = self._plant.read()
+            self._note_time(measurement.time)
+            board.tick(measurement)
+            self._cut_power()
+            self._note_state()
+            self._finish_steps("the board is shutting down")
+
+    def _cut_power(self) -> None:
+        zeros = np.zeros(self._board.count)
+        self._plant.write(Actuation(pwm=zeros, powered=zeros))
+
+    # -- records, under the lock ---------------------------------------------------------------
+
+    def _note_time(self, simulated: float) -> None:
+        """A reading was taken now, at this simulated time (s)."""
+        self._read_time = simulated
+        stamp = round(simulated * NANOSECONDS) if self.simulated_time else time.time_ns()
+        self._read_stamp = stamp
+
+    def _ros_time(self) -> int:
+        """ROS time of the board's last cycle, ns."""
+        return self._read_stamp + round((self._board.time - self._read_time) * NANOSECONDS)
+
+    def ros_offset(self) -> int:
+        """What takes simulated time to ROS time, ns; to be called in an exclusive turn."""
+        return self._read_stamp - round(self._read_time * NANOSECONDS)
+
+    def _note_state(self) -> None:
+        self.latest = State(self._board.snapshot(), self._read_stamp)
+        self.states.append(self.latest)
+        self.events.extend(self._board.take_events())
+        self.on_state()
+
+    def _note_changes(self) -> None:
+        """Replace ``modes`` and ``faults`` where the board's have changed."""
+        board = self._board
+        if board.modes_version != self._modes_version:
+            self._modes_version = board.modes_version
+            self.modes = Modes(
+                board.get_control_mode(None), board.get_interaction_mode(None), self._ros_time()
+            )
+            self.on_state()
+        if board.faults_version != self._faults_version:
+            self._faults_version = board.faults_version
+            self.faults = Faults(board.get_faults(None), self._ros_time(), self.ros_offset())
+            self.on_state()
+
+
+class Turn:
+    """The board to oneself, see :meth:`ControlLoop.exclusive`.
+
+    The gate makes turns fair: Python's locks would let a loop that runs as fast as it can take
+    its lock again and again while others wait.
+    """
+
+    __slots__ = ("_loop",)
+
+    def __init__(self, loop: ControlLoop) -> None:
+        self._loop = loop
+
+    def __enter__(self) -> Board:
+        loop = self._loop
+        with loop._gate:
+            loop._lock.acquire()
+        return loop._board
+
+    def __exit__(self, *_error: Any) -> None:
+        loop = self._loop
+        try:
+            loop._note_changes()
+        finally:
+            loop._lock.release()

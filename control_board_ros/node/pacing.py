@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When the next control cycle is due, and how well the cycles kept to it."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Periods that the loop may lag before it gives up catching up and skips the rest.
+MAX_LAG = 10
+#: Lateness values kept between two looks at the statistics.
+KEPT = 1 << 17
+PR_SET_TIMERSLACK = 29
+
+
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """How the control loop fared.
+
+    Attributes: cycles, overruns (cycles that ended after the next one was due), skipped (periods
+    given up after a lag of more than MAX_LAG), all counted since the start. Of the time since
+    the statistics were last taken: rate (cycles per second), median, p99 and worst (lateness of
+    the cycle start, s).
+    """
+
+    cycles: int
+    overruns: int
+    skipped: int
+    rate: float
+    median: float
+    p99: float
+    worst: float
+
+
+class Pacer:
+    """Absolute deadlines on the monotonic clock, with bounded catching up.
+
+    Args:
+        period: wall-clock time from one cycle to the next, s; 0 = no waiting at all.
+    """
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+        self.cycles = self.overruns = self.skipped = 0
+        self._lateness = np.zeros(KEPT)
+        self._kept = 0
+        self._since = time.monotonic()
+        self._cycles_since = 0
+        self._deadline = self._since
+
+    def restart(self) -> None:
+        """The next cycle is due now: after a start, a pause or a change of the period."""
+        self._deadline = time.monotonic()
+
+    def wait(self) -> None:
+        """Sleep until the next cycle is due, and note how late it starts."""
+        if self.period <= 0.0:
+            self.cycles += 1
+            return
+        deadline = self._deadline
+        ahead = deadline - time.monotonic()
+        if ahead > 0.0:
+            time.sleep(ahead)
+        late = time.monotonic() - deadline
+        kept = self._kept
+        self._lateness[kept % KEPT] = late
+        self._kept = kept + 1
+        self.cycles += 1
+        self._deadline = deadline + self.period
+
+    def finished(self) -> None:
+        """A cycle is over: count it if it took too long, and skip what cannot be caught up."""
+        period = self.period
+        if period <= 0.0:
+            return
+        lag = time.monotonic() - self._deadline
+        if lag > 0.0:
+            self.overruns += 1
+            if lag > MAX_LAG * period:
+                lost = int(lag / period)
+                self.skipped += lost
+                self._deadline += lost * period
+
+    def take(self) -> Statistics:
+        """The statistics; starts the next window."""
+        now = time.monotonic()
+        cycles, kept = self.cycles, self._kept
+        self._kept = 0
+        lateness = self._lateness[: min(kept, KEPT)]
+        median, p99, worst = (0.0, 0.0, 0.0)
+        if kept:
+            median, p99, worst = np.percentile(lateness, (50.0, 99.0, 100.0)).tolist()
+        rate = (cycles - self._cycles_since) / max(now - self._since, 1e-9)
+        self._since, self._cycles_since = now, cycles
+        return Statistics(cycles, self.overruns, self.skipped, rate, median, p99, worst)
+
+
+def sharpen_timers() -> None:
+    """Ask Linux to end this thread's sleeps on time instead of up to 50 µs later."""
+    try:
+        ctypes.CDLL(None).prctl(PR_SET_TIMERSLACK, 1)
+    except (OSError, AttributeError):
+        return  # not Linux: sleeps as well as it can
