@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages from and to the board's values: pure functions, no ROS node needed.
+
+Names and lengths are checked by the board itself; here only what costs time is bounded.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from control_board_msgs.msg import BoardState, JointFault, JointFaults, JointModes
+from sensor_msgs.msg import JointState
+
+from ..core.faults import FaultRecord
+from ..core.reply import Reply
+from ..core.state import Snapshot
+from ..core.vocabs import Vocab
+
+NANOSECONDS = 1_000_000_000
+
+Response = TypeVar("Response")
+
+
+def chosen(names: Sequence[str], count: int) -> tuple[str, ...]:
+    """The joints that a request names; empty means all.
+
+    More names than joints cannot be right: one is unknown or there twice. One too many is
+    enough for the board to say so, so that a list of megabytes costs no more than that.
+    """
+    return tuple(names[: count + 1])
+
+
+def modes(codes: Sequence[str], count: int) -> tuple[str, ...]:
+    """The modes that a request asks for, cut like :func:`chosen`."""
+    return tuple(codes[: count + 1])
+
+
+def optional(values: Sequence[float]) -> Sequence[float] | None:
+    """Values that a message may leave empty: None then."""
+    return values if len(values) else None
+
+
+def answered(response: Response, reply: Reply) -> Response:
+    """A response that says what the reply says."""
+    response.success = bool(reply)  # type: ignore[attr-defined]
+    response.message = reply.message  # type: ignore[attr-defined]
+    return response
+
+
+def codes(values: Sequence[Vocab]) -> list[str]:
+    """The codes of vocabs, as messages carry them."""
+    return [value.code for value in values]
+
+
+def doubles(values: Any) -> array[float]:
+    """A float64[] field of numbers, shape (n,): assigned whole, never entry by entry."""
+    return array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
+
+
+def stamp(nanoseconds: int) -> Time:
+    """A time since the epoch, or of the simulation, as a message; not before 0."""
+    seconds, rest = divmod(max(nanoseconds, 0), NANOSECONDS)
+    return Time(sec=seconds & 0x7FFFFFFF, nanosec=rest)
+
+
+def set_stamp(time: Time, nanoseconds: int) -> None:
+    """Write a time into a message that is used again."""
+    seconds, time.nanosec = divmod(max(nanoseconds, 0), NANOSECONDS)
+    time.sec = seconds & 0x7FFFFFFF
+
+
+def fill_joint_state(message: JointState, state: Snapshot, nanoseconds: int) -> JointState:
+    """Write a snapshot into a JointState whose names are set."""
+    set_stamp(message.header.stamp, nanoseconds)
+    message.position = array("d", state.position.tobytes())
+    message.velocity = array("d", state.velocity.tobytes())
+    message.effort = array("d", state.torque.tobytes())
+    return message
+
+
+def fill_board_state(message: BoardState, state: Snapshot, nanoseconds: int) -> BoardState:
+    """Write a snapshot into a BoardState whose names are set."""
+    set_stamp(message.header.stamp, nanoseconds)
+    message.position = array("d", state.position.tobytes())
+    message.velocity = array("d", state.velocity.tobytes())
+    message.torque = array("d", state.torque.tobytes())
+    message.position_reference = array("d", state.position_reference.tobytes())
+    message.velocity_reference = array("d", state.velocity_reference.tobytes())
+    message.torque_reference = array("d", state.torque_reference.tobytes())
+    message.output = array("d", state.output.tobytes())
+    message.current = array("d", state.current.tobytes())
+    message.motion_done = state.motion_done.tolist()
+    message.rejected_commands = array("Q", state.rejected_commands.tobytes())
+    return message
+
+
+def joint_modes(
+    names: Sequence[str], control: Sequence[Vocab], interaction: Sequence[Vocab], nanoseconds: int
+) -> JointModes:
+    """The modes of all joints as a message."""
+    message = JointModes(
+        names=list(names),
+        control_modes=codes(control),
+        interaction_modes=codes(interaction),
+        control_mode_vocabs=array("i", map(int, control)),
+        interaction_mode_vocabs=array("i", map(int, interaction)),
+    )
+    set_stamp(message.header.stamp, nanoseconds)
+    return message
+
+
+def joint_fault(record: FaultRecord, offset: int) -> JointFault:
+    """A fault record as a message; ``offset`` (ns) takes simulated time to ROS time."""
+    raised = record.code >= 0
+    return JointFault(
+        name=record.name,
+        active=record.active,
+        code=record.code,
+        text=record.text,
+        stamp=stamp(round(record.stamp * NANOSECONDS) + offset if raised else 0),
+    )
+
+
+def joint_faults(records: Sequence[FaultRecord], nanoseconds: int, offset: int) -> JointFaults:
+    """The active ones of these fault records as a message."""
+    message = JointFaults(faults=[joint_fault(r, offset) for r in records if r.active])
+    set_stamp(message.header.stamp, nanoseconds)
+    return message
