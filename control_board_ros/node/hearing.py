@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Command topics that hear every publisher: reliable ones, and best-effort ones as well.
+
+DDS never connects a best-effort publisher to a reliable subscription. The subscription stays
+reliable, as the interface promises; when the middleware reports a publisher that it cannot
+hear, a best-effort one is added beside it. That one hears everybody, so from then on it is the
+one that counts, and for a moment, while publishers find it, messages that come by both ways are
+told apart by their source time stamps. When the last best-effort publisher is gone, it goes.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos_overriding_options import QoSOverridingOptions
+
+#: s in which both subscriptions are heard after the second one was added.
+HANDOVER = 1.0
+REMEMBERED = 64
+
+RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class CommandTopic:
+    """One command topic.
+
+    Args:
+        node: to subscribe from.
+        kind: the message type.
+        name: of the topic.
+        callback: given each message once.
+        overridable: whether ``qos_overrides`` parameters are declared for it.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: Any,
+        name: str,
+        callback: Callable[[Any], None],
+        *,
+        overridable: bool = True,
+    ) -> None:
+        self._node, self._kind, self._name, self._callback = node, kind, name, callback
+        self._second: Any = None
+        self._handover_end = 0.0
+        self._seen: deque[int] = deque(maxlen=REMEMBERED)
+        options = QoSOverridingOptions.with_default_policies() if overridable else None
+        self._first = node.create_subscription(
+            kind,
+            name,
+            self._on_first,
+            RELIABLE,
+            qos_overriding_options=options,
+            event_callbacks=SubscriptionEventCallbacks(
+                incompatible_qos=self._on_incompatible, use_default_callbacks=False
+            ),
+        )
+
+    def check(self) -> None:
+        """Drop the second subscription when nobody needs it; to be called now and then."""
+        if self._second is not None and not self._best_effort_publishers():
+            self._node.destroy_subscription(self._second)
+            self._second = None
+
+    def _best_effort_publishers(self) -> bool:
+        topic = self._first.topic_name
+        return any(
+            info.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
+            for info in self._node.get_publishers_info_by_topic(topic)
+        )
+
+    def _on_incompatible(self, _event: Any) -> None:
+        if self._second is None and self._first.qos_profile.reliability is not (
+            ReliabilityPolicy.BEST_EFFORT
+        ):
+            self._handover_end = time.monotonic() + HANDOVER
+            self._second = self._node.create_subscription(
+                self._kind,
+                self._name,
+                self._on_second,
+                BEST_EFFORT,
+                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            )
+
+    def _on_first(self, message: Any, info: dict[str, int]) -> None:
+        if self._second is None:
+            self._callback(message)
+        elif time.monotonic() < self._handover_end and self._is_new(info):
+            self._callback(message)
+
+    def _on_second(self, message: Any, info: dict[str, int]) -> None:
+        if time.monotonic() >= self._handover_end or self._is_new(info):
+            self._callback(message)
+
+    def _is_new(self, info: dict[str, int]) -> bool:
+        stamp = info["source_timestamp"]
+        if stamp in self._seen:
+            return False
+        self._seen.append(stamp)
+        return True

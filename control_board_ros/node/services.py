@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The services: each converts its request, asks the board between two cycles, and answers.
+
+Method names are the services' names; ``SERVICES`` is what the node offers. A ValueError is a
+request that is wrong as a whole and becomes the response's message.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from control_board_msgs import srv
+from rclpy.qos import QoSProfile
+from rclpy.task import Future
+from std_srvs.srv import SetBool, Trigger
+
+from ..core.board import Board
+from ..core.selection import RequestError
+from .loop import ControlLoop
+from .messages import answered, chosen, codes, doubles, joint_fault, modes, optional
+
+#: With rclpy's depth of 10, a hundred clients that call at once lose most of their calls.
+DEEP = QoSProfile(depth=500)
+
+
+class Services:
+    """The callbacks of the services.
+
+    Args:
+        loop: whose board is asked.
+        plant: the simulation, for faults.
+        injection: whether faults may be injected.
+        later: runs a function in the executor's thread; safe to call from any thread.
+    """
+
+    def __init__(
+        self,
+        loop: ControlLoop,
+        plant: Any,
+        injection: bool,
+        later: Callable[[Callable[[], None]], None],
+    ) -> None:
+        self._loop, self._plant, self._injection, self._later = loop, plant, injection, later
+
+    # -- modes --------------------------------------------------------------------------------
+
+    def set_control_mode(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            names = chosen(request.names, board.count)
+            reply = board.set_control_mode(names, modes(request.modes, board.count))
+            if reply.joints:
+                response.names = list(reply.joints)
+                response.modes = codes(board.get_control_mode(reply.joints))
+        return answered(response, reply)
+
+    def get_control_mode(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            response.names = names = self._names(board, request)
+            values = board.get_control_mode(names)
+        response.modes = codes(values)
+        response.vocabs = array("i", map(int, values))
+        return fine(response)
+
+    def set_interaction_mode(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            names = chosen(request.names, board.count)
+            reply = board.set_interaction_mode(names, modes(request.modes, board.count))
+            if reply.joints:
+                response.names = list(reply.joints)
+                response.modes = codes(board.get_interaction_mode(reply.joints))
+        return answered(response, reply)
+
+    def get_interaction_mode(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            response.names = names = self._names(board, request)
+            values = board.get_interaction_mode(names)
+        response.modes = codes(values)
+        response.vocabs = array("i", map(int, values))
+        return fine(response)
+
+    def get_available_modes(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            response.names = names = self._names(board, request)
+            values = board.get_available_modes(names)
+        response.control_modes = [",".join(codes(control)) for control, _ in values]
+        response.interaction_modes = [",".join(codes(interaction)) for _, interaction in values]
+        return fine(response)
+
+    # -- references ---------------------------------------------------------------------------
+
+    def set_impedance(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            names = chosen(request.names, board.count)
+            reply = board.set_impedance(names, request.stiffness, request.damping)
+        return answered(response, reply)
+
+    def get_impedance(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            response.names = names = self._names(board, request)
+            stiffness, damping = board.get_impedance(names)
+            max_stiffness, max_damping = board.get_max_impedance(names)
+            offset = board.get_torque_offset(names)
+        response.stiffness, response.damping = doubles(stiffness), doubles(damping)
+        response.max_stiffness = doubles(max_stiffness)
+        response.max_damping = doubles(max_damping)
+        response.torque_offset = doubles(offset)
+        return fine(response)
+
+    def set_reference_speed(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            names = chosen(request.names, board.count)
+            speeds, accelerations = optional(request.speeds), optional(request.accelerations)
+            reply = board.set_reference_speed(names, speeds, accelerations)
+        return answered(response, reply)
+
+    def get_references(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            response.names = names = self._names(board, request)
+            response.positions = doubles(board.get_target_position(names))
+            response.direct_positions = doubles(board.get_ref_position(names))
+            response.velocities = doubles(board.get_ref_velocity(names))
+            response.torques = doubles(board.get_ref_torque(names))
+            response.outputs = doubles(board.get_output(names))
+            response.speeds = doubles(board.get_ref_speed(names))
+            response.accelerations = doubles(board.get_ref_acceleration(names))
+        return fine(response)
+
+    def stop(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            reply = board.stop(chosen(request.names, board.count))
+        return answered(response, reply)
+
+    # -- faults and life ----------------------------------------------------------------------
+
+    def get_faults(self, request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            records = board.get_faults(chosen(request.names, board.count))
+            offset = self._loop.ros_offset()
+        response.faults = [joint_fault(record, offset) for record in records]
+        return fine(response)
+
+    def configure(self, _request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            reply = board.configure()
+        return answered(response, reply)
+
+    def power_cycle(self, _request: Any, response: Any) -> Any:
+        with self._loop.exclusive() as board:
+            board.power_cycle()
+        return fine(response)
+
+    # -- simulation ---------------------------------------------------------------------------
+
+    def inject_fault(self, request: Any, response: Any) -> Any:
+        self._require_injection()
+        with self._loop.exclusive() as board:
+            for name in self._names(board, request):
+                self._plant.inject(name, request.fault, request.persistent)
+        return fine(response)
+
+    def clear_injected_faults(self, _request: Any, response: Any) -> Any:
+        self._require_injection()
+        with self._loop.exclusive():
+            self._plant.clear_injected()
+        return fine(response)
+
+    def pause(self, request: Any, response: Any) -> Any:
+        self._loop.pause(request.data)
+        return fine(response)
+
+    def step(self, request: Any, response: Any) -> Any:
+        done = Future()
+        refusal = self._loop.step(
+            request.steps, lambda text: self._later(lambda: done.set_result(text))
+        )
+        if refusal:
+            raise RequestError(refusal)
+        return told(response, done)
+
+    def reset(self, _request: Any, response: Any) -> Any:
+        self._loop.reset()
+        return fine(response)
+
+    def _require_injection(self) -> None:
+        if not self._injection:
+            raise RequestError(
+                "fault injection is off; start the node with allow_fault_injection: true"
+            )
+
+    @staticmethod
+    def _names(board: Board, request: Any) -> list[str]:
+        return list(board.selector.select(chosen(request.names, board.count)).names)
+
+
+def fine(response: Any) -> Any:
+    """A response without complaint."""
+    response.success = True
+    return response
+
+
+async def told(response: Any, future: Awaitable[str]) -> Any:
+    """A response that waits; the future's text is empty, or says what went wrong."""
+    response.message = await future
+    response.success = not response.message
+    return response
+
+
+#: Name below the node's own, and type, of every service; a method of Services each.
+SERVICES: dict[str, Any] = {
+    "set_control_mode": srv.SetControlMode,
+    "get_control_mode": srv.GetControlMode,
+    "set_interaction_mode": srv.SetInteractionMode,
+    "get_interaction_mode": srv.GetInteractionMode,
+    "get_available_modes": srv.GetAvailableModes,
+    "set_impedance": srv.SetImpedance,
+    "get_impedance": srv.GetImpedance,
+    "set_reference_speed": srv.SetReferenceSpeed,
+    "get_references": srv.GetReferences,
+    "stop": srv.Stop,
+    "get_faults": srv.GetFaults,
+    "configure": Trigger,
+    "power_cycle": Trigger,
+    "inject_fault": srv.InjectFault,
+    "clear_injected_faults": Trigger,
+    "pause": SetBool,
+    "step": srv.Step,
+    "reset": Trigger,
+}

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command topics: each converts its message and hands it to the board between two cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from control_board_msgs import msg
+
+from ..core.reply import Reply
+from .loop import ControlLoop
+from .messages import chosen, optional
+
+
+class Commands:
+    """The callbacks of the command topics; what is not accepted goes to ``complain``.
+
+    Args:
+        loop: whose board is commanded.
+        plant: the simulation, for external torques.
+        injection: whether the simulation may be disturbed.
+        complain: takes a message for the throttled log.
+    """
+
+    def __init__(
+        self, loop: ControlLoop, plant: Any, injection: bool, complain: Callable[[str], None]
+    ) -> None:
+        self._loop, self._plant, self._injection = loop, plant, injection
+        self._complain = complain
+
+    def position(self, message: Any) -> None:
+        with self._loop.exclusive() as board:
+            names = chosen(message.names, board.count)
+            reply = board.position_move(names, message.positions, optional(message.speeds))
+        self._answer(reply)
+
+    def position_direct(self, message: Any) -> None:
+        with self._loop.exclusive() as board:
+            reply = board.set_position(chosen(message.names, board.count), message.positions)
+        self._answer(reply)
+
+    def velocity(self, message: Any) -> None:
+        with self._loop.exclusive() as board:
+            names, along = chosen(message.names, board.count), optional(message.accelerations)
+            reply = board.velocity_move(names, message.velocities, along)
+        self._answer(reply)
+
+    def torque(self, message: Any) -> None:
+        with self._loop.exclusive() as board:
+            reply = board.set_ref_torque(chosen(message.names, board.count), message.torques)
+        self._answer(reply)
+
+    def output(self, message: Any) -> None:
+        with self._loop.exclusive() as board:
+            reply = board.set_output(chosen(message.names, board.count), message.outputs)
+        self._answer(reply)
+
+    def feedforward(self, message: Any) -> None:
+        with self._loop.exclusive() as board:
+            names = chosen(message.names, board.count)
+            outputs, torques = optional(message.outputs), optional(message.torques)
+            reply = board.set_feedforward(names, outputs, torques)
+        self._answer(reply)
+
+    def external_torque(self, message: Any) -> None:
+        """Push joints of the simulation from outside, until a 0 comes."""
+        if not self._injection:
+            self._complain(
+                "external torque ignored: fault injection is off; "
+                "start the node with allow_fault_injection: true"
+            )
+            return
+        torques = np.asarray(message.torques)
+        with self._loop.exclusive() as board:
+            names = board.selector.select(chosen(message.names, board.count)).names
+            if len(names) == torques.size and np.isfinite(torques).all():
+                for name, torque in zip(names, torques.tolist(), strict=True):
+                    self._plant.push(name, torque)
+                return
+        self._complain(
+            f"external torque ignored: {torques.size} torques for {len(names)} joints; "
+            "send one finite number per named joint"
+        )
+
+    def _answer(self, reply: Reply) -> None:
+        if not reply:
+            self._complain(reply.message)
+
+
+#: Topic below the node's name, and type; a method of Commands each.
+COMMANDS: dict[str, Any] = {
+    "command/position": msg.PositionCommand,
+    "command/position_direct": msg.PositionDirectCommand,
+    "command/velocity": msg.VelocityCommand,
+    "command/torque": msg.TorqueCommand,
+    "command/output": msg.OutputCommand,
+    "command/feedforward": msg.FeedforwardCommand,
+    "external_torque": msg.TorqueCommand,
+}
