@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What /diagnostics says, after REP-107: one status for the loop, one per joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+from ..core.faults import FaultRecord
+from ..core.vocabs import ControlMode, InteractionMode
+from .loop import ControlLoop
+from .pacing import Statistics
+
+PREFIX = "control_board"
+
+
+class Diagnostics:
+    """Makes the array; compares with the last one to tell what is new.
+
+    Args:
+        loop: whom to tell about.
+        names: of the joints.
+        hardware_id: of the robot.
+        nominal_rate: control cycles per second of simulated time.
+    """
+
+    def __init__(
+        self, loop: ControlLoop, names: Sequence[str], hardware_id: str, nominal_rate: float
+    ) -> None:
+        self._loop, self._names = loop, names
+        self._hardware_id, self._nominal_rate = hardware_id, nominal_rate
+        self._overruns = self._skipped = 0
+        self._rejected = [0] * len(names)
+
+    def message(self, now: Time) -> DiagnosticArray:
+        """The diagnostics of the time since the last call."""
+        array = DiagnosticArray()
+        array.header.stamp = now
+        loop = self._loop
+        state, modes, faults = loop.latest.snapshot, loop.modes, loop.faults
+        rejected = state.rejected_commands.tolist()
+        array.status.append(self._loop_status(loop.statistics(), sum(rejected)))
+        for j, name in enumerate(self._names):
+            array.status.append(
+                self._joint_status(
+                    name,
+                    (modes.control[j], modes.interaction[j]),
+                    faults.records[j],
+                    (rejected[j], rejected[j] - self._rejected[j]),
+                    float(state.temperature[j]),
+                    float(state.current[j]),
+                )
+            )
+        self._rejected = rejected
+        return array
+
+    def _loop_status(self, found: Statistics, rejected: int) -> DiagnosticStatus:
+        late = found.overruns - self._overruns
+        skipped = found.skipped - self._skipped
+        self._overruns, self._skipped = found.overruns, found.skipped
+        factor = self._loop.real_time_factor
+        level, text = DiagnosticStatus.OK, f"{found.rate:.0f} cycles per second"
+        if self._loop.paused:
+            text = "paused"
+        elif late or skipped:
+            level = DiagnosticStatus.WARN
+            text = f"{late} overruns and {skipped} skipped cycles in the last second"
+        values = {
+            "loop rate (Hz)": f"{found.rate:.1f}",
+            "nominal rate (Hz)": f"{self._nominal_rate * factor:.1f}" if factor else "unlimited",
+            "cycles": found.cycles,
+            "overruns": found.overruns,
+            "skipped cycles": found.skipped,
+            "worst latency (ms)": f"{found.worst * 1e3:.3f}",
+            "p99 latency (ms)": f"{found.p99 * 1e3:.3f}",
+            "median latency (ms)": f"{found.median * 1e3:.3f}",
+            "rejected commands": rejected,
+            "joints in fault": sum(r.active for r in self._loop.faults.records),
+        }
+        return self._status("loop", level, text, values.items())
+
+    def _joint_status(
+        self,
+        name: str,
+        modes: tuple[ControlMode, InteractionMode],
+        fault: FaultRecord,
+        rejected: tuple[int, int],
+        temperature: float,
+        current: float,
+    ) -> DiagnosticStatus:
+        level, text = DiagnosticStatus.OK, modes[0].name
+        if fault.active:
+            level, text = DiagnosticStatus.ERROR, f"HW_FAULT: {fault.text}; send FORCE_IDLE"
+        elif rejected[1]:
+            level = DiagnosticStatus.WARN
+            text = f"{modes[0].name}; {rejected[1]} commands rejected in the last second"
+        values = {
+            "control mode": modes[0].code,
+            "interaction mode": modes[1].code,
+            "fault": fault.text if fault.active else "no fault",
+            "fault code": fault.code if fault.active else -1,
+            "last fault": fault.text,
+            "rejected commands": rejected[0],
+            "temperature (°C)": f"{temperature:.1f}",
+            "current (A)": f"{current:.2f}",
+        }
+        return self._status(name, level, text, values.items())
+
+    def _status(
+        self, name: str, level: bytes, text: str, values: Iterable[tuple[str, object]]
+    ) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            name=f"{PREFIX}: {name}",
+            level=level,
+            message=text,
+            hardware_id=self._hardware_id,
+            values=[KeyValue(key=key, value=str(value)) for key, value in values],
+        )

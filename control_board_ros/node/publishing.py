@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""State out: a thread of its own that publishes what the control loop has noted.
+
+It takes the loop's frozen records and never its lock, and keeps the middleware out of the
+control thread: a slow network delays a message, not a control cycle. Message objects are used
+again, their arrays are assigned whole.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from control_board_msgs.msg import BoardState, JointFaults, JointModes
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from .loop import ControlLoop
+from .messages import fill_board_state, fill_joint_state, joint_faults, joint_modes, set_stamp
+from .pacing import sharpen_timers
+
+STREAM = QoSProfile(depth=10)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+#: Without these, every publisher adds two entities to each wait of the executor.
+QUIET = PublisherEventCallbacks(use_default_callbacks=False)
+
+
+class StatePublisher:
+    """Publishes joint_states, ~/state, ~/modes, ~/faults, robot_description and /clock.
+
+    Args:
+        node: to publish from.
+        loop: whose records are published; its ``on_state`` is taken.
+        description: the URDF.
+        after: called in the publishing thread after each round, for the log.
+        on_error: told of exceptions; the thread lives on.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        loop: ControlLoop,
+        names: tuple[str, ...],
+        description: str,
+        after: Callable[[], None],
+        on_error: Callable[[Exception, str], None],
+    ) -> None:
+        self._loop, self._names = loop, names
+        self._after, self._on_error = after, on_error
+        self._node = node
+        self._joint_states = self._publisher(JointState, "joint_states", STREAM)
+        self._states = self._publisher(BoardState, "~/state", STREAM)
+        self._modes = self._publisher(JointModes, "~/modes", LATCHED)
+        self._faults = self._publisher(JointFaults, "~/faults", LATCHED)
+        self._description = self._publisher(String, "robot_description", LATCHED)
+        self._clock: Any = None
+        self._joint_state = JointState(name=list(names))
+        self._board_state = BoardState(names=list(names))
+        self._clock_message = Clock()
+        self._done: list[object] = [None, None]
+        self._due = threading.Lock()  # held while there is nothing to do
+        self._due.acquire()
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name="state", daemon=True)
+        if loop.simulated_time:
+            self.announce_clock()
+        self._description.publish(String(data=description))
+        loop.on_state = self.wake
+
+    def _publisher(self, kind: Any, name: str, qos: QoSProfile) -> Any:
+        return self._node.create_publisher(kind, name, qos, event_callbacks=QUIET)
+
+    def announce_clock(self) -> None:
+        """Offer /clock; called where no publishing goes on: at start or by the executor."""
+        if self._clock is None:
+            self._clock = self._publisher(Clock, "/clock", CLOCK)
+
+    def start(self) -> None:
+        """Start to publish."""
+        self._thread.start()
+        self.wake()
+
+    def wake(self) -> None:
+        """There is something new; returns at once."""
+        if self._due.locked():
+            try:
+                self._due.release()
+            except RuntimeError:
+                return  # another thread was faster
+
+    def stop(self, timeout: float = 1.0) -> None:
+        """Publish what is left, and end."""
+        self._running = False
+        self.wake()
+        if self._thread.is_alive():
+            self._thread.join(timeout)
+
+    def _run(self) -> None:
+        sharpen_timers()
+        while self._running:
+            self._due.acquire()
+            self._round()
+        self._round()
+
+    def _round(self) -> None:
+        try:
+            self.publish()
+            self._after()
+        except Exception as error:
+            self._on_error(error, "state publisher")
+
+    def publish(self) -> None:
+        """Publish every record that is new."""
+        loop, done = self._loop, self._done
+        modes, faults = loop.modes, loop.faults
+        if modes is not done[0]:
+            done[0] = modes
+            self._modes.publish(
+                joint_modes(self._names, modes.control, modes.interaction, modes.stamp)
+            )
+        if faults is not done[1]:
+            done[1] = faults
+            self._faults.publish(joint_faults(faults.records, faults.stamp, faults.offset))
+        while loop.states:
+            state = loop.states.popleft()
+            snapshot, stamp = state.snapshot, state.stamp
+            self._joint_states.publish(fill_joint_state(self._joint_state, snapshot, stamp))
+            self._states.publish(fill_board_state(self._board_state, snapshot, stamp))
+            if self._clock is not None and loop.simulated_time:
+                set_stamp(self._clock_message.clock, stamp)
+                self._clock.publish(self._clock_message)
