@@ -1,0 +1,202 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The executable ``control_board``: read the settings, take the name, run, stop.
+
+Exit codes: 0 stopped by SIGINT or SIGTERM, 2 wrong settings, 3 the name is taken, 4 the physics
+server is gone, 1 anything else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import tempfile
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .node import BoardNode
+    from .parameters import Start
+
+#: s for which a thread may keep the interpreter from others; the default makes cycles late.
+SWITCH_INTERVAL = 5e-5
+
+USAGE = """\
+usage: control_board [--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r FROM:=TO] ...]
+
+Starts the simulated control board, by default a KUKA iiwa.
+  control_board --ros-args -p robot:=panda -p gui:=true
+  control_board --ros-args --params-file my_robot.yaml -r __ns:=/left
+Parameters: docs/parameters.md, or `ros2 param list /control_board` while it runs.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the node until a signal; returns the exit code."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if {"-h", "--help"} & set(arguments):
+        say(USAGE)
+        return 0
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    provide_log_folder()
+    try:
+        return run(arguments, ended)
+    except KnownError as error:
+        complain(str(error))
+        return error.code
+    finally:
+        settle_stdout()
+
+
+class KnownError(Exception):
+    """An error whose text says it all; ends the process with ``code``."""
+
+    def __init__(self, code: int, text: str) -> None:
+        super().__init__(text.partition("\n")[0])
+        self.code = code
+
+
+def run(arguments: list[str], ended: threading.Event) -> int:
+    """From the arguments to a running node, and back."""
+    from ..sim.errors import PlantError, PlantGone
+    from ..sim.plant import SimulatedPlant
+    from .lock import AlreadyRunning, lock_name
+    from .parameters import SettingsError, settings_from_arguments
+
+    try:
+        start = settings_from_arguments(arguments)
+    except SettingsError as error:
+        raise KnownError(2, str(error)) from None
+    full_name = f"{start.namespace.rstrip('/')}/{start.name}"
+    try:
+        lock = lock_name(full_name, os.environ.get("ROS_DOMAIN_ID") or "0")
+    except AlreadyRunning as error:
+        raise KnownError(3, str(error)) from None
+    except OSError as error:
+        raise KnownError(1, f"no lock for {full_name}: {error}; set XDG_RUNTIME_DIR") from None
+    try:
+        plant = SimulatedPlant(start.settings.board, start.settings.simulation)
+    except PlantGone as error:
+        raise KnownError(4, str(error)) from None
+    except (PlantError, ValueError) as error:
+        raise KnownError(2, str(error)) from None
+    try:
+        failure = serve(start, plant, ended)
+    finally:
+        plant.close()
+        os.close(lock)
+    if isinstance(failure, PlantGone):
+        raise KnownError(4, str(failure))
+    if failure is not None:
+        raise KnownError(1, f"the control loop failed: {type(failure).__name__}: {failure}")
+    return 0
+
+
+def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
+    """Run the node until ``ended`` is set; returns what ended the control loop, if it failed."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from .executor import KeptWaitSetExecutor
+    from .node import BoardNode
+
+    try:
+        rclpy.init(args=start.arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:
+        raise KnownError(2, f"ROS does not start: {error}") from None
+    board = BoardNode(start, plant, on_end=ended.set)
+    executor = KeptWaitSetExecutor(board.on_error)
+    executor.add_node(board.node)
+    thread = threading.Thread(target=executor.spin, name="executor", daemon=True)
+    board.start()
+    thread.start()
+    say(welcome(board))
+    ended.wait()
+    board.stop()
+    executor.end()
+    thread.join(timeout=0.5)
+    if not thread.is_alive():  # else it hangs in a callback, and its node cannot be destroyed
+        executor.shutdown()
+        board.node.destroy_node()
+        rclpy.try_shutdown()
+    return board.loop.failure
+
+
+def welcome(board: BoardNode) -> str:
+    """The joints with their limits and modes, and lines to paste."""
+    config = board.parameters.settings.board
+    modes = board.loop.modes
+    width = max(len(name) for name in (*config.names, "joint"))
+    lines = [f"{'joint':{width}}    lower    upper  speed  modes"]
+    for joint in config.joints:
+        limits = joint.limits
+        codes = " ".join(mode.code for mode in joint.control_modes)
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        lines.append(
+            f"{joint.name:{width}} {limits.lower:8.3f} {limits.upper:8.3f} {limits.velocity:6.2f}"
+            f"  {codes} ({unit})"
+        )
+    name, first = board.node.get_fully_qualified_name(), config.names[0]
+    option = "" if name == "/control_board" else f" --board {name}"
+    startup = sorted({mode.name for mode in modes.control})
+    lines += [
+        "",
+        f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(startup)}. Try:",
+        f"  cbctl{option} move {first}=30deg",
+        f"  ros2 service call {name}/set_control_mode control_board_msgs/srv/SetControlMode "
+        f'"{{names: [{first}], modes: [posd]}}"',
+        f"  ros2 topic pub --once {name}/command/position control_board_msgs/msg/PositionCommand "
+        f'"{{names: [{first}], positions: [0.5]}}"',
+        "Stop with Ctrl-C.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def say(text: str) -> None:
+    """Print, also when nobody listens any more."""
+    with contextlib.suppress(OSError, ValueError):
+        print(text, end="", flush=True)
+
+
+def complain(text: str) -> None:
+    """One line on standard error, also when nobody listens any more."""
+    with contextlib.suppress(OSError, ValueError):
+        print(f"control_board: {text}", file=sys.stderr, flush=True)
+
+
+def settle_stdout() -> None:
+    """Flush standard output; where that fails, keep Python from failing on it at exit."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except (OSError, ValueError):
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def provide_log_folder() -> None:
+    """Give rcl a folder for its logs where it would find none and refuse to start."""
+    if os.environ.get("ROS_LOG_DIR"):
+        return
+    home = os.environ.get("ROS_HOME") or os.path.expanduser("~/.ros")
+    try:
+        folder = Path(home, "log")
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return
+    except OSError:
+        folder = Path(tempfile.gettempdir(), f"control_board_ros-{os.getuid()}-log")
+        with contextlib.suppress(OSError):
+            folder.mkdir(mode=0o700, exist_ok=True)
+        os.environ["ROS_LOG_DIR"] = str(folder)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

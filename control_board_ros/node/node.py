@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The node: publishers, subscriptions, services, actions and parameters of one board.
+
+Everything here is wiring. Callbacks run in the executor's thread, one at a time; what they do
+with the board they do between two control cycles (``loop.exclusive``).
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory
+
+from ..core.board import Board
+from ..core.config import BoardConfig
+from ..core.measurement import Plant
+from .actions import Actions
+from .diagnostics import Diagnostics
+from .hearing import CommandTopic
+from .loop import ControlLoop
+from .parameters import Parameters, Start
+from .publishing import QUIET, STREAM, StatePublisher
+from .services import DEEP, SERVICES, Services
+from .throttle import PERIOD, ThrottledLog
+from .topics import COMMANDS, Commands
+from .trajectory import TrajectoryFollower
+
+#: s after the start at which the graph is known well enough to look for a namesake.
+SETTLED = 3.0
+
+
+class BoardNode:
+    """One board on ROS. Make it, :meth:`start` it, spin ``node``, :meth:`stop` it.
+
+    Args:
+        start: settings and what rclpy needs of the command line.
+        plant: what the board drives; closed at the end.
+        on_end: called when the control loop ends by itself; ``loop.failure`` says why.
+        context: of rclpy; None for the default one.
+    """
+
+    def __init__(
+        self,
+        start: Start,
+        plant: Plant,
+        *,
+        on_end: Callable[[], None] = lambda: None,
+        context: Any = None,
+    ) -> None:
+        settings = start.settings
+        values = settings.values
+        self.board = Board(settings.board)
+        self.loop = ControlLoop(
+            self.board,
+            plant,
+            state_rate=values["state_rate"],
+            real_time_factor=values["real_time_factor"],
+            simulated_stamps=values["publish_clock"],
+            on_end=on_end,
+        )
+        self.node = Node(
+            "control_board", context=context, parameter_overrides=list(start.overrides)
+        )
+        self.log = self.node.get_logger()
+        self._throttled = ThrottledLog()
+        self.parameters = Parameters(self.node, settings, self._reconfigure, self._changed)
+        names = settings.board.names
+        self.publisher = StatePublisher(
+            self.node, self.loop, names, settings.description, self._tell_events, self.on_error
+        )
+        injection = bool(values["allow_fault_injection"])
+        self._services = Services(self.loop, plant, injection, self._later)
+        self._offer_services()
+        self._topics = self._hear_commands(Commands(self.loop, plant, injection, self.complain))
+        self._actions = Actions(self.node, self.loop)
+        self._diagnostics = Diagnostics(
+            self.loop, names, settings.urdf.name, settings.board.control_rate
+        )
+        self._diagnostics_publisher = self.node.create_publisher(
+            DiagnosticArray, "/diagnostics", STREAM, event_callbacks=QUIET
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.node.create_timer(PERIOD, self._each_second, clock=steady)
+        self._namesake_timer = self.node.create_timer(SETTLED, self._warn_of_namesake, clock=steady)
+        for warning in settings.warnings:
+            self.log.warning(warning)
+
+    def start(self) -> None:
+        """Let the control loop and the publisher run."""
+        self.loop.start()
+        self.publisher.start()
+
+    def stop(self) -> None:
+        """Joints unpowered, last state published."""
+        self.loop.stop()
+        self.publisher.stop()
+
+    def complain(self, message: str) -> None:
+        """Log what was ignored, once per second and cause."""
+        self._throttled.say(self.log.warning, message)
+
+    def on_error(self, error: Exception, where: str) -> None:
+        """An exception that should not be: one line, once per second and cause."""
+        frames = traceback.extract_tb(error.__traceback__)
+        at = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
+        text = str(error).partition("\n")[0]
+        self._throttled.say(
+            self.log.error,
+            f"internal error in {where}: {type(error).__name__}: {text}{at}; please report it",
+            what="times",
+        )
+
+    # -- wiring -------------------------------------------------------------------------------
+
+    def _offer_services(self) -> None:
+        for name, kind in SERVICES.items():
+            callback = self._answering(name, kind, getattr(self._services, name))
+            self.node.create_service(kind, f"~/{name}", callback, qos_profile=DEEP)
+
+    def _answering(self, name: str, kind: Any, callback: Any) -> Any:
+        """A service's callback that always answers, and never raises."""
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return callback(request, response)
+            except ValueError as error:
+                return kind.Response(success=False, message=str(error))
+            except Exception as error:
+                self.on_error(error, name)
+                return kind.Response(
+                    success=False, message=f"internal error in {name}; the board's log tells more"
+                )
+
+        return answer
+
+    def _hear_commands(self, commands: Commands) -> list[CommandTopic]:
+        topics = [
+            CommandTopic(
+                self.node,
+                kind,
+                f"~/{name}",
+                self._hearing(name, getattr(commands, name.removeprefix("command/"))),
+            )
+            for name, kind in COMMANDS.items()
+        ]
+        follower = TrajectoryFollower(self.loop, self.complain)
+        callback = self._hearing("joint_trajectory", follower.on_message)
+        topics.append(CommandTopic(self.node, JointTrajectory, "~/joint_trajectory", callback))
+        return topics
+
+    def _hearing(self, name: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        """A topic's callback that never raises."""
+
+        def hear(message: Any) -> None:
+            try:
+                callback(message)
+            except ValueError as error:
+                self.complain(f"{name} ignored: {error}")
+            except Exception as error:
+                self.on_error(error, name)
+
+        return hear
+
+    def _later(self, function: Callable[[], None]) -> None:
+        executor = self.node.executor
+        if executor is not None:
+            executor.create_task(function)
+
+    # -- parameters ---------------------------------------------------------------------------
+
+    def _reconfigure(self, config: BoardConfig) -> None:
+        with self.loop.exclusive() as board:
+            board.reconfigure(config)
+
+    def _changed(self, name: str, value: Any) -> None:
+        if name == "state_rate":
+            self.loop.set_state_rate(value)
+        elif name == "real_time_factor":
+            self.loop.set_real_time_factor(value)
+            if self.loop.simulated_time:
+                self.publisher.announce_clock()
+
+    # -- now and then -------------------------------------------------------------------------
+
+    def _tell_events(self) -> None:
+        """Log what happened in the control cycles (in the publisher's thread)."""
+        events = self.loop.events
+        while events:
+            event = events.popleft()
+            write = {"info": self.log.info, "warning": self.log.warning}.get(
+                event.level, self.log.error
+            )
+            self._throttled.say(write, event.text, what="times", cause=event.key + event.joint)
+
+    def _each_second(self) -> None:
+        self._throttled.flush()
+        now = self.node.get_clock().now().to_msg()
+        self._diagnostics_publisher.publish(self._diagnostics.message(now))
+        for topic in self._topics:
+            topic.check()
+
+    def _warn_of_namesake(self) -> None:
+        self._namesake_timer.cancel()
+        name = self.node.get_fully_qualified_name()
+        same = [
+            1
+            for node, namespace in self.node.get_node_names_and_namespaces()
+            if f"{namespace.rstrip('/')}/{node}" == name
+        ]
+        if len(same) > 1:
+            self.log.warning(
+                f"{len(same)} nodes are called {name} on this domain, and each executes every "
+                "request; stop the others (ros2 node list), or use another name or ROS_DOMAIN_ID"
+            )
