@@ -37,6 +37,7 @@ ROS_WHEELS = [
     "ros-sensor-msgs==5.3.6",
     "ros-std-msgs==5.3.6",
     "ros-std-srvs==5.3.6",
+    "ros-trajectory-msgs==5.3.6",
     "setuptools",
 ]
 
@@ -224,6 +225,7 @@ def version() -> str:
 def runtime_requirements() -> list[str]:
     """What pip installs; a sourced ROS 2 brings its own packages, which pip does not know."""
     plain = [
+        "click>=8.1",
         "numpy>=1.26",
         "prompt_toolkit>=3.0",
         "pybullet>=3.2.6",

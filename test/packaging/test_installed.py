@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an installation puts on the machine, by whichever way it was installed."""
+
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import get_package_share_directory
+
+import control_board_ros
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMANDS = {"control_board": "control_board_ros.node.main", "cbctl": "control_board_ros.cli"}
+
+
+def test_configurations_are_installed_as_they_are_in_the_source() -> None:
+    installed = Path(get_package_share_directory("control_board_ros")) / "config"
+    sources = [path for path in (ROOT / "config").iterdir() if path.suffix in {".yaml", ".xml"}]
+    assert sources
+    for path in sources:
+        assert (installed / path.name).read_text() == path.read_text(), (
+            f"{path.name} is not the installed one; run `make setup`"
+        )
+
+
+def test_both_packages_are_in_the_ament_index() -> None:
+    for package in ("control_board_ros", "control_board_msgs"):
+        assert (Path(get_package_share_directory(package)) / "package.xml").is_file()
+
+
+def test_package_says_that_it_is_typed() -> None:
+    assert (Path(control_board_ros.__file__).parent / "py.typed").is_file()
+
+
+@pytest.mark.parametrize(("command", "module"), COMMANDS.items())
+def test_command_has_something_to_call(command: str, module: str) -> None:
+    assert callable(importlib.import_module(module).main)
+    assert f"{command} = " in (ROOT / "setup.py").read_text()
+
+
+def test_importing_the_package_imports_nothing_heavy() -> None:
+    code = "import sys, control_board_ros; print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=30
+    )
+    loaded = set(done.stdout.split())
+    assert "control_board_ros" in loaded
+    assert not loaded & {"numpy", "pybullet", "rclpy", "control_board_msgs", "typer"}
+
+
+def ament_prefix_path_after_import(before: str | None) -> list[str]:
+    environment = {key: value for key, value in os.environ.items() if key != "AMENT_PREFIX_PATH"}
+    if before is not None:
+        environment["AMENT_PREFIX_PATH"] = before
+    code = "import os, control_board_ros; print(os.environ.get('AMENT_PREFIX_PATH', ''))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=30,
+        env=environment,
+    )
+    return [entry for entry in done.stdout.strip().split(os.pathsep) if entry]
+
+
+@pytest.mark.skipif(
+    not Path(sys.prefix, "share/ament_index").is_dir(), reason="ROS is not in this environment"
+)
+def test_environment_of_wheels_is_found_without_a_setup_file() -> None:
+    assert ament_prefix_path_after_import(None) == [sys.prefix]
+    assert ament_prefix_path_after_import("") == [sys.prefix]
+    assert ament_prefix_path_after_import("/opt/ros/jazzy") == ["/opt/ros/jazzy", sys.prefix]
+    assert ament_prefix_path_after_import(sys.prefix) == [sys.prefix]
+
+
+def find_python(
+    tmp_path: Path, *without: str, python: str = ""
+) -> subprocess.CompletedProcess[str]:
+    """Run tools/find-python on a machine that has its tools, except the given ones."""
+    tools = {"sh", "sed", "sort", "head", "printf", "cmake", "make", "cc", "c++", "apt-get"}
+    for tool in tools - set(without):
+        found = shutil.which(tool)
+        if found:
+            (tmp_path / tool).symlink_to(found)
+    if "apt-get" not in without and not (tmp_path / "apt-get").exists():
+        (tmp_path / "apt-get").symlink_to("/bin/true")
+    return subprocess.run(
+        [str(ROOT / "tools/find-python"), *([python] if python else [])],
+        env={"PATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=30,
+    )
+
+
+@pytest.mark.parametrize(
+    ("without", "package"),
+    [("cmake", "cmake"), ("c++", "g++"), ("make", "make")],
+)
+def test_a_missing_tool_is_said_in_one_line(tmp_path: Path, without: str, package: str) -> None:
+    done = find_python(tmp_path, without)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.startswith("missing: ")
+    assert done.stderr.endswith(f"sudo apt-get install {package}\n")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_missing_python_is_said_in_one_line(tmp_path: Path) -> None:
+    done = find_python(tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.startswith("missing: Python 3.11 or 3.12")
+    assert "sudo apt-get install python3.11" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_python_that_will_not_do_is_refused_by_name(tmp_path: Path) -> None:
+    done = find_python(tmp_path, python="python9.9")
+    assert done.returncode == 1
+    assert done.stderr.startswith("python9.9 is not Python 3.11 or 3.12")
+    assert done.stderr.count("\n") == 1

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the several descriptions of the package say about the same thing agrees."""
+
+import ast
+import re
+import sys
+import tomllib
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import control_board_ros
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "control_board_ros"
+XML = ET.parse(ROOT / "package.xml").getroot()
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+SETUP = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
+# Not ROS packages; the optional ones are imported where they are used, with an error that says so.
+NOT_ROS = {
+    "click",
+    "numpy",
+    "pybullet",
+    "pybullet_data",
+    "typer",
+    "rich",
+    "prompt_toolkit",
+    "yaml",
+}
+OPTIONAL = {"icub_models", "matplotlib", "pytest", "hypothesis", "PIL", "argcomplete"}
+
+
+def setup_list(name: str) -> list[str]:
+    """The list of text that setup.py assigns to a name, read without running it."""
+    for node in ast.walk(SETUP):
+        if isinstance(node, ast.Assign) and [ast.unparse(t) for t in node.targets] == [name]:
+            return [str(item) for item in ast.literal_eval(node.value)]
+    raise AssertionError(f"setup.py assigns nothing to {name}")
+
+
+def imported_packages() -> set[str]:
+    """The first part of every absolute import in the package, the standard library aside."""
+    found: set[str] = set()
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+                found.add(node.module.split(".")[0])
+    return found - set(sys.stdlib_module_names) - {"control_board_ros", "control_board_msgs"}
+
+
+def test_versions_agree() -> None:
+    version = control_board_ros.__version__
+    messages = ET.parse(ROOT / "msg_defs/package.xml").getroot()
+    newest = re.search(r"^## (\d\S*)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert re.fullmatch(r"\d+\.\d+\.\d+", version)  # what package.xml allows
+    assert XML.findtext("version") == version
+    assert messages.findtext("version") == version
+    assert newest is not None
+    assert newest[1] == version
+
+
+def test_maintainer_can_be_written_to() -> None:
+    """With a malformed address colcon takes the package for plain Python, without a word."""
+    for path in ("package.xml", "msg_defs/package.xml"):
+        maintainer = ET.parse(ROOT / path).getroot().find("maintainer")
+        assert maintainer is not None
+        assert re.fullmatch(r"[\w.+-]+@[\w-]+(\.[\w-]+)+", maintainer.get("email", ""))
+
+
+def test_ros_packages_are_pinned_to_one_version_each() -> None:
+    """An unpinned name can resolve to another ROS distribution."""
+    pins: dict[str, str] = {}
+    for requirement in [*PYPROJECT["build-system"]["requires"], *setup_list("ROS_WHEELS")]:
+        name, _, version = requirement.partition("==")
+        if name.startswith("ros-"):
+            assert version, f"{requirement} is not pinned"
+            assert pins.setdefault(name, version) == version, f"{name} is pinned twice"
+    assert len(pins) > 20
+
+
+def test_every_import_is_a_declared_dependency() -> None:
+    """In package.xml for rosdep and colcon, and in setup.py for pip."""
+    in_xml = {node.text for node in XML if node.tag in {"depend", "exec_depend"}}
+    wheels = {re.split(r"[\[=<>]", entry)[0] for entry in setup_list("ROS_WHEELS")}
+    for package in imported_packages() - NOT_ROS - OPTIONAL:
+        assert package in in_xml, f"{package} is imported and not in package.xml"
+        wheel = "ros-jazzy-rclpy" if package == "rclpy" else f"ros-{package.replace('_', '-')}"
+        comes_with_rclpy = package in {"ament_index_python", "rclpy", "rcl_interfaces"}
+        assert wheel in wheels or comes_with_rclpy, f"{package} is imported and not in setup.py"
+
+
+def test_license_is_there_and_named_in_every_source_file() -> None:
+    assert "Apache License" in (ROOT / "LICENSE").read_text(encoding="utf-8")
+    sources = [*PACKAGE.rglob("*.py"), *(ROOT / "test").rglob("*.py"), ROOT / "setup.py"]
+    without = [
+        str(path.relative_to(ROOT))
+        for path in sources
+        if "SPDX-License-Identifier: Apache-2.0" not in path.read_text(encoding="utf-8")[:200]
+    ]
+    assert not without
