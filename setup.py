@@ -38,6 +38,7 @@ ROS_WHEELS = [
     "ros-std-msgs==5.3.6",
     "ros-std-srvs==5.3.6",
     "ros-trajectory-msgs==5.3.6",
+    "ros-trajectory-msgs==5.3.6",
     "setuptools",
 ]
 
