@@ -43,7 +43,7 @@ class Board(Requests, Commands, ModeShortcuts):
             The PWM and the bridges; the arrays are the board's own, valid until the next tick.
         """
         self._read(measurement)
-        if not self.watch.healthy(self.state, self._raw):
+        if not self.watch.healthy(self.state, measurement.values):
             self._raise_faults(self._last)
         if self.configure_next:
             self.complete_configuration()
@@ -106,7 +106,6 @@ class Board(Requests, Commands, ModeShortcuts):
         self.time = measurement.time
         self._last[:] = state.measured
         state.measured[:] = measurement.values
-        self._raw[:] = state.position
         if self._shifted:
             state.position -= state.offset
 

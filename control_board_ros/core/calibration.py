@@ -38,7 +38,7 @@ class Hand(Protocol):
 
     @property
     def travelled(self) -> float:
-        """Travel of the motor in the last period."""
+        """Travel of the motor since power-on."""
 
     def hold(self) -> None:
         """Hold the present position with the stiff position law."""
@@ -137,13 +137,13 @@ class HardStop(Calibrator):
         if self.progress.phase == "waiting":
             self.progress.phase, self.progress.fraction = "driving to the hard stop", 0.05
             hand.drive(calibration.output)
-            self._mark, self._travelled, self._still = hand.reading, 0.0, 0
+            self._mark, self._motor, self._still = hand.reading, hand.travelled, 0
         if self.progress.phase != "driving to the hard stop":
             return self.go_to_start(False)
         self._still += 1
-        self._travelled += hand.travelled
-        if abs(hand.reading - self._mark) > STALLED or abs(self._travelled) > 5.0 * STALLED:
-            self._mark, self._travelled, self._still = hand.reading, 0.0, 0
+        motor = abs(hand.travelled - self._motor)
+        if abs(hand.reading - self._mark) > STALLED or motor > 5.0 * STALLED:
+            self._mark, self._motor, self._still = hand.reading, hand.travelled, 0
             self.progress.fraction = min(0.45, self.progress.fraction + 0.002)
         if self._still * self.period >= calibration.stall_time:
             hand.set_offset(hand.reading - calibration.stop)

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from .config import BoardConfig, Pid
-from .measurement import Array
+from .measurement import Array, Row
 from .modes import GUARDED, Law
 from .state import State
 
@@ -28,16 +28,25 @@ class PidLoops:
 
     out = kp·e + I + kd·d;  I += ki·e·dt, clamped;  d += α(rate − d)
 
-    All arrays have shape (loops, n). Attributes: kp, ki_dt, kd, alpha, limit, integral, rate.
+    All arrays have shape (loops, n); ``terms`` and ``gains`` hold e, I, d and kp, 1, kd, so that
+    the law is one product and one sum. Attributes: error and rate (inputs), integral.
     """
 
     def __init__(self, loops: int, n: int) -> None:
+        self._terms = np.zeros((3, loops, n))
+        self._gains = np.zeros((3, loops, n))
+        self._products = np.zeros((3, loops, n))
+        self._rows = self._products.reshape(3 * loops, n)
+        self._ones = np.ones(3 * loops)  # a product with ones is the cheapest sum of rows
+        self.error, self._integral_term, self._derivative = self._terms
+        self.kp, unity, self.kd = self._gains
+        unity[:] = 1.0
         shape = (loops, n)
-        self.kp, self.ki_dt, self.kd = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        self.alpha, self.limit = np.ones(shape), np.zeros(shape)
-        self._negative_limit = np.zeros(shape)
-        self.integral, self.rate = np.zeros(shape), np.zeros(shape)
-        self._previous, self._scratch = np.zeros(shape), np.zeros(shape)
+        self.rate = np.zeros(shape)
+        self.integral, self._previous = np.zeros(shape), np.zeros(shape)
+        self.ki_dt, self.alpha = np.zeros(shape), np.ones(shape)
+        self.limit, self._negative_limit = np.zeros(shape), np.zeros(shape)
+        self._scratch = np.zeros(shape)
 
     def set_gains(self, loop: int, j: int, pid: Pid | None, period: float) -> None:
         """Give one loop its gains, or none."""
@@ -54,32 +63,32 @@ class PidLoops:
         """Start one loop at a given integral part (M9: without a jump of the output)."""
         bound = self.limit[loop, j] if self.ki_dt[loop, j] > 0.0 else 0.0
         self.integral[loop, j] = max(-bound, min(bound, integral))
-        self.rate[loop, j] = 0.0
+        self._derivative[loop, j] = 0.0
 
-    def step(self, error: Array, rate: Array, out: Array) -> None:
-        """One period; arrays of shape (loops, n), out is overwritten."""
-        scratch = self._scratch
-        self._previous[:] = self.integral
-        np.multiply(self.ki_dt, error, out=scratch)
-        np.add(self.integral, scratch, out=self.integral)
-        np.minimum(self.integral, self.limit, out=self.integral)
-        np.maximum(self.integral, self._negative_limit, out=self.integral)
-        np.subtract(rate, self.rate, out=scratch)
-        np.multiply(scratch, self.alpha, out=scratch)
-        np.add(self.rate, scratch, out=self.rate)
-        np.multiply(self.kp, error, out=out)
-        np.add(out, self.integral, out=out)
-        np.multiply(self.kd, self.rate, out=scratch)
-        np.add(out, scratch, out=out)
+    def step(self, out: Array) -> None:
+        """One period from ``error`` and ``rate``; out, shape (n,), is the sum of all loops."""
+        scratch, integral = self._scratch, self._previous
+        self._previous = self.integral
+        np.multiply(self.ki_dt, self.error, scratch)
+        np.add(self._previous, scratch, integral)
+        np.minimum(integral, self.limit, out=integral)
+        np.maximum(integral, self._negative_limit, out=integral)
+        self.integral = integral
+        self._integral_term[:] = integral
+        derivative = self._derivative
+        np.subtract(self.rate, derivative, scratch)
+        np.multiply(scratch, self.alpha, scratch)
+        np.add(derivative, scratch, derivative)
+        np.multiply(self._gains, self._terms, self._products)
+        np.dot(self._ones, self._rows, out)
 
-    def unwind(self, excess: Array, error: Array) -> None:
+    def unwind(self, excess: Array) -> None:
         """Anti-windup: where the output is cut, an integral that pushes further goes back.
 
         Args:
             excess: what was cut off, wanted minus given, shape (n,).
-            error: as given to step, shape (loops, n).
         """
-        pushing = error * excess > 0.0
+        pushing = self.error * excess > 0.0
         self.integral[pushing] = self._previous[pushing]
 
 
@@ -92,7 +101,8 @@ class Controller:
         self.loops = PidLoops(2, n)
         self.current = PidLoops(1, n)
         self._current_loop = config.output == "current"
-        self._error, self._rate, self._out = np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, n))
+        self._position_error, self._torque_error = self.loops.error
+        self._position_rate, self._torque_rate = self.loops.rate
         self._last_torque_error = np.zeros(n)
         self._wanted, self._given = np.zeros(n), np.zeros(n)
         self._a, self._b, self._c = np.zeros(n), np.zeros(n), np.zeros(n)
@@ -104,7 +114,12 @@ class Controller:
         self._feed, self._compensation = np.zeros(n), np.zeros(n)
         self._per_torque, self._in_amps = np.zeros(n), np.zeros(n, dtype=bool)
         self._bypassed = np.arange(n)
-        self._calm = np.ones(n, dtype=bool)
+        self._feeding = True
+        self._guard_lower = np.full((Row.VELOCITY + 1, n), -np.inf)
+        self._guard_upper = np.full((Row.VELOCITY + 1, n), np.inf)
+        self._above = np.ones((Row.VELOCITY + 1, n), dtype=bool)
+        self._below = np.ones((Row.VELOCITY + 1, n), dtype=bool)
+        self._torque_controlled = np.zeros(n, dtype=bool)
         self._torque_used = self._torque_rate_used = self._guard_used = False
         self._max_output, self._min_output = np.zeros(n), np.zeros(n)
         self._max_pwm, self._min_pwm = np.zeros(n), np.zeros(n)
@@ -127,9 +142,11 @@ class Controller:
         self.max_torque = np.array([limit.torque for limit in limits])
         self._min_torque = -self.max_torque
         self.max_percent = np.array([limit.output for limit in limits])
-        self._guard_lower = np.array([limit.lower + GUARD_ZONE for limit in limits])
-        self._guard_upper = np.array([limit.upper - GUARD_ZONE for limit in limits])
-        self._max_velocity = np.array([limit.velocity for limit in limits])
+        velocity = [limit.velocity for limit in limits]
+        self._guard_lower[Row.POSITION] = [limit.lower + GUARD_ZONE for limit in limits]
+        self._guard_upper[Row.POSITION] = [limit.upper - GUARD_ZONE for limit in limits]
+        self._guard_upper[Row.VELOCITY] = velocity
+        self._guard_lower[Row.VELOCITY] = np.negative(velocity)
         for j, joint in enumerate(config.joints):
             self.current.set_gains(0, j, joint.current_pid, config.period)
 
@@ -141,6 +158,7 @@ class Controller:
         position_pid = (joint.direct_pid if direct else None) or joint.position_pid
         self.loops.set_gains(POSITION_LOOP, j, position_pid if stiff else None, period)
         self.loops.set_gains(TORQUE_LOOP, j, joint.torque_pid if torque else None, period)
+        self._torque_controlled[j] = torque
         self._kff[j] = joint.torque_pid.kff if torque else 0.0
         on = law is not Law.OFF
         amps = self._current_loop and law is not Law.OUTPUT  # P8: the given PWM, as it is
@@ -180,6 +198,8 @@ class Controller:
             self._feed[j] += self.output_command[j]
         if self._in_amps[j]:
             self._feed[j] *= 0.01 * self._joints[j].limits.peak_current
+        # Adding zeros also turns -0.0, which the bounds of an unpowered joint mix up, into 0.0.
+        self._feeding = bool(self._feed.any()) or Law.OFF in self.laws
 
     def reset(self, j: int) -> None:
         """Start the loops of a joint without a jump of its torque (M9)."""
@@ -194,76 +214,72 @@ class Controller:
 
     def step(self) -> None:
         """One control period: state.output from the references and measurements of now."""
-        state, a = self._state, self._a
-        error, rate, out = self._error, self._rate, self._out
-        np.subtract(state.position_reference, state.position, out=error[POSITION_LOOP])
-        np.subtract(state.velocity_reference, state.velocity, out=rate[POSITION_LOOP])
+        state, a, wanted, given = self._state, self._a, self._wanted, self._given
+        np.subtract(state.position_reference, state.position, self._position_error)
+        np.subtract(state.velocity_reference, state.velocity, self._position_rate)
         if self._torque_used:
-            self._torque_reference(error[POSITION_LOOP])
-            np.subtract(state.torque_reference, state.torque, out=error[TORQUE_LOOP])
-            if self._torque_rate_used:
-                np.subtract(error[TORQUE_LOOP], self._last_torque_error, out=rate[TORQUE_LOOP])
-                np.divide(rate[TORQUE_LOOP], self._period, out=rate[TORQUE_LOOP])
-                self._last_torque_error[:] = error[TORQUE_LOOP]
-        self.loops.step(error, rate, out)
-        wanted, given = self._wanted, self._given
-        np.add(out[POSITION_LOOP], out[TORQUE_LOOP], out=wanted)
+            self._torque_reference()
+        self.loops.step(wanted)
         if self._torque_used:
-            np.multiply(state.torque_reference, self._kff, out=a)
-            np.add(wanted, a, out=wanted)
+            np.multiply(state.torque_reference, self._kff, a)
+            np.add(wanted, a, wanted)
         np.minimum(wanted, self.max_torque, out=given)
         np.maximum(given, self._min_torque, out=given)
-        cut = wanted.tobytes() != given.tobytes()
-        if cut:
-            self.loops.unwind(wanted - given, error)
-        # From torque to output, with what the user and the motor add.
-        np.multiply(given, self._per_torque, out=wanted)
-        np.multiply(state.velocity, self._compensation, out=a)
-        np.add(wanted, a, out=wanted)
-        np.add(wanted, self._feed, out=wanted)
-        np.minimum(wanted, self._max_output, out=given)
-        np.maximum(given, self._min_output, out=given)
         if wanted.tobytes() != given.tobytes():
-            self.loops.unwind(wanted - given, error)
+            self.loops.unwind(wanted - given)
+        # From torque to output, with what the motor and the user add.
+        np.multiply(given, self._per_torque, wanted)
+        np.multiply(state.velocity, self._compensation, a)
+        np.add(wanted, a, wanted)
+        if self._feeding:
+            np.add(wanted, self._feed, wanted)
+        output = given if self._current_loop else state.output
+        np.minimum(wanted, self._max_output, out=output)
+        np.maximum(output, self._min_output, out=output)
+        if wanted.tobytes() != output.tobytes():
+            self.loops.unwind(wanted - output)
         if self._guard_used:
-            self._guard(given)
+            self._guard(output)
         if self._current_loop:
-            self._track_current(given)
-        else:
-            state.output[:] = given
+            self._track_current(output)
 
-    def _torque_reference(self, error: Array) -> None:
+    def _torque_reference(self) -> None:
         """Torque of a virtual spring and damper (I5; source Fig. 2, second row).
 
         tau = tau_ff + k·(q_ref − q) − d·q̇, bounded by the joint's torque; where the law is
         TORQUE, k and d are zero and tau_ff is the torque asked for.
         """
         state, a, tau = self._state, self._a, self._b
-        np.multiply(self._stiffness, error, out=tau)
-        np.multiply(self._damping, state.velocity, out=a)
-        np.subtract(tau, a, out=tau)
-        np.add(tau, self._torque_base, out=tau)
+        np.multiply(self._stiffness, self._position_error, tau)
+        np.multiply(self._damping, state.velocity, a)
+        np.subtract(tau, a, tau)
+        np.add(tau, self._torque_base, tau)
         np.minimum(tau, self.max_torque, out=tau)
-        np.maximum(tau, self._min_torque, out=state.torque_reference)
+        np.maximum(tau, self._min_torque, out=tau)
+        np.copyto(state.torque_reference, tau, where=self._torque_controlled)
+        np.subtract(state.torque_reference, state.torque, self._torque_error)
+        if self._torque_rate_used:
+            np.subtract(self._torque_error, self._last_torque_error, self._torque_rate)
+            np.divide(self._torque_rate, self._period, self._torque_rate)
+            self._last_torque_error[:] = self._torque_error
 
     def _track_current(self, reference: Array) -> None:
         """The inner loop of a board with current output (P10).
 
         v = R·i_ref + Ke·q̇ + PI(i_ref − i), as PWM in percent.
         """
-        state, a, b, c = self._state, self._a, self._b, self._c
-        np.subtract(reference, state.current, out=a)
-        a2 = a[None, :]
-        self.current.step(a2, a2, b[None, :])
-        np.multiply(self._ohms, reference, out=c)
-        np.add(b, c, out=b)
-        np.multiply(self._emf, state.velocity, out=c)
-        np.add(b, c, out=b)
-        np.multiply(b, self._percent_per_volt, out=b)
+        state, b, c = self._state, self._b, self._c
+        np.subtract(reference, state.current, self.current.error[0])
+        self.current.step(b)
+        np.multiply(self._ohms, reference, c)
+        np.add(b, c, b)
+        np.multiply(self._emf, state.velocity, c)
+        np.add(b, c, b)
+        np.multiply(b, self._percent_per_volt, b)
         np.minimum(b, self._max_pwm, out=c)
         np.maximum(c, self._min_pwm, out=state.output)
         if b.tobytes() != state.output.tobytes():
-            self.current.unwind(b - state.output, a2)
+            self.current.unwind(b - state.output)
         if self._bypassed.size:
             state.output[self._bypassed] = reference[self._bypassed]
             self.current.integral[0, self._bypassed] = 0.0
@@ -275,17 +291,18 @@ class Controller:
         over GUARD_ZONE; beyond it a virtual spring and damper pushes the joint back. Beyond the
         speed limit the output may not drive it faster.
         """
-        state, inside, speed = self._state, self._a, self._b
-        np.maximum(state.position, self._guard_lower, out=inside)
-        np.minimum(inside, self._guard_upper, out=inside)
-        np.absolute(state.velocity, out=speed)
-        np.less_equal(speed, self._max_velocity, out=self._calm)
-        if inside.tobytes() != state.position.tobytes() or b"\0" in self._calm.tobytes():
+        watched = self._state.block[: Row.VELOCITY + 1]
+        np.greater_equal(watched, self._guard_lower, self._above)
+        np.less_equal(watched, self._guard_upper, self._below)
+        if b"\0" in self._above.tobytes() or b"\0" in self._below.tobytes():
+            position = self._state.position
+            lower, upper = self._guard_lower[Row.POSITION], self._guard_upper[Row.POSITION]
+            depth = position - np.clip(position, lower, upper)
             for j, law in enumerate(self.laws):
-                if law in GUARDED and state.calibrated[j]:
-                    self._guard_joint(j, output, float(state.position[j] - inside[j]))
+                if law in GUARDED and self._state.calibrated[j]:
+                    self._guard_joint(j, output, float(depth[j]))
         elif True in self.on_limit:
-            self.on_limit = [False] * state.n
+            self.on_limit = [False] * self._state.n
 
     def _guard_joint(self, j: int, output: Array, depth: float) -> None:
         """One joint, ``depth`` rad past where the guard begins, positive above."""

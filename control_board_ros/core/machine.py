@@ -56,7 +56,6 @@ class Machine:
         self.faults = [FaultRecord(name) for name in self.names]
         self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
         self.state = State(config)
-        self._raw = np.zeros(self.count)
         self._build()
 
     def _build(self) -> None:
@@ -230,8 +229,9 @@ class Machine:
 
     def set_offset(self, j: int, offset: float) -> None:
         """Take reading − offset as the joint angle."""
-        self.state.offset[j] = offset
-        self.state.position[j] = self._raw[j] - offset
+        state = self.state
+        state.position[j] += state.offset[j] - offset
+        state.offset[j] = offset
         self._shifted = bool(self.state.offset.any())
 
     def _calibrate(self) -> None:
@@ -281,7 +281,8 @@ class JointHand:
 
     @property
     def reading(self) -> float:
-        return float(self._machine._raw[self._j])
+        state = self._machine.state
+        return float(state.position[self._j] + state.offset[self._j])
 
     @property
     def position(self) -> float:

@@ -28,12 +28,12 @@ class Row(IntEnum):
 
     POSITION = 0
     TORQUE = 1
-    VELOCITY = 2
-    CURRENT = 3
-    TEMPERATURE = 4
-    ENCODER_AGE = 5
-    TORQUE_AGE = 6
-    ALARM = 7
+    TEMPERATURE = 2
+    ENCODER_AGE = 3
+    TORQUE_AGE = 4
+    ALARM = 5
+    VELOCITY = 6
+    CURRENT = 7
 
 
 ROWS = len(Row)

@@ -139,13 +139,13 @@ class References:
         if self._rolling:
             velocity = self._velocity
             ramp(velocity, self._target, self._up, self._down, scratch)
-            np.multiply(velocity, self._period, out=scratch)
-            np.add(self.integral, scratch, out=self.integral)
-            np.add(moves.velocity, velocity, out=state.velocity_reference)
+            np.multiply(velocity, self._period, scratch)
+            np.add(self.integral, scratch, self.integral)
+            np.add(moves.velocity, velocity, state.velocity_reference)
             self._rolling = bool(velocity.any() or self._target.any())
         else:
             state.velocity_reference[:] = moves.velocity
-        np.add(moves.position, self.integral, out=scratch)
+        np.add(moves.position, self.integral, scratch)
         np.minimum(scratch, self.upper, out=reference)
         np.maximum(reference, self.lower, out=reference)
         if scratch.tobytes() != reference.tobytes():

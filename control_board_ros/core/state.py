@@ -18,12 +18,12 @@ Indices = NDArray[np.intp]
 
 
 class Reference(IntEnum):
-    """Rows of the state block below the measured ones."""
+    """Rows of the state block below the measured ones; CURRENT and OUTPUT are neighbours."""
 
-    POSITION = ROWS
-    TORQUE = ROWS + 1
-    VELOCITY = ROWS + 2
-    OUTPUT = ROWS + 3
+    OUTPUT = ROWS
+    POSITION = ROWS + 1
+    TORQUE = ROWS + 2
+    VELOCITY = ROWS + 3
 
 
 BLOCK_ROWS = ROWS + len(Reference)
@@ -99,6 +99,7 @@ class State:
         self.everyone: Indices = np.arange(n)
         self.block: Array = np.zeros((BLOCK_ROWS, n))
         self.measured: Array = self.block[:ROWS]
+        self.drive: Array = self.block[Row.CURRENT : Reference.OUTPUT + 1]
         self.position: Array = self.block[Row.POSITION]
         self.torque: Array = self.block[Row.TORQUE]
         self.velocity: Array = self.block[Row.VELOCITY]

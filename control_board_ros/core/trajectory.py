@@ -18,6 +18,9 @@ LONGEST = 1e6
 #: Peak over mean speed of a minimum-jerk move from rest to rest.
 PEAK = 1.875
 
+#: Cycles whose profiles are computed in one go.
+AHEAD = 32
+
 #: A move that starts with velocity v0 towards its target does not overshoot while
 #: T ≤ 2.5 Δ/v0 (the factor (1−s)² of its velocity stays positive).
 NO_OVERSHOOT = 2.5
@@ -55,22 +58,25 @@ def durations(
 class Trajectories:
     """The moves of n joints: position and velocity of the reference, cycle by cycle.
 
-    Attributes: position, velocity (shape (n,), rad and rad/s: views of one array), done
+    The profiles of the next AHEAD cycles are computed in one go, since the number of numpy
+    calls is what a cycle costs; whatever starts or ends a move computes them anew.
+
+    Attributes: position, velocity (shape (n,), rad and rad/s, of the present cycle), done
     (shape (n,), bool), moving (whether any joint is on its way).
     """
 
     def __init__(self, n: int, period: float) -> None:
         self._period = period
         self._coefficients = np.zeros((6, 2, n))  # highest power first; position, velocity
-        self._tick = np.zeros(n)
         self._step = np.zeros(n)  # s grows by this much in each cycle
-        self._cycle = 0
-        self._end = np.full(n, np.inf)  # cycle in which each move ends
+        self._start = np.zeros(n)  # cycle in which each move began
+        self._end = np.full(n, np.inf)  # cycle in which it ends
         self._next_end = np.inf
-        self._s = np.ones(n)
-        self._scratch = np.empty((2, n))
-        self._value = np.zeros((2, n))
         self._target = np.zeros(n)
+        self._cycle = 0
+        self._profiles = np.zeros((AHEAD, 2, n))
+        self._row = AHEAD
+        self._value = np.zeros((2, n))
         self.position: Array = self._value[0]
         self.velocity: Array = self._value[1]
         self.done: NDArray[np.bool_] = np.ones(n, dtype=bool)
@@ -87,10 +93,10 @@ class Trajectories:
         self._coefficients[5, 0, joints] = position
         self._target[joints] = position
         self._step[joints] = 0.0
-        self._value[0, joints] = position
-        self._value[1, joints] = 0.0
+        self.position[joints] = position
+        self.velocity[joints] = 0.0
         self._end[joints] = np.inf
-        self._count_moves()
+        self._changed()
 
     def move(self, joints: NDArray[np.intp], start: Array, target: Array, time: Array) -> None:
         """Start moves from the present reference velocity (P1).
@@ -103,7 +109,7 @@ class Trajectories:
         """
         time = np.maximum(time, self._period)
         reach = target - start
-        run = self._value[1, joints] * time  # v0 T
+        run = self.velocity[joints] * time  # v0 T
         position = np.array(
             [6 * reach - 3 * run, 8 * run - 15 * reach, 10 * reach - 6 * run, 0 * run, run, start]
         )
@@ -112,42 +118,49 @@ class Trajectories:
         self._coefficients[0, 1, joints] = 0.0
         self._coefficients[1:, 1, joints] = position[:5] * powers / time
         self._target[joints] = target
-        self._value[0, joints] = start
-        self._tick[joints] = 0.0
+        self.position[joints] = start
         self._step[joints] = self._period / time
+        self._start[joints] = self._cycle
         self._end[joints] = self._cycle + np.ceil(time / self._period - 1e-9)
-        self._count_moves()
+        self._changed()
 
     def remaining(self, joints: NDArray[np.intp]) -> Array:
         """Time until the moves end, shape (k,), s; 0 where there is none."""
-        step = self._step[joints]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            left = (1.0 / step - self._tick[joints]) * self._period
-        result: Array = np.where(self.done[joints], 0.0, np.maximum(left, 0.0))
+        left = (self._end[joints] - self._cycle) * self._period
+        result: Array = np.where(self.done[joints], 0.0, left)
         return result
 
     def advance(self) -> None:
-        """Evaluate all moves one control period later."""
-        s, value, scratch, c = self._s, self._value, self._scratch, self._coefficients
-        np.add(self._tick, 1.0, out=self._tick)
-        np.multiply(self._tick, self._step, out=s)
-        np.minimum(s, 1.0, out=s)
-        np.multiply(c[0], s, out=scratch)
-        np.add(scratch, c[1], out=scratch)
-        for k in (2, 3, 4):
-            np.multiply(scratch, s, out=scratch)
-            np.add(scratch, c[k], out=scratch)
-        np.multiply(scratch, s, out=scratch)
-        np.add(scratch, c[5], out=value)
+        """Take all moves one control period further."""
         self._cycle += 1
         if self._cycle >= self._next_end:
             ended = np.flatnonzero(self._end <= self._cycle)
             self.hold(ended, self._target[ended])
+        if self._row >= AHEAD:
+            self._compute()
+        self._value = self._profiles[self._row]
+        self.position, self.velocity = self._value
+        self._row += 1
 
-    def _count_moves(self) -> None:
+    def _changed(self) -> None:
         self._next_end = float(self._end.min())
         self.moving = self._next_end < np.inf
         np.isinf(self._end, out=self.done)
+        self._row = AHEAD
+        self._value = self._value.copy()  # out of the profiles, which are computed anew
+        self.position, self.velocity = self._value
+
+    def _compute(self) -> None:
+        """Evaluate the quintics of this and the next cycles, by Horner's rule."""
+        elapsed = np.arange(self._cycle, self._cycle + AHEAD)[:, None] - self._start
+        s = np.minimum(elapsed * self._step, 1.0)[:, None, :]
+        profiles, coefficients = self._profiles, self._coefficients
+        np.multiply(coefficients[0], s, out=profiles)
+        for k in range(1, 5):
+            np.add(profiles, coefficients[k], out=profiles)
+            np.multiply(profiles, s, out=profiles)
+        np.add(profiles, coefficients[5], out=profiles)
+        self._row = 0
 
 
 def ramp(velocity: Array, target: Array, up: Array, down: Array, scratch: Array) -> None:
@@ -162,7 +175,7 @@ def ramp(velocity: Array, target: Array, up: Array, down: Array, scratch: Array)
         down: its negative, shape (n,).
         scratch: shape (n,), overwritten.
     """
-    np.subtract(target, velocity, out=scratch)
+    np.subtract(target, velocity, scratch)
     np.minimum(scratch, up, out=scratch)
     np.maximum(scratch, down, out=scratch)
-    np.add(velocity, scratch, out=velocity)
+    np.add(velocity, scratch, velocity)

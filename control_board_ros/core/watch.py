@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The checks of every cycle that raise hardware faults (SPEC F1, F3).
 
-All checks are one comparison: a block of watched quantities against a block of limits of the
-same shape. NaN fails every comparison, so a broken sensor shows by itself.
+What is measured is compared, as one block, with bounds of the same shape. NaN fails every
+comparison, so a broken sensor shows by itself. What changes slowly, or adds up over time (I²t,
+the travel of encoder against motor, the hard limits), is looked at every SLOW cycles.
 """
 
 from __future__ import annotations
@@ -15,26 +16,22 @@ import numpy as np
 
 from .config import BoardConfig, JointConfig
 from .faults import FaultCode
-from .measurement import Array, Row
+from .measurement import ROWS, Array, Row
 from .state import State
+
+#: Cycles from one look at the slow checks to the next.
+SLOW = 8
 
 #: Time constant of the forgetting of travel errors, s.
 TRAVEL_MEMORY = 0.5
 
 
 class Check(IntEnum):
-    """Rows of the watched block; the first five are rows CURRENT to ALARM of a measurement."""
+    """Rows of the slow checks."""
 
-    CURRENT = 0
-    TEMPERATURE = 1
-    ENCODER_AGE = 2
-    TORQUE_AGE = 3
-    ALARM = 4
-    TORQUE = 5
-    OVERRUN = 6
-    JUMP = 7
-    TRAVEL = 8
-    OVERLOAD = 9
+    TRAVEL = 0
+    OVERLOAD = 1
+    OVERRUN = 2
 
 
 class Cause(NamedTuple):
@@ -44,130 +41,143 @@ class Cause(NamedTuple):
     text: str
 
 
-_CODES = {
-    Check.ALARM: FaultCode.EXTERNAL,
-    Check.CURRENT: FaultCode.OVERCURRENT,
-    Check.ENCODER_AGE: FaultCode.ENCODER_SILENT,
-    Check.JUMP: FaultCode.ENCODER_SPIKE,
+#: Codes in the order in which a cause is looked for: first the bounds, then the slow checks.
+_BOUNDS = {
+    Row.ALARM: FaultCode.EXTERNAL,
+    Row.CURRENT: FaultCode.OVERCURRENT,
+    Row.ENCODER_AGE: FaultCode.ENCODER_SILENT,
+    Row.POSITION: FaultCode.ENCODER_SPIKE,
+    Row.VELOCITY: FaultCode.ENCODER_INVALID,
+    Row.TORQUE_AGE: FaultCode.TORQUE_SENSOR,
+    Row.TORQUE: FaultCode.TORQUE_SENSOR,
+    Row.TEMPERATURE: FaultCode.OVERHEATING,
+}
+_CHECKS = {
     Check.TRAVEL: FaultCode.ENCODER_MISMATCH,
-    Check.TORQUE_AGE: FaultCode.TORQUE_SENSOR,
-    Check.TORQUE: FaultCode.TORQUE_SENSOR,
     Check.OVERRUN: FaultCode.HARD_LIMIT,
     Check.OVERLOAD: FaultCode.I2T,
-    Check.TEMPERATURE: FaultCode.OVERHEATING,
 }
 
 
 class Watch:
-    """Watches n joints. ``healthy(state)`` is the whole work of a good cycle."""
+    """Watches n joints.
+
+    Attributes: travelled (by each motor since power-on as its own equation tells, V = R·i + Ke·ω,
+    while its bridge is on, shape (n,), rad; grows every SLOW cycles).
+    """
 
     def __init__(self, config: BoardConfig, state: State) -> None:
         n = state.n
         self._period = config.period
-        self._watched = np.zeros((len(Check), n))
-        self._limits = np.full((len(Check), n), np.inf)
-        self._magnitude = np.zeros((len(Check), n))
-        self._good = np.ones((len(Check), n), dtype=bool)
-        self._raw = np.zeros(n)
-        self._seen = False
-        self._scratch = np.empty(n)
+        self._lower = np.full((ROWS, n), -np.inf)
+        self._upper = np.full((ROWS, n), np.inf)
+        self._above = np.ones((ROWS, n), dtype=bool)
+        self._below = np.ones((ROWS, n), dtype=bool)
+        self._jump = np.full(n, np.inf)
+        self._slow = np.zeros((len(Check), n))
+        self._slow_limit = np.full((len(Check), n), np.inf)
+        self._slow_good = np.ones((len(Check), n), dtype=bool)
+        self._driven = np.zeros((2, n))  # sums of current and output since the last slow look
+        self._mark = np.zeros(n)  # encoder reading at the last slow look
         self._middle = np.zeros(n)
-        self._last_current = np.zeros(n)
         self._live = np.zeros(n)
-        self._forget = 1.0 - config.period / TRAVEL_MEMORY
+        self._countdown = SLOW
+        self._forget = math.exp(-SLOW * config.period / TRAVEL_MEMORY)
+        self._values = np.zeros((ROWS, n))
+        self.travelled: Array = np.zeros(n)
         self.reconfigure(config)
 
     def reconfigure(self, config: BoardConfig) -> None:
         """Take new limits; what has been watched so far is kept."""
         self._joints = config.joints
         motors = [joint.motor for joint in config.joints]
-        nominal = np.array([joint.limits.nominal_current for joint in config.joints])
-        self._nominal_squared = nominal**2
-        # Speed from the motor's own equation, V = R·i + L·di/dt + Ke·ω, times the period.
         emf = np.array([motor.back_emf for motor in motors])
         volts = np.array([motor.supply_voltage for motor in motors]) / 100.0
-        half_ohms = np.array([motor.resistance for motor in motors]) / 2.0
-        henries = np.array([motor.inductance for motor in motors]) / self._period
-        self._per_output = volts / emf * self._period
-        self._per_current = (half_ohms + henries) / emf * self._period
-        self._per_last_current = (half_ohms - henries) / emf * self._period
-        self.travelled: Array = np.zeros(len(motors))  # by the motor, last period, rad
+        ohms = np.array([motor.resistance for motor in motors])
+        self._travel_per_output = volts / emf * self._period
+        self._travel_per_current = ohms / emf * self._period
+        nominal = np.array([joint.limits.nominal_current for joint in config.joints])
+        self._nominal_squared = nominal**2
 
     def arm(self, j: int, joint: JointConfig, *, on: bool, calibrated: bool) -> None:
         """Set the limits of one joint, or none while it is not configured (N1)."""
-        limits, column = joint.limits, self._limits[:, j]
-        column[:] = np.inf
+        limits, lower, upper = joint.limits, self._lower[:, j], self._upper[:, j]
+        lower[:], upper[:] = -np.inf, np.inf
+        self._jump[j], self._slow_limit[:, j] = np.inf, np.inf
         if not on:
             return
         peak, nominal = limits.peak_current, limits.nominal_current
-        column[Check.CURRENT] = peak
-        column[Check.TEMPERATURE] = limits.temperature
-        column[Check.ENCODER_AGE] = joint.timeouts.encoder
+        upper[Row.CURRENT], lower[Row.CURRENT] = peak, -peak
+        upper[Row.TEMPERATURE] = limits.temperature
+        upper[Row.ENCODER_AGE] = joint.timeouts.encoder
+        upper[Row.ALARM] = 0.0
         if joint.torque_sensor:
-            column[Check.TORQUE_AGE] = joint.timeouts.torque_sensor
-            column[Check.TORQUE] = 100.0 * limits.torque
-        column[Check.ALARM] = 0.0
-        column[Check.JUMP] = 4.0 * limits.velocity * self._period + math.radians(0.5)
-        column[Check.TRAVEL] = joint.max_travel_error
-        column[Check.OVERLOAD] = (peak**2 - nominal**2) * limits.overload_time / self._period
+            upper[Row.TORQUE_AGE] = joint.timeouts.torque_sensor
+            upper[Row.TORQUE], lower[Row.TORQUE] = 100.0 * limits.torque, -100.0 * limits.torque
+        self._jump[j] = 4.0 * limits.velocity * self._period + math.radians(0.5)
+        slow = self._slow_limit[:, j]
+        slow[Check.TRAVEL] = joint.max_travel_error
+        slow[Check.OVERLOAD] = (peak**2 - nominal**2) * limits.overload_time
         if calibrated:
-            lower, upper = limits.hard_lower, limits.hard_upper
-            self._middle[j] = 0.5 * (lower + upper) if math.isfinite(upper - lower) else 0.0
-            column[Check.OVERRUN] = 0.5 * (upper - lower) + limits.hard_margin
+            low, high = limits.hard_lower, limits.hard_upper
+            self._middle[j] = 0.5 * (low + high) if math.isfinite(high - low) else 0.0
+            slow[Check.OVERRUN] = 0.5 * (high - low) + limits.hard_margin
 
     def power(self, j: int, powered: float) -> None:
         """Say whether the bridge of a joint is on: only then does its motor tell its speed."""
         self._live[j] = powered
+        self._mark[j] = self._values[Row.POSITION, j]
+        self._driven[:, j] = 0.0
 
     def cool_down(self, j: int, joint: JointConfig, *, faulted: bool) -> None:
         """After an over-temperature fault the winding must cool by the hysteresis."""
-        limits = joint.limits
-        margin = limits.temperature_hysteresis if faulted else 0.0
-        self._limits[Check.TEMPERATURE, j] = limits.temperature - margin
+        margin = joint.limits.temperature_hysteresis if faulted else 0.0
+        self._upper[Row.TEMPERATURE, j] = joint.limits.temperature - margin
 
-    def healthy(self, state: State, raw: Array) -> bool:
+    def healthy(self, state: State, values: Array) -> bool:
         """Watch one reading; false when any joint has a cause to be in HW_FAULT.
 
         Args:
             state: with the new measurement in its block and the last output still in force.
-            raw: the encoder readings, shape (n,), rad.
+            values: the measurement as read, no offset taken off, shape (ROWS, n).
         """
-        w, scratch, current = self._watched, self._scratch, state.current
-        if not self._seen:
-            self._raw[:], self._seen = raw, True
-        w[:5] = state.block[Row.CURRENT : Row.ALARM + 1]
-        w[Check.TORQUE] = state.torque
-        np.subtract(state.position, self._middle, out=w[Check.OVERRUN])
-        jump = w[Check.JUMP]
-        np.subtract(raw, self._raw, out=jump)
-        self._raw[:] = raw
+        self._values = values
+        np.greater_equal(values, self._lower, self._above)
+        np.less_equal(values, self._upper, self._below)
+        fine = b"\0" not in self._above.tobytes() and b"\0" not in self._below.tobytes()
+        # The next reading may be at most a jump away from this one.
+        np.subtract(values[0], self._jump, self._lower[0])
+        np.add(values[0], self._jump, self._upper[0])
+        np.add(self._driven, state.drive, self._driven)
+        self._countdown -= 1
+        if self._countdown == 0:
+            self._countdown = SLOW
+            self._look(state, values)
+        return fine and b"\0" not in self._slow_good.tobytes()
+
+    def _look(self, state: State, values: Array) -> None:
+        """The slow checks."""
+        current, output = self._driven
+        travelled = self._travel_per_output * output - self._travel_per_current * current
+        travelled *= self._live
+        self.travelled += travelled
+        self._driven[:] = 0.0
+        travel, overload, overrun = self._slow
         # Travel of the motor against travel of the encoder, forgetting slowly.
-        travelled = self.travelled
-        np.multiply(state.output, self._per_output, out=travelled)
-        np.multiply(current, self._per_current, out=scratch)
-        np.subtract(travelled, scratch, out=travelled)
-        np.multiply(self._last_current, self._per_last_current, out=scratch)
-        np.subtract(travelled, scratch, out=travelled)
-        self._last_current[:] = current
-        travel = w[Check.TRAVEL]
-        np.multiply(travel, self._forget, out=travel)
-        np.subtract(travelled, jump, out=scratch)
-        np.multiply(scratch, self._live, out=scratch)
-        np.add(travel, scratch, out=travel)
+        travel *= self._forget
+        travel += travelled - (values[Row.POSITION] - self._mark) * self._live
+        self._mark[:] = values[Row.POSITION]
         # I²t: what is above nominal adds up, what is below lets it go.
-        overload = w[Check.OVERLOAD]
-        np.multiply(current, current, out=scratch)
-        np.subtract(scratch, self._nominal_squared, out=scratch)
-        np.add(overload, scratch, out=overload)
+        overload += (state.current**2 - self._nominal_squared) * (SLOW * self._period)
         np.maximum(overload, 0.0, out=overload)
-        np.absolute(w, out=self._magnitude)
-        np.less_equal(self._magnitude, self._limits, out=self._good)
-        return b"\0" not in self._good.tobytes()
+        np.subtract(state.position, self._middle, overrun)
+        np.less_equal(np.abs(self._slow), self._slow_limit, self._slow_good)
 
     def causes(self) -> dict[int, Cause]:
         """The joints that the last reading found unhealthy, each with its first cause."""
         found = {}
-        for j in np.flatnonzero(~self._good.all(axis=0)):
+        good = (self._above & self._below).all(axis=0) & self._slow_good.all(axis=0)
+        for j in np.flatnonzero(~good):
             cause = self.cause(int(j))
             if cause is not None:
                 found[int(j)] = cause
@@ -175,15 +185,18 @@ class Watch:
 
     def cause(self, j: int) -> Cause | None:
         """What the last reading found wrong with a joint; None when nothing (F3)."""
-        for check, code in _CODES.items():
-            if not self._good[check, j]:
-                return self._describe(check, code, j)
+        for row, code in _BOUNDS.items():
+            if not (self._above[row, j] and self._below[row, j]):
+                return self._describe_bound(row, code, j)
+        for check, code in _CHECKS.items():
+            if not self._slow_good[check, j]:
+                return self._describe_check(check, code, j)
         return None
 
     def forget(self, j: int) -> None:
-        """Start the watching of a joint's encoder afresh, as when a fault is cleared."""
-        self._watched[Check.TRAVEL, j] = 0.0
-        self._good[:, j] = True
+        """Start the watching of a joint's encoder afresh, as when its fault is told or cleared."""
+        self._slow[Check.TRAVEL, j] = 0.0
+        self._slow_good[Check.TRAVEL, j] = True
 
     def mend(self, state: State, last: Array) -> None:
         """Replace what is not a number by the last good reading; it must not spread.
@@ -194,51 +207,56 @@ class Watch:
         """
         broken = ~np.isfinite(state.measured)
         state.measured[broken] = last[broken]
-        lost = ~np.isfinite(self._raw)
-        self._raw[lost] = state.position[lost] + state.offset[lost]
-        memory = self._watched[Check.TRAVEL :]
-        memory[~np.isfinite(memory)] = 0.0
-        self._last_current[:] = state.current
+        position = state.position + state.offset
+        for bound in (self._lower[Row.POSITION], self._upper[Row.POSITION], self._mark):
+            lost = np.isnan(bound)
+            bound[lost] = position[lost]
+        self._slow[~np.isfinite(self._slow)] = 0.0
+        self._driven[~np.isfinite(self._driven)] = 0.0
 
-    def _describe(self, check: Check, code: FaultCode, j: int) -> Cause:
-        value = float(self._magnitude[check, j])
-        limit = float(self._limits[check, j])
-        joint = self._joints[j]
-        unit, torque_unit = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
-        match check:
-            case Check.ALARM:
-                alarm = int(value) - 1 if math.isfinite(value) else 0
-                code = FaultCode(alarm) if alarm in set(FaultCode) else FaultCode.EXTERNAL
-                text = {
-                    FaultCode.EXTERNAL: "the external fault line is active (emergency stop)",
-                    FaultCode.DIVERGED: "the simulation diverged; its last good state is back",
-                }.get(code, "raised by the hardware")
-            case Check.CURRENT:
-                text = f"{value:.3g} A > {limit:.3g} A"
-            case Check.ENCODER_AGE:
-                text = f"no sample for {value * 1e3:.0f} ms > {limit * 1e3:.0f} ms"
-            case Check.JUMP if not math.isfinite(value):
-                code, text = FaultCode.ENCODER_INVALID, "the reading is not a number"
-            case Check.JUMP:
-                text = f"a step of {value:.3g} {unit} in one cycle > {limit:.3g} {unit}"
-            case Check.TRAVEL:
-                text = (
-                    f"encoder and motor disagree by {value:.3g} {unit} > {limit:.3g} {unit}: "
-                    "frozen, slipping or reversed"
-                )
-            case Check.TORQUE_AGE:
-                text = f"no sample for {value * 1e3:.0f} ms > {limit * 1e3:.0f} ms"
-            case Check.TORQUE:
-                text = f"reads {value:.3g} {torque_unit}, out of its range"
-            case Check.OVERRUN:
-                past = value - limit + joint.limits.hard_margin
-                margin = joint.limits.hard_margin
-                text = f"{past:.3g} {unit} beyond the hard stop > {margin:.3g} {unit}"
-            case Check.OVERLOAD:
-                text = (
-                    f"more than {joint.limits.nominal_current:.3g} A nominal for too long "
-                    f"(I2t budget {joint.limits.overload_time:.3g} s at peak)"
-                )
-            case Check.TEMPERATURE:
-                text = f"winding at {value:.0f} °C > {limit:.0f} °C"
-        return Cause(code, text)
+    def _describe_bound(self, row: Row, code: FaultCode, j: int) -> Cause:
+        value, limit = float(self._values[row, j]), float(self._upper[row, j])
+        unit, torque_unit = self._units(j)
+        if not math.isfinite(value) and row in (Row.POSITION, Row.VELOCITY):
+            return Cause(FaultCode.ENCODER_INVALID, "the reading is not a number")
+        if row is Row.ALARM:
+            return _alarm(value)
+        texts = {
+            Row.CURRENT: f"{abs(value):.3g} A > {limit:.3g} A",
+            Row.ENCODER_AGE: f"no sample for {value * 1e3:.0f} ms > {limit * 1e3:.0f} ms",
+            Row.POSITION: f"the reading jumped by more than {self._jump[j]:.3g} {unit} in a cycle",
+            Row.VELOCITY: "the velocity is not a number",
+            Row.TORQUE_AGE: f"no sample for {value * 1e3:.0f} ms > {limit * 1e3:.0f} ms",
+            Row.TORQUE: f"reads {value:.3g} {torque_unit}, out of its range",
+            Row.TEMPERATURE: f"winding at {value:.0f} °C > {limit:.0f} °C",
+        }
+        return Cause(code, texts[row])
+
+    def _describe_check(self, check: Check, code: FaultCode, j: int) -> Cause:
+        value, limit = abs(float(self._slow[check, j])), float(self._slow_limit[check, j])
+        unit, _ = self._units(j)
+        limits = self._joints[j].limits
+        past = value - limit + limits.hard_margin
+        texts = {
+            Check.TRAVEL: f"encoder and motor disagree by {value:.3g} {unit} > {limit:.3g} "
+            f"{unit}: frozen, slipping or reversed",
+            Check.OVERRUN: f"{past:.3g} {unit} beyond the hard stop > "
+            f"{limits.hard_margin:.3g} {unit}",
+            Check.OVERLOAD: f"more than {limits.nominal_current:.3g} A nominal for too long "
+            f"(I2t: {limits.overload_time:.3g} s at peak)",
+        }
+        return Cause(code, texts[check])
+
+    def _units(self, j: int) -> tuple[str, str]:
+        return ("m", "N") if self._joints[j].kind == "prismatic" else ("rad", "N·m")
+
+
+def _alarm(value: float) -> Cause:
+    """What the hardware raises by itself: 1 + a fault code."""
+    alarm = int(value) - 1 if math.isfinite(value) else 0
+    code = FaultCode(alarm) if alarm in set(FaultCode) else FaultCode.EXTERNAL
+    texts = {
+        FaultCode.EXTERNAL: "the external fault line is active (emergency stop)",
+        FaultCode.DIVERGED: "the simulation diverged; its last good state is back",
+    }
+    return Cause(code, texts.get(code, "raised by the hardware"))
