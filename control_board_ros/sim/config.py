@@ -96,9 +96,9 @@ class SimulationConfig:
     """A whole simulated plant.
 
     Attributes: joints (of the board, in its order), urdf (path of the robot, or the text of its
-    description; None for the ideal body: one double integrator per joint, no gravity), base_fixed, gravity (m/s², in world
-    axes), physics_rate (Hz, a whole multiple of the control rate), gui (show the arm in a
-    window), mimics (joints of the URDF that follow others).
+    description; None for the ideal body: one double integrator per joint, no gravity),
+    base_fixed, gravity (m/s², in world axes), physics_rate (Hz, a whole multiple of the control
+    rate), gui (show the arm in a window), mimics (joints of the URDF that follow others).
     """
 
     joints: tuple[JointSimulation, ...]

@@ -41,10 +41,10 @@ class IdealBody:
         np.add(velocity, change, velocity)
         np.multiply(velocity, self._step, change)
         np.add(position, change, change)
-        np.maximum(change, self._lower, position)
-        np.minimum(position, self._upper, position)
-        np.equal(change, position, change)
-        np.multiply(velocity, change, velocity)
+        np.maximum(change, self._lower, out=position)
+        np.minimum(position, self._upper, out=position)
+        if change.tobytes() != position.tobytes():
+            velocity[change != position] = 0.0
         return math.isfinite(position.dot(position))
 
     def restore(self, state: Array) -> None:

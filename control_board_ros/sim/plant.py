@@ -193,6 +193,6 @@ class SimulatedPlant:
     def _index(self, joint: int | str) -> int:
         if isinstance(joint, str) and joint in self._names:
             return self._names.index(joint)
-        if isinstance(joint, int) and 0 <= joint < len(self._names):
+        if type(joint) is not bool and isinstance(joint, int) and 0 <= joint < len(self._names):
             return joint
         raise ValueError(f"joint {joint!r} unknown; joints: {', '.join(self._names)}")

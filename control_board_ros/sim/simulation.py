@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A board and its simulated plant in one process, stepped by the caller.
+
+with Simulation(board_config, simulation_config) as simulation:
+    simulation.board.position_move("elbow", 0.5)
+    simulation.run(2.0)
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Self
+
+from ..core.board import Board
+from ..core.config import BoardConfig
+from .config import SimulationConfig
+from .plant import Body, SimulatedPlant
+
+
+class Simulation:
+    """A board that drives a simulated plant; time passes only in ``step`` and ``run``.
+
+    Attributes:
+        board: The control board.
+        plant: What it drives.
+    """
+
+    def __init__(
+        self, board: BoardConfig, simulation: SimulationConfig, body: Body | None = None
+    ) -> None:
+        self.plant = SimulatedPlant(board, simulation, body)
+        self.board = Board(board)
+        self._rate = board.control_rate
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return self.plant.time
+
+    def step(self, cycles: int = 1) -> None:
+        """Let control cycles pass: read, tick, write.
+
+        Raises:
+            PlantGone: the physics server is gone.
+        """
+        read, tick, write = self.plant.read, self.board.tick, self.plant.write
+        for _ in range(cycles):
+            write(tick(read()))
+
+    def run(self, seconds: float) -> None:
+        """Let simulated time pass, in whole control cycles."""
+        self.step(round(seconds * self._rate))
+
+    def close(self) -> None:
+        """Let go of the plant; safe to call twice."""
+        self.plant.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
