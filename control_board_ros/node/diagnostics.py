@@ -38,8 +38,8 @@ class Diagnostics:
         """The diagnostics of the time since the last call."""
         array = DiagnosticArray()
         array.header.stamp = now
-        loop = self._loop
-        state, modes, faults = loop.latest.snapshot, loop.modes, loop.faults
+        loop, records = self._loop, self._loop.records
+        state, modes, faults = records.latest.snapshot, records.modes, records.faults
         rejected = state.rejected_commands.tolist()
         array.status.append(self._loop_status(loop.statistics(), sum(rejected)))
         for j, name in enumerate(self._names):
@@ -77,7 +77,7 @@ class Diagnostics:
             "p99 latency (ms)": f"{found.p99 * 1e3:.3f}",
             "median latency (ms)": f"{found.median * 1e3:.3f}",
             "rejected commands": rejected,
-            "joints in fault": sum(r.active for r in self._loop.faults.records),
+            "joints in fault": sum(r.active for r in self._loop.records.faults.records),
         }
         return self._status("loop", level, text, values.items())
 

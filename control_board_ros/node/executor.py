@@ -13,7 +13,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from contextlib import ExitStack
-from typing import Any
+from typing import Any, cast
 
 from rclpy.context import Context
 from rclpy.exceptions import InvalidHandle
@@ -111,7 +111,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         )
         for waitable in self._waitables:
             size += waitable.get_num_entities()
-        self._held.enter_context(self._context.handle)
+        self._held.enter_context(cast(Any, self._context.handle))
         self._wait_set = _rclpy.WaitSet(
             size.num_subscriptions,
             size.num_guard_conditions,
@@ -175,7 +175,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
             serve(entity)
         except InvalidHandle:
             self._stale = True  # destroyed by an earlier callback of this round
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - the one place that keeps the node alive
             self._on_error(error, describe(entity))
 
     def _serve_service(self, service: Any) -> None:
@@ -238,7 +238,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         while finished:
             with self._tasks_lock:
                 tasks = [task for task, _, _ in self._tasks]
-            finished = any([self._run(task, "task") for task in tasks])
+            finished = sum(self._run(task, "task") for task in tasks) > 0
             with self._tasks_lock:
                 self._tasks = [e for e in self._tasks if not (e[0].done() or e[0].cancelled())]
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -56,7 +56,7 @@ class CommandTopic:
         self._first = node.create_subscription(
             kind,
             name,
-            self._on_first,
+            cast(Any, self._on_first),
             RELIABLE,
             qos_overriding_options=options,
             event_callbacks=SubscriptionEventCallbacks(
@@ -85,16 +85,16 @@ class CommandTopic:
             self._second = self._node.create_subscription(
                 self._kind,
                 self._name,
-                self._on_second,
+                cast(Any, self._on_second),
                 BEST_EFFORT,
                 event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             )
 
     def _on_first(self, message: Any, info: dict[str, int]) -> None:
-        if self._second is None:
-            self._callback(message)
-        elif time.monotonic() < self._handover_end and self._is_new(info):
-            self._callback(message)
+        handover = self._second is not None
+        if handover and (time.monotonic() >= self._handover_end or not self._is_new(info)):
+            return
+        self._callback(message)
 
     def _on_second(self, message: Any, info: dict[str, int]) -> None:
         if time.monotonic() >= self._handover_end or self._is_new(info):

@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 
 
-class AlreadyRunning(Exception):
+class NameTakenError(Exception):
     """Another process of this user holds the name; one line for people."""
 
 
@@ -38,7 +38,7 @@ def lock_name(full_name: str, domain: str) -> int:
         The open file; closing it gives the lock back.
 
     Raises:
-        AlreadyRunning: with the other's pid.
+        NameTakenError: with the other's pid.
         OSError: there is no folder for locks.
     """
     path = runtime_folder() / f"domain{domain}{full_name.replace('/', '.')}.lock"
@@ -48,7 +48,7 @@ def lock_name(full_name: str, domain: str) -> int:
     except BlockingIOError:
         pid = os.read(file, 32).decode(errors="replace").strip() or "unknown"
         os.close(file)
-        raise AlreadyRunning(
+        raise NameTakenError(
             f"{full_name} is already running on domain {domain}, pid {pid}; stop it first, "
             f"or start this one under another name: --ros-args -r __node:=name"
         ) from None

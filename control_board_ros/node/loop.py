@@ -6,8 +6,7 @@ Everything that touches the board does so between two cycles::
     with loop.exclusive() as board:
         reply = board.set_control_mode(["elbow"], "pos")
 
-What others read without a lock are frozen records, replaced whole: ``latest``, ``modes`` and
-``faults``. After each of them changed, ``on_state`` is called from the thread that changed it.
+What others read without a lock are frozen records, replaced whole: see ``loop.records``.
 """
 
 from __future__ import annotations
@@ -15,28 +14,20 @@ from __future__ import annotations
 import contextlib
 import gc
 import threading
-import time
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from ..core.board import Board
-from ..core.faults import FaultRecord
 from ..core.machine import BoardEvent
 from ..core.measurement import Actuation, Plant
-from ..core.state import Snapshot
-from ..core.vocabs import ControlMode, InteractionMode
+from ..core.vocabs import ControlMode
 from .pacing import Pacer, Statistics, sharpen_timers
+from .records import Records
 
-NANOSECONDS = 1_000_000_000
 #: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
 PAUSED_PERIOD = 0.1
-EVENTS_KEPT = 1000
-#: States kept for a publisher that was held up; older ones are lost.
-STATES_KEPT = 50
 
 Hook = Callable[[Board, float], None]
 
@@ -47,41 +38,14 @@ class Resettable(Plant, Protocol):
     def reset(self) -> None: ...
 
 
-@dataclass(frozen=True, slots=True)
-class State:
-    """A reading of the board; stamp in ns of ROS time."""
-
-    snapshot: Snapshot
-    stamp: int
-
-
-@dataclass(frozen=True, slots=True)
-class Modes:
-    """The modes of all joints, since stamp (ns of ROS time)."""
-
-    control: list[ControlMode]
-    interaction: list[InteractionMode]
-    stamp: int
-
-
-@dataclass(frozen=True, slots=True)
-class Faults:
-    """The last fault of every joint, as of stamp; offset takes simulated to ROS time (ns)."""
-
-    records: list[FaultRecord]
-    stamp: int
-    offset: int
-
-
 class ControlLoop:
     """Runs a board on a plant, one cycle after the other, in a thread of its own.
 
     Args:
         board, plant: what to run; the loop closes the plant at the end.
-        state_rate: how often ``latest`` is replaced, Hz of simulated time.
+        state_rate: how often ``records.latest`` is replaced, Hz of simulated time.
         real_time_factor: simulated seconds per second; 0 = as fast as possible.
         simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
-        on_state: called when a record was replaced; must return at once.
         on_end: called when the thread ends, by :meth:`stop` or by a failure.
     """
 
@@ -93,35 +57,28 @@ class ControlLoop:
         state_rate: float = 100.0,
         real_time_factor: float = 1.0,
         simulated_stamps: bool = False,
-        on_state: Callable[[], None] = lambda: None,
         on_end: Callable[[], None] = lambda: None,
     ) -> None:
         self._board, self._plant = board, plant
         self._gate, self._lock = threading.Lock(), threading.Lock()
         self._simulated_stamps = simulated_stamps
-        self.on_state, self.on_end = on_state, on_end
+        self.on_end = on_end
         self._pacer = Pacer(0.0)
         self.hooks: list[Hook] = []
-        self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
-        #: States that nobody has taken yet, oldest first; ``latest`` is the newest.
-        self.states: deque[State] = deque(maxlen=STATES_KEPT)
+        self.records = Records(board)
         self.failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
         self._wake = threading.Event()
         self._stopping = self._paused = False
         self._steps = 0
         self._on_steps: Callable[[str], None] | None = None
-        self._modes_version = self._faults_version = -1
         self._until_state = 1
-        self._read_time, self._read_stamp = 0.0, 0
         self.state_every = 1
         self.set_state_rate(state_rate)
         self.set_real_time_factor(real_time_factor)
         self._note_time(self._plant.read().time)
-        self.latest: State = State(board.snapshot(), self._read_stamp)
-        self.modes: Modes
-        self.faults: Faults
-        self._note_changes()
+        self.records.note_changes()
+        self.records.note_state()
 
     # -- life ---------------------------------------------------------------------------------
 
@@ -130,7 +87,7 @@ class ControlLoop:
         self._thread.start()
 
     def stop(self, timeout: float = 1.0) -> None:
-        """End the thread: joints unpowered, ``latest`` the last state; then close the plant."""
+        """End the thread: joints unpowered, the last state noted; then close the plant."""
         self._stopping = True
         self._wake.set()
         if self._thread.is_alive():
@@ -143,7 +100,7 @@ class ControlLoop:
 
     def tell(self, level: str, text: str) -> None:
         """Say something from a hook; it reaches the log with the board's own events."""
-        self.events.append(BoardEvent(level, text, "", text))
+        self.records.events.append(BoardEvent(level, text, "", text))
 
     def statistics(self) -> Statistics:
         """How the loop fared since the last call, and in all."""
@@ -173,7 +130,7 @@ class ControlLoop:
         self._pacer.restart()
 
     def set_state_rate(self, rate: float) -> None:
-        """Replace ``latest`` at this rate, Hz of simulated time, on whole cycles."""
+        """Replace ``records.latest`` at this rate, Hz of simulated time, on whole cycles."""
         self.state_every = max(1, round(1.0 / (rate * self._board.period)))
         self._until_state = min(self._until_state, self.state_every)
 
@@ -233,7 +190,7 @@ class ControlLoop:
                     self._cycle()
                     self._pacer.finished()
             self._unpower()
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - main tells, and chooses the exit code
             self.failure = error
             with contextlib.suppress(Exception):  # it may be the plant that failed
                 self._cut_power()
@@ -254,10 +211,10 @@ class ControlLoop:
             for hook in self.hooks:
                 hook(self._board, measurement.time)
             self._plant.write(self._board.tick(measurement))
-            self._note_changes()
+            self.records.note_changes()
             if self._until_state <= 0:
                 self._until_state = self.state_every
-                self._note_state()
+                self.records.note_state()
         finally:
             self._lock.release()
 
@@ -270,13 +227,13 @@ class ControlLoop:
                     self._steps -= 1
                     if not self._steps:
                         self._note_time(self._plant.read().time)
-                        self._note_state()
+                        self.records.note_state()
                         self._finish_steps("")
         self._wake.clear()
         if self._paused and not self._steps and not self._stopping:
             self._wake.wait(PAUSED_PERIOD)
             with self.exclusive():
-                self._note_state()
+                self.records.note_state()
         if not self._paused:
             self._pacer.restart()
 
@@ -298,48 +255,15 @@ class ControlLoop:
             self._note_time(measurement.time)
             board.tick(measurement)
             self._cut_power()
-            self._note_state()
+            self.records.note_state()
             self._finish_steps("the board is shutting down")
 
     def _cut_power(self) -> None:
         zeros = np.zeros(self._board.count)
         self._plant.write(Actuation(pwm=zeros, powered=zeros))
 
-    # -- records, under the lock ---------------------------------------------------------------
-
     def _note_time(self, simulated: float) -> None:
-        """A reading was taken now, at this simulated time (s)."""
-        self._read_time = simulated
-        stamp = round(simulated * NANOSECONDS) if self.simulated_time else time.time_ns()
-        self._read_stamp = stamp
-
-    def _ros_time(self) -> int:
-        """ROS time of the board's last cycle, ns."""
-        return self._read_stamp + round((self._board.time - self._read_time) * NANOSECONDS)
-
-    def ros_offset(self) -> int:
-        """What takes simulated time to ROS time, ns; to be called in an exclusive turn."""
-        return self._read_stamp - round(self._read_time * NANOSECONDS)
-
-    def _note_state(self) -> None:
-        self.latest = State(self._board.snapshot(), self._read_stamp)
-        self.states.append(self.latest)
-        self.events.extend(self._board.take_events())
-        self.on_state()
-
-    def _note_changes(self) -> None:
-        """Replace ``modes`` and ``faults`` where the board's have changed."""
-        board = self._board
-        if board.modes_version != self._modes_version:
-            self._modes_version = board.modes_version
-            self.modes = Modes(
-                board.get_control_mode(None), board.get_interaction_mode(None), self._ros_time()
-            )
-            self.on_state()
-        if board.faults_version != self._faults_version:
-            self._faults_version = board.faults_version
-            self.faults = Faults(board.get_faults(None), self._ros_time(), self.ros_offset())
-            self.on_state()
+        self.records.note_time(simulated, system=not self.simulated_time)
 
 
 class Turn:
@@ -363,6 +287,6 @@ class Turn:
     def __exit__(self, *_error: Any) -> None:
         loop = self._loop
         try:
-            loop._note_changes()
+            loop.records.note_changes()
         finally:
             loop._lock.release()

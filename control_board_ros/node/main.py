@@ -65,9 +65,10 @@ class KnownError(Exception):
 def run(arguments: list[str], ended: threading.Event) -> int:
     """From the arguments to a running node, and back."""
     from ..sim.errors import PlantError, PlantGone
+    from ..sim.params_file import SettingsError
     from ..sim.plant import SimulatedPlant
-    from .lock import AlreadyRunning, lock_name
-    from .parameters import SettingsError, settings_from_arguments
+    from .lock import NameTakenError, lock_name
+    from .parameters import settings_from_arguments
 
     try:
         start = settings_from_arguments(arguments)
@@ -76,7 +77,7 @@ def run(arguments: list[str], ended: threading.Event) -> int:
     full_name = f"{start.namespace.rstrip('/')}/{start.name}"
     try:
         lock = lock_name(full_name, os.environ.get("ROS_DOMAIN_ID") or "0")
-    except AlreadyRunning as error:
+    except NameTakenError as error:
         raise KnownError(3, str(error)) from None
     except OSError as error:
         raise KnownError(1, f"no lock for {full_name}: {error}; set XDG_RUNTIME_DIR") from None
@@ -102,13 +103,14 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
     """Run the node until ``ended`` is set; returns what ended the control loop, if it failed."""
     import rclpy
     from rclpy.signals import SignalHandlerOptions
+    from rclpy.utilities import try_shutdown
 
     from .executor import KeptWaitSetExecutor
     from .node import BoardNode
 
     try:
         rclpy.init(args=start.arguments, signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - rcl raises many kinds, all about arguments
         raise KnownError(2, f"ROS does not start: {error}") from None
     board = BoardNode(start, plant, on_end=ended.set)
     executor = KeptWaitSetExecutor(board.on_error)
@@ -124,14 +126,14 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
     if not thread.is_alive():  # else it hangs in a callback, and its node cannot be destroyed
         executor.shutdown()
         board.node.destroy_node()
-        rclpy.try_shutdown()
+        try_shutdown()
     return board.loop.failure
 
 
 def welcome(board: BoardNode) -> str:
     """The joints with their limits and modes, and lines to paste."""
     config = board.parameters.settings.board
-    modes = board.loop.modes
+    modes = board.loop.records.modes
     width = max(len(name) for name in (*config.names, "joint"))
     lines = [f"{'joint':{width}}    lower    upper  speed  modes"]
     for joint in config.joints:

@@ -87,7 +87,9 @@ class BoardNode:
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.node.create_timer(PERIOD, self._each_second, clock=steady)
-        self._namesake_timer = self.node.create_timer(SETTLED, self._warn_of_namesake, clock=steady)
+        self._namesake_timer = self.node.create_timer(
+            SETTLED, self._warn_of_namesake, clock=steady
+        )
         for warning in settings.warnings:
             self.log.warning(warning)
 
@@ -131,7 +133,7 @@ class BoardNode:
                 return callback(request, response)
             except ValueError as error:
                 return kind.Response(success=False, message=str(error))
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001 - no callback ends the node
                 self.on_error(error, name)
                 return kind.Response(
                     success=False, message=f"internal error in {name}; the board's log tells more"
@@ -162,7 +164,7 @@ class BoardNode:
                 callback(message)
             except ValueError as error:
                 self.complain(f"{name} ignored: {error}")
-            except Exception as error:
+            except Exception as error:  # noqa: BLE001 - no callback ends the node
                 self.on_error(error, name)
 
         return hear
@@ -190,7 +192,7 @@ class BoardNode:
 
     def _tell_events(self) -> None:
         """Log what happened in the control cycles (in the publisher's thread)."""
-        events = self.loop.events
+        events = self.loop.records.events
         while events:
             event = events.popleft()
             write = {"info": self.log.info, "warning": self.log.warning}.get(

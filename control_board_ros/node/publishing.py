@@ -37,7 +37,7 @@ class StatePublisher:
 
     Args:
         node: to publish from.
-        loop: whose records are published; its ``on_state`` is taken.
+        loop: whose records are published.
         description: the URDF.
         after: called in the publishing thread after each round, for the log.
         on_error: told of exceptions; the thread lives on.
@@ -52,7 +52,7 @@ class StatePublisher:
         after: Callable[[], None],
         on_error: Callable[[Exception, str], None],
     ) -> None:
-        self._loop, self._names = loop, names
+        self._loop, self._records, self._names = loop, loop.records, names
         self._after, self._on_error = after, on_error
         self._node = node
         self._joint_states = self._publisher(JointState, "joint_states", STREAM)
@@ -72,7 +72,7 @@ class StatePublisher:
         if loop.simulated_time:
             self.announce_clock()
         self._description.publish(String(data=description))
-        loop.on_state = self.wake
+        loop.records.on_change = self.wake
 
     def _publisher(self, kind: Any, name: str, qos: QoSProfile) -> Any:
         return self._node.create_publisher(kind, name, qos, event_callbacks=QUIET)
@@ -113,13 +113,13 @@ class StatePublisher:
         try:
             self.publish()
             self._after()
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001 - the next state may pass
             self._on_error(error, "state publisher")
 
     def publish(self) -> None:
         """Publish every record that is new."""
-        loop, done = self._loop, self._done
-        modes, faults = loop.modes, loop.faults
+        records, done = self._records, self._done
+        modes, faults = records.modes, records.faults
         if modes is not done[0]:
             done[0] = modes
             self._modes.publish(
@@ -128,11 +128,11 @@ class StatePublisher:
         if faults is not done[1]:
             done[1] = faults
             self._faults.publish(joint_faults(faults.records, faults.stamp, faults.offset))
-        while loop.states:
-            state = loop.states.popleft()
+        while records.states:
+            state = records.states.popleft()
             snapshot, stamp = state.snapshot, state.stamp
             self._joint_states.publish(fill_joint_state(self._joint_state, snapshot, stamp))
             self._states.publish(fill_board_state(self._board_state, snapshot, stamp))
-            if self._clock is not None and loop.simulated_time:
+            if self._clock is not None and self._loop.simulated_time:
                 set_stamp(self._clock_message.clock, stamp)
                 self._clock.publish(self._clock_message)

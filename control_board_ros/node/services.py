@@ -137,7 +137,7 @@ class Services:
     def get_faults(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
             records = board.get_faults(chosen(request.names, board.count))
-            offset = self._loop.ros_offset()
+            offset = self._loop.records.ros_offset()
         response.faults = [joint_fault(record, offset) for record in records]
         return fine(response)
 

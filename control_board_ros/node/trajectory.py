@@ -19,8 +19,8 @@ from ..core.board import Board
 from ..core.reply import Reply
 from ..core.selection import RequestError
 from ..core.vocabs import CommandKind
-from .loop import NANOSECONDS, ControlLoop
-from .messages import chosen
+from .loop import ControlLoop
+from .messages import NANOSECONDS, chosen
 
 Array = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ class TrajectoryFollower:
                 self._complain(f"trajectory ignored: {error}")
                 return
             stamp = message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec
-            wait = (stamp - self._loop.ros_offset()) / NANOSECONDS - board.time
+            wait = (stamp - self._loop.records.ros_offset()) / NANOSECONDS - board.time
             if wait > 0.0 and stamp:
                 self._start = board.time + wait
             else:

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the control loop shows: frozen records, replaced whole, read without a lock."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ..core.board import Board
+from ..core.faults import FaultRecord
+from ..core.machine import BoardEvent
+from ..core.state import Snapshot
+from ..core.vocabs import ControlMode, InteractionMode
+
+NANOSECONDS = 1_000_000_000
+EVENTS_KEPT = 1000
+#: States kept for a publisher that was held up; older ones are lost.
+STATES_KEPT = 50
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A reading of the board; stamp in ns of ROS time."""
+
+    snapshot: Snapshot
+    stamp: int
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """The modes of all joints, since stamp (ns of ROS time)."""
+
+    control: list[ControlMode]
+    interaction: list[InteractionMode]
+    stamp: int
+
+
+@dataclass(frozen=True, slots=True)
+class Faults:
+    """The last fault of every joint, as of stamp; offset takes simulated to ROS time (ns)."""
+
+    records: list[FaultRecord]
+    stamp: int
+    offset: int
+
+
+class Records:
+    """The newest records of a board, and what maps its time to ROS time.
+
+    The ``note`` methods are for whoever has the board to himself; all else is for everybody.
+
+    Attributes: latest, modes, faults; states (those nobody has taken yet, oldest first; the
+    newest is ``latest``); events (of the board, oldest first); on_change (called after a record
+    was replaced, from the thread that did it; must return at once).
+    """
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self.on_change: Callable[[], None] = lambda: None
+        self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
+        self.states: deque[State] = deque(maxlen=STATES_KEPT)
+        self._modes_version = self._faults_version = -1
+        self._time, self._stamp = 0.0, 0
+        self.latest: State
+        self.modes: Modes
+        self.faults: Faults
+
+    def note_time(self, simulated: float, *, system: bool) -> None:
+        """A reading was taken now, at this simulated time (s).
+
+        Args:
+            simulated: time of the reading, s.
+            system: whether ROS time is the system's time; else it is simulated time.
+        """
+        self._time = simulated
+        self._stamp = time.time_ns() if system else round(simulated * NANOSECONDS)
+
+    def ros_offset(self) -> int:
+        """What takes simulated time to ROS time, ns."""
+        return self._stamp - round(self._time * NANOSECONDS)
+
+    def note_state(self) -> None:
+        """Replace ``latest`` and take the board's events."""
+        self.latest = State(self._board.snapshot(), self._stamp)
+        self.states.append(self.latest)
+        self.events.extend(self._board.take_events())
+        self.on_change()
+
+    def note_changes(self) -> None:
+        """Replace ``modes`` and ``faults`` where the board's have changed."""
+        board = self._board
+        if board.modes_version != self._modes_version:
+            self._modes_version = board.modes_version
+            control, interaction = board.get_control_mode(None), board.get_interaction_mode(None)
+            self.modes = Modes(control, interaction, self._now())
+            self.on_change()
+        if board.faults_version != self._faults_version:
+            self._faults_version = board.faults_version
+            self.faults = Faults(board.get_faults(None), self._now(), self.ros_offset())
+            self.on_change()
+
+    def _now(self) -> int:
+        """ROS time of the board's last cycle, ns."""
+        return self.ros_offset() + round(self._board.time * NANOSECONDS)
