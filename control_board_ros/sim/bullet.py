@@ -195,6 +195,7 @@ class BulletBody:
             fixedTimeStep=simulation.physics_step,
             numSubSteps=0,
             enableFileCaching=0,
+            useSplitImpulse=0,  # else a stop met at speed is never fully restored
             deterministicOverlappingPairs=1,
             physicsClientId=client,
         )

@@ -10,7 +10,7 @@ from pathlib import Path
 from ..core.config import BoardConfig, ConfigError
 from .config import Mimic, SimulationConfig
 from .motor import reflected_inertia
-from .rotor import Moments, with_rotor_inertia
+from .rotor import Moments, normalise_axis, with_rotor_inertia
 from .urdf import load
 
 
@@ -48,6 +48,7 @@ def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
             raise ConfigError("joints", name, f"a joint of the URDF: {', '.join(moving)}")
     mimics = {mimic.joint: mimic for mimic in simulation.mimics if mimic.joint in joints}
     for name, joint in joints.items():
+        normalise_axis(joint)
         if name in board.names or name in mimics:
             continue
         if (follower := _follower(name, joint, board.names)) is not None:

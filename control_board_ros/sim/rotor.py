@@ -56,8 +56,8 @@ def with_rotor_inertia(text: str, reflected: Mapping[str, float]) -> tuple[str, 
             )
         child = joint.find("child")
         name = "" if child is None else child.get("link", "")
-        link = links[name]
-        tensor = _inertia(link) + inertia * _outer(_axis(joint))
+        link, axis = links[name], _axis(joint)
+        tensor = _inertia(link) + inertia * np.outer(axis, axis)
         values, axes = np.linalg.eigh(tensor)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         _write(link, axes)
@@ -65,14 +65,20 @@ def with_rotor_inertia(text: str, reflected: Mapping[str, float]) -> tuple[str, 
     return ET.tostring(root, encoding="unicode"), moments
 
 
+def normalise_axis(joint: ET.Element) -> None:
+    """Make the axis of a joint one long: pybullet takes its length for a lever."""
+    element = joint.find("axis")
+    if element is not None and joint.get("type") != "fixed":
+        element.set("xyz", " ".join(repr(float(part)) for part in _axis(joint)))
+
+
 def _axis(joint: ET.Element) -> Array:
     element = joint.find("axis")
     axis = _numbers(element, "xyz", (1.0, 0.0, 0.0))
-    return np.array(axis / np.linalg.norm(axis))
-
-
-def _outer(axis: Array) -> Array:
-    return np.outer(axis, axis)
+    length = float(np.linalg.norm(axis))
+    if length == 0.0:
+        raise ConfigError(f"{joint.get('name')}.axis", "0 0 0", "one that is not zero")
+    return np.array(axis / length)
 
 
 def _inertia(link: ET.Element) -> Array:

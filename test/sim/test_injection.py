@@ -12,6 +12,7 @@ from control_board_ros.core.measurement import Row
 from control_board_ros.sim.config import Encoder
 from control_board_ros.sim.injection import KINDS
 
+PHYSICS = [pytest.mark.physics]
 JOINT = 2
 OTHERS = [0, 1, 3]
 #: Rows that each kind touches on its joint.

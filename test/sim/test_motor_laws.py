@@ -15,7 +15,7 @@ from control_board_ros.core.measurement import Actuation, Row
 from control_board_ros.sim.config import MotorModel
 from control_board_ros.sim.plant import SimulatedPlant
 
-FREE = dict(low=-1e6, high=1e6)
+FREE = {"low": -1e6, "high": 1e6}
 
 
 def one_joint(model: MotorModel, motor: Motor = MOTOR, inertia: float = 1.0, **rest):
