@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/config.py: what exists is valid; an error names the key, the value and what is allowed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import FrozenInstanceError, replace
+from typing import Any
+
+import pytest
+from spec.rig import LIMITS, MOTOR, board_config, joint, plain
+
+from control_board_ros.core.config import (
+    BoardConfig,
+    Calibration,
+    ConfigError,
+    Impedance,
+    Pid,
+    Timeouts,
+    check_number,
+)
+from control_board_ros.core.vocabs import ControlMode, InteractionMode
+
+M, COMPLIANT = ControlMode, InteractionMode.COMPLIANT
+NAN, INF = math.nan, math.inf
+GOOD = Calibration(type=5, output=5.0, start=0.5)
+
+
+def limits(**changes: Any) -> Callable[[], object]:
+    return lambda: joint("j", limits=changes)
+
+
+def calibration(**changes: Any) -> Callable[[], object]:
+    return lambda: joint("j", calibration=replace(GOOD, **changes))
+
+
+def board(**changes: Any) -> Callable[[], object]:
+    return lambda: board_config(**changes)
+
+
+def one(**changes: Any) -> Callable[[], object]:
+    return lambda: joint(**({"name": "j"} | changes))
+
+
+BAD: list[tuple[str, Callable[[], object]]] = [
+    ("joints: ''", one(name="")),
+    ("joints: 'j'", lambda: board_config(joint("j"), joint("j"))),
+    ("joints: []", lambda: BoardConfig(joints=())),
+    ("control_rate: 9.9", board(control_rate=9.9)),
+    ("control_rate: 20001", board(control_rate=20001)),
+    ("control_rate: nan", board(control_rate=NAN)),
+    ("control_rate: True", board(control_rate=True)),
+    ("output: 'voltage'", board(output="voltage")),
+    ("calibration_groups: 'arm'", board(calibration_groups=(("arm",),))),
+    ("calibration_groups: 'left'", board(calibration_groups=(("left",), ("left",)))),
+    ("j.kind: 'ball'", one(kind="ball")),
+    ("j.limits.lower: nan", limits(lower=NAN)),
+    ("j.limits.upper: -2.0", limits(upper=-2.0)),
+    ("j.limits.lower: -3.0", limits(lower=-3.0)),
+    ("j.limits.upper: 3.0", limits(upper=3.0)),
+    ("j.limits.hard_upper: -5.0", limits(hard_upper=-5.0)),
+    ("j.limits.velocity: 0.0", limits(velocity=0.0)),
+    ("j.limits.acceleration: -1.0", limits(acceleration=-1.0)),
+    ("j.limits.torque: inf", limits(torque=INF)),
+    ("j.limits.nominal_current: 0", limits(nominal_current=0)),
+    ("j.limits.peak_current: 10.0", limits(peak_current=10.0)),
+    ("j.limits.output: 100.5", limits(output=100.5)),
+    ("j.limits.output: 0.0", limits(output=0.0)),
+    ("j.limits.hard_margin: 0.0", limits(hard_margin=0.0)),
+    ("j.limits.overload_time: 0.0", limits(overload_time=0.0)),
+    ("j.limits.temperature: 0.0", limits(temperature=0.0)),
+    ("j.limits.temperature_hysteresis: -1.0", limits(temperature_hysteresis=-1.0)),
+    ("j.position_pid.kp: -1.0", one(position_pid=Pid(kp=-1.0))),
+    ("j.position_pid.kp: '1'", one(position_pid=Pid(kp="1"))),  # type: ignore[arg-type]
+    ("j.torque_pid.ki: inf", one(torque_pid=Pid(kp=1.0, ki=INF))),
+    ("j.direct_pid.kd: nan", one(direct_pid=Pid(kp=1.0, kd=NAN))),
+    ("j.current_pid.kff: -0.1", one(current_pid=Pid(kp=1.0, kff=-0.1))),
+    ("j.position_pid.integral_limit: -1", one(position_pid=Pid(kp=1, integral_limit=-1))),
+    ("j.position_pid.derivative_cutoff: 0", one(position_pid=Pid(kp=1, derivative_cutoff=0))),
+    ("j.motor.resistance: 0.0", one(motor=replace(MOTOR, resistance=0.0))),
+    ("j.motor.inductance: -1.0", one(motor=replace(MOTOR, inductance=-1.0))),
+    ("j.motor.efficiency: 1.1", one(motor=replace(MOTOR, efficiency=1.1))),
+    (
+        "j.impedance.stiffness: 11.0",
+        one(impedance=Impedance(stiffness=11.0, damping=0, max_stiffness=10, max_damping=1)),
+    ),
+    (
+        "j.impedance.max_damping: -1",
+        one(impedance=Impedance(stiffness=0, damping=0, max_stiffness=10, max_damping=-1)),
+    ),
+    ("j.timeouts.velocity: -0.1", one(timeouts=Timeouts(velocity=-0.1))),
+    ("j.timeouts.torque: nan", one(timeouts=Timeouts(torque=NAN))),
+    ("j.timeouts.output: inf", one(timeouts=Timeouts(output=INF))),
+    ("j.timeouts.encoder: 0", one(timeouts=Timeouts(encoder=0))),
+    ("j.timeouts.torque_sensor: 0", one(timeouts=Timeouts(torque_sensor=0))),
+    ("j.back_emf_compensation: 1.5", one(back_emf_compensation=1.5)),
+    ("j.reference_speed: 0.0", one(reference_speed=0.0)),
+    ("j.reference_speed: 4.0", one(reference_speed=4.0)),
+    ("j.reference_acceleration: 21.0", one(reference_acceleration=21.0)),
+    ("j.max_travel_error: 0.0", one(max_travel_error=0.0)),
+    ("j.guard_stiffness: 0.0", one(guard_stiffness=0.0)),
+    ("j.guard_damping: nan", one(guard_damping=NAN)),
+    ("j.control_modes: ['pos']", one(control_modes=(ControlMode.POSITION,))),
+    ("j.control_modes: 'fidl'", one(control_modes=(ControlMode.IDLE, ControlMode.FORCE_IDLE))),
+    ("j.interaction_modes", one(interaction_modes=(InteractionMode.COMPLIANT,))),
+    ("j.torque_sensor: False", one(torque_sensor=False)),
+    ("j.startup_mode: 'vel'", one(startup_mode=ControlMode.VELOCITY)),
+    (
+        "j.startup_mode: 'pos'",
+        one(startup_mode=M.POSITION, control_modes=(M.IDLE,)),
+    ),
+    (
+        "j.startup_interaction: 'comp'",
+        lambda: plain("j", startup_interaction=COMPLIANT),
+    ),
+    ("j.calibration.type: 4", calibration(type=4)),
+    ("j.calibration.zero: nan", calibration(zero=NAN)),
+    ("j.calibration.start: 2.1", calibration(start=2.1)),
+    ("j.calibration.speed: 3.1", calibration(speed=3.1)),
+    ("j.calibration.speed: 0.0", calibration(speed=0.0)),
+    ("j.calibration.output: 0.0", calibration(output=0.0)),
+    ("j.calibration.output: 101.0", calibration(output=101.0)),
+    ("j.calibration.stall_time: 0.0", calibration(stall_time=0.0)),
+    ("j.calibration.timeout: 0.0", calibration(timeout=0.0)),
+    ("j.calibration.control_mode: 'hwfa'", calibration(control_mode=ControlMode.HW_FAULT)),
+    (
+        "j.calibration.interaction_mode: 'comp'",
+        lambda: plain("j", calibration=replace(GOOD, interaction_mode=InteractionMode.COMPLIANT)),
+    ),
+]
+
+
+@pytest.mark.parametrize(("start", "make"), BAD, ids=[start for start, _ in BAD])
+def test_errors_name_key_value_and_what_is_allowed(start: str, make: Callable[[], object]) -> None:
+    with pytest.raises(ConfigError) as error:
+        make()
+    text = str(error.value)
+    assert text.startswith(start)
+    assert "is not allowed; " in text
+    assert "\n" not in text
+    assert error.value.key == start.split(":", maxsplit=1)[0]
+
+
+def test_configurations_are_frozen() -> None:
+    config = board_config()
+    with pytest.raises(FrozenInstanceError):
+        config.control_rate = 100.0  # type: ignore[misc]
+    with pytest.raises(FrozenInstanceError):
+        config.joints[0].limits.torque = 1.0  # type: ignore[misc]
+
+
+def test_what_may_be_infinite() -> None:
+    """Limits of a continuous joint, an integral without bound, a check switched off."""
+    endless = {"lower": -INF, "upper": INF, "hard_lower": -INF, "hard_upper": INF}
+    made = joint(
+        "wheel",
+        kind="continuous",
+        limits=endless,
+        position_pid=Pid(kp=1.0),
+        max_travel_error=INF,
+    )
+    assert math.isinf(made.limits.upper)
+
+
+def test_names_and_period() -> None:
+    config = board_config(control_rate=250.0)
+    assert config.names == ("left", "right", "bare")
+    assert config.period == 0.004
+
+
+def test_motor_constants() -> None:
+    motor = replace(MOTOR, efficiency=0.8)
+    assert motor.torque_per_ampere == pytest.approx(0.1 * 50 * 0.8)
+    assert motor.back_emf == pytest.approx(0.1 * 50)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "above", "allowed"),
+    [
+        (-INF, INF, None, "a number"),
+        (0.0, INF, None, "a number of at least 0"),
+        (1.0, 2.0, None, "a number from 1 to 2"),
+        (-INF, INF, 0.0, "a number above 0"),
+        (-INF, 5.0, 0.0, "a number above 0 and up to 5"),
+    ],
+)
+def test_check_number_says_the_range(
+    low: float, high: float, above: float | None, allowed: str
+) -> None:
+    with pytest.raises(ConfigError) as error:
+        check_number("key", "x", low, high, above=above)
+    assert str(error.value) == f"key: 'x' is not allowed; {allowed}"
+    check_number("key", 1.5, low, high, above=above)
+
+
+def test_the_limits_of_the_tests_are_good() -> None:
+    LIMITS.check("j.limits")

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/reply.py: what a reply says and whether it is true."""
+
+from __future__ import annotations
+
+from control_board_ros.core.reply import Answer, Reply, accepted, decided, refused
+
+FINE = (Answer.ACCEPTED, "")
+
+
+def test_true_only_when_all_accepted() -> None:
+    assert accepted(("a", "b"))
+    assert not refused("no")
+    assert not refused("no", ("a",))
+    assert not Reply((), ())
+    assert not decided(("a", "b"), [FINE, (Answer.REFUSED, "a fault")])
+    assert decided(("a", "b"), [FINE, FINE])
+
+
+def test_each_joint_has_its_answer_and_reason() -> None:
+    reply = decided(("a", "b"), [FINE, (Answer.IGNORED, "b is IDLE")])
+    assert reply.joints == ("a", "b")
+    assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
+    assert reply.reasons == ("", "b is IDLE")
+    assert reply.message == "b is IDLE"
+
+
+def test_message_tells_three_reasons_and_counts_the_rest() -> None:
+    names = tuple("abcdef")
+    reply = decided(names, [(Answer.REFUSED, f"no {n}") for n in names])
+    assert reply.message == "no a; no b; no c (and 3 more)"
+    assert reply.reasons[5] == "no f"
+
+
+def test_equal_reasons_are_told_once() -> None:
+    reply = decided(("a", "b"), [(Answer.REFUSED, "same")] * 2)
+    assert reply.message == "same"
+    assert accepted(("a",)).message == ""
+    assert refused("why", ("a", "b")).reasons == ("why", "why")

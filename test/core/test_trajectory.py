@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/trajectory.py: the laws of moves and ramps, for any numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from control_board_ros.core.trajectory import PEAK, Trajectories, durations, ramp
+
+PERIOD = 0.01
+ALL = np.array([0])
+POSITIONS = st.floats(-3.0, 3.0)
+SPEEDS = st.floats(0.05, 3.0)
+
+
+def duration(distance: float, speed: float, velocity: float = 0.0) -> float:
+    arrays = (np.array([x]) for x in (distance, speed, velocity, 6.0, 50.0))
+    return float(durations(*arrays)[0])
+
+
+def follow(moves: Trajectories, cycles: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities of some cycles, shape (cycles, n) each."""
+    positions, velocities = [], []
+    for _ in range(cycles):
+        moves.advance()
+        positions.append(moves.position.copy())
+        velocities.append(moves.velocity.copy())
+    return np.array(positions), np.array(velocities)
+
+
+def started(start: float, target: float, time: float) -> Trajectories:
+    moves = Trajectories(1, PERIOD)
+    moves.hold(ALL, np.array([start]))
+    moves.move(ALL, np.array([start]), np.array([target]), np.array([time]))
+    return moves
+
+
+@given(POSITIONS, POSITIONS, SPEEDS)
+def test_moves_are_minimum_jerk(start: float, target: float, speed: float) -> None:
+    """P1: q(s) = q0 + Δ(10s³ − 15s⁴ + 6s⁵), from rest to rest, never beyond its ends."""
+    time = max(duration(target - start, speed), PERIOD)
+    cycles = int(np.ceil(time / PERIOD - 1e-9))
+    moves = started(start, target, time)
+    position, velocity = (array[:, 0] for array in follow(moves, cycles + 5))
+    s = np.minimum(np.arange(1, cycles + 6) * PERIOD / time, 1.0)
+    reach = target - start
+    assert position == pytest.approx(start + reach * (10 * s**3 - 15 * s**4 + 6 * s**5), abs=1e-9)
+    assert np.all(
+        (position - min(start, target) >= -1e-9) & (position - max(start, target) <= 1e-9)
+    )
+    assert np.all(np.diff(position) * np.sign(reach) >= -1e-12)
+    assert position[cycles - 1] == target
+    assert velocity[cycles - 1 :] == pytest.approx(0.0, abs=0)
+    assert np.abs(velocity).max() <= PEAK * abs(reach) / time + 1e-9
+
+
+@given(POSITIONS, POSITIONS, POSITIONS, SPEEDS, SPEEDS, st.floats(0.0, 1.0))
+def test_retargeting_has_no_jump(
+    start: float, first: float, second: float, speed: float, other: float, when: float
+) -> None:
+    """P1: a new target starts from the present reference position and velocity."""
+    time = max(duration(first - start, speed), PERIOD)
+    moves = started(start, first, time)
+    follow(moves, int(when * time / PERIOD))
+    before = float(moves.position[0]), float(moves.velocity[0])
+    time = duration(second - before[0], other, before[1])
+    moves.move(ALL, moves.position.copy(), np.array([second]), np.array([time]))
+    time = max(time, PERIOD)
+    assume(time > 20 * PERIOD)
+    cycles = int(np.ceil(time / PERIOD - 1e-9))
+    position, velocity = (array[:, 0] for array in follow(moves, cycles))
+    # The least possible change of one cycle: what the acceleration of the quintic allows.
+    reach = abs(second - before[0])
+    hardest = 10 * reach / time**2 + 8 * abs(before[1]) / time
+    assert abs(position[0] - before[0] - before[1] * PERIOD) <= hardest * PERIOD**2 + 1e-9
+    assert abs(velocity[0] - before[1]) <= hardest * PERIOD + 1e-9
+    assert np.abs(np.diff(velocity)).max(initial=0) <= hardest * PERIOD + 1e-9
+    assert position[-1] == second
+    assert velocity[-1] == 0.0
+
+
+@given(POSITIONS, st.floats(0.01, 3.0), SPEEDS, st.floats(0.1, 0.9))
+def test_retargeting_further_the_same_way_does_not_overshoot(
+    start: float, reach: float, speed: float, when: float
+) -> None:
+    """P1: a move that is led further on in its direction never passes the new target."""
+    time = max(duration(reach, speed), PERIOD)
+    moves = started(start, start + reach, time)
+    follow(moves, int(when * time / PERIOD))
+    here, velocity = float(moves.position[0]), float(moves.velocity[0])
+    target = start + 2 * reach
+    time = duration(target - here, speed, velocity)
+    assume(time <= 2.5 * abs(target - here) / max(abs(velocity), 1e-9))
+    moves.move(ALL, moves.position.copy(), np.array([target]), np.array([time]))
+    position, _ = follow(moves, int(np.ceil(time / PERIOD)) + 2)
+    assert position.max() <= target + 1e-9
+
+
+def test_duration_is_distance_over_mean_speed() -> None:
+    """P1: T = |Δ|/v, and longer only where the peak velocity, 1.875 v, would pass the limit."""
+    assert duration(1.0, 0.5) == 2.0
+    assert duration(-1.0, 0.5) == 2.0
+    assert duration(0.0, 0.5) == 0.0
+    assert duration(1.0, 6.0) == pytest.approx(1.875 / 6.0)
+    assert duration(1.0, 5e-324) == 1e6
+
+
+def test_done_until_the_profile_ends() -> None:
+    """P3: not done from the start of the move to its last cycle."""
+    moves = started(0.0, 1.0, 10.5 * PERIOD)
+    assert not moves.done[0]
+    assert moves.moving
+    follow(moves, 10)
+    assert not moves.done[0]
+    assert moves.remaining(ALL)[0] == pytest.approx(PERIOD)
+    follow(moves, 1)
+    assert moves.done[0]
+    assert not moves.moving
+    assert moves.remaining(ALL)[0] == 0.0
+    assert moves.position[0] == 1.0
+
+
+def test_a_move_of_no_distance_ends_in_one_cycle() -> None:
+    moves = started(0.5, 0.5, 0.0)
+    assert not moves.done[0]
+    follow(moves, 1)
+    assert moves.done[0]
+    assert moves.position[0] == 0.5
+
+
+def test_joints_move_on_their_own() -> None:
+    """Joints given together move as each alone, in any order of the joints."""
+    start, target = np.array([0.0, 1.0, -1.0]), np.array([1.0, 0.9, 2.0])
+    time = np.array([0.1, 0.02, 0.3])
+    together = Trajectories(3, PERIOD)
+    together.hold(np.arange(3), start)
+    together.move(np.arange(3), start, target, time)
+    order = np.array([2, 0, 1])
+    mixed = Trajectories(3, PERIOD)
+    mixed.hold(np.arange(3), start[order])
+    mixed.move(np.arange(3), start[order], target[order], time[order])
+    for _ in range(200):
+        together.advance()
+        mixed.advance()
+        assert np.array_equal(together.position[order], mixed.position)
+        assert np.array_equal(together.velocity[order], mixed.velocity)
+        assert np.array_equal(together.done[order], mixed.done)
+    alone = started(1.0, 0.9, 0.02)
+    again = Trajectories(3, PERIOD)
+    again.hold(np.arange(3), start)
+    again.move(np.arange(3), start, target, time)
+    for _ in range(20):
+        alone.advance()
+        again.advance()
+        assert alone.position[0] == again.position[1]
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.001, 1))
+def test_ramp_arrives_and_never_passes(velocity: float, target: float, step: float) -> None:
+    """P5: v moves towards its target by at most a step per cycle and stays there."""
+    now, scratch = np.array([velocity]), np.empty(1)
+    up, down, aim = np.array([step]), np.array([-step]), np.array([target])
+    for _ in range(int(abs(target - velocity) / step) + 2):
+        before = float(now[0])
+        ramp(now, aim, up, down, scratch)
+        assert abs(now[0] - before) <= step * (1 + 1e-12)
+        assert min(before, target) - 1e-12 <= now[0] <= max(before, target) + 1e-12
+    assert now[0] == pytest.approx(target, abs=1e-12)

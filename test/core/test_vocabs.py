@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/vocabs.py: packing, and the names people type."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from control_board_ros.core.vocabs import (
+    CommandKind,
+    ControlMode,
+    InteractionMode,
+    decode,
+    encode,
+    parse_control_mode,
+    parse_interaction_mode,
+)
+
+CONTROL = {
+    "POSITION": ("pos", 7565168),
+    "POSITION_DIRECT": ("posd", 1685286768),
+    "VELOCITY": ("vel", 7103862),
+    "MIXED": ("mix", 7891309),
+    "TORQUE": ("torq", 1903325044),
+    "OPENLOOP": ("open", 1852141679),
+    "IDLE": ("idl", 7103593),
+    "FORCE_IDLE": ("fidl", 1818519910),
+    "HW_FAULT": ("hwfa", 1634105192),
+    "CALIBRATING": ("cal", 7102819),
+    "CALIB_DONE": ("cald", 1684824419),
+    "NOT_CONFIGURED": ("cfgn", 1852270179),
+    "CONFIGURED": ("cfgy", 2036819555),
+    "CURRENT": ("icur", 1920295785),
+    "VELOCITY_DIRECT": ("veld", 1684825462),
+}
+INTERACTION = {"STIFF": ("stif", 1718187123), "COMPLIANT": ("comp", 1886220131)}
+
+
+@pytest.mark.parametrize(("name", "code", "vocab"), [(n, *v) for n, v in CONTROL.items()])
+def test_control_mode_values(name: str, code: str, vocab: int) -> None:
+    mode = ControlMode[name]
+    assert (mode.code, int(mode), str(mode)) == (code, vocab, name)
+    for text in (code, name, name.lower(), name.title(), vocab, np.int32(vocab), mode):
+        assert parse_control_mode(text) is mode
+
+
+@pytest.mark.parametrize(("name", "code", "vocab"), [(n, *v) for n, v in INTERACTION.items()])
+def test_interaction_mode_values(name: str, code: str, vocab: int) -> None:
+    mode = InteractionMode[name]
+    assert (mode.code, int(mode), str(mode)) == (code, vocab, name)
+    for text in (code, name, name.lower(), vocab, np.int64(vocab), mode):
+        assert parse_interaction_mode(text) is mode
+
+
+def test_there_are_no_others() -> None:
+    assert {mode.name for mode in ControlMode} == set(CONTROL)
+    assert {mode.name for mode in InteractionMode} == set(INTERACTION)
+
+
+@pytest.mark.parametrize("name", ["ipwm", "IPWM", "pwm", 1836544105])
+def test_pwm_is_another_name_of_openloop(name: str | int) -> None:
+    assert parse_control_mode(name) is ControlMode.OPENLOOP
+
+
+CODES = st.text(st.characters(min_codepoint=33, max_codepoint=126), min_size=1, max_size=4)
+
+
+@given(CODES)
+def test_round_trip(code: str) -> None:
+    vocab = encode(code)
+    assert -(2**31) <= vocab < 2**31
+    assert decode(vocab) == code
+    packed = code.encode("ascii").ljust(4, b"\0")
+    assert vocab.to_bytes(4, "little", signed=True) == packed
+
+
+@given(st.text().filter(lambda t: not (1 <= len(t) <= 4 and t.isascii() and t.isprintable())))
+def test_other_texts_do_not_encode(text: str) -> None:
+    with pytest.raises(ValueError, match="1 to 4 printable ASCII characters"):
+        encode(text)
+
+
+@given(st.integers(-(2**40), 2**40))
+def test_a_number_decodes_only_if_a_code_packs_to_it(vocab: int) -> None:
+    with contextlib.suppress(ValueError):
+        assert encode(decode(vocab)) == vocab
+
+
+@pytest.mark.parametrize("vocab", [0, -1, 2**31, 0x00700070, 0x7000, 0xFF, 10])
+def test_numbers_that_no_code_packs_to(vocab: int) -> None:
+    with pytest.raises(ValueError, match="not valid"):
+        decode(vocab)
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("poss", "did you mean 'pos'"),
+        ("velocty", "did you mean 'velocity'"),
+        ("", "known: pos (POSITION)"),
+        ("x" * 5000, "…"),
+        (12345, "12345 is no control mode"),
+        (1718187123, "is no control mode"),
+        (None, "None is no control mode"),
+        (2.5, "2.5 is no control mode"),
+    ],
+)
+def test_unknown_modes_say_what_is_known(text: object, hint: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(hint)) as error:
+        parse_control_mode(text)  # type: ignore[arg-type]
+    message = str(error.value)
+    assert "\n" not in message
+    assert len(message) < 600
+
+
+def test_command_kinds_read_well() -> None:
+    names = ["position", "position direct", "velocity", "torque", "output"]
+    assert [str(kind) for kind in CommandKind] == names

@@ -1,0 +1,213 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Boards with plants for the tests: a board, what it drives, and the passing of time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from control_board_ros.core.board import Board
+from control_board_ros.core.config import (
+    CONTROL_MODES,
+    BoardConfig,
+    Calibration,
+    Impedance,
+    JointConfig,
+    Limits,
+    Motor,
+    Pid,
+)
+from control_board_ros.core.measurement import ROWS, Actuation, Array, Measurement, Row
+from control_board_ros.core.state import Snapshot
+from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.sim.config import (
+    Encoder,
+    JointSimulation,
+    MotorModel,
+    SimulationConfig,
+)
+from control_board_ros.sim.plant import SimulatedPlant
+
+M = ControlMode
+STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
+STATUSES = (M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED)
+POSITION_MODES = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED)
+RATE = 500.0
+
+LIMITS = Limits(
+    lower=-2.0,
+    upper=2.0,
+    hard_lower=-2.2,
+    hard_upper=2.2,
+    velocity=3.0,
+    acceleration=20.0,
+    torque=60.0,
+    nominal_current=10.0,
+    peak_current=25.0,
+)
+MOTOR = Motor(
+    resistance=1.0, inductance=1e-3, torque_constant=0.1, gear_ratio=50.0, supply_voltage=48.0
+)
+
+
+def joint(name: str, *, limits: dict[str, Any] | None = None, **changes: Any) -> JointConfig:
+    """A joint with a torque sensor that implements everything, at rest in IDLE."""
+    values: dict[str, Any] = {
+        "name": name,
+        "limits": replace(LIMITS, **(limits or {})),
+        "motor": MOTOR,
+        "position_pid": Pid(kp=400.0, ki=400.0, kd=40.0, integral_limit=20.0),
+        "torque_pid": Pid(kp=0.3, ki=20.0, kff=1.0, integral_limit=20.0),
+        "impedance": Impedance(stiffness=50.0, damping=5.0, max_stiffness=500.0, max_damping=50.0),
+        "startup_mode": M.IDLE,
+    }
+    return JointConfig(**(values | changes))
+
+
+def plain(name: str, **changes: Any) -> JointConfig:
+    """A joint without torque sensing (I7)."""
+    values = {
+        "torque_sensor": False,
+        "control_modes": tuple(m for m in CONTROL_MODES if m is not M.TORQUE),
+        "interaction_modes": (STIFF,),
+    }
+    return joint(name, **(values | changes))
+
+
+def board_config(*joints: JointConfig, **changes: Any) -> BoardConfig:
+    """A board of these joints; of left, right (all modes) and bare (no torque sensor) else."""
+    chosen = joints or (joint("left"), joint("right"), plain("bare"))
+    return BoardConfig(joints=chosen, **({"control_rate": RATE} | changes))
+
+
+def simulation_config(config: BoardConfig, **per_joint: Sequence[float]) -> SimulationConfig:
+    """An ideal plant; ``home`` and ``zero`` (of the encoder) are lists, one value per joint."""
+    n = len(config.joints)
+    homes, zeros = per_joint.get("home", [0.0] * n), per_joint.get("zero", [0.0] * n)
+    return SimulationConfig(
+        joints=tuple(
+            JointSimulation(
+                name=name,
+                home=home,
+                motor=MotorModel(coulomb=0.2, viscous=0.5),
+                encoder=Encoder(zero=zero),
+            )
+            for name, home, zero in zip(config.names, homes, zeros, strict=True)
+        ),
+        physics_rate=config.control_rate * 2,
+    )
+
+
+class Held:
+    """A plant that stands still and says what it is told: for looking at the laws alone."""
+
+    def __init__(self, config: BoardConfig) -> None:
+        self.values: Array = np.zeros((ROWS, len(config.joints)))
+        self.values[Row.TEMPERATURE] = 25.0
+        self._period, self._cycle = config.period, 0
+
+    def read(self) -> Measurement:
+        return Measurement(self._cycle * self._period, self.values.copy())
+
+    def write(self, actuation: Actuation) -> None:
+        self._cycle += 1
+
+    def close(self) -> None:
+        """Nothing to let go."""
+
+
+class Rig:
+    """A board and its plant; ``run`` and ``tick`` let time pass."""
+
+    def __init__(self, config: BoardConfig, plant: Any = None, **per_joint: Any) -> None:
+        self.config = config
+        self.board = Board(config)
+        self.plant: Any = plant or SimulatedPlant(config, simulation_config(config, **per_joint))
+        self.period = config.period
+
+    def tick(self, cycles: int = 1) -> Snapshot:
+        """Some control cycles; what the board shows after the last."""
+        for _ in range(cycles):
+            self.plant.write(self.board.tick(self.plant.read()))
+        return self.board.snapshot()
+
+    def run(self, seconds: float) -> Snapshot:
+        """Some simulated time; what the board shows at its end."""
+        return self.tick(round(seconds / self.period))
+
+    def record(self, seconds: float) -> list[Snapshot]:
+        """The snapshots of all cycles of some simulated time."""
+        return [self.tick() for _ in range(round(seconds / self.period))]
+
+    def enter(self, mode: ControlMode | str, joints: Any = None) -> None:
+        """Set a mode, from wherever the joints are, and let it act for two cycles."""
+        assert self.board.set_control_mode(joints, M.FORCE_IDLE)
+        reply = self.board.set_control_mode(joints, mode)
+        assert reply, reply.message
+        self.tick(2)
+
+    def modes(self) -> list[ControlMode]:
+        """The control modes of all joints."""
+        return self.board.get_control_mode(None)
+
+    def warnings(self) -> list[str]:
+        """The texts of the warnings since the last call."""
+        return [event.text for event in self.board.take_events() if event.level == "warning"]
+
+
+def ready(config: BoardConfig | None = None, plant: Any = None, **per_joint: Any) -> Rig:
+    """A rig after its first cycles: configured, at rest."""
+    rig = Rig(config or board_config(), plant, **per_joint)
+    rig.tick(2)
+    return rig
+
+
+def held(*joints: JointConfig, **changes: Any) -> Rig:
+    """A configured rig whose plant stands still; nothing checks that the motor agrees."""
+    if not joints:
+        joints = (joint("left"), joint("right"), plain("bare"))
+    deaf = tuple(replace(one, max_travel_error=float("inf")) for one in joints)
+    config = board_config(*deaf, **changes)
+    return ready(config, Held(config))
+
+
+def in_status(status: ControlMode, **changes: Any) -> Rig:
+    """A rig of one joint, ``left``, that is in a status (HW_FAULT, CALIBRATING, …)."""
+    slow = Calibration(type=3, required=False, start=1.0, speed=0.05, timeout=100.0)
+    one = joint("left", **({"calibration": slow} | changes))
+    rig = Rig(board_config(one, autoconfigure=status is not M.NOT_CONFIGURED))
+    rig.tick(2)
+    if status is M.HW_FAULT:
+        rig.plant.inject("left", "external")
+    elif status is M.CALIBRATING:
+        assert rig.board.calibrate("left")
+    rig.run(0.03)
+    assert rig.modes() == [status]
+    return rig
+
+
+#: For each kind of reference: the method that sends it, the getter that reads it back, a value.
+COMMANDS: dict[str, tuple[str, str, float]] = {
+    "position": ("position_move", "get_target_position", 0.5),
+    "position direct": ("set_position", "get_ref_position", 0.1),
+    "velocity": ("velocity_move", "get_ref_velocity", 0.2),
+    "torque": ("set_ref_torque", "get_ref_torque", 1.5),
+    "output": ("set_output", "get_output", 2.0),
+}
+
+#: What each mode takes (M3), as the text of the rule has it.
+TAKES: dict[ControlMode, set[str]] = {
+    M.POSITION: {"position"},
+    M.POSITION_DIRECT: {"position direct"},
+    M.VELOCITY: {"velocity"},
+    M.MIXED: {"position", "velocity"},
+    M.TORQUE: {"torque"},
+    M.OPENLOOP: {"output"},
+    M.IDLE: set(),
+    M.HW_FAULT: set(),
+    M.CALIBRATING: set(),
+    M.NOT_CONFIGURED: set(),
+}
