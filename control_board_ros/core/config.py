@@ -319,8 +319,9 @@ class JointConfig:
         self._check_modes(key)
         if self.calibration is not None:
             self.calibration.check(f"{key}.calibration", self.limits)
-            self._check_final(f"{key}.calibration", self.calibration.control_mode, CONTROL_MODES)
-            self._check_interaction(f"{key}.calibration", self.calibration.interaction_mode)
+            key, final = f"{key}.calibration", self.calibration
+            self._check_final(f"{key}.control_mode", final.control_mode, CONTROL_MODES)
+            self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)
 
     def _check_modes(self, key: str) -> None:
         if ControlMode.IDLE not in self.control_modes:

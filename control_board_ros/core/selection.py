@@ -46,13 +46,13 @@ class Selector:
         """
         if joints is None:
             return self.everyone
-        key = joints if isinstance(joints, int | str) else tuple(joints)
+        try:
+            key = joints if isinstance(joints, int | str) else tuple(joints)
+            found = self._known.get(key)
+        except TypeError:  # neither names nor numbers
+            raise RequestError(self._unknown(joints)) from None
         if key == ():
             return self.everyone
-        try:
-            found = self._known.get(key)
-        except TypeError:
-            raise RequestError(self._unknown(key)) from None
         if found is None:
             found = self._resolve(key if isinstance(key, tuple) else (key,))
             if len(self._known) < REMEMBERED:

@@ -121,14 +121,14 @@ def parse_interaction_mode(text: str | int) -> InteractionMode:
 def _parse(kind: type[V], what: str, text: str | int, aliases: dict[str, V]) -> V:
     if isinstance(text, kind):
         return text
-    if isinstance(text, int):
+    if not isinstance(text, str):
         for alias, mode in aliases.items():
             if text == encode(alias):
                 return mode
         try:
             return kind(text)
         except ValueError:
-            raise ValueError(f"vocab {int(text)} is no {what}; known: {_known(kind)}") from None
+            raise ValueError(f"{text!s:.32} is no {what}; known: {_known(kind)}") from None
     if text in aliases:
         return aliases[text]
     for mode in kind:
