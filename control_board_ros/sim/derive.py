@@ -22,6 +22,7 @@ FAR = 1e6  # rad, where a continuous joint's travel ends
 FASTEST = 20.0  # rad/s or m/s; more in a URDF is a placeholder
 STRONGEST = 1000.0  # N·m or N; likewise
 EMF_SHARE = 0.6  # of the supply, at the speed limit
+ROTOR_SHARE = 0.15  # of the load's inertia, that the rotor has at the joint at least
 CURRENT_MARGIN = 1.2  # peak current over the current of the torque limit
 
 
@@ -65,24 +66,21 @@ def complete(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
         load: What it carries.
     """
     _limits(values, joint, load)
+    values.setdefault("inertia", load.inertia)
     _motor(values, sliding=joint.kind == "prismatic")
     give = values.setdefault
-    inertia = give("inertia", load.inertia)
-    total = inertia + values["motor.inertia"] * values["motor.gear_ratio"] ** 2
+    total = values["inertia"] + values["motor.inertia"] * values["motor.gear_ratio"] ** 2
     torque = values["limits.torque"]
     give("position_pid.kp", total * BANDWIDTH**2)
     give("position_pid.kd", 2.0 * DAMPING_RATIO * math.sqrt(values["position_pid.kp"] * total))
     give("position_pid.ki", values["position_pid.kp"] * 3.0)
-    _pid(values, "position_pid", torque)
+    give("position_pid.integral_limit", torque)
     for name in ("kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"):
         give(f"direct_pid.{name}", values[f"position_pid.{name}"])
-    give("torque_pid.kp", 0.2)
-    give("torque_pid.ki", 10.0)
-    give("torque_pid.kff", 1.0)
-    _pid(values, "torque_pid", torque)
+    give("torque_pid.integral_limit", torque)
     give("current_pid.kp", 0.2 * values["motor.resistance"])
     give("current_pid.ki", 100.0 * values["motor.resistance"])
-    _pid(values, "current_pid", values["motor.supply_voltage"])
+    give("current_pid.integral_limit", values["motor.supply_voltage"])
     stiffness = give("impedance.stiffness", 0.3 * values["position_pid.kp"])
     damping = give("impedance.damping", 1.4 * math.sqrt(stiffness * total))
     give("impedance.max_stiffness", max(10.0 * stiffness, values["position_pid.kp"]))
@@ -126,18 +124,13 @@ def _motor(values: dict[str, Any], *, sliding: bool) -> None:
     peak = give("limits.peak_current", CURRENT_MARGIN * torque / per_ampere)
     give("limits.nominal_current", 0.6 * peak)
     give("motor.resistance", 1.02 * supply / peak)  # a stall is no overcurrent yet
-    # A light rotor would not bear the back-EMF within one physics step; the simulation has no
-    # rotor inertia for joints that slide, so their back-EMF is small.
+    # A light rotor would not bear the back-EMF within one physics step, nor gains made for a
+    # stretched arm when it is folded; the simulation has no rotor inertia for joints that slide,
+    # so their back-EMF is small.
     emf = values["motor.torque_constant"] * gear
     drag = emf * per_ampere / values["motor.resistance"] + values["motor.viscous"]
-    give("motor.inertia", 0.0 if sliding else 4e-3 * drag / gear**2)
-
-
-def _pid(values: dict[str, Any], prefix: str, limit: float) -> None:
-    """What is left of a PID."""
-    for name, value in (("ki", 0.0), ("kd", 0.0), ("kff", 0.0), ("derivative_cutoff", 100.0)):
-        values.setdefault(f"{prefix}.{name}", value)
-    values.setdefault(f"{prefix}.integral_limit", limit)
+    heavy = max(4e-3 * drag, ROTOR_SHARE * values["inertia"])
+    give("motor.inertia", 0.0 if sliding else heavy / gear**2)
 
 
 def _mass(link: ET.Element) -> tuple[float, float, float]:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -26,13 +25,13 @@ from .config import SimulationConfig
 from .derive import complete, loads
 from .params_file import Entry, Layer, SettingsError, read_file, shown
 from .robots import ROBOTS, load_robot
-from .schema import BOARD, BOARD_BY_NAME, JOINT, JOINT_BY_NAME, JOINT_DEFAULTS, Parameter
+from .schema import BOARD, BOARD_BY_NAME, JOINT, JOINT_BY_NAME, JOINT_DEFAULTS, find_row
+from .shipped import find_config
 from .urdf import Urdf, UrdfError
 from .values import convert
 
 __all__ = ["Settings", "SettingsError", "find_config", "load", "load_layers"]
 
-PACKAGE = "control_board_ros"
 LEAST_PHYSICS_RATE = 1000.0  # Hz, where nobody gives one
 #: Parameters that every ROS node has; they are the node's, not the board's.
 ROS_NAMES = ("use_sim_time", "start_type_description_service")
@@ -111,36 +110,6 @@ def _is_name(source: str) -> bool:
     return "/" not in source and not source.endswith((".yaml", ".yml"))
 
 
-def config_folders() -> list[Path]:
-    """Where configurations are: beside the sources, else where ROS or pip installed them."""
-    checkout = Path(__file__).resolve().parents[2]
-    folders = [checkout / "config"] if (checkout / "package.xml").is_file() else []
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    folders += [Path(p) / "share" / PACKAGE / "config" for p in [*prefixes, sys.prefix] if p]
-    return [folder for folder in dict.fromkeys(folders) if folder.is_dir()]
-
-
-def find_config(name: str) -> Path:
-    """The shipped configuration of that name, for example ``iiwa``.
-
-    Raises:
-        SettingsError: there is none; the message names those there are.
-    """
-    folders = config_folders()
-    known: dict[str, Path] = {}
-    for folder in folders:
-        for path in sorted(folder.glob("*.yaml")):
-            known.setdefault(path.stem, path)
-    if name in known:
-        return known[name]
-    near = get_close_matches(name, list(known), n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    raise SettingsError(
-        f"configuration {shown(name)} unknown; {hint}known: {', '.join(known) or 'none'}, "
-        "or the path of a YAML file"
-    )
-
-
 def load_layers(layers: Iterable[Layer]) -> Settings:
     """Settings of layers, the last one strongest; the robot's shipped layer comes first."""
     given = list(layers)
@@ -213,18 +182,6 @@ def _take_ros(layers: list[Layer]) -> dict[str, Any]:
 
 def _owned(name: str, joint: str) -> bool:
     return name.startswith(joint + ".")
-
-
-def find_row(name: str, joints: Iterable[str]) -> Parameter | None:
-    """The schema's row of a full parameter name, None where there is none."""
-    if name in BOARD_BY_NAME:
-        return BOARD_BY_NAME[name]
-    for owner in (JOINT_DEFAULTS, *joints):
-        if _owned(name, owner):
-            row = JOINT_BY_NAME.get(name[len(owner) + 1 :])
-            if row is not None:
-                return row
-    return None
 
 
 def unknown(name: str, known: Iterable[str]) -> str:

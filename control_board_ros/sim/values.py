@@ -8,8 +8,8 @@ from typing import Any
 
 from ..core.config import CONTROL_MODES
 from ..core.vocabs import InteractionMode
+from .parameter import Kind, Parameter
 from .params_file import Entry, SettingsError, shown
-from .schema import Kind, Parameter
 
 #: Long names of modes, as people may write them, and their codes.
 _CODES = {mode.name.lower(): mode.code for mode in (*CONTROL_MODES, *InteractionMode)}

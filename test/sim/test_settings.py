@@ -452,7 +452,7 @@ def test_every_default_is_allowed_by_its_own_row() -> None:
 
 def test_every_value_of_the_settings_is_allowed_by_its_row(iiwa: Settings) -> None:
     from control_board_ros.sim.params_file import Entry
-    from control_board_ros.sim.settings import find_row
+    from control_board_ros.sim.schema import find_row
     from control_board_ros.sim.values import convert
 
     for name, value in iiwa.values.items():

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The configurations that come with the package: ``config/*.yaml``."""
+
+from __future__ import annotations
+
+import os
+import sys
+from difflib import get_close_matches
+from pathlib import Path
+
+from .yaml_tree import SettingsError, shown
+
+PACKAGE = "control_board_ros"
+
+
+def config_folders() -> list[Path]:
+    """Where configurations are: beside the sources, else where ROS or pip installed them."""
+    checkout = Path(__file__).resolve().parents[2]
+    folders = [checkout / "config"] if (checkout / "package.xml").is_file() else []
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    folders += [Path(p) / "share" / PACKAGE / "config" for p in [*prefixes, sys.prefix] if p]
+    return [folder for folder in dict.fromkeys(folders) if folder.is_dir()]
+
+
+def find_config(name: str) -> Path:
+    """The shipped configuration of that name, for example ``iiwa``.
+
+    Raises:
+        SettingsError: there is none; the message names those there are.
+    """
+    folders = config_folders()
+    known: dict[str, Path] = {}
+    for folder in folders:
+        for path in sorted(folder.glob("*.yaml")):
+            known.setdefault(path.stem, path)
+    if name in known:
+        return known[name]
+    near = get_close_matches(name, list(known), n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise SettingsError(
+        f"configuration {shown(name)} unknown; {hint}known: {', '.join(known) or 'none'}, "
+        "or the path of a YAML file"
+    )
