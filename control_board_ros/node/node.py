@@ -27,7 +27,7 @@ from .loop import ControlLoop
 from .parameters import Parameters, Start
 from .publishing import QUIET, STREAM, StatePublisher
 from .services import DEEP, SERVICES, Services
-from .throttle import PERIOD, ThrottledLog
+from .throttle import PERIOD, ThrottledLog, writers
 from .topics import COMMANDS, Commands
 from .trajectory import TrajectoryFollower
 
@@ -69,6 +69,7 @@ class BoardNode:
         )
         self.log = self.node.get_logger()
         self._throttled = ThrottledLog()
+        self._write = writers(self.log)
         self.parameters = Parameters(self.node, settings, self._reconfigure, self._changed)
         names = settings.board.names
         self.publisher = StatePublisher(
@@ -105,7 +106,7 @@ class BoardNode:
 
     def complain(self, message: str) -> None:
         """Log what was ignored, once per second and cause."""
-        self._throttled.say(self.log.warning, message)
+        self._throttled.say(self._write["warning"], message)
 
     def on_error(self, error: Exception, where: str) -> None:
         """An exception that should not be: one line, once per second and cause."""
@@ -113,7 +114,7 @@ class BoardNode:
         at = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
         text = str(error).partition("\n")[0]
         self._throttled.say(
-            self.log.error,
+            self._write["error"],
             f"internal error in {where}: {type(error).__name__}: {text}{at}; please report it",
             what="times",
         )
@@ -195,9 +196,7 @@ class BoardNode:
         events = self.loop.records.events
         while events:
             event = events.popleft()
-            write = {"info": self.log.info, "warning": self.log.warning}.get(
-                event.level, self.log.error
-            )
+            write = self._write[event.level]
             self._throttled.say(write, event.text, what="times", cause=event.key + event.joint)
 
     def _each_second(self) -> None:

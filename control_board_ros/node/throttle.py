@@ -7,6 +7,8 @@ import re
 import threading
 from collections.abc import Callable
 
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
 PERIOD = 1.0
 #: Causes told apart within one period; what comes on top is counted as one more cause.
 MAX_CAUSES = 50
@@ -14,6 +16,21 @@ OTHER = "further causes"
 NUMBERS = re.compile(r"[-+]?\d[\d.e+-]*")
 
 Write = Callable[[str], None]
+
+
+def writers(log: RcutilsLogger) -> dict[str, Write]:
+    """A function per severity: rclpy lets each line of code log with one severity only."""
+
+    def info(text: str) -> None:
+        log.info(text)
+
+    def warning(text: str) -> None:
+        log.warning(text)
+
+    def error(text: str) -> None:
+        log.error(text)
+
+    return {"info": info, "warning": warning, "error": error}
 
 
 class ThrottledLog:
