@@ -32,6 +32,8 @@ with captured_output():
 
 MOVING = (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC)
 MIMIC_FORCE = 1e4
+#: pybullet neither reads nor drives the joints of a larger robot.
+MOST_JOINTS = 127
 
 
 class BulletBody:
@@ -44,6 +46,8 @@ class BulletBody:
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
         self._name = simulation.urdf or ""
+        if self._name.lstrip().startswith("<"):
+            self._name = "urdf"
         model = prepare(board, simulation)
         self._client = _connect(simulation.gui)
         try:
@@ -176,8 +180,8 @@ class BulletBody:
 
     def _refresh(self) -> bool:
         states = bullet.getJointStates(self._body, self._joints, self._client)
-        positions = [state[0] for state in states]
-        self._pack(self._bytes, 0, *positions, *[state[1] for state in states])
+        positions, velocities, _, _ = zip(*states)  # noqa: B905 - in the cycle
+        self._pack(self._bytes, 0, *positions, *velocities)
         total = sum(positions)
         return bool(total - total == 0.0)  # neither infinite nor not a number
 
@@ -220,7 +224,12 @@ class BulletBody:
     def _find_joints(self, moments: Moments) -> dict[str, int]:
         """Indices of the joints that move; sets the dynamics of every link on the way."""
         joints = {}
-        for index in range(bullet.getNumJoints(self._body, self._client)):
+        if (count := bullet.getNumJoints(self._body, self._client)) > MOST_JOINTS:
+            raise PlantError(
+                f"{self._name[:200]}: {count} joints, fixed ones included; pybullet takes at "
+                f"most {MOST_JOINTS}; cut the robot to a chain"
+            )
+        for index in range(count):
             info = bullet.getJointInfo(self._body, index, self._client)
             extra = {}
             if (link := info[12].decode()) in moments:

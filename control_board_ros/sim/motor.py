@@ -25,6 +25,8 @@ exactly over 50 ms at a time for the current at their end: windings take minutes
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from ..core.config import BoardConfig
@@ -33,6 +35,8 @@ from .config import SimulationConfig
 
 SLIP_SPEED = 1e-3
 HEAT_PERIOD = 0.05
+#: Up to so many joints one product with a sparse matrix beats six calls.
+TOGETHER = 16
 
 
 class Motors:
@@ -42,6 +46,7 @@ class Motors:
         state: What the body refreshes after each step: position and velocity, shape (2, n).
         position, velocity, current, pwm: Rows of one block, shape (n,); rad, rad/s, A, percent.
         rates: velocity and current, shape (2, n).
+        torque: From the gearbox to the link in the last step, shape (n,), N·m.
         temperature: Of the windings, shape (n,), °C.
         heat_cycles: Control cycles between two calls of ``warm``.
     """
@@ -84,32 +89,22 @@ class Motors:
         self._cooling = -np.expm1(-period / (thermal * capacity))
         self.temperature = self._ambient.copy()
 
-        self._product = np.zeros((4, n))
-        self._first, self._last = self._product[:2], self._product[2:]
-        self._left, self._right = self._product[:2]
-        self._torque_of = self._to_torque + self._rub
-        self._current_of = self._to_current.copy()
+        self._answer = np.zeros((2, n))
+        self.torque, self._next_current = self._answer
+        self._law = (_Together if n <= TOGETHER else _Apart)(self._inputs, self._answer)
+        self.switch(np.ones(n))
 
     def switch(self, powered: Array) -> None:
         """Close (1) and open (0) the bridges, shape (n,)."""
-        np.multiply(self._to_current, powered, out=self._current_of)
-        np.multiply(self._to_torque, powered, out=self._torque_of)
-        np.add(self._torque_of, self._rub, out=self._torque_of)
+        self._law.set(powered * self._to_torque + self._rub, powered * self._to_current)
 
-    def step(self, torque: Array) -> None:
-        """Let one physics step pass: the torque on each joint into ``torque``, shape (n,)."""
-        inputs, product = self._inputs, self._product
-        first, last, left, right = self._first, self._last, self._left, self._right
-        multiply, add = np.multiply, np.add
+    def step(self) -> None:
+        """Let one physics step pass at the present state, PWM and current."""
         if self._sticky:
-            multiply(self.velocity, self._slip, self._friction)
+            np.multiply(self.velocity, self._slip, self._friction)
             np.tanh(self._friction, self._friction)
-        multiply(self._torque_of, inputs, product)
-        add(first, last, first)
-        add(left, right, torque)
-        multiply(self._current_of, inputs, product)
-        add(first, last, first)
-        add(left, right, self.current)
+        self._law.apply()
+        self.current[...] = self._next_current
 
     def warm(self) -> None:
         """Let heat_cycles control periods pass for the windings at the present current."""
@@ -119,7 +114,49 @@ class Motors:
     def rest(self) -> None:
         """No current, cold windings."""
         self.current.fill(0.0)
+        self.torque.fill(0.0)
         self.temperature[:] = self._ambient
+
+
+class _Together:
+    """The linear law of few joints as one matrix: one call, most of it times zero.
+
+    Args:
+        inputs: Rows dq, i, pwm and tanh(dq/eps), shape (4, n), contiguous.
+        answer: Rows that ``apply`` fills, torque and current, shape (2, n), contiguous.
+    """
+
+    def __init__(self, inputs: Array, answer: Array) -> None:
+        count = inputs.shape[1]
+        matrix = np.zeros((2 * count, 4 * count))
+        self._parts = matrix.reshape(2, count, 4, count)
+        self.apply = partial(matrix.dot, inputs.reshape(-1), answer.reshape(-1))
+
+    def set(self, torque: Array, current: Array) -> None:
+        """Take the coefficients of torque and current, shape (4, n) each."""
+        each = np.arange(torque.shape[1])
+        for row, coefficients in enumerate((torque, current)):
+            self._parts[row, each, :, each] = coefficients.T
+
+
+class _Apart:
+    """The linear law of many joints, row by row; arguments as for _Together."""
+
+    def __init__(self, inputs: Array, answer: Array) -> None:
+        self._inputs, self._answer = inputs, answer
+        self._product = np.zeros_like(inputs)
+
+    def set(self, torque: Array, current: Array) -> None:
+        """Take the coefficients of torque and current, shape (4, n) each."""
+        self._laws = torque, current
+
+    def apply(self) -> None:
+        """Torque and current of the inputs."""
+        product = self._product
+        for law, row in zip(self._laws, self._answer, strict=True):
+            np.multiply(law, self._inputs, product)
+            np.add(product[:2], product[2:], product[:2])
+            np.add(product[0], product[1], row)
 
 
 def reflected_inertia(board: BoardConfig, simulation: SimulationConfig) -> Array:

@@ -118,7 +118,8 @@ class SimulatedPlant:
         Raises:
             PlantGone: the physics server is gone.
         """
-        motors, torque = self._motors, self._sensors.torque
+        motors = self._motors
+        torque = motors.torque
         if (powered := actuation.powered.tobytes()) != self._powered:
             motors.switch(actuation.powered)
             self._powered = powered
@@ -130,7 +131,7 @@ class SimulatedPlant:
         drive, move = motors.step, self.body.step
         good = True
         for _ in self._steps:
-            drive(torque)
+            drive()
             if not move(self._disturb(torque) if disturbed else torque):
                 good = False
         self._cycle = cycle = self._cycle + 1
@@ -163,7 +164,6 @@ class SimulatedPlant:
         self.body.restore(self._home)
         self._good[:] = self._home
         self._motors.rest()
-        self._sensors.torque.fill(0.0)
         self._sensors.sample(self._motors)
         self._sensors.sample_temperature(self._motors)
 
@@ -186,7 +186,7 @@ class SimulatedPlant:
     def _recover(self) -> None:
         self.body.restore(self._good)
         self._motors.current.fill(0.0)
-        self._sensors.torque.fill(0.0)
+        self._motors.torque.fill(0.0)
         self._sensors.alarm(FaultCode.DIVERGED)
         self._alarmed = True
 

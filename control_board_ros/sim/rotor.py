@@ -62,6 +62,7 @@ def with_rotor_inertia(text: str, reflected: Mapping[str, float]) -> tuple[str, 
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         _write(link, axes)
         moments[name] = (float(values[0]), float(values[1]), float(values[2]))
+    ET.indent(root)  # pybullet cannot read long lines
     return ET.tostring(root, encoding="unicode"), moments
 
 

@@ -17,13 +17,12 @@ class Sensors:
 
     Attributes:
         values: Readings, shape (ROWS, n), reused from sample to sample.
-        torque: The row that the motors write: torque from the gearbox to the link, N·m.
     """
 
     def __init__(self, simulation: SimulationConfig) -> None:
         encoders = [joint.encoder for joint in simulation.joints]
         self.values = np.zeros((ROWS, len(encoders)))
-        self.torque = self.values[Row.TORQUE]
+        self._torque = self.values[Row.TORQUE]
         self._position = self.values[Row.POSITION]
         self._rates = self.values[Row.VELOCITY : Row.CURRENT + 1]
         self._alarm = self.values[Row.ALARM]
@@ -37,7 +36,7 @@ class Sensors:
         self._rounded = np.zeros(len(encoders))
 
     def sample(self, motors: Motors) -> None:
-        """Read encoders, speeds and currents; the torque row is the motors' own."""
+        """Read encoders, torque sensors, speeds and currents."""
         position = self._position
         if self._shifted:
             np.add(motors.position, self._zero, position)
@@ -51,6 +50,7 @@ class Sensors:
                 np.multiply(rounded, self._resolution, position)
             else:
                 np.multiply(rounded, self._resolution, position, where=self._some)
+        self._torque[...] = motors.torque
         self._rates[...] = motors.rates
 
     def sample_temperature(self, motors: Motors) -> None:

@@ -290,3 +290,31 @@ def test_only_the_joints_of_the_board_move():
     assert values.shape == (8, 2)
     assert (np.abs(values[Row.VELOCITY]) > 1e-3).all()
     plant.close()
+
+
+def chain(count: int) -> tuple[str, list[str]]:
+    """A serial chain in one line of text, and the names of its joints."""
+    parts = []
+    for index in range(count):
+        parent = f"link_{index - 1}" if index else "base"
+        parts.append(link(f"link_{index}", 0.1, "0 0 0.05", "1e-3 1e-3 1e-3 0 0 0"))
+        axis = "0 0 1" if index % 2 else "0 1 0"
+        parts.append(joint(f"joint_{index}", parent, f"link_{index}", axis=axis))
+    return robot(*parts), [f"joint_{index}" for index in range(count)]
+
+
+def test_the_longest_chain_is_loaded_and_driven(make):
+    urdf, names = chain(127)
+    plant = make(urdf, *names, model=MotorModel(inertia=1e-4, coulomb=0.1))
+    pwm = np.linspace(-5, 5, 127)
+    values = drive(plant, pwm, cycles=20)
+    assert np.isfinite(values).all()
+    assert (np.sign(values[Row.TORQUE]) == np.sign(pwm)).mean() > 0.7
+
+
+def test_a_longer_chain_than_pybullet_takes_is_one_line(make):
+    urdf, names = chain(128)
+    with pytest.raises(PlantError, match=r"128 joints.* at most 127; cut the robot") as caught:
+        make(urdf, *names)
+    assert "\n" not in str(caught.value)
+    assert "<robot" not in str(caught.value)
