@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from setuptools import find_packages, setup
 from setuptools.command.build_ext import build_ext
@@ -207,6 +208,13 @@ class BuildMessages(build_ext):
 class DistributionWithMessages(Distribution):
     """Says that there is something to compile and something to install beside the package."""
 
+    def parse_config_files(self, *args: Any, **kwargs: Any) -> None:
+        super().parse_config_files(*args, **kwargs)
+        # colcon reads the attributes back from their repr(); that of a SpecifierSet is no Python.
+        if self.python_requires is not None:
+            self.python_requires = str(self.python_requires)
+            self.metadata.python_requires = self.python_requires
+
     def has_ext_modules(self) -> bool:
         return True
 
@@ -262,7 +270,6 @@ setup(
     description="A robot joint control board with YARP/iCub control modes, as a ROS 2 node "
     "with a simulated arm",
     license="Apache-2.0",
-    python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={NAME: ["py.typed"]},
     data_files=[
