@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import fcntl
 import os
-import tempfile
 from pathlib import Path
 
 
 class NameTakenError(Exception):
     """Another process of this user holds the name; one line for people."""
+
+
+def temporary_folder() -> Path:
+    """As tempfile says, which is too heavy an import for this."""
+    return Path(os.environ.get("TMPDIR") or "/tmp")
 
 
 def runtime_folder() -> Path:
@@ -23,7 +27,7 @@ def runtime_folder() -> Path:
         OSError: it cannot be made, or belongs to somebody else.
     """
     given = os.environ.get("XDG_RUNTIME_DIR")
-    base = Path(given) if given and os.access(given, os.W_OK) else Path(tempfile.gettempdir())
+    base = Path(given) if given and os.access(given, os.W_OK) else temporary_folder()
     folder = base / f"control_board_ros-{os.getuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     if folder.stat().st_uid != os.getuid() or folder.is_symlink():

@@ -11,11 +11,12 @@ import contextlib
 import os
 import signal
 import sys
-import tempfile
 import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from .lock import NameTakenError, lock_name, temporary_folder
 
 if TYPE_CHECKING:
     from .node import BoardNode
@@ -67,7 +68,6 @@ def run(arguments: list[str], ended: threading.Event) -> int:
     from ..sim.errors import PlantError, PlantGone
     from ..sim.params_file import SettingsError
     from ..sim.plant import SimulatedPlant
-    from .lock import NameTakenError, lock_name
     from .parameters import settings_from_arguments
 
     try:
@@ -191,13 +191,14 @@ def provide_log_folder() -> None:
     try:
         folder = Path(home, "log")
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        if os.access(folder, os.W_OK):
             return
     except OSError:
-        folder = Path(tempfile.gettempdir(), f"control_board_ros-{os.getuid()}-log")
-        with contextlib.suppress(OSError):
-            folder.mkdir(mode=0o700, exist_ok=True)
-        os.environ["ROS_LOG_DIR"] = str(folder)
+        pass
+    folder = temporary_folder() / f"control_board_ros-{os.getuid()}-log"
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+    os.environ["ROS_LOG_DIR"] = str(folder)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import ctypes
-import ctypes.util
 import os
 
 from .errors import PlantError
@@ -15,6 +13,8 @@ def check_display() -> None:
     name = os.environ.get("DISPLAY", "")
     if not name:
         raise PlantError("gui: no display (DISPLAY is not set); set gui to false or start X")
+    import ctypes.util  # heavy, and without a window not needed
+
     found = ctypes.util.find_library("X11")
     if found is None:
         raise PlantError("gui: libX11 is not installed; set gui to false or install libx11-6")
