@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ROS parameters: the command line, the declarations, and changes at run time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from control_board_ros.core.config import BoardConfig
+from control_board_ros.node.parameters import Parameters, settings_from_arguments
+from control_board_ros.sim.settings import Settings, SettingsError, load
+from control_board_ros.testing import free_domain, ros_node
+
+rcl_interfaces = pytest.importorskip("rcl_interfaces.msg")
+from rclpy.parameter import Parameter  # noqa: E402 - only where ROS is
+
+pytestmark = pytest.mark.ros
+J2 = "lbr_iiwa_joint_2"
+
+
+class Board:
+    """What the parameters are to change."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.config = settings.board
+        self.told: list[tuple[str, Any]] = []
+        self.refuses = ""
+
+    def reconfigure(self, config: BoardConfig) -> None:
+        if self.refuses:
+            raise ValueError(self.refuses)
+        self.config = config
+
+    def changed(self, name: str, value: Any) -> None:
+        self.told.append((name, value))
+
+
+@pytest.fixture(scope="module")
+def node() -> Iterator[Any]:
+    with free_domain() as domain, ros_node(domain, spin=False) as made:
+        made.seconds = 0.0
+        settings = load()
+        made.board = Board(settings)
+        start = time.perf_counter()
+        made.declared = Parameters(made, settings, made.board.reconfigure, made.board.changed)
+        made.seconds = time.perf_counter() - start
+        yield made
+
+
+def arguments(*words: str) -> list[str]:
+    return ["--ros-args", *words]
+
+
+# The command line ---------------------------------------------------------------------------
+
+
+def test_no_arguments_mean_the_iiwa() -> None:
+    start = settings_from_arguments([])
+    assert start.settings.values["robot"] == "iiwa"
+    assert (start.name, start.namespace, start.arguments) == ("control_board", "/", [])
+
+
+def test_a_robot_by_argument_brings_its_own_configuration() -> None:
+    """Its shipped gains, not those derived from the URDF."""
+    start = settings_from_arguments(arguments("-p", "robot:=panda"))
+    assert start.settings.board == load("panda").board
+
+
+def test_values_are_typed_and_layers_in_order(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text("control_board: {ros__parameters: {state_rate: 20, control_rate: 500}}")
+    words = ("-p", "state_rate:=10", "--params-file", str(path), "-p", "control_rate:=250")
+    values = settings_from_arguments(arguments(*words)).settings.values
+    assert (values["state_rate"], values["control_rate"]) == (20.0, 250.0)
+    words = ("--param", "gui:=true", "-p", f"joints:=[{J2}]", "-p", "output:=current")
+    values = settings_from_arguments(arguments(*words)).settings.values
+    assert (values["gui"], values["joints"], values["output"]) == (True, [J2], "current")
+
+
+def test_rclpy_gets_the_rest_of_the_arguments(tmp_path: Path) -> None:
+    path = tmp_path / "p.yaml"
+    path.write_text("/**: {ros__parameters: {use_sim_time: true, qos_overrides.x.depth: 3}}")
+    words = ["-r", "__ns:=/left", "-p", "gui:=false", "--log-level", "debug"]
+    words += ["--params-file", str(path), "--", "other"]
+    start = settings_from_arguments(["name", *arguments(*words)])
+    assert start.arguments == [
+        "name", "--ros-args", "-r", "__ns:=/left", "--log-level", "debug", "--", "other",
+    ]  # fmt: skip
+    assert {(one.name, one.value) for one in start.overrides} == {
+        ("use_sim_time", True),
+        ("qos_overrides.x.depth", 3),
+    }
+
+
+@pytest.mark.parametrize(
+    "section", ["left/arm", "/left/arm", "/left/*", "arm", "control_board", "/left/control_board"]
+)
+def test_a_renamed_node_finds_its_section(section: str, tmp_path: Path) -> None:
+    """By its new name, else by the one before remapping."""
+    path = tmp_path / "p.yaml"
+    path.write_text(f"{section}: {{ros__parameters: {{state_rate: 20}}}}")
+    words = ("-r", "__node:=arm", "-r", "__ns:=/left", "--params-file", str(path))
+    start = settings_from_arguments(arguments(*words))
+    assert start.settings.values["state_rate"] == 20.0
+    assert (start.name, start.namespace) == ("arm", "/left")
+
+
+def test_arguments_of_other_nodes_are_theirs() -> None:
+    words = ("-p", "other:anything:=1", "-p", "control_board:state_rate:=20", "-r", "o:__node:=x")
+    start = settings_from_arguments(arguments(*words))
+    assert start.settings.values["state_rate"] == 20.0
+    assert start.name == "control_board"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["-p", "state_rat:=1"], "-p: 'state_rat': no such parameter; did you mean 'state_rate'?"),
+        (["-p", "state_rate:=fast"], "-p: state_rate: 'fast' is not allowed"),
+        (["-p", "state_rate"], "write -p name:=value"),
+        (["-p", "state_rate:="], "is not one value"),
+        (["-p", "state_rate:=~"], "has no value"),
+        (["-p", "state_rate:={a: 1}"], "is not one value"),
+        (["-p", "state_rate:=[1"], "not YAML"),
+        (["-p"], "-p: has no value"),
+        (["--params-file", "/nowhere/x.yaml"], "no such file"),
+        (["--params-file", "/"], "folder"),
+        (["-p", "robot:=nobody"], "unknown"),
+    ],
+)
+def test_wrong_arguments_are_refused_in_one_line(words: list[str], told: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        settings_from_arguments(arguments(*words))
+    assert told in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_words_outside_ros_args_are_not_ours() -> None:
+    words = ["-p", "state_rate:=1", "--ros-args", "--", "-p", "state_rate:=2"]
+    start = settings_from_arguments(words)
+    assert start.settings.values["state_rate"] == 100.0
+    assert start.arguments == words
+
+
+# Declarations -------------------------------------------------------------------------------
+
+
+def test_every_parameter_is_declared_with_type_range_and_description(node: Any) -> None:
+    values = node.declared.settings.values
+    for name, value in values.items():
+        assert node.get_parameter(name).value == value, name
+        described = node.describe_parameter(name)
+        assert described.description.endswith("."), name
+        assert described.type != 0, name
+        if isinstance(value, float):
+            assert len(described.floating_point_range) == 1, name
+
+
+def test_what_is_fixed_is_read_only(node: Any) -> None:
+    fixed = ("robot", "control_rate", f"{J2}.motor.resistance", f"{J2}.impedance.stiffness")
+    live = ("state_rate", f"{J2}.position_pid.kp", f"{J2}.limits.lower", f"{J2}.timeouts.torque")
+    assert all(node.describe_parameter(name).read_only for name in fixed)
+    assert not any(node.describe_parameter(name).read_only for name in live)
+    assert "pwm, current" in node.describe_parameter("output").additional_constraints
+
+
+def test_declaring_is_fast(node: Any) -> None:
+    """More than 600 parameters within a tenth of the time that start-up may take (B10)."""
+    assert len(node.declared.settings.values) > 600
+    assert node.seconds < 0.15
+
+
+# Changes ------------------------------------------------------------------------------------
+
+
+def change(node: Any, **values: Any) -> Any:
+    """Set parameters at once; double underscores stand for dots."""
+    given = [Parameter(name.replace("__", "."), value=value) for name, value in values.items()]
+    return node.set_parameters_atomically(given)
+
+
+def test_gains_limits_and_timeouts_change_the_board(node: Any) -> None:
+    result = change(
+        node,
+        lbr_iiwa_joint_2__position_pid__kp=5000.0,
+        lbr_iiwa_joint_2__limits__lower=-1.0,
+        lbr_iiwa_joint_2__limits__upper=1.0,
+        lbr_iiwa_joint_3__timeouts__velocity=0.5,
+    )
+    assert result.successful, result.reason
+    second, third = node.board.config.joints[1:3]
+    assert (second.position_pid.kp, second.limits.lower, second.limits.upper) == (5000, -1, 1)
+    assert third.timeouts.velocity == 0.5
+    assert node.board.config.joints[0] == load().board.joints[0]
+
+
+def test_rates_are_told_and_leave_the_board_alone(node: Any) -> None:
+    before = node.board.config
+    assert change(node, state_rate=50.0, real_time_factor=0.0).successful
+    assert node.board.told[-2:] == [("state_rate", 50.0), ("real_time_factor", 0.0)]
+    assert node.board.config is before
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"lbr_iiwa_joint_2__limits__upper": 9.0},
+        {"lbr_iiwa_joint_2__position_pid__kp": -1.0},
+        {"lbr_iiwa_joint_2__position_pid__kp": float("nan")},
+        {"lbr_iiwa_joint_2__position_pid__kp": float("inf")},
+        {"lbr_iiwa_joint_2__position_pid__kp": "much"},
+        {"lbr_iiwa_joint_2__motor__resistance": 2.0},
+        {"robot": "panda"},
+        {"state_rate": 0.0},
+    ],
+)
+def test_a_wrong_change_changes_nothing_else_either(values: dict[str, Any], node: Any) -> None:
+    """All or nothing, with a reason."""
+    config, told = node.board.config, len(node.board.told)
+    good = {"lbr_iiwa_joint_1__position_pid__kp": 1234.0, "state_rate": 33.0}
+    result = change(node, **{**good, **values})
+    assert not result.successful
+    assert result.reason
+    assert "\n" not in result.reason
+    assert node.board.config is config
+    assert len(node.board.told) == told
+    assert node.get_parameter("lbr_iiwa_joint_1.position_pid.kp").value != 1234.0
+    assert node.get_parameter("state_rate").value != 33.0
+
+
+def test_a_refusing_board_keeps_the_old_values(node: Any) -> None:
+    node.board.refuses = "not now"
+    try:
+        result = change(node, lbr_iiwa_joint_1__position_pid__kp=1234.0)
+    finally:
+        node.board.refuses = ""
+    assert (result.successful, result.reason) == (False, "not now")
+    assert node.declared.settings.values["lbr_iiwa_joint_1.position_pid.kp"] != 1234.0
+
+
+def test_parameters_cannot_be_removed(node: Any) -> None:
+    result = node.set_parameters([Parameter(f"{J2}.position_pid.kp", Parameter.Type.NOT_SET)])[0]
+    assert not result.successful
+    assert node.has_parameter(f"{J2}.position_pid.kp")
