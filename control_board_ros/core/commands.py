@@ -7,8 +7,8 @@ counted; the other joints of the same command are served.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -293,9 +293,10 @@ class Commands(Machine):
 
     def _malformed(self, joints: Joints, message: str) -> Reply:
         """A command that is wrong as a whole; the joints it does name count it (P13)."""
-        named = [joints] if isinstance(joints, str | int) else joints
+        many = isinstance(joints, Iterable) and not isinstance(joints, str)
+        named: list[Any] = list(cast(Any, joints)) if many else [joints]
         known: list[int] = []
-        for joint in named if named is not None else [None]:
+        for joint in named or [None]:  # none named: all are meant
             try:
                 known.extend(self.selector.select(joint).joints.tolist())
             except RequestError:

@@ -326,7 +326,10 @@ def _parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
     """The modes of a request, one per joint; one mode goes to all of them."""
     if isinstance(modes, str | int):
         return [parse(modes)] * count
-    parsed = [parse(mode) for mode in modes]
+    try:
+        parsed = [parse(mode) for mode in modes]
+    except TypeError:  # not a list of them: one, of a kind that says itself what it is
+        parsed = [parse(modes)]
     if len(parsed) == 1:
         return parsed * count
     if len(parsed) != count:

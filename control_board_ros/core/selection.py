@@ -47,11 +47,11 @@ class Selector:
         if joints is None:
             return self.everyone
         try:
-            key = joints if isinstance(joints, int | str) else tuple(joints)
+            key = joints if isinstance(joints, int | str | np.integer) else tuple(joints)
             found = self._known.get(key)
         except TypeError:  # neither names nor numbers
             raise RequestError(self._unknown(joints)) from None
-        if key == ():
+        if isinstance(key, tuple) and not key:
             return self.everyone
         if found is None:
             found = self._resolve(key if isinstance(key, tuple) else (key,))
