@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Printing: results on stdout (with --json nothing else goes there), the rest on stderr."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from .words import DEGREE
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+    from rich.text import Text
+
+    from control_board_ros.core.reply import Reply
+
+    from .session import Session
+
+DONE, REFUSED, USAGE = 0, 1, 2
+
+#: Columns of a table that goes into a file or a pipe.
+PIPE_WIDTH = 160
+
+#: Colours of modes by code: green holds or moves, yellow drives, red needs somebody.
+COLOURS = {
+    "pos": "green",
+    "posd": "green",
+    "mix": "green",
+    "vel": "cyan",
+    "torq": "yellow",
+    "open": "yellow",
+    "idl": "bright_black",
+    "hwfa": "bold red",
+    "cal": "magenta",
+    "cfgn": "bright_black",
+    "stif": "blue",
+    "comp": "yellow",
+}
+
+
+def console(*, stderr: bool = False) -> Console:
+    """A rich console: colours only where somebody looks, width only where there is one."""
+    from rich.console import Console
+
+    stream = sys.stderr if stderr else sys.stdout
+    width = None if stream.isatty() else PIPE_WIDTH
+    return Console(stderr=stderr, highlight=False, width=width)
+
+
+def show(session: Session, value: Any, render: Callable[[], RenderableType | str]) -> None:
+    """Print a result: as JSON for machines, else as ``render`` makes it."""
+    if session.options.json:
+        print(json.dumps(plain(value), ensure_ascii=False), flush=True)
+    else:
+        console().print(render())
+
+
+def plain(value: Any) -> Any:
+    """A value that every JSON reader takes: NaN and infinity become null."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def note(session: Session, text: str) -> None:
+    """Say something to a person; machines do not hear it."""
+    if not session.options.json:
+        console(stderr=True).print(text, markup=False, soft_wrap=True)
+
+
+def conclude(session: Session, reply: Reply, text: str = "", **more: Any) -> int:
+    """Print what became of a request; the exit code."""
+    if session.options.json:
+        joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}
+        value = {"success": bool(reply), "message": reply.message, "joints": joints} | more
+        print(json.dumps(plain(value), ensure_ascii=False), flush=True)
+    elif not reply:
+        complain(reply.message)
+    else:
+        console().print(text or reply.message or "done", markup=False, soft_wrap=True)
+    return DONE if reply else REFUSED
+
+
+def fail(message: str, code: int, *, as_json: bool) -> int:
+    """Print why a command ended; the exit code."""
+    if as_json:
+        print(json.dumps({"success": False, "message": message}, ensure_ascii=False), flush=True)
+    else:
+        complain(message)
+    return code
+
+
+def complain(message: str) -> None:
+    """One line on stderr."""
+    console(stderr=True).print(f"cbctl: {message}", style="red", markup=False, soft_wrap=True)
+    sys.stderr.flush()
+
+
+def mode_text(code: str, name: str = "") -> Text:
+    """A mode in its colour."""
+    from rich.text import Text
+
+    return Text(name or code, style=COLOURS.get(code, ""))
+
+
+def table(*columns: str, right: Sequence[str] = ()) -> Any:
+    """An empty table in the house style."""
+    from rich import box
+    from rich.table import Table
+
+    empty = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for column in columns:
+        empty.add_column(column, justify="right" if column in right else "left", no_wrap=True)
+    return empty
+
+
+def position_text(value: float, prismatic: bool) -> str:
+    """A position for people."""
+    if not math.isfinite(value):
+        return "-"
+    return f"{value * 1000:.1f} mm" if prismatic else f"{value / DEGREE:.1f}°"
+
+
+def bar(value: float, lower: float, upper: float, width: int = 12) -> str:
+    """Where a value lies between its limits: ``├────●─────┤``; empty without limits."""
+    if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+        return ""
+    share = min(max((value - lower) / (upper - lower), 0.0), 1.0)
+    k = round(share * (width - 1)) if math.isfinite(share) else 0
+    return f"├{'─' * k}●{'─' * (width - 1 - k)}┤"

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl clear."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+
+from ..output import DONE, REFUSED, show, table
+from ..session import Session
+from .arguments import Joints
+from .faults import read_faults
+
+
+def clear(context: typer.Context, joints: Joints = None) -> int:
+    """Send FORCE_IDLE to the joints in fault; tell which causes persist."""
+    session: Session = context.obj
+    names = session.joints(joints)
+    rows = clear_faults(session, names)
+    stuck = any(not row["cleared"] for row in rows.values())
+    show(
+        session,
+        {"success": not stuck, "joints": rows},
+        lambda: render(rows) if rows else f"nothing to clear: none of {len(names)} is in fault",
+    )
+    return REFUSED if stuck else DONE
+
+
+def clear_faults(session: Session, names: list[str]) -> dict[str, dict[str, Any]]:
+    """What the fault of each joint in fault was, and whether it is cleared now."""
+    before = {n: r for n, r in read_faults(session, names).items() if r["active"]}
+    rows = {}
+    for name, record in before.items():
+        reply = session.client.set_control_mode(name, "fidl")
+        rows[name] = {
+            "code": record["code"],
+            "fault": record["text"],
+            "cleared": bool(reply),
+            "message": reply.message,
+        }
+    return rows
+
+
+def render(rows: dict[str, dict[str, Any]]) -> Any:
+    shown = table("joint", "fault", "now")
+    for name, row in rows.items():
+        now = "[green]idle, cleared[/]" if row["cleared"] else "[bold red]the cause persists[/]"
+        shown.add_row(name, row["fault"], now)
+    if all(row["cleared"] for row in rows.values()):
+        shown.caption = "power them with: cbctl mode JOINT pos"
+    return shown

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl faults."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any
+
+import typer
+
+from ..output import show, table
+from ..session import Session
+from .arguments import Joints
+
+#: Before this a stamp is simulated time, not a date, s.
+DATES_FROM = 1e9
+
+
+def faults(
+    context: typer.Context,
+    joints: Joints = None,
+    every: Annotated[
+        bool, typer.Option("--all", help="Also the last faults, that are cleared.")
+    ] = False,
+) -> None:
+    """Show the joints in fault, and why."""
+    session: Session = context.obj
+    records = read_faults(session, session.joints(joints))
+    rows = {n: r for n, r in records.items() if r["active"] or (every and r["code"] >= 0)}
+    cleared = sum(1 for r in records.values() if r["code"] >= 0 and not r["active"])
+    show(session, rows, lambda: render(rows, len(records), cleared))
+
+
+def read_faults(session: Session, names: list[str]) -> dict[str, dict[str, Any]]:
+    """The last fault of each joint."""
+    return {
+        record.name: {
+            "active": record.active,
+            "code": record.code,
+            "text": record.text,
+            "stamp": record.stamp,
+        }
+        for record in session.client.get_faults(names)
+    }
+
+
+def render(rows: dict[str, dict[str, Any]], count: int, cleared: int) -> Any:
+    if not rows:
+        past = f"; {cleared} had one that is cleared: cbctl faults --all" if cleared else ""
+        return f"no fault on {count} joint{'s' if count != 1 else ''}{past}"
+    shown = table("joint", "", "code", "fault", "since", right=("code",))
+    for name, row in rows.items():
+        state = "[bold red]in fault[/]" if row["active"] else "[bright_black]cleared[/]"
+        shown.add_row(name, state, str(row["code"]), row["text"], when(row["stamp"]))
+    return shown
+
+
+def when(stamp: float) -> str:
+    """A time stamp for people."""
+    if stamp < DATES_FROM:
+        return f"{stamp:.3f} s"
+    return f"{datetime.fromtimestamp(stamp):%H:%M:%S}"

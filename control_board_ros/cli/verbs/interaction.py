@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl interaction."""
+
+from __future__ import annotations
+
+import typer
+
+from ..output import conclude
+from ..session import Session
+from .arguments import JointsThenMode
+from .mode import joints_and_mode
+
+
+def interaction(context: typer.Context, words: JointsThenMode) -> int:
+    """Set the interaction mode of joints: stif or comp."""
+    session: Session = context.obj
+    joints, wanted = joints_and_mode(words, "cbctl interaction all comp")
+    names = session.joints(joints)
+    reply = session.client.set_interaction_mode(names, wanted)
+    return conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")

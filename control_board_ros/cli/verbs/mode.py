@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl mode."""
+
+from __future__ import annotations
+
+import typer
+
+from ..output import conclude
+from ..session import Session
+from ..words import UsageError
+from .arguments import JointsThenMode
+
+
+def mode(context: typer.Context, words: JointsThenMode) -> int:
+    """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, fidl."""
+    session: Session = context.obj
+    joints, wanted = joints_and_mode(words, "cbctl mode all pos")
+    names = session.joints(joints)
+    reply = session.client.set_control_mode(names, wanted)
+    return conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
+
+
+def joints_and_mode(words: list[str], example: str) -> tuple[list[str], str]:
+    """Split ``JOINT… MODE``.
+
+    Raises:
+        UsageError: one word only: joints, or a mode?
+    """
+    if len(words) < 2:
+        raise UsageError(f"name joints, then a mode, e.g. {example}")
+    return words[:-1], words[-1]

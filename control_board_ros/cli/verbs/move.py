@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl move."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated, Any
+
+import typer
+
+from ..output import REFUSED, conclude, fail, note
+from ..session import Session
+from ..words import assignments, quantity
+from .arguments import Speed, Values
+from .progress import Bar
+
+
+def move(
+    context: typer.Context,
+    words: Values,
+    speed: Speed = None,
+    wait: Annotated[bool, typer.Option(help="Wait for the end of the move.")] = True,
+) -> int:
+    """Move joints along a minimum-jerk profile (mode pos or mix). Ctrl-C stops them."""
+    session: Session = context.obj
+    values = session.values(assignments(words, "position"))
+    speeds = None if speed is None else quantity(speed, "speed").value
+    names, positions = list(values), list(values.values())
+    client = session.client
+    if not wait:
+        reply = client.position_move(names, positions, speeds)
+        return conclude(session, reply, f"under way: {', '.join(names)}")
+    start = time.monotonic()
+    try:
+        with Bar(session, "moving") as bar:
+
+            def feedback(sent: Any) -> None:
+                elapsed = time.monotonic() - start
+                whole = elapsed + sent.remaining_time
+                bar.update(elapsed / whole if whole > 0 else 1.0, f"{sent.remaining_time:.1f} s")
+
+            reply = client.move(names, positions, speeds, feedback)
+            if reply:
+                bar.update(1.0, "done")
+    except KeyboardInterrupt:
+        return cancelled(session, "move", names)
+    reached = dict(zip(names, client.get_encoder(names).tolist(), strict=True))
+    told = ", ".join(f"{name} at {session.show_angle(name, q)}" for name, q in reached.items())
+    return conclude(session, reply, told, positions=reached)
+
+
+def cancelled(session: Session, what: str, names: list[str]) -> int:
+    """Say what the joints do after Ctrl-C; the exit code."""
+    told = what_they_do(session, names)
+    if not session.options.json:
+        note(session, f"{what} cancelled: {told}")
+        return REFUSED
+    return fail(f"{what} cancelled: {told}", REFUSED, as_json=True)
+
+
+def what_they_do(session: Session, names: list[str]) -> str:
+    """What joints do now, in words."""
+    client = session.client
+    modes = client.get_control_mode(names)
+    positions = client.get_encoder(names).tolist()
+    return ", ".join(
+        f"{name} {DOING.get(mode.code, 'is')} at {session.show_angle(name, q)} ({mode.name})"
+        for name, mode, q in zip(names, modes, positions, strict=True)
+    )
+
+
+#: What a joint does in a mode when nothing is asked of it.
+DOING = {
+    "pos": "holds",
+    "posd": "holds",
+    "vel": "holds",
+    "mix": "holds",
+    "torq": "gives its last torque",
+    "open": "gets its last output",
+    "idl": "is free, without power,",
+    "hwfa": "is in fault, without power,",
+    "cal": "is calibrating",
+    "cfgn": "is not configured",
+}

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl output."""
+
+from __future__ import annotations
+
+import typer
+
+from ..output import conclude
+from ..session import Session
+from ..words import assignments
+from .arguments import For, Values
+from .streaming import duration, stream
+
+
+def output(context: typer.Context, words: Values, time: For = None) -> int:
+    """Set outputs in PWM percent (mode open); with --for stream them, then set zero."""
+    session: Session = context.obj
+    seconds = duration(time)
+    values = session.values(assignments(words, "output"))
+    if seconds is not None:
+        return stream(session, session.client.set_output, values, seconds)
+    reply = session.client.set_output(list(values), list(values.values()))
+    told = ", ".join(f"{name} {value:g} %" for name, value in values.items())
+    return conclude(session, reply, f"outputs: {told}; they stay until changed")

@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A progress bar on stderr; silent with --json."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..output import console
+from ..session import Session
+
+
+class Bar:
+    """``with Bar(session, "moving") as bar: bar.update(0.5, "1.2 s")``."""
+
+    def __init__(self, session: Session, label: str) -> None:
+        self._progress: Any = None
+        self._label = label
+        if not session.options.json:
+            from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+            self._progress = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TaskProgressColumn(),
+                TextColumn("{task.fields[text]}"),
+                console=console(stderr=True),
+            )
+            self._task = self._progress.add_task(label, total=1.0, text="")
+
+    def __enter__(self) -> Bar:
+        if self._progress is not None:
+            self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._progress is not None:
+            self._progress.stop()
+
+    def update(self, share: float, text: str = "") -> None:
+        """Show a share from 0 to 1."""
+        if self._progress is not None:
+            self._progress.update(self._task, completed=min(max(share, 0.0), 1.0), text=text)

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl references."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import typer
+
+from ..output import position_text, show, table
+from ..session import Session, by_joint
+from .arguments import Joints
+
+
+def references(context: typer.Context, joints: Joints = None) -> None:
+    """Show the last accepted reference of every kind."""
+    session: Session = context.obj
+    rows = read_references(session, session.joints(joints))
+    show(session, rows, lambda: render(session, rows))
+
+
+def read_references(session: Session, names: list[str]) -> dict[str, dict[str, float]]:
+    """The references of each joint, in the board's units."""
+    client = session.client
+    read = {
+        "position": client.get_target_position,
+        "direct_position": client.get_ref_position,
+        "velocity": client.get_ref_velocity,
+        "torque": client.get_ref_torque,
+        "output": client.get_output,
+        "speed": client.get_ref_speed,
+        "acceleration": client.get_ref_acceleration,
+    }
+    columns = {kind: by_joint(names, get(names)) for kind, get in read.items()}
+    return {name: {kind: column[name] for kind, column in columns.items()} for name in names}
+
+
+def render(session: Session, rows: dict[str, dict[str, float]]) -> Any:
+    columns = ("position", "direct", "velocity", "torque", "output", "speed", "acceleration")
+    shown = table("joint", *columns, right=columns)
+    for name, row in rows.items():
+        joint = session.robot.get(name)
+        prismatic = joint is not None and joint.prismatic
+        shown.add_row(
+            name,
+            position_text(row["position"], prismatic),
+            position_text(row["direct_position"], prismatic),
+            position_text(row["velocity"], prismatic) + "/s",
+            f"{row['torque']:.2f} {'N' if prismatic else 'N·m'}",
+            f"{row['output']:.1f} %",
+            position_text(row["speed"], prismatic) + "/s",
+            position_text(row["acceleration"], prismatic) + "/s²",
+        )
+    return shown

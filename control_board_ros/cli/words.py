@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What people type: joints, values with units, durations."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+DEGREE = math.pi / 180.0
+NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.DOTALL)
+
+#: Units of each quantity: suffix -> (factor to the unit of the board, dimension).
+UNITS: dict[str, dict[str, tuple[float, str]]] = {
+    "position": {
+        "rad": (1.0, "angle"),
+        "deg": (DEGREE, "angle"),
+        "°": (DEGREE, "angle"),
+        "m": (1.0, "length"),
+        "cm": (0.01, "length"),
+        "mm": (0.001, "length"),
+    },
+    "torque": {"Nm": (1.0, "angle"), "N·m": (1.0, "angle"), "N": (1.0, "length")},
+    "output": {"%": (1.0, "")},
+    "time": {"s": (1.0, ""), "ms": (0.001, ""), "min": (60.0, "")},
+}
+UNITS["speed"] = UNITS["position"] | {
+    f"{unit}/s": meaning for unit, meaning in UNITS["position"].items()
+}
+UNITS["acceleration"] = UNITS["position"] | {
+    f"{unit}/s{square}": meaning
+    for unit, meaning in UNITS["position"].items()
+    for square in ("²", "2", "^2")
+}
+
+
+class UsageError(Exception):
+    """The line is wrong in itself: exit code 2; one line: what, and what is allowed."""
+
+
+class Refused(Exception):  # noqa: N818  (the word of the exit code)
+    """The board, or what is known of it, says no: exit code 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number in the board's unit; dimension is angle or length where a unit told it."""
+
+    value: float
+    dimension: str = ""
+
+
+def quantity(text: str, kind: str) -> Quantity:
+    """A number with an optional unit, for example ``90deg``.
+
+    Raises:
+        UsageError: no number, or a unit that this kind does not have.
+    """
+    units = UNITS[kind]
+    found = NUMBER.fullmatch(text.strip())
+    unit = found[2].strip() if found else ""
+    if found is None or not (unit == "" or unit in units):
+        shown = ", ".join(list(units)[:6])
+        raise UsageError(
+            f"{kind} {text[:40]!r} is not valid; write a number, with or without {shown}"
+        )
+    factor, dimension = units.get(unit, (1.0, ""))
+    return Quantity(float(found[1]) * factor, dimension)
+
+
+def assignments(words: Sequence[str], kind: str) -> list[tuple[str, Quantity]]:
+    """``JOINT=VALUE`` words.
+
+    Raises:
+        UsageError: a word without ``=``, or a bad value.
+    """
+    pairs = []
+    for word in words:
+        joint, equals, text = word.partition("=")
+        if not equals or not joint or not text:
+            raise UsageError(
+                f"{word[:60]!r} is not valid; write JOINT=VALUE, e.g. joint_1={EXAMPLES[kind]}"
+            )
+        pairs.append((joint, quantity(text, kind)))
+    return pairs
+
+
+EXAMPLES = {
+    "position": "30deg",
+    "speed": "0.2",
+    "acceleration": "1.0",
+    "torque": "5Nm",
+    "output": "20%",
+}
+
+
+def find_joint(word: str, names: Sequence[str]) -> list[str]:
+    """The joints that a word means: a name, an index, ``all``, or the part of one name.
+
+    A part counts as an abbreviation (the beginning) first, then as a suffix, then anywhere.
+
+    Raises:
+        Refused: no joint, or several.
+    """
+    if word in names:
+        return [word]
+    if word == "all":
+        return list(names)
+    if word.lstrip("-").isdigit():
+        if 0 <= int(word) < len(names):
+            return [names[int(word)]]
+        raise Refused(f"joint index {word} out of range; joints are 0 to {len(names) - 1}")
+    for fits in (str.startswith, str.endswith, str.__contains__):
+        found = [name for name in names if word and fits(name, word)]
+        if len(found) == 1:
+            return found
+        if found:
+            raise Refused(f"joint {word!r} could be {', '.join(found)}; write more of its name")
+    from difflib import get_close_matches
+
+    near = get_close_matches(word[:64], names, n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise Refused(f"joint {word[:64]!r} unknown{hint}; joints: {', '.join(names)}")
+
+
+def find_joints(words: Sequence[str], names: Sequence[str]) -> list[str]:
+    """The joints that words mean, each once, in the order given; no words: all.
+
+    Raises:
+        Refused: as find_joint.
+    """
+    found = [name for word in words for name in find_joint(word, names)]
+    return list(dict.fromkeys(found)) if words else list(names)
+
+
+def assigned(pairs: Sequence[tuple[str, Quantity]], names: Sequence[str]) -> dict[str, Quantity]:
+    """Values by joint.
+
+    Raises:
+        Refused: a joint that is unknown, ambiguous or there twice.
+    """
+    values: dict[str, Quantity] = {}
+    for word, value in pairs:
+        for name in find_joint(word, names):
+            if name in values:
+                raise Refused(f"joint {name!r} has two values; give it one")
+            values[name] = value
+    return values
