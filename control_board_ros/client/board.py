@@ -45,7 +45,7 @@ class ControlBoardClient(GoalOperations, ModeShortcuts):
         node: Any,
         board: str = "control_board",
         *,
-        find_timeout: float = 3.0,
+        find_timeout: float = 5.0,
         answer_timeout: float = 2.0,
     ) -> None:
         link = Link(node, board, find_timeout, answer_timeout)

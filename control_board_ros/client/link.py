@@ -16,7 +16,6 @@ from typing import Any
 
 from rclpy.action.client import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -28,10 +27,16 @@ RELIABLE = QoSProfile(depth=10)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 #: rclpy's default depth of 10 loses answers when many clients call at once.
 SERVICES = QoSProfile(depth=1000)
-POLL = 0.002  # s between looks at what DDS has no event for: matching, acknowledgement
+POLL = 0.002  # s between looks at what rclpy has no event for: matching
+#: s from seeing a subscription until it surely sees us; what is sent before may come late.
+MATCHING = 0.05
 MODES_TYPE = "control_board_msgs/msg/JointModes"
 
 _numbers = itertools.count(1)
+
+
+def _nothing() -> None:
+    """Work that only wakes."""
 
 
 class Link:
@@ -60,7 +65,8 @@ class Link:
         self._node.destroy_publisher(self._node._parameter_event_publisher)
         self._group = ReentrantCallbackGroup()
         self._entities: dict[str, Any] = {}
-        self._unacknowledged: set[Any] = set()
+        self._matched: set[Any] = set()
+        self._unsettled = False
         self._waits: list[Wait] = []
         self._lock = threading.Lock()
         self._closed = ""
@@ -118,7 +124,7 @@ class Link:
         """End the thread and the hidden node; calls that wait raise BoardError."""
         self._closed = self._closed or "the client was closed"
         if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._executor.wake()
+            self._executor.create_task(_nothing)
             self._thread.join(timeout=5.0)
         self._executor.shutdown(timeout_sec=1.0)
         self._node.destroy_node()
@@ -140,7 +146,7 @@ class Link:
                 self._waits.append(wait)
         if closed:
             raise BoardError(closed)
-        self._executor.wake()
+        self._executor.create_task(_nothing)  # only work makes spin_once return
         return wait
 
     def until(self, condition: Callable[[], bool], timeout: float | None) -> Steps[bool]:
@@ -199,26 +205,26 @@ class Link:
             return self._node.create_publisher(kind, full, RELIABLE)
 
         publisher = self._entity(name, make)
-        if not (yield from self.until(publisher.get_subscription_count, self.find_timeout)):
-            raise self.not_found()
+        if publisher not in self._matched:
+            heard = yield from self.until(publisher.get_subscription_count, self.find_timeout)
+            if not heard:
+                raise self.not_found()
+            yield self.wait(MATCHING)
+            self._matched.add(publisher)
         publisher.publish(message)
-        self._unacknowledged.add(publisher)
+        self._unsettled = True
 
     def settle(self) -> Steps[None]:
         """Let the board take what was published.
 
-        A message and a request travel apart: the board may serve the request first. When DDS
-        has acknowledged the message and one request more was answered, it was served.
+        Of what arrives together the board may serve the request first. When one request more
+        is answered, the message was served.
         """
         from control_board_msgs.srv import GetControlMode
 
-        publishers, self._unacknowledged = self._unacknowledged, set()
-        if not publishers:
-            return
-        none = Duration()
-        for publisher in publishers:
-            yield from self.until(lambda p=publisher: p.wait_for_all_acked(none), 1.0)  # type: ignore[misc]
-        yield from self._call(GetControlMode, "get_control_mode", GetControlMode.Request())
+        if self._unsettled:
+            self._unsettled = False
+            yield from self._call(GetControlMode, "get_control_mode", GetControlMode.Request())
 
     def action(self, kind: Any, name: str) -> Steps[Any]:
         """The client of an action that the board serves now."""
