@@ -3,26 +3,29 @@
 
 pybullet's own joint motors and dampers are off: every torque comes from our motors. Hard stops
 are the board's hard limits (the URDF's, unless the configuration narrows them); they are hard
-and without bounce. Each body is a physics server of its own.
+and without bounce. Each body is a physics server of its own, and without looks unless it has a
+window: they are loaded for a picture only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from struct import Struct
 from tempfile import TemporaryDirectory
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.config import BoardConfig
 from ..core.measurement import Array
-from .config import Mimic, SimulationConfig
+from .config import SimulationConfig
 from .display import check_display
 from .errors import PlantError, PlantGone
+from .followers import Followers
 from .prepare import prepare
 from .rotor import Moments
 from .terminal import captured_output
@@ -30,10 +33,33 @@ from .terminal import captured_output
 with captured_output():
     import pybullet as bullet
 
+if TYPE_CHECKING:
+    from .camera import Camera
+
+__all__ = ["Box", "BulletBody", "bullet", "connect", "load"]
+
 MOVING = (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC)
-MIMIC_FORCE = 1e4
+FOLLOWING_FORCE = 1e4
 #: pybullet neither reads nor drives the joints of a larger robot.
 MOST_JOINTS = 127
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A fixed box: centre and half its edges, m, along the world's axes."""
+
+    centre: tuple[float, float, float]
+    half_extents: tuple[float, float, float]
+
+    def put(self, client: int) -> int:
+        """Put it into a world; the number of its body."""
+        shape = bullet.createCollisionShape(
+            bullet.GEOM_BOX, halfExtents=self.half_extents, physicsClientId=client
+        )
+        look = bullet.createVisualShape(
+            bullet.GEOM_BOX, halfExtents=self.half_extents, physicsClientId=client
+        )
+        return int(bullet.createMultiBody(0.0, shape, look, self.centre, physicsClientId=client))
 
 
 class BulletBody:
@@ -45,20 +71,21 @@ class BulletBody:
     """
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
-        self._name = simulation.urdf or ""
-        if self._name.lstrip().startswith("<"):
-            self._name = "urdf"
         model = prepare(board, simulation)
-        self._client = _connect(simulation.gui)
+        self._text, self._simulation = model.text, simulation
+        self._camera: Camera | None = None
+        self._boxes: dict[int, Box] = {}
+        self._client = connect(gui=simulation.gui)
         try:
-            self._body = self._load(model.text, simulation)
+            self._body = load(self._client, model.text, simulation, visuals=simulation.gui)
             joints = self._find_joints(model.moments)
             self._joints = [joints[name] for name in board.names]
             self._disable_motors(list(joints.values()))
             for joint, index in zip(board.joints, self._joints, strict=True):
                 if joint.kind != "continuous":
                     self._limit(index, joint.limits.hard_lower, joint.limits.hard_upper)
-            self._follow(model.mimics, joints, board.names)
+            self._followers = Followers(model.mimics, board.names)
+            self._following = [joints[name] for name in self._followers.joints]
         except BaseException:
             self.close()
             raise
@@ -89,8 +116,8 @@ class BulletBody:
         """
         try:
             self._apply(forces=torque.tolist())
-            if self._mimics:
-                self._drive_mimics()
+            if self._following:
+                self._drive_followers()
             bullet.stepSimulation(self._client)
             return self._refresh()
         except bullet.error:
@@ -104,10 +131,10 @@ class BulletBody:
         try:
             bullet.restoreState(self._saved, physicsClientId=self._client)
             self._state[:] = state
-            followers = self._mimic_state() if self._mimics else ([], [])
-            indices = [*self._joints, *self._followers]
-            positions = [*state[0].tolist(), *followers[0]]
-            velocities = [*state[1].tolist(), *followers[1]]
+            positions, velocities = self._followers.targets(state)
+            indices = [*self._joints, *self._following]
+            positions = [*state[0].tolist(), *positions]
+            velocities = [*state[1].tolist(), *velocities]
             for index, position, velocity in zip(indices, positions, velocities, strict=True):
                 bullet.resetJointState(self._body, index, position, velocity, self._client)
         except bullet.error:
@@ -117,6 +144,8 @@ class BulletBody:
         """Stop the physics server; safe to call twice."""
         client, self._client = self._client, -1
         self._apply = self._gone
+        if self._camera is not None:
+            self._camera.close()
         if client >= 0 and bullet.isConnected(client):
             bullet.disconnect(client)
 
@@ -124,17 +153,15 @@ class BulletBody:
         self, centre: tuple[float, float, float], half_extents: tuple[float, float, float]
     ) -> int:
         """Put a fixed box into the world, m; returns its number for remove_obstacle."""
-        shape = bullet.createCollisionShape(
-            bullet.GEOM_BOX, halfExtents=half_extents, physicsClientId=self._client
-        )
-        obstacle = bullet.createMultiBody(
-            0.0, shape, basePosition=centre, physicsClientId=self._client
-        )
+        box = Box(centre, half_extents)
+        obstacle = box.put(self._client)
+        self._boxes[obstacle] = box
         self._save()
-        return int(obstacle)
+        return obstacle
 
     def remove_obstacle(self, obstacle: int) -> None:
         """Take a box out of the world again."""
+        del self._boxes[obstacle]
         bullet.removeBody(obstacle, physicsClientId=self._client)
         self._save()
 
@@ -150,33 +177,19 @@ class BulletBody:
 
     def mimic_positions(self) -> dict[str, float]:
         """Positions of the joints that follow others, by name, rad or m."""
-        states = bullet.getJointStates(self._body, self._followers, self._client)
-        names = [mimic.joint for mimic in self._mimics]
-        return {name: state[0] for name, state in zip(names, states or (), strict=True)}
+        states = bullet.getJointStates(self._body, self._following, self._client) or ()
+        return {name: state[0] for name, state in zip(self._followers.joints, states, strict=True)}
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
-        """A picture of the whole robot, shape (height, width, 3), drawn without a display."""
-        links = range(-1, bullet.getNumJoints(self._body, self._client))
-        boxes = np.array([bullet.getAABB(self._body, link, self._client) for link in links])
-        low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
-        centre, size = (low + high) / 2.0, float(np.linalg.norm(high - low))
-        view = bullet.computeViewMatrixFromYawPitchRoll(
-            centre.tolist(), 1.1 * size, 50.0, -20.0, 0.0, 2
-        )
-        projection = bullet.computeProjectionMatrixFOV(
-            50.0, width / height, 0.05 * size, 5.0 * size
-        )
-        _, _, pixels, _, _ = bullet.getCameraImage(
-            width,
-            height,
-            view,
-            projection,
-            shadow=1,
-            lightDirection=(1.0, -1.0, 2.0),
-            renderer=bullet.ER_TINY_RENDERER,
-            physicsClientId=self._client,
-        )
-        return np.asarray(pixels, dtype=np.uint8).reshape(height, width, 4)[:, :, :3].copy()
+        """A picture of the robot and the obstacles, RGB, shape (height, width, 3)."""
+        from .camera import Camera  # it imports this module
+
+        if self._camera is None:
+            self._camera = Camera(self._text, self._simulation)
+        every = range(bullet.getNumJoints(self._body, self._client))
+        states = bullet.getJointStates(self._body, every, self._client)
+        positions = [state[0] for state in states]
+        return self._camera.picture(positions, list(self._boxes.values()), width, height)
 
     def _refresh(self) -> bool:
         states = bullet.getJointStates(self._body, self._joints, self._client)
@@ -192,41 +205,12 @@ class BulletBody:
     def _gone(self, **_: Any) -> NoReturn:
         raise PlantGone("the physics server is gone; start the board anew") from None
 
-    def _load(self, text: str, simulation: SimulationConfig) -> int:
-        client = self._client
-        bullet.setGravity(*simulation.gravity, physicsClientId=client)
-        bullet.setPhysicsEngineParameter(
-            fixedTimeStep=simulation.physics_step,
-            numSubSteps=0,
-            enableFileCaching=0,
-            useSplitImpulse=0,  # else a stop met at speed is never fully restored
-            deterministicOverlappingPairs=1,
-            physicsClientId=client,
-        )
-        with TemporaryDirectory() as folder, captured_output() as lines:
-            path = Path(folder, "robot.urdf")
-            path.write_text(text, encoding="utf-8")
-            try:
-                body = bullet.loadURDF(
-                    str(path),
-                    useFixedBase=simulation.base_fixed,
-                    flags=bullet.URDF_USE_INERTIA_FROM_FILE,
-                    physicsClientId=client,
-                )
-            except bullet.error as error:
-                said = [str(error), *lines()]
-                reason = "; ".join(line.strip() for line in said if line.strip())[:300]
-                raise PlantError(
-                    f"{self._name[:200]}: pybullet cannot load it ({reason}); check the URDF"
-                ) from None
-        return int(body)
-
     def _find_joints(self, moments: Moments) -> dict[str, int]:
         """Indices of the joints that move; sets the dynamics of every link on the way."""
         joints = {}
         if (count := bullet.getNumJoints(self._body, self._client)) > MOST_JOINTS:
             raise PlantError(
-                f"{self._name[:200]}: {count} joints, fixed ones included; pybullet takes at "
+                f"urdf: {count} joints, fixed ones included; pybullet takes at "
                 f"most {MOST_JOINTS}; cut the robot to a chain"
             )
         for index in range(count):
@@ -267,38 +251,28 @@ class BulletBody:
                 physicsClientId=self._client,
             )
 
-    def _follow(
-        self, mimics: tuple[Mimic, ...], joints: dict[str, int], names: tuple[str, ...]
-    ) -> None:
-        """Remember who follows whom: position and velocity targets, one way, every step."""
-        self._mimics = mimics
-        self._followers = [joints[mimic.joint] for mimic in mimics]
-        self._sources = [names.index(mimic.source) for mimic in mimics]
-        self._multipliers = np.array([mimic.multiplier for mimic in mimics])
-        self._offsets = np.array([mimic.offset for mimic in mimics])
-        self._full_gains = [1.0] * len(mimics)
-        self._mimic_forces = [MIMIC_FORCE] * len(mimics)
-
-    def _mimic_state(self) -> tuple[list[float], list[float]]:
-        positions, velocities = self._state[:, self._sources] * self._multipliers
-        return (positions + self._offsets).tolist(), velocities.tolist()
-
-    def _drive_mimics(self) -> None:
-        positions, velocities = self._mimic_state()
+    def _drive_followers(self) -> None:
+        """One way, every step: a follower tracks its source and its source does not feel it."""
+        positions, velocities = self._followers.targets(self._state)
         bullet.setJointMotorControlArray(
             self._body,
-            self._followers,
+            self._following,
             bullet.POSITION_CONTROL,
             targetPositions=positions,
             targetVelocities=velocities,
-            forces=self._mimic_forces,
-            positionGains=self._full_gains,
-            velocityGains=self._full_gains,
+            forces=[FOLLOWING_FORCE] * len(positions),
+            positionGains=[1.0] * len(positions),
+            velocityGains=[1.0] * len(positions),
             physicsClientId=self._client,
         )
 
 
-def _connect(gui: bool) -> int:
+def connect(*, gui: bool) -> int:
+    """Start a physics server; its number.
+
+    Raises:
+        PlantError: a window is asked for and there is no display, or no server starts.
+    """
     if gui:
         check_display()
     with captured_output() as lines:
@@ -308,3 +282,38 @@ def _connect(gui: bool) -> int:
         reason = "; ".join(said)[:300]
         raise PlantError(f"pybullet cannot start a physics server ({reason}); try again")
     return int(client)
+
+
+def load(client: int, text: str, simulation: SimulationConfig, *, visuals: bool) -> int:
+    """Load a prepared description into an empty world; the number of the body.
+
+    Raises:
+        PlantError: pybullet refuses it; one line with what pybullet said.
+    """
+    bullet.setGravity(*simulation.gravity, physicsClientId=client)
+    bullet.setPhysicsEngineParameter(
+        fixedTimeStep=simulation.physics_step,
+        numSubSteps=0,
+        enableFileCaching=0,
+        useSplitImpulse=0,  # else a stop met at speed is never fully restored
+        deterministicOverlappingPairs=1,
+        physicsClientId=client,
+    )
+    looks = 0 if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
+    with TemporaryDirectory() as folder, captured_output() as lines:
+        path = Path(folder, "robot.urdf")
+        path.write_text(text, encoding="utf-8")
+        try:
+            body = bullet.loadURDF(
+                str(path),
+                useFixedBase=simulation.base_fixed,
+                flags=bullet.URDF_USE_INERTIA_FROM_FILE | looks,
+                physicsClientId=client,
+            )
+        except bullet.error as error:
+            said = [str(error), *lines()]
+            reason = "; ".join(line.strip() for line in said if line.strip())[:300]
+            raise PlantError(
+                f"urdf: pybullet cannot load it ({reason}); check the robot's URDF"
+            ) from None
+    return int(body)

@@ -264,8 +264,14 @@ def test_a_picture_shows_the_arm():
     assert picture.dtype == np.uint8
     assert 0.03 < (np.ptp(picture.reshape(-1, 3), axis=1) > 40).mean() < 0.5  # orange links
     before = picture
-    drive(plant, [60.0, 0, 0, 0, 0, 0, 0], cycles=300)
-    assert (plant.body.render(160, 120) != before).mean() > 0.01
+    values = drive(plant, [60.0, 0, 0, 0, 0, 0, 0], cycles=300)
+    moved = plant.body.render(160, 120)
+    assert (moved != before).mean() > 0.01
+    box = plant.body.add_obstacle((0.5, 0.5, 0.5), (0.1, 0.1, 0.3))
+    assert (plant.body.render(160, 120) != moved).mean() > 0.01
+    plant.body.remove_obstacle(box)
+    np.testing.assert_array_equal(plant.body.render(160, 120), moved)
+    np.testing.assert_array_equal(plant.read().values, values)  # a look changes nothing
     plant.close()
 
 
