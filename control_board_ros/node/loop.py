@@ -226,7 +226,7 @@ class ControlLoop:
                 if self._steps:
                     self._steps -= 1
                     if not self._steps:
-                        self._note_time(self._plant.read().time)
+                        self._note_time(self._board.time)
                         self.records.note_state()
                         self._finish_steps("")
         self._wake.clear()

@@ -113,20 +113,22 @@ def joint_modes(
     return message
 
 
-def joint_fault(record: FaultRecord, offset: int) -> JointFault:
-    """A fault record as a message; ``offset`` (ns) takes simulated time to ROS time."""
-    raised = record.code >= 0
+def joint_fault(record: FaultRecord, raised: int) -> JointFault:
+    """A fault record as a message; ``raised`` is its time, ns of ROS time."""
     return JointFault(
         name=record.name,
         active=record.active,
         code=record.code,
         text=record.text,
-        stamp=stamp(round(record.stamp * NANOSECONDS) + offset if raised else 0),
+        stamp=stamp(raised),
     )
 
 
-def joint_faults(records: Sequence[FaultRecord], nanoseconds: int, offset: int) -> JointFaults:
+def joint_faults(
+    records: Sequence[FaultRecord], raised: Sequence[int], nanoseconds: int
+) -> JointFaults:
     """The active ones of these fault records as a message."""
-    message = JointFaults(faults=[joint_fault(r, offset) for r in records if r.active])
+    both = zip(records, raised, strict=True)
+    message = JointFaults(faults=[joint_fault(r, at) for r, at in both if r.active])
     set_stamp(message.header.stamp, nanoseconds)
     return message

@@ -127,7 +127,7 @@ class StatePublisher:
             )
         if faults is not done[1]:
             done[1] = faults
-            self._faults.publish(joint_faults(faults.records, faults.stamp, faults.offset))
+            self._faults.publish(joint_faults(faults.records, faults.raised, faults.stamp))
         while records.states:
             state = records.states.popleft()
             snapshot, stamp = state.snapshot, state.stamp

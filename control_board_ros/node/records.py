@@ -39,11 +39,11 @@ class Modes:
 
 @dataclass(frozen=True, slots=True)
 class Faults:
-    """The last fault of every joint, as of stamp; offset takes simulated to ROS time (ns)."""
+    """The last fault of every joint and when it was raised, as of stamp; ns of ROS time."""
 
     records: list[FaultRecord]
+    raised: list[int]
     stamp: int
-    offset: int
 
 
 class Records:
@@ -83,7 +83,7 @@ class Records:
 
     def note_state(self) -> None:
         """Replace ``latest`` and take the board's events."""
-        self.latest = State(self._board.snapshot(), self._stamp)
+        self.latest = State(self._board.snapshot(), self._now())
         self.states.append(self.latest)
         self.events.extend(self._board.take_events())
         self.on_change()
@@ -98,8 +98,18 @@ class Records:
             self.on_change()
         if board.faults_version != self._faults_version:
             self._faults_version = board.faults_version
-            self.faults = Faults(board.get_faults(None), self._now(), self.ros_offset())
+            records = board.get_faults(None)
+            raised = [self._raised(j, record) for j, record in enumerate(records)]
+            self.faults = Faults(records, raised, self._now())
             self.on_change()
+
+    def _raised(self, j: int, record: FaultRecord) -> int:
+        """When a fault was raised, 0 for none; once told, told the same again."""
+        if record.code < 0:
+            return 0
+        if hasattr(self, "faults") and self.faults.records[j].stamp == record.stamp:
+            return self.faults.raised[j]
+        return self.ros_offset() + round(record.stamp * NANOSECONDS)
 
     def _now(self) -> int:
         """ROS time of the board's last cycle, ns."""

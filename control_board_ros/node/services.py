@@ -136,9 +136,10 @@ class Services:
 
     def get_faults(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            records = board.get_faults(chosen(request.names, board.count))
-            offset = self._loop.records.ros_offset()
-        response.faults = [joint_fault(record, offset) for record in records]
+            joints = board.selector.select(chosen(request.names, board.count)).joints
+            self._loop.records.note_changes()
+            faults = self._loop.records.faults
+        response.faults = [joint_fault(faults.records[j], faults.raised[j]) for j in joints]
         return fine(response)
 
     def configure(self, _request: Any, response: Any) -> Any:
