@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ROS interface as promised, in one place; a test compares a running node with it.
+
+Names starting with ``~`` are below the node's, others below its namespace. QoS: R reliable, B
+best effort; V volatile, T transient local.
+"""
+
+PUBLISHED = {
+    "joint_states": ("sensor_msgs/msg/JointState", "RV"),
+    "~/modes": ("control_board_msgs/msg/JointModes", "RT"),
+    "~/state": ("control_board_msgs/msg/BoardState", "RV"),
+    "~/faults": ("control_board_msgs/msg/JointFaults", "RT"),
+    "robot_description": ("std_msgs/msg/String", "RT"),
+    "/diagnostics": ("diagnostic_msgs/msg/DiagnosticArray", "RV"),
+}
+#: Only with publish_clock, or where simulated and real time differ.
+CLOCK = {"/clock": ("rosgraph_msgs/msg/Clock", "BV")}
+#: What every ROS node publishes.
+OF_EVERY_NODE = {"/rosout", "/parameter_events"}
+
+SUBSCRIBED = {
+    "~/command/position": ("control_board_msgs/msg/PositionCommand", "RV"),
+    "~/command/position_direct": ("control_board_msgs/msg/PositionDirectCommand", "RV"),
+    "~/command/velocity": ("control_board_msgs/msg/VelocityCommand", "RV"),
+    "~/command/torque": ("control_board_msgs/msg/TorqueCommand", "RV"),
+    "~/command/output": ("control_board_msgs/msg/OutputCommand", "RV"),
+    "~/command/feedforward": ("control_board_msgs/msg/FeedforwardCommand", "RV"),
+    "~/joint_trajectory": ("trajectory_msgs/msg/JointTrajectory", "RV"),
+    "~/external_torque": ("control_board_msgs/msg/TorqueCommand", "RV"),
+}
+
+SERVICES = {
+    "~/set_control_mode": "control_board_msgs/srv/SetControlMode",
+    "~/get_control_mode": "control_board_msgs/srv/GetControlMode",
+    "~/set_interaction_mode": "control_board_msgs/srv/SetInteractionMode",
+    "~/get_interaction_mode": "control_board_msgs/srv/GetInteractionMode",
+    "~/get_available_modes": "control_board_msgs/srv/GetAvailableModes",
+    "~/set_impedance": "control_board_msgs/srv/SetImpedance",
+    "~/get_impedance": "control_board_msgs/srv/GetImpedance",
+    "~/set_reference_speed": "control_board_msgs/srv/SetReferenceSpeed",
+    "~/get_references": "control_board_msgs/srv/GetReferences",
+    "~/stop": "control_board_msgs/srv/Stop",
+    "~/get_faults": "control_board_msgs/srv/GetFaults",
+    "~/configure": "std_srvs/srv/Trigger",
+    "~/power_cycle": "std_srvs/srv/Trigger",
+    "~/inject_fault": "control_board_msgs/srv/InjectFault",
+    "~/clear_injected_faults": "std_srvs/srv/Trigger",
+    "~/pause": "std_srvs/srv/SetBool",
+    "~/step": "control_board_msgs/srv/Step",
+    "~/reset": "std_srvs/srv/Trigger",
+}
+
+ACTIONS = {
+    "~/calibrate": "control_board_msgs/action/Calibrate",
+    "~/move": "control_board_msgs/action/Move",
+}

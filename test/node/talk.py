@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A plain rclpy peer of a board for the tests: calls, publishes, and waits for what it sees."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from control_board_msgs import msg, srv
+from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
+
+from control_board_ros.testing import BoardProcess, ros_node
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+STREAM = QoSProfile(depth=100)
+TIMEOUT = 20.0
+
+
+class Talker:
+    """Talks to one board; every wait ends with an AssertionError after a timeout."""
+
+    def __init__(self, node: Any, board: str) -> None:
+        self.node, self.board = node, board
+        self._publishers: dict[str, Any] = {}
+        self._clients: dict[str, Any] = {}
+        self._changed = threading.Condition()
+        self.seen: dict[str, list[Any]] = {}
+        self.hear("state", msg.BoardState, f"{board}/state", STREAM)
+        self.hear("modes", msg.JointModes, f"{board}/modes", LATCHED)
+        self.hear("faults", msg.JointFaults, f"{board}/faults", LATCHED)
+        self.names = list(self.wait("state", lambda _: True).names)
+
+    def hear(self, key: str, kind: Any, topic: str, qos: QoSProfile = STREAM) -> None:
+        """Keep what comes on a topic in ``seen[key]``."""
+        self.seen[key] = []
+
+        def keep(message: Any) -> None:
+            with self._changed:
+                self.seen[key].append(message)
+                self._changed.notify_all()
+
+        self.node.create_subscription(kind, topic, keep, qos)
+
+    def wait(
+        self,
+        key: str,
+        good: Callable[[Any], bool],
+        timeout: float = TIMEOUT,
+        *,
+        fresh: bool = False,
+    ) -> Any:
+        """The newest message that is good; with ``fresh``, one that comes from now on."""
+        with self._changed:
+            start = len(self.seen[key]) if fresh else max(0, len(self.seen[key]) - 1)
+            deadline = time.monotonic() + timeout
+            while True:
+                for message in reversed(self.seen[key][start:]):
+                    if good(message):
+                        return message
+                left = deadline - time.monotonic()
+                newest = self.seen[key][-1:]
+                assert left > 0, f"waited for {key}; the newest: {newest}"
+                self._changed.wait(left)
+
+    def state(self, good: Callable[[Any], bool] = lambda _: True, **rest: Any) -> Any:
+        """The state from now on that is good."""
+        return self.wait("state", good, fresh=True, **rest)
+
+    def call(self, name: str, kind: Any, timeout: float = TIMEOUT, **request: Any) -> Any:
+        """Call ``~/name`` and return its response."""
+        return self.answer(self.ask(name, kind, **request), timeout)
+
+    def ask(self, name: str, kind: Any, **request: Any) -> Future:
+        """Call ``~/name`` without waiting."""
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(
+                kind, f"{self.board}/{name}", qos_profile=QoSProfile(depth=500)
+            )
+            assert self._clients[name].wait_for_service(TIMEOUT), f"no service {name}"
+        return self._clients[name].call_async(kind.Request(**request))
+
+    def answer(self, future: Future, timeout: float = TIMEOUT) -> Any:
+        """What a future gives."""
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(timeout), "no answer"
+        return future.result()
+
+    def set_mode(self, joints: list[str], *modes: str) -> Any:
+        """Call ~/set_control_mode."""
+        return self.call("set_control_mode", srv.SetControlMode, names=joints, modes=list(modes))
+
+    def set_interaction(self, joints: list[str], *modes: str) -> Any:
+        """Call ~/set_interaction_mode."""
+        return self.call(
+            "set_interaction_mode", srv.SetInteractionMode, names=joints, modes=list(modes)
+        )
+
+    def modes(self) -> list[str]:
+        """Call ~/get_control_mode for all joints."""
+        return list(self.call("get_control_mode", srv.GetControlMode).modes)
+
+    def command(self, topic: str, message: Any, qos: QoSProfile | int = 10) -> None:
+        """Publish on ``~/topic``, once the board listens."""
+        key = f"{topic} {qos}"
+        if key not in self._publishers:
+            publisher = self.node.create_publisher(type(message), f"{self.board}/{topic}", qos)
+            self._publishers[key] = publisher
+            deadline = time.monotonic() + TIMEOUT
+            while not publisher.get_subscription_count():
+                assert time.monotonic() < deadline, f"nobody listens on {topic}"
+                time.sleep(0.01)
+        self._publishers[key].publish(message)
+
+    def goal(self, name: str, kind: Any, feedback: list[Any] | None = None, **goal: Any) -> Any:
+        """Send a goal to the action ``~/name``; returns the accepted goal's handle."""
+        client = ActionClient(self.node, kind, f"{self.board}/{name}")
+        assert client.wait_for_server(TIMEOUT), f"no action {name}"
+        keep = None if feedback is None else (lambda message: feedback.append(message.feedback))
+        handle = self.answer(client.send_goal_async(kind.Goal(**goal), feedback_callback=keep))
+        assert handle.accepted
+        return handle
+
+    def rest(self) -> None:
+        """Back to power-on and the initial pose, all joints configured and not faulted."""
+        from std_srvs.srv import SetBool, Trigger
+
+        self.call("pause", SetBool, data=False)
+        assert self.call("reset", Trigger).success
+        self.wait("modes", lambda m: "cfgn" not in m.control_modes)
+        deadline = time.monotonic() + TIMEOUT
+        while set(self.modes()) != {"pos"}:
+            assert time.monotonic() < deadline, self.modes()
+
+
+@contextlib.contextmanager
+def talking_to(board: BoardProcess, name: str = "talker") -> Iterator[Talker]:
+    """A talker in a node of its own."""
+    with ros_node(board.domain, name) as node:
+        yield Talker(node, board.name)
+
+
+def stamp_of(message: Any) -> float:
+    """The header's time, s."""
+    return float(message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec)
+
+
+def minimum_jerk(start: float, target: float, speed: float, times: np.ndarray) -> np.ndarray:
+    """The profile of SPEC P1 at some times since its start."""
+    s = np.clip(times / (abs(target - start) / speed), 0.0, 1.0)
+    return start + (target - start) * (10 * s**3 - 15 * s**4 + 6 * s**5)

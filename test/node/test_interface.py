@@ -1,0 +1,307 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The graph of a running node, and each service of INTERFACE.md."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import pytest
+from control_board_msgs import msg, srv
+from interface_table import (
+    ACTIONS,
+    CLOCK,
+    OF_EVERY_NODE,
+    PUBLISHED,
+    SERVICES,
+    SUBSCRIBED,
+)
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from std_srvs.srv import Trigger
+from talk import LATCHED, Talker
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
+
+NODE = ("control_board", "/")
+
+
+def absolute(name: str) -> str:
+    """A name of the table as the graph shows it."""
+    if name.startswith("~"):
+        return f"/{NODE[0]}{name[1:]}"
+    return name if name.startswith("/") else f"/{name}"
+
+
+def qos_letters(info: Any) -> str:
+    profile = info.qos_profile
+    reliable = profile.reliability is ReliabilityPolicy.RELIABLE
+    latched = profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
+    return ("R" if reliable else "B") + ("T" if latched else "V")
+
+
+@pytest.fixture(autouse=True)
+def graph(talker: Talker) -> None:
+    """The graph is known: the board's node and what belongs to it."""
+    deadline = time.monotonic() + 10
+    while NODE not in talker.node.get_node_names_and_namespaces():
+        assert time.monotonic() < deadline, talker.node.get_node_names_and_namespaces()
+        time.sleep(0.02)
+
+
+def of_the_board(infos: list[Any]) -> Any:
+    (found,) = [info for info in infos if info.node_name == NODE[0]]
+    return found
+
+
+def test_published_topics(talker: Talker) -> None:
+    """Every published topic of INTERFACE.md, its type and QoS; and no other."""
+    found = dict(talker.node.get_publisher_names_and_types_by_node(*NODE))
+    topics = {name for name in found if "/_action/" not in name} - OF_EVERY_NODE
+    assert topics == {absolute(name) for name in PUBLISHED}
+    for name, (kind, qos) in PUBLISHED.items():
+        assert found[absolute(name)] == [kind]
+        info = of_the_board(talker.node.get_publishers_info_by_topic(absolute(name)))
+        assert qos_letters(info) == qos, name
+    assert absolute(next(iter(CLOCK))) not in topics
+
+
+def test_command_topics(talker: Talker) -> None:
+    """Every command topic of INTERFACE.md, its type and QoS; and no other."""
+    found = dict(talker.node.get_subscriber_names_and_types_by_node(*NODE))
+    assert set(found) == {absolute(name) for name in SUBSCRIBED}
+    for name, (kind, qos) in SUBSCRIBED.items():
+        assert found[absolute(name)] == [kind]
+        info = of_the_board(talker.node.get_subscriptions_info_by_topic(absolute(name)))
+        assert qos_letters(info) == qos, name
+
+
+def test_services(talker: Talker) -> None:
+    """Every service of INTERFACE.md and its type; besides only those of parameters."""
+    found = dict(talker.node.get_service_names_and_types_by_node(*NODE))
+    own = {
+        name: kinds[0]
+        for name, kinds in found.items()
+        if not kinds[0].startswith(("rcl_interfaces/", "type_description_interfaces/"))
+        and "/_action/" not in name
+    }
+    assert own == {absolute(name): kind for name, kind in SERVICES.items()}
+
+
+def test_actions(talker: Talker) -> None:
+    """Every action of INTERFACE.md and its type."""
+    found = dict(get_action_server_names_and_types_by_node(talker.node, *NODE))
+    assert found == {absolute(name): [kind] for name, kind in ACTIONS.items()}
+
+
+def test_command_topics_take_qos_overrides(talker: Talker) -> None:
+    """The QoS of command topics can be overridden by parameters."""
+    listed = talker.call(
+        "list_parameters", ListParameters, prefixes=["qos_overrides"], depth=0
+    ).result.names
+    for name in SUBSCRIBED:
+        assert f"qos_overrides.{absolute(name)}.subscription.reliability" in listed
+    answer = talker.call("get_parameters", GetParameters, names=["control_rate", "robot"])
+    assert answer.values[0].double_value == 1000.0
+    assert answer.values[1].string_value == "iiwa"
+
+
+def test_the_urdf_is_latched(talker: Talker) -> None:
+    """robot_description holds the URDF also for those who come late."""
+    from std_msgs.msg import String
+
+    talker.hear("description", String, "/robot_description", LATCHED)
+    text = talker.wait("description", lambda _: True).data
+    assert all(f'"{name}"' in text for name in talker.names)
+    assert "<robot" in text
+
+
+def test_joint_states_are_stamped_with_system_time(talker: Talker) -> None:
+    """At real time, joint_states carries the time of the reading as system time."""
+    from sensor_msgs.msg import JointState
+
+    talker.hear("joint_states", JointState, "/joint_states")
+    message = talker.wait("joint_states", lambda _: True, fresh=True)
+    assert list(message.name) == talker.names
+    assert len(message.position) == len(message.velocity) == len(message.effort) == 7
+    assert 0.0 <= time.time() - message.header.stamp.sec < 2.0
+
+
+def test_modes_of_all_and_some(talker: Talker) -> None:
+    """M1: one mode for all, one per joint; ~/modes tells each change once."""
+    names = talker.names
+    answer = talker.set_mode([], "POSITION_DIRECT")
+    assert answer.success
+    assert list(answer.names) == names
+    assert list(answer.modes) == ["posd"] * 7
+    answer = talker.set_mode(names[:2], "vel", "Torque")
+    assert list(answer.modes) == ["vel", "torq"]
+    shown = talker.wait("modes", lambda m: m.control_modes[0] == "vel")
+    assert list(shown.control_modes) == ["vel", "torq"] + ["posd"] * 5
+    assert list(shown.control_mode_vocabs[:2]) == [7103862, 1903325044]
+    read = talker.call("get_control_mode", srv.GetControlMode, names=[names[1], names[0]])
+    assert (list(read.modes), list(read.vocabs)) == (["torq", "vel"], [1903325044, 7103862])
+
+
+def test_interaction_modes(talker: Talker) -> None:
+    """I1: set, read back, shown on ~/modes."""
+    answer = talker.set_interaction(talker.names[:1], "comp")
+    assert (answer.success, list(answer.modes)) == (True, ["comp"])
+    talker.wait("modes", lambda m: list(m.interaction_modes) == ["comp"] + ["stif"] * 6)
+    read = talker.call("get_interaction_mode", srv.GetInteractionMode)
+    assert list(read.modes) == ["comp"] + ["stif"] * 6
+    assert list(read.vocabs[:2]) == [1886220131, 1718187123]
+
+
+def test_available_modes(talker: Talker) -> None:
+    """What each joint implements."""
+    answer = talker.call("get_available_modes", srv.GetAvailableModes, names=[talker.names[2]])
+    assert list(answer.control_modes) == ["pos,posd,vel,mix,torq,open,idl"]
+    assert list(answer.interaction_modes) == ["stif,comp"]
+
+
+def test_impedance(talker: Talker) -> None:
+    """I6: stiffness and damping are set and read per joint; bad values change nothing."""
+    name = talker.names[1]
+    before = talker.call("get_impedance", srv.GetImpedance, names=[name])
+    assert before.success
+    good = {"stiffness": [0.5 * before.max_stiffness[0]], "damping": [2.0]}
+    assert talker.call("set_impedance", srv.SetImpedance, names=[name], **good).success
+    for bad in (-1.0, math.nan, 2 * before.max_stiffness[0]):
+        answer = talker.call(
+            "set_impedance", srv.SetImpedance, names=[name], stiffness=[bad], damping=[1.0]
+        )
+        assert not answer.success
+        assert "stiffness" in answer.message
+    after = talker.call("get_impedance", srv.GetImpedance, names=[name])
+    assert (after.stiffness[0], after.damping[0]) == (good["stiffness"][0], 2.0)
+
+
+def test_references(talker: Talker) -> None:
+    """P2, M11: speeds are set; each kind's last accepted reference is read back."""
+    name = talker.names[4]
+    assert talker.call(
+        "set_reference_speed", srv.SetReferenceSpeed, names=[name], speeds=[0.7]
+    ).success
+    answer = talker.call("set_reference_speed", srv.SetReferenceSpeed, names=[name], speeds=[0.0])
+    assert not answer.success
+    assert "above 0" in answer.message
+    talker.command("command/position", msg.PositionCommand(names=[name], positions=[0.1]))
+    talker.state(lambda s: not s.motion_done[4])
+    read = talker.call("get_references", srv.GetReferences, names=[name])
+    assert read.success
+    assert list(read.positions) == [0.1]
+    assert list(read.speeds) == [0.7]
+    for field in ("direct_positions", "velocities", "torques", "outputs", "accelerations"):
+        assert len(getattr(read, field)) == 1
+
+
+@pytest.mark.parametrize(
+    ("joints", "modes", "told"),
+    [
+        (["lbr_iiwa_joint_33"], ["pos"], "did you mean 'lbr_iiwa_joint_3'"),
+        (["lbr_iiwa_joint_1"], ["positoin"], "unknown"),
+        (["lbr_iiwa_joint_1"], ["cal"], "cannot be set"),
+        (["lbr_iiwa_joint_1"] * 2, ["pos"], "named twice"),
+        ([], ["pos", "vel"], "2 modes for 7 joints"),
+        ([], [], "0 modes for 7 joints"),
+        ([], [""], "unknown"),
+        ([], ["🤖"], "unknown"),
+        ([], ["x" * 10_000], "unknown"),
+        (["lbr_iiwa_joint_1", "é" * 10_000], ["pos"], "unknown"),
+    ],
+)
+def test_refusals_change_nothing_and_say_why(
+    talker: Talker, joints: list[str], modes: list[str], told: str
+) -> None:
+    """M6, M7: a wrong request is refused whole, in one line that says why."""
+    before = talker.modes()
+    answer = talker.set_mode(joints, *modes)
+    assert not answer.success
+    assert told in answer.message
+    assert "\n" not in answer.message
+    assert len(answer.message) < 600
+    assert talker.modes() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("get_control_mode", srv.GetControlMode),
+        ("get_interaction_mode", srv.GetInteractionMode),
+        ("get_available_modes", srv.GetAvailableModes),
+        ("get_impedance", srv.GetImpedance),
+        ("get_references", srv.GetReferences),
+        ("get_faults", srv.GetFaults),
+        ("stop", srv.Stop),
+    ],
+)
+def test_unknown_joints_are_refused_everywhere(talker: Talker, name: str, kind: Any) -> None:
+    """M7: an unknown joint is an answer, not an accident."""
+    answer = talker.call(name, kind, names=["elbow"])
+    assert not answer.success
+    assert "joint 'elbow' unknown" in answer.message
+
+
+def test_a_megabyte_of_names_is_refused_at_once(talker: Talker) -> None:
+    """P1 of the promises: no message hangs the board for long."""
+    begun = time.monotonic()
+    answer = talker.set_mode([f"joint_{i}" for i in range(60_000)], "pos")
+    assert not answer.success
+    assert time.monotonic() - begun < 2.0
+
+
+def test_power_cycle_and_configure(talker: Talker) -> None:
+    """N1, N2: back to power-on; the board configures itself again."""
+    assert talker.call("power_cycle", Trigger).success
+    talker.wait("modes", lambda m: set(m.control_modes) == {"pos"})
+    answer = talker.call("configure", Trigger)
+    assert not answer.success
+    assert "configured already" in answer.message
+
+
+def test_faults_are_told_and_cleared(talker: Talker) -> None:
+    """F1, F2, F5: an injected fault shows on ~/faults and leaves by FORCE_IDLE only."""
+    name = talker.names[2]
+    answer = talker.call("inject_fault", srv.InjectFault, names=[name], fault="external")
+    assert answer.success, answer.message
+    told = talker.wait("faults", lambda f: len(f.faults) == 1).faults[0]
+    assert (told.name, told.active, told.code) == (name, True, 0)
+    assert abs(told.stamp.sec - time.time()) < 5
+    refused = talker.set_mode([name], "pos")
+    assert not refused.success
+    assert "FORCE_IDLE" in refused.message
+    time_limit = time.monotonic() + 5
+    while not talker.set_mode([name], "fidl").success:  # the cause lasts for 20 ms
+        assert time.monotonic() < time_limit
+    talker.wait("faults", lambda f: not f.faults)
+    last = talker.call("get_faults", srv.GetFaults, names=[name]).faults[0]
+    assert (last.active, last.code, last.stamp) == (False, 0, told.stamp)
+    none = talker.call("get_faults", srv.GetFaults, names=talker.names[:1]).faults[0]
+    assert (none.code, none.text, none.stamp.sec) == (-1, "no fault", 0)
+
+
+def test_an_unknown_fault_is_refused(talker: Talker) -> None:
+    """The message lists what can be injected."""
+    answer = talker.call("inject_fault", srv.InjectFault, fault="gremlins")
+    assert not answer.success
+    assert "overcurrent" in answer.message
+
+
+def test_what_the_mode_does_not_take_is_counted(talker: Talker) -> None:
+    """M4: ignored, counted for its joint, and the others of the message are served."""
+    names = talker.names
+    before = talker.state()
+    message = msg.PositionDirectCommand(names=names, positions=[0.0] * 7)
+    talker.command("command/position_direct", message)
+    state = talker.state(
+        lambda s: all(
+            b == a + 1 for a, b in zip(before.rejected_commands, s.rejected_commands, strict=True)
+        )
+    )
+    assert list(state.position_reference) == pytest.approx(list(before.position_reference))
+    for values in ([math.nan], [math.inf], [], [0.1, 0.2]):
+        talker.command("command/position", msg.PositionCommand(names=names[:1], positions=values))
+    talker.state(lambda s: s.rejected_commands[0] == before.rejected_commands[0] + 5)
