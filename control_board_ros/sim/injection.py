@@ -14,6 +14,8 @@ from ..core.faults import FaultCode
 from ..core.measurement import Array, Row
 
 TRANSIENT = 0.02
+#: A passing silence outlasts the time after which the board calls it a fault (0.02 s).
+SILENCE = 0.1
 SPIKE = 0.5
 DIVERGED = "diverged"
 
@@ -116,7 +118,8 @@ class Injector:
         Args:
             joint: Index of the joint.
             kind: One of KINDS.
-            persistent: Until cleared; otherwise for 20 ms (a spike: one sample).
+            persistent: Until cleared; otherwise for 20 ms (a silence: 100 ms, a spike: one
+                sample).
             cycle: The present control cycle.
             truth: True readings of now, shape (ROWS, n).
 
@@ -125,7 +128,8 @@ class Injector:
         """
         if kind not in KINDS:
             raise ValueError(f"fault {kind!r} unknown; faults: {', '.join(KINDS)}")
-        lasts = 1 if kind == "encoder_spike" else max(1, round(TRANSIENT / self._period))
+        seconds = {"encoder": SILENCE, "torque_sensor": SILENCE, "encoder_spike": 0.0}
+        lasts = max(1, round(seconds.get(kind, TRANSIENT) / self._period))
         self._faults[joint, kind] = Injection(
             joint,
             self._limits[joint],

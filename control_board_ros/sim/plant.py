@@ -147,7 +147,7 @@ class SimulatedPlant:
         self._pushed = bool(self._external.any())
 
     def inject(self, joint: int | str, kind: str, persistent: bool = False) -> None:
-        """Break something: one of ``injection.KINDS``, for 20 ms or until it is cleared.
+        """Break something: one of ``injection.KINDS``, for a moment or until it is cleared.
 
         Raises:
             ValueError: unknown joint or kind; the message lists what is allowed.
