@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A board and its simulated plant in one process, stepped by the caller.
 
-with Simulation(board_config, simulation_config) as simulation:
-    simulation.board.position_move("elbow", 0.5)
+with Simulation.load("iiwa") as simulation:
+    simulation.step()  # configures the board
+    simulation.board.position_move("lbr_iiwa_joint_4", -1.0)
     simulation.run(2.0)
 """
 
@@ -15,6 +16,7 @@ from ..core.board import Board
 from ..core.config import BoardConfig
 from .config import SimulationConfig
 from .plant import Body, SimulatedPlant
+from .settings import load
 
 
 class Simulation:
@@ -31,6 +33,21 @@ class Simulation:
         self.plant = SimulatedPlant(board, simulation, body)
         self.board = Board(board)
         self._rate = board.control_rate
+
+    @classmethod
+    def load(cls, config: str | None = None, **values: object) -> Self:
+        """The simulation of a configuration file.
+
+        Args:
+            config: A YAML file, or the name of one that is shipped (``iiwa``, ``panda``, ...).
+            values: Parameters to set on top, with ``__`` for a dot in the name.
+
+        Raises:
+            SettingsError: The file, or a value, is not allowed; one line.
+        """
+        overrides = {name.replace("__", "."): value for name, value in values.items()}
+        loaded = load(config, overrides)
+        return cls(loaded.board, loaded.simulation)
 
     @property
     def time(self) -> float:
