@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""B10: what the board costs as it is started by default, and how soon it is there."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from statistics import median
+
+from common import Effort, Figure, at_most, number
+from processes import BOARD, board, cpu_share, resident_megabytes
+from sensor_msgs.msg import JointState
+
+from control_board_ros.testing import BoardProcess, child_environment, free_domain, ros_node
+
+COMMAND = (sys.executable, "-m", "control_board_ros.node.main")
+
+
+def run(effort: Effort) -> list[Figure]:
+    """Measure start, processor and memory of the default configuration."""
+    with free_domain() as domain:
+        starts = [_start(domain) for _ in range(effort.of(5, 2, 1))]
+        with board(domain) as running:
+            time.sleep(effort.of(3.0, 1.0, 0.0))
+            pid = running.process.pid
+            shares = [cpu_share(pid, effort.of(20.0, 3.0, 0.3)) for _ in range(effort.of(2, 1, 1))]
+            memory = resident_megabytes(pid)
+    return [
+        Figure(
+            "B10",
+            "processor at 1 kHz control and 100 Hz state, of one core",
+            median(shares),
+            "%",
+            at_most(15.0),
+            headline=True,
+        ),
+        Figure("B10", "resident memory", memory, "MB", at_most(120.0), headline=True),
+        Figure(
+            "B10",
+            "from the command to the first joint state",
+            median(starts),
+            "s",
+            at_most(1.5),
+            f"of {len(starts)} starts: {', '.join(number(start) for start in sorted(starts))} s",
+            headline=True,
+        ),
+    ]
+
+
+def _start(domain: int) -> float:
+    """Time from the start of the process to its first joint state at a waiting subscriber, s."""
+    seen = threading.Event()
+    with ros_node(domain, "waiting") as node:
+        node.create_subscription(JointState, "/joint_states", lambda _: seen.set(), 10)
+        time.sleep(0.2)
+        begin = time.monotonic()
+        process = BoardProcess(COMMAND, BOARD, domain, child_environment(domain))
+        try:
+            if not seen.wait(30.0):
+                raise RuntimeError(f"no joint state came:\n{process.tail()}")
+            return time.monotonic() - begin
+        finally:
+            process.stop()

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""B1: one whole control cycle of the iiwa against a bare pybullet cycle."""
+
+from __future__ import annotations
+
+from common import Effort, Figure, at_most, medians, number
+from cycles import MIXED, compare
+
+from control_board_ros.sim import settings
+
+
+def run(effort: Effort) -> list[Figure]:
+    """Measure with all joints in POSITION and with every joint in another mode."""
+    arm = settings.load("iiwa")
+    chunks, runs = effort.of(40, 20, 3), effort.of(15, 5, 1)
+    figures = []
+    for case, modes, bound in (
+        ("all in POSITION", None, 3.0),
+        ("every joint in another mode, half compliant", MIXED, 3.5),
+    ):
+        found = medians(compare(arm, modes, chunks=chunks, runs=runs))
+        figures.append(
+            Figure(
+                "B1",
+                f"control cycle, 7 joints, {case}",
+                found["ratio"],
+                "×",
+                at_most(bound),
+                f"{number(found['board'])} µs against {number(found['bare'])} µs of a bare cycle",
+                found,
+                headline=True,
+            )
+        )
+    return figures
