@@ -20,6 +20,7 @@ pose, at most 0.05 s old, and every joint raises the alarm DIVERGED in that one 
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -142,7 +143,13 @@ class SimulatedPlant:
         self._sensors.sample(motors)
 
     def push(self, joint: int | str, torque: float) -> None:
-        """Push a joint from outside with a torque, N·m, until it is set to 0."""
+        """Push a joint from outside with a torque, N·m, until it is set to 0.
+
+        Raises:
+            ValueError: unknown joint, or a torque that is not finite.
+        """
+        if not math.isfinite(torque):
+            raise ValueError(f"torque {torque!r} is not allowed; a finite number, N·m")
         self._external[self._index(joint)] = torque
         self._pushed = bool(self._external.any())
 
@@ -164,6 +171,8 @@ class SimulatedPlant:
         self.body.restore(self._home)
         self._good[:] = self._home
         self._motors.rest()
+        self._sensors.alarm(None)
+        self._alarmed = False
         self._sensors.sample(self._motors)
         self._sensors.sample_temperature(self._motors)
 

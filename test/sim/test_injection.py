@@ -201,3 +201,11 @@ def test_a_passing_divergence_ends_by_itself():
     alarms = [drive(plant, 5.0)[Row.ALARM, 0] for _ in range(40)]
     assert alarms == [1.0 + FaultCode.DIVERGED] * 20 + [0.0] * 20
     plant.close()
+
+
+def test_a_reset_ends_the_alarm_of_a_divergence():
+    plant = ideal_plant()
+    plant.inject(JOINT, "diverged")
+    assert (drive(plant, 0.0)[Row.ALARM] > 0.0).all()
+    plant.reset()
+    np.testing.assert_array_equal(plant.read().values[Row.ALARM], 0.0)

@@ -133,6 +133,12 @@ def test_a_push_acts_on_the_joint_and_not_on_its_torque_sensor(make):
     assert drive(plant, 0.0, 0.0, cycles=5)[Row.VELOCITY, 6] == pytest.approx(speed, rel=0.05)
 
 
+@pytest.mark.parametrize("torque", [float("nan"), float("inf")])
+def test_a_push_is_a_finite_number(torque):
+    with pytest.raises(ValueError, match="finite number, N·m"):
+        ideal_plant().push(0, torque)
+
+
 @pytest.mark.parametrize("joint", [7, -1, "elbow", 1.5, None, True])
 def test_an_unknown_joint_is_an_error_that_lists_the_joints(make, joint):
     plant = make()
