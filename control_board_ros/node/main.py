@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import sys
 import threading
@@ -74,6 +75,7 @@ def run(arguments: list[str], ended: threading.Event) -> int:
         start = settings_from_arguments(arguments)
     except SettingsError as error:
         raise KnownError(2, str(error)) from None
+    check_name(start.name, start.namespace)
     full_name = f"{start.namespace.rstrip('/')}/{start.name}"
     try:
         lock = lock_name(full_name, os.environ.get("ROS_DOMAIN_ID") or "0")
@@ -97,6 +99,17 @@ def run(arguments: list[str], ended: threading.Event) -> int:
     if failure is not None:
         raise KnownError(1, f"the control loop failed: {type(failure).__name__}: {failure}")
     return 0
+
+
+def check_name(name: str, namespace: str) -> None:
+    """Refuse names that ROS refuses, before rcl does so with half a page."""
+    word = r"[A-Za-z_][A-Za-z0-9_]*"
+    if not re.fullmatch(word, name):
+        raise KnownError(2, f"node name {name!r} is not allowed; letters, digits and _ are")
+    if not re.fullmatch(rf"/|(/{word})+", namespace):
+        raise KnownError(
+            2, f"namespace {namespace!r} is not allowed; words after slashes are, as in /left/arm"
+        )
 
 
 def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The actions ~/move and ~/calibrate, and ~/joint_trajectory."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Duration
+from control_board_msgs import msg, srv
+from control_board_msgs.action import Calibrate, Move
+from std_srvs.srv import SetBool
+from talk import Talker, stamp_of
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
+
+CALIBRATED = "lbr_iiwa_joint_7"
+UNCALIBRATED = "lbr_iiwa_joint_1"
+
+
+@pytest.fixture(scope="module")
+def params() -> dict[str, Any]:
+    calibration = {"type": 3, "required": False, "start": 0.4, "speed": 0.4}
+    return {
+        "allow_fault_injection": True,
+        CALIBRATED: {"calibration": calibration},
+        UNCALIBRATED: {"calibration": {"type": 0}},
+    }
+
+
+def result(talker: Talker, handle: Any) -> tuple[int, Any]:
+    answer = talker.answer(handle.get_result_async())
+    return answer.status, answer.result
+
+
+def test_move_ends_at_its_target_with_feedback(talker: Talker) -> None:
+    """~/move succeeds when the joints are there; its remaining time falls to 0."""
+    joints = talker.names[5:7]
+    feedback: list[Any] = []
+    handle = talker.goal(
+        "move", Move, feedback, names=joints, positions=[0.6, -0.3], speeds=[0.5, 0.5]
+    )
+    status, answer = result(talker, handle)
+    assert (status, answer.success, answer.message) == (GoalStatus.STATUS_SUCCEEDED, True, "")
+    assert talker.state().position[5:7] == pytest.approx([0.6, -0.3], abs=0.02)
+    assert list(feedback[0].names) == joints
+    remaining = [one.remaining_time for one in feedback]
+    assert remaining == sorted(remaining, reverse=True)
+    assert remaining[0] == pytest.approx(0.6, abs=0.15)
+    assert len(feedback) >= 8
+
+
+def test_move_of_all_joints(talker: Talker) -> None:
+    """Empty names mean all joints."""
+    target = [p + 0.05 for p in talker.state().position]
+    status, answer = result(talker, talker.goal("move", Move, positions=target))
+    assert status == GoalStatus.STATUS_SUCCEEDED, answer.message
+    assert list(talker.state().position) == pytest.approx(target, abs=0.02)
+
+
+def test_cancelling_a_move_stops_the_joints(talker: Talker) -> None:
+    """A cancelled move holds the joints where they are."""
+    name = talker.names[3]
+    start = talker.state().position[3]
+    goal = {"names": [name], "positions": [start + 1.0], "speeds": [0.3]}
+    handle = talker.goal("move", Move, **goal)
+    talker.state(lambda s: s.position[3] > start + 0.02)
+    assert talker.answer(handle.cancel_goal_async()).goals_canceling
+    status, answer = result(talker, handle)
+    assert status == GoalStatus.STATUS_CANCELED
+    assert not answer.success
+    assert "stopped" in answer.message
+    state = talker.state(lambda s: s.motion_done[3] and abs(s.velocity[3]) < 0.01)
+    assert state.position[3] < start + 0.5
+
+
+def test_move_fails_when_a_joint_leaves_its_mode(talker: Talker) -> None:
+    """A joint that faults during a move ends it with the reason; the others stop."""
+    names = talker.names[5:7]
+    start = talker.state().position[5]
+    goal = {"names": names, "positions": [start + 1.0, 1.0], "speeds": [0.3, 0.3]}
+    handle = talker.goal("move", Move, **goal)
+    talker.state(lambda s: s.position[5] > start + 0.02)
+    assert talker.call("inject_fault", srv.InjectFault, names=names[1:], fault="external").success
+    status, answer = result(talker, handle)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert names[1] in answer.message
+    assert "HW_FAULT" in answer.message
+    assert "external" in answer.message
+    talker.state(lambda s: s.motion_done[5] and s.position[5] < start + 0.6)
+
+
+def test_move_refused_moves_nothing(talker: Talker) -> None:
+    """A move that one joint's mode does not take moves none of the joints."""
+    names = talker.names[5:7]
+    assert talker.set_mode(names[1:], "vel").success
+    before = talker.state().position_reference
+    handle = talker.goal("move", Move, names=names, positions=[1.2, 1.0])
+    status, answer = result(talker, handle)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "VELOCITY" in answer.message
+    assert talker.state().position_reference[5] == pytest.approx(before[5], abs=1e-3)
+    status, answer = result(talker, talker.goal("move", Move, names=["elbow"], positions=[0.0]))
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "joint 'elbow' unknown" in answer.message
+
+
+def test_another_move_ends_the_first(talker: Talker) -> None:
+    """The newest target counts; the action that lost its joint says so."""
+    name = talker.names[6]
+    handle = talker.goal("move", Move, names=[name], positions=[1.0], speeds=[0.2])
+    talker.command("command/position", msg.PositionCommand(names=[name], positions=[-0.1]))
+    status, answer = result(talker, handle)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "another move" in answer.message
+
+
+def test_services_answer_during_a_move(talker: Talker) -> None:
+    """Waiting for a move does not occupy the node."""
+    handle = talker.goal("move", Move, names=talker.names[6:], positions=[0.5], speeds=[0.25])
+    for _ in range(20):
+        assert talker.call("get_control_mode", srv.GetControlMode, timeout=1.0).success
+    assert result(talker, handle)[1].success
+
+
+def test_a_paused_move_waits(talker: Talker) -> None:
+    """Time that stands still ends no move."""
+    handle = talker.goal("move", Move, names=talker.names[6:], positions=[0.3], speeds=[0.5])
+    assert talker.call("pause", SetBool, data=True).success
+    waiting = handle.get_result_async()
+    for _ in range(10):
+        talker.state()
+    assert not waiting.done()
+    assert talker.call("pause", SetBool, data=False).success
+    assert talker.answer(waiting).result.success
+
+
+def test_calibrate_with_feedback(talker: Talker) -> None:
+    """K1, K3: CALIBRATING at once, progress up to 1, then the calibrator's mode."""
+    feedback: list[Any] = []
+    handle = talker.goal("calibrate", Calibrate, feedback, names=[CALIBRATED])
+    assert talker.modes()[6] == "cal"
+    refused = talker.set_mode([CALIBRATED], "pos")
+    assert not refused.success  # K2
+    status, answer = result(talker, handle)
+    assert (status, answer.success, answer.message) == (GoalStatus.STATUS_SUCCEEDED, True, "")
+    assert talker.modes()[6] == "pos"
+    assert talker.state().position[6] == pytest.approx(0.4, abs=0.03)
+    assert feedback[-1].progress[0] == 1.0
+    assert any(one.phase for one in feedback)
+
+
+def test_cancelling_a_calibration_idles_the_joint(talker: Talker) -> None:
+    """K2: FORCE_IDLE aborts it, to IDLE."""
+    handle = talker.goal("calibrate", Calibrate, names=[CALIBRATED])
+    assert talker.answer(handle.cancel_goal_async()).goals_canceling
+    status, answer = result(talker, handle)
+    assert status == GoalStatus.STATUS_CANCELED
+    assert "IDLE" in answer.message
+    assert talker.modes()[6] == "idl"
+
+
+def test_calibration_that_cannot_start_says_why(talker: Talker) -> None:
+    """A joint without a calibrator fails with the reason."""
+    handle = talker.goal("calibrate", Calibrate, names=[UNCALIBRATED])
+    status, answer = result(talker, handle)
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "no calibrator" in answer.message
+
+
+def point(seconds: float, positions: list[float], velocities: Any = ()) -> JointTrajectoryPoint:
+    whole = int(seconds)
+    return JointTrajectoryPoint(
+        positions=positions,
+        velocities=list(velocities),
+        time_from_start=Duration(sec=whole, nanosec=round((seconds - whole) * 1e9)),
+    )
+
+
+def test_trajectory_is_followed(talker: Talker) -> None:
+    """~/joint_trajectory: straight lines in POSITION_DIRECT, on time, to the last point."""
+    names = talker.names[5:7]
+    assert talker.set_mode(names, "posd").success
+    start = talker.state().position_reference[5:7]
+    points = [point(0.5, [start[0] + 0.2, 0.1]), point(1.0, [start[0] + 0.2, -0.1])]
+    first = len(talker.seen["state"])
+    talker.command("joint_trajectory", JointTrajectory(joint_names=names, points=points))
+    talker.state(lambda s: s.position_reference[5:7] == pytest.approx(points[-1].positions))
+    states = talker.seen["state"][first:]
+    moving = [s for s in states if start[1] + 1e-6 < s.position_reference[6] < 0.1 - 1e-6]
+    rising = [s for s in moving if s.position_reference[5] < start[0] + 0.2 - 1e-6]
+    times = [stamp_of(s) - stamp_of(rising[0]) for s in rising]
+    moved = [s.position_reference[5] - rising[0].position_reference[5] for s in rising]
+    assert len(rising) > 20
+    assert moved == pytest.approx([0.4 * t for t in times], abs=0.004)
+
+
+def test_trajectory_with_velocities_is_smooth(talker: Talker) -> None:
+    """With velocities at the points, the reference runs along a cubic: slow at its ends."""
+    name = talker.names[6]
+    assert talker.set_mode([name], "posd").success
+    start = talker.state().position_reference[6]
+    message = JointTrajectory(
+        joint_names=[name], points=[point(1.0, [start + 0.4], velocities=[0.0])]
+    )
+    first = len(talker.seen["state"])
+    talker.command("joint_trajectory", message)
+    talker.state(lambda s: s.position_reference[6] == pytest.approx(start + 0.4))
+    values = [s.position_reference[6] - start for s in talker.seen["state"][first:]]
+    steps = [b - a for a, b in itertools.pairwise(values) if b != a]
+    assert max(steps) > 1.8 * sum(steps[:10]) / 10
+
+
+def test_trajectory_ends_with_another_reference_or_mode(talker: Talker) -> None:
+    """Somebody else's direct position takes over; so does another mode."""
+    name = talker.names[6]
+    assert talker.set_mode([name], "posd").success
+    slow = JointTrajectory(joint_names=[name], points=[point(5.0, [1.0])])
+    talker.command("joint_trajectory", slow)
+    talker.state(lambda s: s.position_reference[6] > 0.01)
+    talker.command(
+        "command/position_direct", msg.PositionDirectCommand(names=[name], positions=[0.0])
+    )
+    talker.state(lambda s: s.position_reference[6] == 0.0)
+    for _ in range(10):
+        assert talker.state().position_reference[6] == 0.0
+    talker.command("joint_trajectory", slow)
+    talker.state(lambda s: s.position_reference[6] > 0.01)
+    assert talker.set_mode([name], "pos").success
+    assert talker.set_mode([name], "posd").success
+    held = talker.state().position_reference[6]
+    for _ in range(10):
+        assert talker.state().position_reference[6] == held
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        [point(0.5, [0.1, 0.2])],
+        [point(0.5, [float("nan")])],
+        [point(0.5, [0.1]), point(0.5, [0.2])],
+        [point(0.5, [])],
+    ],
+)
+def test_wrong_trajectories_move_nothing(talker: Talker, points: list[Any]) -> None:
+    """P13: wrong lengths, times or numbers are ignored, and said so."""
+    name = talker.names[6]
+    assert talker.set_mode([name], "posd").success
+    talker.command("joint_trajectory", JointTrajectory(joint_names=[name], points=points))
+    begun = time.monotonic()
+    before = talker.state().position_reference[6]
+    talker.state(lambda _: time.monotonic() - begun > 0.3)
+    assert talker.state().position_reference[6] == before

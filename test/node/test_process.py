@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The executable: its end, its errors, its neighbours."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from control_board_msgs import msg, srv
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import SetBool, Trigger
+from talk import Talker, talking_to
+
+from control_board_ros.testing import board_process, child_environment, free_domain
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(90)]
+
+NODE = [sys.executable, "-m", "control_board_ros.node.main"]
+
+
+def start_and_fail(*arguments: str, domain: int = 39, **environment: str) -> tuple[int, str]:
+    """Exit code and standard error of a board that does not start."""
+    done = subprocess.run(
+        [*NODE, *arguments],
+        env=child_environment(domain) | environment,
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=False,
+    )
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_it_with_unpowered_joints(number: signal.Signals) -> None:
+    """P11 of the promises: joints unpowered, last state published, exit code 0 within 2 s."""
+    with board_process() as board, talking_to(board) as talker:
+        begun = time.monotonic()
+        assert board.stop(number) == 0
+        assert time.monotonic() - begun < 2.0
+        talker.wait("modes", lambda m: set(m.control_modes) == {"idl"})
+        last = talker.wait("state", lambda s: set(s.output) == {0.0})
+        assert set(last.output) == {0.0}
+        assert "Traceback" not in board.output
+
+
+def test_signal_while_paused_and_calibrating() -> None:
+    """P11: also then."""
+    joint = "lbr_iiwa_joint_7"
+    params = {joint: {"calibration": {"type": 3, "required": True, "start": 0.5, "speed": 0.02}}}
+    with board_process(params, configured=False) as board, talking_to(board) as talker:
+        talker.wait("modes", lambda m: m.control_modes[6] == "cal")
+        assert talker.call("pause", SetBool, data=True).success
+        assert board.stop(signal.SIGTERM) == 0
+        talker.wait("modes", lambda m: set(m.control_modes) == {"idl"})
+
+
+def test_a_second_node_of_the_name_is_refused() -> None:
+    """Exit code 3 and the other's pid, in one line; another namespace is welcome."""
+    with board_process({"real_time_factor": 0.5}) as board:
+        code, text = start_and_fail(domain=board.domain)
+        assert code == 3
+        assert f"pid {board.process.pid}" in text
+        assert text.count("\n") == 1
+        with board_process(namespace="left", domain=board.domain) as other:
+            assert other.name == "/left/control_board"
+
+
+def test_it_restarts_after_being_killed() -> None:
+    """P11: after SIGKILL a restart takes the name at once."""
+    with free_domain() as domain:
+        with board_process(domain=domain, exit_code=-signal.SIGKILL) as board:
+            board.process.kill()
+            board.process.wait()
+        begun = time.monotonic()
+        with board_process(domain=domain):
+            assert time.monotonic() - begun < 10.0
+
+
+def test_two_boards_in_two_namespaces() -> None:
+    """Everything is relative: what one board is told, the other does not hear."""
+    with (
+        board_process(namespace="left") as left,
+        board_process(namespace="right", domain=left.domain) as right,
+        talking_to(left, "left_talker") as a,
+        talking_to(right, "right_talker") as b,
+    ):
+        assert a.set_mode([], "posd").success
+        assert set(a.modes()) == {"posd"}
+        assert set(b.modes()) == {"pos"}
+        name = b.names[6]
+        b.command("command/position", msg.PositionCommand(names=[name], positions=[0.2]))
+        b.state(lambda s: s.position[6] > 0.1)
+        assert abs(a.state().position[6]) < 0.01
+        topics = {topic for topic, _ in a.node.get_topic_names_and_types()}
+        assert {"/left/joint_states", "/right/joint_states"} <= topics
+        assert {"/left/robot_description", "/right/robot_description"} <= topics
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["-p", "control_rat:=100.0"], "did you mean 'control_rate'"),
+        (["-p", "state_rate:=-1.0"], "state_rate"),
+        (["-p", "robot:=r2d2"], "r2d2"),
+        (["--params-file", "/nonexistent.yaml"], "/nonexistent.yaml"),
+        (["-p", "lbr_iiwa_joint_1.limits.lower:=9.0"], "limits.upper: 2.93"),
+        (["-p", "gui:=perhaps"], "gui"),
+        (["-r", "__node:=no spaces"], "no spaces"),
+        (["-r", "__ns:=/a//b"], "/a//b"),
+    ],
+)
+def test_wrong_settings_end_it_with_one_line(arguments: list[str], told: str) -> None:
+    """Exit code 2, one line on standard error, under 2 s of work, no traceback."""
+    code, text = start_and_fail("--ros-args", *arguments)
+    assert code == 2, text
+    assert told in text
+    assert text.count("\n") == 1, text
+    assert "Traceback" not in text
+
+
+def test_help_needs_no_ros() -> None:
+    """--help prints the usage."""
+    done = subprocess.run(
+        [*NODE, "--help"], capture_output=True, text=True, timeout=20, check=True
+    )
+    assert "usage: control_board" in done.stdout
+
+
+def test_the_first_screen_says_what_to_do() -> None:
+    """A table of the joints, and lines to paste."""
+    with board_process() as board:
+        board.wait_for_output("Stop with Ctrl-C")
+        for name in ("lbr_iiwa_joint_1", "lbr_iiwa_joint_7"):
+            board.wait_for_output(name)
+        board.wait_for_output("cbctl move lbr_iiwa_joint_1=")
+        board.wait_for_output("ros2 service call /control_board/set_control_mode")
+        board.wait_for_output("ros2 topic pub --once /control_board/command/position")
+
+
+def test_closed_output_and_full_disks_do_not_end_it(tmp_path: Path) -> None:
+    """Nobody reading, no room for logs, no home: the board runs all the same."""
+    for stdout in ("closed", "/dev/full"):
+        with free_domain() as domain:
+            environment = child_environment(domain) | {"HOME": "/proc/nowhere"}
+            environment.pop("ROS_LOG_DIR", None)
+            environment["TMPDIR"] = str(tmp_path)
+            if stdout == "closed":
+                read, write = os.pipe()
+                os.close(read)
+            else:
+                write = os.open(stdout, os.O_WRONLY)
+            process = subprocess.Popen(NODE, env=environment, stdout=write, stderr=write)
+            os.close(write)
+            try:
+                with ros_peer(domain) as talker:
+                    assert talker.set_mode([], "nonsense").success is False
+                    for _ in range(3):
+                        talker.command("command/torque", msg.TorqueCommand(torques=[1.0] * 7))
+                    assert talker.set_mode([], "posd").success
+            finally:
+                process.terminate()
+                code = process.wait(5)
+            assert code == 0
+
+
+def ros_peer(domain: int):  # type: ignore[no-untyped-def]
+    """A talker to /control_board on this domain."""
+    import contextlib
+
+    from control_board_ros.testing import ros_node
+
+    @contextlib.contextmanager
+    def make():  # type: ignore[no-untyped-def]
+        with ros_node(domain, "peer") as node:
+            yield Talker(node, "/control_board")
+
+    return make()
+
+
+def test_ignored_commands_are_logged_once_a_second_with_their_count() -> None:
+    """P2 of the promises: what was ignored, why, how often, and what to do."""
+    with board_process() as board, talking_to(board) as talker:
+        name = talker.names[2]
+        message = msg.VelocityCommand(names=[name], velocities=[0.1])
+        begun = time.monotonic()
+        while time.monotonic() - begun < 2.5:
+            talker.command("command/velocity", message)
+            time.sleep(0.01)
+        line = board.wait_for_output("ignored in the last 1 s")
+        assert f"velocity reference for {name} ignored: mode is POSITION (" in line
+        assert line.rstrip().endswith(f"switch with: cbctl mode {name} vel")
+        assert board.output.count("velocity reference") <= 5
+
+
+@pytest.mark.parametrize(
+    "qos",
+    [
+        QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT),
+        QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+        QoSProfile(depth=10),
+    ],
+    ids=["best effort", "transient local", "plain"],
+)
+def test_every_publisher_is_heard_once(peer: Talker, qos: QoSProfile) -> None:
+    """Best-effort and transient-local publishers move the arm like plain ones."""
+    peer.rest()
+    name = peer.names[6]
+    assert peer.set_mode([name], "posd").success
+    talked = QoSProfile(depth=10)
+    publisher = peer.node.create_publisher(
+        msg.PositionDirectCommand, f"{peer.board}/command/position_direct", qos
+    )
+    deadline = time.monotonic() + 10
+    while not publisher.get_subscription_count():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    publisher.publish(msg.PositionDirectCommand(names=[name], positions=[0.1]))
+    peer.state(lambda s: s.position_reference[6] == pytest.approx(0.1))
+    # Wrong commands count once each, by whichever way they came.
+    before = peer.state().rejected_commands[6]
+    for count in range(1, 11):
+        publisher.publish(msg.PositionDirectCommand(names=[name], positions=[float("nan")]))
+        peer.command(
+            "command/position_direct",
+            msg.PositionDirectCommand(names=[name], positions=[float("nan")]),
+            talked,
+        )
+        peer.state(lambda s, n=count: s.rejected_commands[6] == before + 2 * n)
+    for _ in range(5):
+        assert peer.state().rejected_commands[6] == before + 20
+    peer.node.destroy_publisher(publisher)
+
+
+def test_a_hundred_calls_at_once_are_all_answered(peer: Talker) -> None:
+    """No call is lost, and every answer is one that fits."""
+    peer.rest()
+    asked = [
+        peer.ask("set_control_mode", srv.SetControlMode, modes=["pos" if i % 2 else "posd"])
+        for i in range(200)
+    ]
+    for i, future in enumerate(asked):
+        answer = peer.answer(future)
+        assert answer.success
+        assert set(answer.modes) == {"pos" if i % 2 else "posd"}
+    assert peer.call("power_cycle", Trigger).success
