@@ -24,7 +24,7 @@ def run(effort: Effort) -> list[Figure]:
     figures = []
     for case, pattern in CASES.items():
         before = float("inf")
-        for length in LENGTHS:
+        for length in effort.of(LENGTHS, LENGTHS, LENGTHS[:2]):
             modes = None if pattern is None else list(islice(cycle(pattern), length))
             with TemporaryDirectory() as folder:
                 path = Path(folder, "chain.urdf")
