@@ -119,8 +119,8 @@ def test_only_force_idle_leads_from_a_fault_to_power():
         lambda: board.set_control_mode(None, choose(STATUS_REQUESTS)),
         lambda: board.set_interaction_mode("left", choose(list(InteractionMode))),
         lambda: board.calibrate("left"),
-        lambda: board.configure(),
-        lambda: board.stop(),
+        board.configure,
+        board.stop,
         lambda: board.position_move("left", 1.0),
         lambda: board.set_output("left", 50.0),
         lambda: board.set_ref_torque("left", 5.0),
@@ -198,7 +198,7 @@ def test_asking_to_calibrate_while_calibrating_is_refused_and_changes_nothing():
 
 
 def test_ten_thousand_switches_leave_nothing_behind():
-    """M1, M9 (promise P10): a fast form of the million of make soak; the joint ends where it was."""
+    """M1, M9 (promise P10): a short form of the million of make soak."""
     rig = ready(board_config(joint("left", calibration=Calibration(type=12, required=False))))
     choose = random.Random(3).choice
     versions = rig.board.modes_version

@@ -1,0 +1,290 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pushes, blocked and blind joints, switches at full speed, broken physics: on the shipped arm.
+
+It has masses, gravity, friction and obstacles; the ideal plant of the other tests has none.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from arms import J1, J2, J4, enter, iiwa, truth
+
+from control_board_ros.core.faults import FaultCode as F
+from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.sim.errors import PlantGone
+
+pytestmark = pytest.mark.physics
+
+DEGREE = math.radians(1.0)
+USER_MODES = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
+
+
+# --- pushes ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("interaction", ["stif", "comp"])
+@pytest.mark.parametrize("mode", USER_MODES)
+def test_a_push_within_the_range_never_faults(mode, interaction):
+    """P9, F1: pushed by hand, a joint yields or holds as its mode says; nothing faults."""
+    with iiwa() as simulation:
+        board = simulation.board
+        assert board.set_interaction_mode(J1, interaction)
+        enter(simulation, mode, J1)
+        simulation.plant.push(J1, 30.0)
+        simulation.run(0.4)
+        simulation.plant.push(J1, 0.0)
+        simulation.run(0.4)
+        assert board.get_control_mode(J1) == [mode]
+        assert np.isfinite(board.snapshot().block).all()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize(
+    ("mode", "interaction"),
+    [(M.TORQUE, "stif"), (M.OPENLOOP, "stif"), (M.POSITION, "comp"), (M.VELOCITY, "comp")],
+)
+def test_a_push_against_a_limit_is_pushed_back(mode, interaction, side):
+    """P9: beyond the limit the protection pushes back, the mode stays, one warning tells."""
+    with iiwa(lbr_iiwa_joint_1__limits__lower=-0.5, lbr_iiwa_joint_1__limits__upper=0.5) as sim:
+        board = sim.board
+        assert board.set_interaction_mode(J1, interaction)
+        enter(sim, mode, J1)
+        board.take_events()
+        sim.plant.push(J1, side * 40.0)
+        for _ in range(30):
+            if mode is M.VELOCITY:
+                board.velocity_move(J1, 0.0)
+            sim.run(0.1)
+            assert abs(board.get_encoder(J1)[0]) < 0.5 + 10 * DEGREE
+        if mode in (M.TORQUE, M.OPENLOOP):
+            texts = [event.text for event in board.take_events() if event.key == "limit"]
+            assert texts
+            assert "the protection pushes it back" in texts[0]
+        sim.plant.push(J1, 0.0)
+        sim.run(1.0)
+        assert abs(board.get_encoder(J1)[0]) < 0.5 + 1.0 * DEGREE
+        assert board.get_control_mode(J1) == [mode]
+
+
+@pytest.mark.parametrize(
+    ("mode", "send", "value"), [("torq", "set_ref_torque", 30.0), ("open", "set_output", 30.0)]
+)
+def test_commands_cannot_drive_a_joint_out(mode, send, value):
+    """P7, P9 (promise P7): full ahead into the limit ends near it."""
+    with iiwa(lbr_iiwa_joint_1__limits__upper=0.5) as simulation:
+        board = simulation.board
+        enter(simulation, mode, J1)
+        for _ in range(30):
+            getattr(board, send)(J1, value)
+            simulation.run(0.1)
+            assert board.get_encoder(J1)[0] < 0.5 + 2.0 * DEGREE
+        assert abs(board.snapshot().velocity[0]) < 0.1
+        assert board.get_control_mode(J1)[0].code == mode
+
+
+def test_a_push_through_the_hard_margin_is_a_fault():
+    """F1, F2: beyond the hard stop by more than the margin the joint loses its power."""
+    narrow = {
+        f"lbr_iiwa_joint_1__limits__{key}": value
+        for key, value in {
+            "hard_lower": -0.5,
+            "lower": -0.4,
+            "hard_upper": 0.5,
+            "upper": 0.4,
+            "hard_margin": 0.001,
+        }.items()
+    }
+    with iiwa(**narrow) as simulation:
+        enter(simulation, "torq", J1)
+        simulation.plant.push(J1, 3000.0)
+        simulation.run(1.0)
+        record = simulation.board.get_faults(J1)[0]
+        assert record.active
+        assert record.code in (F.HARD_LIMIT, F.OVERCURRENT)
+
+
+# --- switches at full speed -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+@pytest.mark.parametrize("into", USER_MODES)
+def test_switching_at_full_speed_stays_within_the_torque_limit(into, way):
+    """M9 (promise P7): no torque beyond the joint's limit, no fault, no jump of the reference."""
+    with iiwa() as simulation:
+        board = simulation.board
+        limits = board.config.joints[0].limits
+        enter(simulation, M.VELOCITY, J1)
+        for _ in range(8):
+            assert board.velocity_move(J1, way * 0.98 * limits.velocity, limits.acceleration)
+            simulation.run(0.1)
+        before = board.snapshot()
+        assert abs(before.velocity[0]) > 0.9 * limits.velocity
+        assert board.set_control_mode(J1, into)
+        for cycle in range(800):
+            simulation.step()
+            snapshot = board.snapshot()
+            assert abs(snapshot.torque[0]) <= 1.02 * limits.torque, cycle
+            if cycle == 0:
+                travel = abs(snapshot.position[0] - before.position[0])
+                assert abs(snapshot.position_reference[0] - before.position[0]) <= travel + 1e-9
+        assert board.get_control_mode(J1) == [into]
+        assert not board.get_faults(J1)[0].active
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_changing_the_interaction_mode_at_full_speed(way):
+    """I4 (promise P7): it stops the joint, within the torque limit, both ways round."""
+    with iiwa() as simulation:
+        board = simulation.board
+        limits = board.config.joints[0].limits
+        for interaction in ("comp", "stif"):
+            enter(simulation, M.VELOCITY, J1)
+            for _ in range(6):
+                board.velocity_move(J1, way * 0.98 * limits.velocity, limits.acceleration)
+                simulation.run(0.1)
+            assert board.set_interaction_mode(J1, interaction)
+            for _ in range(1500):
+                simulation.step()
+                assert abs(board.snapshot().torque[0]) <= 1.02 * limits.torque
+            assert abs(board.snapshot().velocity[0]) < 0.1
+            assert not board.get_faults(J1)[0].active
+            way = -way
+
+
+# --- calibration ------------------------------------------------------------------------------
+
+
+def calibrated_arm(**changes):
+    """The iiwa, whose second joint goes from its home, 0.5, to 0.9 when it is calibrated."""
+    given = {"start": 0.9, "timeout": 3.0, "speed": 0.35} | changes
+    return iiwa(**{f"{J2}__calibration__{key}": value for key, value in given.items()})
+
+
+def test_a_calibration_can_be_repeated():
+    """K1, K3: once, twice, and from another pose."""
+    with calibrated_arm() as simulation:
+        board = simulation.board
+        for pose in (None, 0.2, 1.2):
+            if pose is not None:
+                assert board.position_move(J2, pose, 1.0)
+                simulation.run(1.5)
+            assert board.calibrate(J2)
+            simulation.run(2.9)
+            assert board.get_control_mode(J2) == [M.POSITION]
+            assert board.get_calibration(J2)[0].done
+            assert board.get_encoder(J2)[0] == pytest.approx(0.9, abs=0.02)
+
+
+def test_a_calibration_blocked_by_an_obstacle_fails_with_its_reason():
+    """K4: the joint stops at the obstacle, within its torque, and says what it was doing."""
+    with calibrated_arm(start=1.6) as simulation:
+        board, body = simulation.board, simulation.plant.body
+        x, _, z = body.link_position(5)
+        body.add_obstacle((x + 0.3, 0.0, z - 0.2), (0.1, 0.5, 0.3))
+        assert board.calibrate(J2)
+        worst = 0.0
+        for _ in range(3200):
+            simulation.step()
+            worst = max(worst, abs(board.snapshot().torque[1]))
+        record = board.get_faults(J2)[0]
+        assert board.get_control_mode(J2) == [M.HW_FAULT]
+        assert record.code in (F.CALIBRATION, F.I2T)
+        assert not board.get_calibration(J2)[0].done
+        assert worst <= 1.5 * board.config.joints[1].limits.torque  # the blow itself included
+        assert "moving to the start position" in record.text or record.code == F.I2T
+
+
+def test_a_calibration_that_is_cancelled_leaves_the_joint_in_idle():
+    """K2: FORCE_IDLE in the middle of it."""
+    with calibrated_arm() as simulation:
+        board = simulation.board
+        assert board.calibrate(J2)
+        simulation.run(0.5)
+        assert board.get_calibration(J2)[0].running
+        assert not board.set_control_mode(J2, "idl")
+        assert not board.position_move(J2, 0.0)
+        assert board.set_control_mode(J2, "fidl")
+        simulation.step(2)  # the reading of the first was taken before
+        assert board.get_control_mode(J2) == [M.IDLE]
+        assert board.snapshot().current[1] == 0.0
+        status = board.get_calibration(J2)[0]
+        assert (status.running, status.done, status.message) == (False, False, "aborted")
+
+
+def test_a_calibration_during_a_fast_motion_takes_over_smoothly():
+    """K1, M9: asked for in full motion, it stops the joint and then does its work."""
+    with calibrated_arm() as simulation:
+        board = simulation.board
+        limits = board.config.joints[1].limits
+        assert board.position_move(J2, -1.0, 0.5 * limits.velocity)
+        simulation.run(1.0)
+        assert abs(board.snapshot().velocity[1]) > 0.5
+        assert board.calibrate(J2)
+        for _ in range(2900):
+            simulation.step()
+            assert abs(board.snapshot().torque[1]) <= 1.02 * limits.torque
+        simulation.run(3.0)
+        assert board.get_calibration(J2)[0].done or board.get_faults(J2)[0].code == F.CALIBRATION
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("kind", ["encoder_frozen", "encoder_reversed"])
+@pytest.mark.parametrize("joint", [J2, J4])
+def test_a_blind_joint_never_runs_away_under_power(joint, kind, moving):
+    """K4, F1: with a frozen or reversed encoder it is driven less than 5 degrees."""
+    far = {
+        f"{joint}__calibration__{key}": value
+        for key, value in {"start": -0.3, "timeout": 8.0}.items()
+    }
+    with iiwa(**far) as simulation:
+        board = simulation.board
+        j = board.names.index(joint)
+        if moving:
+            assert board.position_move(joint, -0.3, 0.5)
+            simulation.run(0.5)
+        simulation.plant.inject(joint, kind, persistent=True)
+        start = truth(simulation)[j]
+        assert board.calibrate(joint)
+        for _ in range(8100):
+            simulation.step()
+            if board.get_control_mode(joint) == [M.HW_FAULT]:
+                break
+            assert abs(truth(simulation)[j] - start) < 5.0 * DEGREE
+        record = board.get_faults(joint)[0]
+        assert record.active
+        assert record.code in (F.ENCODER_MISMATCH, F.CALIBRATION)
+        assert board.state.powered[j] == 0.0
+
+
+# --- physics ----------------------------------------------------------------------------------
+
+
+def test_a_diverged_simulation_comes_back():
+    """F1: NaN in the physics faults every joint; the last good pose is back; it moves again."""
+    with iiwa() as simulation:
+        board = simulation.board
+        assert board.position_move(J1, 1.0, 1.0)
+        simulation.run(0.5)
+        before = truth(simulation)
+        simulation.plant.inject(J1, "diverged")
+        simulation.run(0.002)
+        assert set(board.get_control_mode()) == {M.HW_FAULT}
+        assert {record.code for record in board.get_faults()} == {F.DIVERGED}
+        assert np.isfinite(board.snapshot().block).all()
+        np.testing.assert_allclose(truth(simulation), before, atol=0.1)
+        simulation.run(0.1)
+        enter(simulation, "pos")
+        assert board.position_move(J1, 0.2, 0.5)
+        simulation.run(4.0)
+        assert board.get_encoder(J1)[0] == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_server_that_is_gone_says_so():
+    """The physics server ends under the board: one exception of its own, one line."""
+    with iiwa() as simulation:
+        simulation.plant.body.close()
+        with pytest.raises(PlantGone, match="physics server is gone; start the board anew"):
+            simulation.run(0.1)
