@@ -11,17 +11,24 @@ from typing import Any
 import numpy as np
 from action_msgs.msg import GoalStatus
 from control_board_msgs.action import Calibrate, Move
+from control_board_msgs.srv import GetControlMode
 
+from control_board_ros.core.calibration import CalibrationStatus
 from control_board_ros.core.reply import Reply, accepted, refused
 from control_board_ros.core.selection import RequestError, spread
+from control_board_ros.core.vocabs import ControlMode
 from control_board_ros.interfaces import Floats, Joints, Values
 
+from .calibrations import CalibrationView
 from .errors import BoardError
+from .link import Link
 from .references import ReferenceOperations
 from .waiting import Steps, Wait, operation
 
 #: s between looks whether the board is still there while a goal runs.
 LOOK = 1.0
+#: Feedback that is kept while nobody takes it.
+FEEDBACK_KEPT = 100
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,8 +49,70 @@ class CalibrationFeedback:
     phase: str
 
 
+class GoalRun:
+    """One goal under way.
+
+    Attributes: heard (feedback that nobody took yet), handle and result (rclpy's, once sent).
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        client: Any,
+        on_feedback: Callable[[Any], None],
+        on_result: Callable[[Any], None],
+    ) -> None:
+        self.heard: deque[Any] = deque(maxlen=FEEDBACK_KEPT)
+        self.handle: Any = None
+        self.result: Any = None
+        self._link, self._client = link, client
+        self._on_feedback, self._on_result = on_feedback, on_result
+        self._wait: Wait | None = None
+
+    def send(self, name: str, goal: Any) -> Steps[bool]:
+        """Send the goal; whether it was accepted."""
+        sending = self._client.send_goal_async(goal, feedback_callback=self._hear)
+        if not (yield from self._link.outcome(sending, self._link.answer_timeout)):
+            raise self._link.timed_out(name)
+        self.handle = sending.result()
+        if self.handle.accepted:
+            self.result = self.handle.get_result_async()
+            self.result.add_done_callback(self._end)
+        return bool(self.handle.accepted)
+
+    def next_sign(self, name: str) -> Steps[None]:
+        """Wait for feedback or the result.
+
+        Raises:
+            BoardError: the board is gone.
+        """
+        self._wait = wait = self._link.wait(LOOK)
+        if self.heard or self.result.done():
+            wait.finish()
+        yield wait
+        if not wait.done and not self._client.server_is_ready():
+            raise BoardError(f"{self._link.name} went away during {name}; is it still running?")
+
+    def _hear(self, message: Any) -> None:
+        self._on_feedback(message.feedback)
+        self.heard.append(message.feedback)
+        self._wake()
+
+    def _end(self, future: Any) -> None:
+        self._on_result(future.result().result)
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._wait is not None:
+            self._wait.finish()
+
+
 class GoalOperations(ReferenceOperations):
     """The actions."""
+
+    def __init__(self, link: Link) -> None:
+        super().__init__(link)
+        self._calibrations = CalibrationView()
 
     @operation
     def move(
@@ -95,6 +164,8 @@ class GoalOperations(ReferenceOperations):
         except RequestError as error:
             return refused(str(error))
         goal = Calibrate.Goal(names=list(selection.names))
+        view, names = self._calibrations, selection.names
+        view.started(names)
 
         def show(message: Any) -> None:
             if feedback is not None:
@@ -102,9 +173,30 @@ class GoalOperations(ReferenceOperations):
                 feedback(CalibrationFeedback(tuple(message.names), progress, message.phase))
 
         reply = yield from self._goal(
-            Calibrate, "calibrate", goal, selection.names, show, to_the_end=wait
+            Calibrate,
+            "calibrate",
+            goal,
+            names,
+            show,
+            to_the_end=wait,
+            on_feedback=view.on_feedback,
+            on_result=lambda result: view.ended(names, result.success, result.message),
         )
         return reply
+
+    @operation
+    def get_calibration(self, joints: Joints = None) -> Steps[list[CalibrationStatus]]:
+        """How the last calibration of each joint stands, of those this client asked for."""
+        response = yield from self._get(GetControlMode, "get_control_mode", joints)
+        view, statuses = self._calibrations, []
+        for name, code in zip(response.names, response.modes, strict=True):
+            if code != ControlMode.CALIBRATING.code:  # then the result is on its way
+                yield from self._link.until(
+                    lambda name=name: not view.status(name).running,  # type: ignore[misc]
+                    self._link.answer_timeout,
+                )
+            statuses.append(view.status(name))
+        return statuses
 
     def _goal(
         self,
@@ -115,48 +207,35 @@ class GoalOperations(ReferenceOperations):
         show: Callable[[Any], None],
         *,
         to_the_end: bool = True,
+        on_feedback: Callable[[Any], None] = lambda _: None,
+        on_result: Callable[[Any], None] = lambda _: None,
     ) -> Steps[Reply]:
-        """Send a goal; wait for its result, or only for the first sign that it runs."""
+        """Send a goal; wait for its result, or only for the first sign that it runs.
+
+        ``show`` gets the feedback in the caller's thread; ``on_feedback`` and ``on_result`` are
+        called in the link's thread, also when nobody waits any more.
+        """
         client = yield from self._link.action(kind, name)
-        heard: deque[Any] = deque()
-        waits: list[Wait] = []
-
-        def on_feedback(message: Any) -> None:
-            heard.append(message.feedback)
-            if waits:
-                waits[-1].finish()
-
-        sending = client.send_goal_async(goal, feedback_callback=on_feedback)
-        if not (yield from self._link.outcome(sending, self._link.answer_timeout)):
-            raise self._link.timed_out(name)
-        handle = sending.result()
-        if not handle.accepted:
+        run = GoalRun(self._link, client, on_feedback, on_result)
+        if not (yield from run.send(name, goal)):
             return refused(f"the board refused to {name}; see its log", tuple(names))
         self._changed()
-        result = handle.get_result_async()
-        result.add_done_callback(lambda _: waits[-1].finish() if waits else None)
         try:
-            while not result.done():
-                wait = self._link.wait(LOOK)
-                waits.append(wait)
-                if heard or result.done():
-                    wait.finish()
-                yield wait
-                while heard:
-                    show(heard.popleft())
+            while not run.result.done():
+                yield from run.next_sign(name)
+                while run.heard:
+                    show(run.heard.popleft())
                     if not to_the_end:
                         return accepted(tuple(names))
-                if not wait.done and not client.server_is_ready():
-                    raise BoardError(f"{self._link.name} went away during {name}")
         except GeneratorExit:
-            handle.cancel_goal_async()
+            run.handle.cancel_goal_async()
             raise
         except BaseException:
-            handle.cancel_goal_async()
-            yield from self._link.outcome(result, self._link.answer_timeout)
+            run.handle.cancel_goal_async()
+            yield from self._link.outcome(run.result, self._link.answer_timeout)
             raise
         self._changed()
-        return self._result(name, result.result(), names)
+        return self._result(name, run.result.result(), names)
 
     def _result(self, name: str, answer: Any, names: Sequence[str]) -> Reply:
         result = answer.result
