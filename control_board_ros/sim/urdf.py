@@ -13,6 +13,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
 
+from .chain import cut
 from .meshes import MeshFinder, MeshPathError
 from .urdf_tree import SIZE_CAP, Tree, UrdfError, check_numbers, parse_xml
 
@@ -116,9 +117,9 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
         if element.tag not in ("link", "joint", "material"):
             root.remove(element)  # gazebo, transmission, sensor: for other programs
     tree = Tree(root, source)
-    if chain is not None:
-        tree = tree.cut(*chain)
     check_numbers(root, source)
+    if chain is not None:
+        tree = cut(tree, *chain)
     joints = tuple(_joint(element, source) for element in tree.moving())
     _check_mimics(joints, source)
     if all(joint.mimic for joint in joints):

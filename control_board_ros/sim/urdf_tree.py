@@ -178,35 +178,7 @@ class Tree:
         """The joints that are not fixed, from the base outwards."""
         return [joint for joint in self.walk(self.base) if joint.get("type") != "fixed"]
 
-    def cut(self, base: str, tip: str) -> Tree:
-        """Keep the chain from base to tip and the masses that hang rigidly on it."""
-        for link in (base, tip):
-            if link not in self.links:
-                raise UrdfError(f"{self.source}: link {link!r} is not in the URDF")
-        chain, link = {tip}, tip
-        while link != base:
-            if link not in self.parent_joint:
-                raise UrdfError(f"{self.source}: no chain leads from {base!r} to {tip!r}")
-            link = self.end(self.parent_joint[link], "parent")
-            chain.add(link)
-        kept: set[str] = {base}
-        stack = [base]
-        while stack:
-            for joint in self.children[stack.pop()]:
-                child = self.child(joint)
-                rigid = joint.get("type") == "fixed" and self._has_mass(child)
-                if child in chain or rigid:
-                    kept.add(child)
-                    stack.append(child)
-        for name, element in self.links.items():
-            if name not in kept:
-                self.root.remove(element)
-        for joint in self.joints.values():
-            if self.child(joint) not in kept - {base}:
-                self.root.remove(joint)
-        return Tree(self.root, self.source)
-
-    def _has_mass(self, link: str) -> bool:
+    def has_mass(self, link: str) -> bool:
         """Whether a link, or one fixed to it, has an inertial element."""
         stack = [link]
         while stack:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -235,11 +236,33 @@ def test_cutting_keeps_the_chain_and_the_masses_on_it() -> None:
     made = read(TREE, chain=("chest", "hand"))
     assert made.independent == ("shoulder", "wrist")
     links = {element.get("name") for element in ET.fromstring(made.text).findall("link")}
-    assert links == {"chest", "arm", "sensor", "hand"}
+    assert links == {"root", "chest", "arm", "sensor", "hand"}
     with pytest.raises(UrdfError, match="no chain"):
         read(TREE, chain=("hand", "chest"))
     with pytest.raises(UrdfError, match="'nose'"):
         read(TREE, chain=("chest", "nose"))
+
+
+def test_a_cut_chain_hangs_as_it_did_in_the_robot() -> None:
+    """The pose of its base link with all joints at zero, so that down stays down."""
+    up = "<origin xyz='0 0 1' rpy='1.5707963267948966 0 0'/>" + LIMIT
+    data = TREE.replace(
+        joint("torso", "root", "chest").encode(),
+        (
+            joint("waist", "root", "belly", up)
+            + link("belly")
+            + joint("torso", "belly", "chest", up)
+        ).encode(),
+    )
+    made = read(data, chain=("chest", "hand"))
+    mount = ET.fromstring(made.text).find("joint[@name='chest_mount']")
+    assert mount is not None
+    origin = mount.find("origin")
+    assert origin is not None
+    assert mount.get("type") == "fixed"
+    numbers = [float(word) for word in f"{origin.get('xyz')} {origin.get('rpy')}".split()]
+    # 1 m up, a quarter turn about x, 1 m along the new z (which is -y), another quarter turn.
+    assert numbers == pytest.approx([0.0, -1.0, 1.0, math.pi, 0.0, 0.0])
 
 
 def test_links_without_inertia_weigh_next_to_nothing() -> None:

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One limb cut out of a whole robot."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+
+from ..core.measurement import Array
+from .rotor import angles_of, rotation_of
+from .urdf_tree import Tree, UrdfError
+
+
+def cut(tree: Tree, base: str, tip: str) -> Tree:
+    """Keep the chain from base to tip and the masses that hang rigidly on it.
+
+    The base link keeps its pose in the robot with all joints at zero: gravity pulls the limb as
+    it would there. The robot's own base link stays as a bare frame for it to hang on.
+
+    Raises:
+        UrdfError: a link is not there, or base is not an ancestor of tip.
+    """
+    chain = _chain(tree, base, tip)
+    kept = {base}
+    stack = [base]
+    while stack:
+        for joint in tree.children[stack.pop()]:
+            child = tree.child(joint)
+            rigid = joint.get("type") == "fixed" and tree.has_mass(child)
+            if child in chain or rigid:
+                kept.add(child)
+                stack.append(child)
+    position, rotation = _pose(tree, base)
+    for name, element in tree.links.items():
+        if name not in kept:
+            tree.root.remove(element)
+    for joint in tree.joints.values():
+        if tree.child(joint) not in kept - {base}:
+            tree.root.remove(joint)
+    if base != tree.base:
+        _hang(tree, base, position, rotation)
+    return Tree(tree.root, tree.source)
+
+
+def _chain(tree: Tree, base: str, tip: str) -> set[str]:
+    """The links from base to tip, both included."""
+    for link in (base, tip):
+        if link not in tree.links:
+            raise UrdfError(f"{tree.source}: link {link!r} is not in the URDF")
+    chain, link = {tip}, tip
+    while link != base:
+        if link not in tree.parent_joint:
+            raise UrdfError(f"{tree.source}: no chain leads from {base!r} to {tip!r}")
+        link = tree.end(tree.parent_joint[link], "parent")
+        chain.add(link)
+    return chain
+
+
+def _pose(tree: Tree, link: str) -> tuple[Array, Array]:
+    """Position, shape (3,), and rotation, shape (3, 3), of a link in the robot's base link."""
+    position, rotation = np.zeros(3), np.eye(3)
+    while link in tree.parent_joint:
+        joint = tree.parent_joint[link]
+        origin = joint.find("origin")
+        if origin is not None:
+            turn = rotation_of(_numbers(origin, "rpy"))
+            position = _numbers(origin, "xyz") + turn @ position
+            rotation = turn @ rotation
+        link = tree.end(joint, "parent")
+    return position, rotation
+
+
+def _numbers(origin: ET.Element, key: str) -> Array:
+    return np.array([float(word) for word in origin.get(key, "0 0 0").split()])
+
+
+def _hang(tree: Tree, base: str, position: Array, rotation: Array) -> None:
+    """Put the robot's base link back, bare, and fix the chain's base to it."""
+    tree.root.insert(0, ET.Element("link", name=tree.base))
+    mount = ET.SubElement(tree.root, "joint", name=f"{base}_mount", type="fixed")
+    ET.SubElement(mount, "parent", link=tree.base)
+    ET.SubElement(mount, "child", link=base)
+    written = {
+        key: " ".join(repr(float(number)) for number in numbers)
+        for key, numbers in (("xyz", position), ("rpy", angles_of(rotation)))
+    }
+    ET.SubElement(mount, "origin", written)
