@@ -18,9 +18,14 @@ from sensor_msgs.msg import JointState
 from ..core.faults import FaultRecord
 from ..core.reply import Reply
 from ..core.state import Snapshot
-from ..core.vocabs import Vocab
+from ..core.vocabs import ControlMode, InteractionMode, Vocab
 
 NANOSECONDS = 1_000_000_000
+
+#: Decoding a vocab costs more than the rest of a response.
+CODES: dict[Vocab, str] = {
+    mode: mode.code for kind in (ControlMode, InteractionMode) for mode in kind
+}
 
 Response = TypeVar("Response")
 
@@ -53,7 +58,7 @@ def answered(response: Response, reply: Reply) -> Response:
 
 def codes(values: Sequence[Vocab]) -> list[str]:
     """The codes of vocabs, as messages carry them."""
-    return [value.code for value in values]
+    return [CODES[value] for value in values]
 
 
 def doubles(values: Any) -> array[float]:

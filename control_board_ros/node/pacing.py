@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 #: Periods that the loop may lag before it gives up catching up and skips the rest.
-MAX_LAG = 10
+MAX_LAG = 100
 #: Lateness values kept between two looks at the statistics.
-KEPT = 1 << 17
+KEPT = 1 << 14
 PR_SET_TIMERSLACK = 29
 
 
