@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bad input over DDS: nothing ends the node, hangs it, or moves a joint that it should not."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import pytest
+from control_board_msgs import msg, srv
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
+from std_srvs.srv import SetBool, Trigger
+from talk import Talker
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(90)]
+
+#: For each command topic: its message, the field of its values, a mode that takes it, a value.
+TOPICS = {
+    "position": (msg.PositionCommand, "positions", "pos", 0.2),
+    "position_direct": (msg.PositionDirectCommand, "positions", "posd", 0.01),
+    "velocity": (msg.VelocityCommand, "velocities", "vel", 0.1),
+    "torque": (msg.TorqueCommand, "torques", "torq", 1.0),
+    "output": (msg.OutputCommand, "outputs", "open", 1.0),
+    "feedforward": (msg.FeedforwardCommand, "outputs", "pos", 1.0),
+}
+BAD = [math.nan, math.inf, -math.inf]
+SPARE = {"position": "speeds", "velocity": "accelerations", "feedforward": "torques"}
+J1, J7 = "lbr_iiwa_joint_1", "lbr_iiwa_joint_7"
+
+
+def rejected(talker: Talker) -> list[int]:
+    return list(talker.state().rejected_commands)
+
+
+def references(talker: Talker) -> list[list[float]]:
+    found = talker.call("get_references", srv.GetReferences)
+    assert found.success
+    return [list(getattr(found, f)) for f in ("positions", "direct_positions", "velocities")]
+
+
+def send_and_count(talker: Talker, topic: str, message, joint: int, count: int) -> None:
+    """Publish, and wait until the joint's counter has grown by so many."""
+    before = rejected(talker)[joint]
+    talker.command(f"command/{topic}", message)
+    talker.state(lambda state: state.rejected_commands[joint] == before + count)
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_no_bad_message_moves_or_faults_anything(talker: Talker, topic: str) -> None:
+    """M4, M7, P13 (promises P1, P2): numbers, lengths, names; each is counted."""
+    kind, field, mode, value = TOPICS[topic]
+    if topic in ("torque", "output"):
+        mode = "pos"  # where they are ignored, so that the arm stays up for the comparison
+    assert talker.set_mode([], mode).success
+    n = len(talker.names)
+    before, still = references(talker), talker.state().position
+    wrong = [{"names": [J7], field: [bad]} for bad in BAD]
+    wrong += [
+        {"names": [J7], field: [value], SPARE[topic]: [bad]} for bad in BAD if topic in SPARE
+    ]
+    wrong += [
+        {"names": [J7], field: []},
+        {"names": [J7], field: [value, value]},
+        {"names": [J7, J1], field: [value]},
+        {"names": [J7, "lbr_iiwa_joint_9"], field: [value, value]},
+        {"names": [J7, ""], field: [value, value]},
+        {"names": [J7, "🤖" * 1000], field: [value, value]},
+        {"names": [J7, J7], field: [value, value]},
+        {"names": [], field: [value] * (n - 1)},
+        {"names": [], field: [value] * (n + 1)},
+        {"names": [], field: []},
+        {"names": [J7] * 1000, field: [value] * 1000},
+    ]
+    for fields in wrong:
+        send_and_count(talker, topic, kind(**fields), n - 1, 1)
+    assert references(talker) == before
+    state = talker.state()
+    assert list(talker.modes()) == [mode] * n
+    assert max(abs(a - b) for a, b in zip(state.position, still, strict=True)) < 0.02
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 5e-324, 1e6])
+@pytest.mark.parametrize("topic", ["position", "position_direct", "velocity", "torque", "output"])
+def test_finite_extremes_stay_within_the_limits(talker: Talker, topic: str, value: float) -> None:
+    """P9 (promise P7): finite numbers of any size end at the limits of the joint."""
+    kind, field, mode, _ = TOPICS[topic]
+    assert talker.set_mode([J7], mode).success
+    talker.command(f"command/{topic}", kind(**{"names": [J7], field: [value]}))
+    until = time.monotonic() + 0.3
+    while time.monotonic() < until:
+        state = talker.state()
+        assert all(map(math.isfinite, [*state.position, *state.velocity, *state.output]))
+        assert abs(state.position[6]) < 3.06
+        assert abs(state.output[6]) <= 100.0
+    assert talker.modes()[:6] == ["pos"] * 6
+
+
+def test_the_nearest_name_is_suggested(talker: Talker, board) -> None:
+    """M7: the log tells of the unknown joint among the known."""
+    command = msg.PositionCommand(names=[J1, "lbr_iiwa_jiont_2"], positions=[0.1, 0.1])
+    talker.command("command/position", command)
+    board.wait_for_output("did you mean 'lbr_iiwa_joint_2'?")
+
+
+UNKNOWN = ["", " ", "   ", "pos ", "p" * 10_000, "🦾", "posi tion", "\t", "hwfa", "cald", "None"]
+
+
+@pytest.mark.parametrize("mode", UNKNOWN)
+def test_unknown_vocabs_change_nothing(talker: Talker, mode: str) -> None:
+    """M6, M7 (promise P3): for one joint, for one of several, and for the interaction mode."""
+    for call in (talker.set_mode, talker.set_interaction):
+        for names, modes in (([J1], [mode]), ([J1, J7], ["vel", mode]), ([], [mode])):
+            answer = call(names, *modes)
+            assert not answer.success
+            assert "\n" not in answer.message
+            assert 10 < len(answer.message) < 400
+    assert talker.modes() == ["pos"] * 7
+
+
+@pytest.mark.parametrize(
+    ("names", "modes"),
+    [([J1], []), ([J1], ["pos", "vel"]), ([J1, J7], ["pos"] * 3), ([], ["vel"] * 6), ([], [])],
+)
+def test_lists_that_disagree_are_refused(talker: Talker, names, modes) -> None:
+    """M7: lengths; one mode for several joints is the one exception."""
+    assert not talker.set_mode(names, *modes).success
+    assert not talker.set_interaction(names, *modes).success
+    assert talker.modes() == ["pos"] * 7
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "fields"),
+    [
+        ("set_impedance", srv.SetImpedance, {"stiffness": [bad], "damping": [1.0]})
+        for bad in (-1.0, 1e308, *BAD)
+    ]
+    + [
+        ("set_impedance", srv.SetImpedance, {"stiffness": [1.0], "damping": []}),
+        ("set_reference_speed", srv.SetReferenceSpeed, {"speeds": []}),
+    ]
+    + [
+        ("set_reference_speed", srv.SetReferenceSpeed, {field: [bad]})
+        for bad in (0.0, -1.0, 1e308, *BAD)
+        for field in ("speeds", "accelerations")
+    ],
+)
+def test_bad_gains_and_speeds_are_refused(talker: Talker, name, kind, fields) -> None:
+    """I6, P2: the message says what is allowed; nothing changes."""
+    before = talker.call("get_impedance", srv.GetImpedance), references(talker)
+    answer = talker.call(name, kind, names=[J1], **fields)
+    assert not answer.success
+    assert "send" in answer.message
+    assert (talker.call("get_impedance", srv.GetImpedance), references(talker)) == before
+
+
+def test_paused_the_board_answers_and_a_velocity_does_not_expire(talker: Talker) -> None:
+    """P12 (promises P6, P8): timeouts run on simulated time."""
+    assert talker.set_mode([J7], "vel").success
+    talker.command("command/velocity", msg.VelocityCommand(names=[J7], velocities=[0.1]))
+    talker.state(lambda s: s.velocity_reference[6] > 0.01)
+    assert talker.call("pause", SetBool, data=True).success
+    for _ in range(200):
+        assert talker.modes()[6] == "vel"
+    assert talker.set_mode([J1], "idl").success
+    assert talker.set_interaction([J1], "comp").success
+    time.sleep(0.5)  # a real pause: more than the timeout of 0.2 s
+    assert talker.call("get_references", srv.GetReferences, names=[J7]).velocities[0] == 0.1
+    assert talker.call("pause", SetBool, data=False).success
+    assert talker.modes()[6] == "vel"
+    assert not any(f.active for f in talker.call("get_faults", srv.GetFaults).faults)
+
+
+def test_a_publisher_that_offers_a_deadline_is_heard(talker: Talker) -> None:
+    """Publishers of other qualities of service: test/node has best-effort and transient-local."""
+    qos = QoSProfile(depth=5, deadline=Duration(seconds=0.1), lifespan=Duration(seconds=1.0))
+    talker.command("command/position", msg.PositionCommand(names=[J7], positions=[0.1]), qos)
+    talker.state(lambda s: not s.motion_done[6])
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "words"),
+    [
+        ("overcurrent", 1, "A >"),
+        ("encoder", 10, "no sample for"),
+        ("torque_sensor", 8, "no sample for"),
+        ("overheating", 19, "°C >"),
+        ("external", 0, "emergency stop"),
+        ("diverged", 15, "diverged"),
+    ],
+)
+def test_faults_over_the_wire(talker: Talker, fault: str, code: int, words: str) -> None:
+    """F1, F2, F3, F5: on ~/faults within a second, kept by FORCE_IDLE while it persists."""
+    answer = talker.call("inject_fault", srv.InjectFault, names=[J7], fault=fault, persistent=True)
+    assert answer.success, answer.message
+    begun = time.monotonic()
+    told = talker.wait("faults", lambda m: J7 in [f.name for f in m.faults])
+    assert time.monotonic() - begun < 1.0
+    found = next(f for f in told.faults if f.name == J7)
+    assert (found.active, found.code) == (True, code)
+    assert words in found.text
+    refused = talker.set_mode([J7], "fidl")
+    assert not refused.success
+    assert "the cause persists" in refused.message
+    assert talker.modes()[6] == "hwfa"
+    assert talker.state().output[6] == 0.0
+    assert talker.call("clear_injected_faults", Trigger).success
+    talker.state()
+    assert talker.modes()[6] == "hwfa"
+    deadline = time.monotonic() + 5.0
+    while not talker.set_mode([], "fidl").success:
+        assert time.monotonic() < deadline
+    assert talker.modes()[6] == "idl"
+    last = talker.call("get_faults", srv.GetFaults, names=[J7]).faults[0]
+    assert (last.active, last.code) == (False, code)
+
+
+def test_services_keep_their_time_when_quiet(talker: Talker) -> None:
+    """Promise P8: p99 < 50 ms."""
+    took = []
+    for _ in range(300):
+        begun = time.monotonic()
+        talker.modes()
+        took.append(time.monotonic() - begun)
+    assert sorted(took)[297] < 0.05
