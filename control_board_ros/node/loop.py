@@ -215,6 +215,8 @@ class ControlLoop:
             if self._until_state <= 0:
                 self._until_state = self.state_every
                 self.records.note_state()
+            if self._paused:
+                self._count_step()
         finally:
             self._lock.release()
 
@@ -222,13 +224,6 @@ class ControlLoop:
         """Run the steps asked for, else wait; show the state to newcomers now and then."""
         while self._steps and not self._stopping:
             self._cycle()
-            with self.exclusive():
-                if self._steps:
-                    self._steps -= 1
-                    if not self._steps:
-                        self._note_time(self._board.time)
-                        self.records.note_state()
-                        self._finish_steps("")
         self._wake.clear()
         if self._paused and not self._steps and not self._stopping:
             self._wake.wait(PAUSED_PERIOD)
@@ -236,6 +231,14 @@ class ControlLoop:
                 self.records.note_state()
         if not self._paused:
             self._pacer.restart()
+
+    def _count_step(self) -> None:
+        """One of the steps has run; after the last one, show the state and answer."""
+        self._steps -= 1
+        if not self._steps:
+            self._note_time(self._board.time)
+            self.records.note_state()
+            self._finish_steps("")
 
     def _finish_steps(self, message: str) -> None:
         done, self._on_steps, self._steps = self._on_steps, None, 0

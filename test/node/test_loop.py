@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The control loop on an ideal plant, in process: deadlines, turns, pause, steps, failures."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from control_board_ros.core.board import Board
+from control_board_ros.core.config import (
+    BoardConfig,
+    Impedance,
+    JointConfig,
+    Limits,
+    Pid,
+)
+from control_board_ros.core.measurement import Actuation, Measurement
+from control_board_ros.node.loop import ControlLoop
+from control_board_ros.node.pacing import MAX_LAG, Pacer
+from control_board_ros.sim.config import JointSimulation, SimulationConfig
+from control_board_ros.sim.errors import PlantGone
+from control_board_ros.sim.plant import SimulatedPlant
+
+pytestmark = pytest.mark.timeout(30)
+
+
+def config(names: tuple[str, ...] = ("a", "b"), rate: float = 1000.0) -> BoardConfig:
+    limits = Limits(
+        lower=-2.0,
+        upper=2.0,
+        hard_lower=-2.5,
+        hard_upper=2.5,
+        velocity=5.0,
+        acceleration=50.0,
+        torque=50.0,
+        nominal_current=5.0,
+        peak_current=20.0,
+    )
+    impedance = Impedance(stiffness=50.0, damping=5.0, max_stiffness=500.0, max_damping=50.0)
+    joints = tuple(
+        JointConfig(
+            name=name,
+            limits=limits,
+            position_pid=Pid(kp=100.0, kd=20.0),
+            torque_pid=Pid(kp=0.5, kff=1.0),
+            impedance=impedance,
+        )
+        for name in names
+    )
+    return BoardConfig(joints=joints, control_rate=rate)
+
+
+class Plant:
+    """An ideal plant that can be slow or fail in chosen cycles."""
+
+    def __init__(self, board: BoardConfig) -> None:
+        joints = tuple(JointSimulation(name=name) for name in board.names)
+        self.simulated = SimulatedPlant(board, SimulationConfig(joints=joints))
+        self.slow: dict[int, float] = {}
+        self.fails: dict[int, Exception] = {}
+        self.cycle = 0
+        self.actuation: Actuation | None = None
+
+    def read(self) -> Measurement:
+        return self.simulated.read()
+
+    def write(self, actuation: Actuation) -> None:
+        self.cycle += 1
+        if self.cycle in self.slow:
+            time.sleep(self.slow[self.cycle])
+        if self.cycle in self.fails:
+            raise self.fails[self.cycle]
+        self.actuation = Actuation(pwm=actuation.pwm.copy(), powered=actuation.powered.copy())
+        self.simulated.write(actuation)
+
+    def reset(self) -> None:
+        self.simulated.reset()
+
+    def close(self) -> None:
+        self.simulated.close()
+
+
+class Rig:
+    """A loop that runs, and what belongs to it."""
+
+    def __init__(self, **options: Any) -> None:
+        board = config()
+        self.plant = Plant(board)
+        self.board = Board(board)
+        self.ended = threading.Event()
+        self.loop = ControlLoop(self.board, self.plant, on_end=self.ended.set, **options)
+
+    def run_to(self, cycle: int) -> None:
+        """Wait until so many cycles have run."""
+        deadline = time.monotonic() + 20
+        while self.board.cycle < cycle and not self.ended.is_set():
+            assert time.monotonic() < deadline
+            time.sleep(0.002)
+
+
+@pytest.fixture
+def rig() -> Iterator[Rig]:
+    made = Rig()
+    yield made
+    made.loop.stop()
+
+
+@pytest.fixture
+def fast() -> Iterator[Rig]:
+    """A rig that runs as fast as it can."""
+    made = Rig(real_time_factor=0.0)
+    yield made
+    made.loop.stop()
+
+
+def test_the_rate_is_kept(rig: Rig) -> None:
+    """1 kHz on absolute deadlines: 500 cycles take half a second."""
+    begun = time.monotonic()
+    rig.loop.start()
+    rig.run_to(500)
+    assert time.monotonic() - begun == pytest.approx(0.5, abs=0.1)
+    assert rig.loop.statistics().cycles >= 500
+
+
+def test_a_slow_cycle_is_caught_up_and_counted(rig: Rig) -> None:
+    """A cycle of 30 ms is an overrun, and so are those that catch up; no time is lost."""
+    rig.plant.slow = {100: 0.03}
+    begun = time.monotonic()
+    rig.loop.start()
+    rig.run_to(300)
+    found = rig.loop.statistics()
+    assert time.monotonic() - begun == pytest.approx(0.3, abs=0.1)
+    assert found.overruns >= 20
+    assert found.skipped == 0
+    assert found.worst >= 0.025
+
+
+def test_catching_up_is_bounded() -> None:
+    """What lies more than MAX_LAG periods behind is skipped, and counted as that."""
+    pacer = Pacer(0.001)
+    pacer.restart()
+    pacer.wait()
+    time.sleep(0.001 * (MAX_LAG + 50))
+    pacer.finished()
+    assert pacer.overruns == 1
+    assert pacer.skipped >= MAX_LAG + 40
+    pacer.wait()
+    pacer.finished()
+    assert pacer.skipped <= MAX_LAG + 80
+    assert pacer.take().worst < 0.1
+
+
+def test_stop_cuts_the_power_and_notes_the_last_state(rig: Rig) -> None:
+    """P5, P11 of the promises: the last actuation has no power, the last modes are IDLE."""
+    rig.loop.start()
+    rig.run_to(50)
+    rig.loop.stop()
+    assert rig.loop.failure is None
+    assert rig.plant.actuation is not None
+    assert not rig.plant.actuation.powered.any()
+    assert [mode.code for mode in rig.loop.records.modes.control] == ["idl", "idl"]
+    assert rig.loop.records.latest.snapshot.cycle == rig.board.cycle
+
+
+def test_a_failing_plant_ends_the_loop(rig: Rig) -> None:
+    """The thread ends, and tells what failed."""
+    error = PlantGone("the physics server is gone")
+    rig.plant.fails = {20: error}
+    rig.loop.start()
+    assert rig.ended.wait(5)
+    assert rig.loop.failure is error
+
+
+def test_turns_are_fair_at_full_speed(fast: Rig) -> None:
+    """A loop that never waits still lets others have the board."""
+    fast.loop.start()
+    fast.run_to(100)
+    waits = []
+    for _ in range(200):
+        begun = time.monotonic()
+        with fast.loop.exclusive() as board:
+            board.set_control_mode(None, "posd")
+        waits.append(time.monotonic() - begun)
+    assert sorted(waits)[100] < 0.02
+    assert fast.board.cycle > 200
+
+
+def test_a_request_acts_on_all_its_joints_at_once(fast: Rig) -> None:
+    """M7: no snapshot shows half of a request."""
+    halves = []
+    fast.loop.hooks.append(
+        lambda board, _time: halves.append(len(set(board.get_control_mode(None))) > 1)
+    )
+    fast.loop.start()
+    fast.run_to(10)
+    for i in range(200):
+        with fast.loop.exclusive() as board:
+            board.set_control_mode(None, "vel" if i % 2 else "pos")
+    fast.loop.stop()
+    assert not any(halves)
+
+
+def test_modes_set_while_paused_are_noted_at_once(fast: Rig) -> None:
+    """Records follow requests also when no cycle runs."""
+    fast.loop.start()
+    fast.run_to(10)
+    fast.loop.pause(True)
+    told = threading.Event()
+    fast.loop.records.on_change = told.set
+    with fast.loop.exclusive() as board:
+        board.set_control_mode("a", "vel")
+    assert told.is_set()
+    assert fast.loop.records.modes.control[0].code == "vel"
+
+
+def test_steps_are_exact(fast: Rig) -> None:
+    """So many cycles, and then the answer."""
+    fast.loop.start()
+    fast.run_to(10)
+    fast.loop.pause(True)
+    for count in (1, 7, 1000):
+        before = fast.board.cycle
+        done = threading.Event()
+        texts: list[str] = []
+
+        def tell(text: str, done: threading.Event = done, texts: list[str] = texts) -> None:
+            texts.append(text)
+            done.set()
+
+        assert fast.loop.step(count, tell) == ""
+        assert done.wait(10)
+        assert texts == [""]
+        assert fast.board.cycle == before + count
+
+
+def test_a_pause_is_no_overrun(rig: Rig) -> None:
+    """After a pause the deadlines start anew."""
+    rig.loop.start()
+    rig.run_to(50)
+    rig.loop.pause(True)
+    before = rig.loop.statistics()
+    time.sleep(0.5)
+    rig.loop.pause(False)
+    rig.run_to(rig.board.cycle + 50)
+    after = rig.loop.statistics()
+    assert after.skipped == before.skipped
+    assert after.worst < 0.3
+
+
+def test_states_lie_on_whole_cycles(fast: Rig) -> None:
+    """state_rate is a number of cycles."""
+    fast.loop.set_state_rate(200.0)
+    fast.loop.start()
+    fast.run_to(500)
+    fast.loop.stop()
+    cycles = [state.snapshot.cycle for state in fast.loop.records.states][1:-1]
+    assert len(cycles) > 10
+    assert {b - a for a, b in itertools.pairwise(cycles)} == {5}
+
+
+def test_reset_goes_home(fast: Rig) -> None:
+    """Initial pose and power-on; time goes on."""
+    fast.loop.start()
+    fast.run_to(10)
+    with fast.loop.exclusive() as board:
+        board.position_move("a", 1.0, 2.0)
+    fast.run_to(fast.board.cycle + 1000)
+    assert fast.board.get_encoder("a")[0] > 0.5
+    cycle = fast.board.cycle
+    fast.loop.pause(True)
+    fast.loop.reset()
+    assert fast.plant.read().values[0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert fast.board.cycle >= cycle
