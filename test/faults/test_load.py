@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many clients, floods, huge messages, peers that die: over DDS, on one board."""
+
+from __future__ import annotations
+
+import random
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import pytest
+from control_board_msgs import srv
+from rclpy.qos import QoSProfile
+from sender import sending
+from talk import Talker
+
+from control_board_ros.testing import BoardProcess, board_process, ros_node
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+J7 = "lbr_iiwa_joint_7"
+USER_MODES = ("pos", "posd", "vel", "mix", "torq", "open", "idl")
+CLIENTS, NODES, ROUNDS = 100, 4, 10
+
+
+@pytest.fixture(scope="module")
+def params() -> dict[str, object]:
+    return {"allow_fault_injection": True, J7: {"timeouts": {"torque": 0.2}}}
+
+
+@contextmanager
+def hundred_clients(board: BoardProcess) -> Iterator[list]:
+    """Clients of ~/set_control_mode, all connected, in a few nodes that spin."""
+    with ExitStack() as stack:
+        nodes = [stack.enter_context(ros_node(board.domain, f"many_{k}")) for k in range(NODES)]
+        clients = [
+            nodes[k % NODES].create_client(
+                srv.SetControlMode,
+                f"{board.name}/set_control_mode",
+                qos_profile=QoSProfile(depth=200),
+            )
+            for k in range(CLIENTS)
+        ]
+        assert all(client.wait_for_service(20.0) for client in clients)
+        yield clients
+
+
+def test_a_hundred_clients_switch_at_once(talker: Talker, board: BoardProcess) -> None:
+    """M7, M8: no call lost, every reply whole, and all replies fit one order of the calls."""
+    choose = random.Random(5).choice
+    with hundred_clients(board) as clients:
+        for _ in range(ROUNDS):
+            heard = len(talker.seen["modes"])
+            asked = [choose(USER_MODES) for _ in clients]
+            futures = [
+                client.call_async(srv.SetControlMode.Request(modes=[mode]))
+                for client, mode in zip(clients, asked, strict=True)
+            ]
+            answers = [talker.answer(future) for future in futures]
+            for mode, answer in zip(asked, answers, strict=True):
+                assert answer.success, answer.message
+                assert list(answer.modes) == [mode] * 7  # nobody came in between
+            last = talker.modes()
+            assert len(set(last)) == 1
+            assert last[0] in asked
+            talker.wait("modes", lambda m, last=last: list(m.control_modes) == last)
+            for message in talker.seen["modes"][heard:]:
+                assert len(set(message.control_modes)) == 1  # no half-done request was shown
+    assert talker.modes() == last  # all of them leaving at once changes nothing
+
+
+def test_a_velocity_publisher_that_is_killed(talker: Talker, board: BoardProcess) -> None:
+    """P12: the joint stops within the timeout and holds; its mode stays."""
+    assert talker.set_mode([J7], "vel").success
+    with sending(board, "velocity", 0.3, 100.0, names=J7) as sender:
+        talker.state(lambda s: s.velocity_reference[6] > 0.1)
+        sender.kill()
+        sender.wait()
+        begun = time.monotonic()
+        talker.state(lambda s: s.velocity_reference[6] == 0.0)
+        assert time.monotonic() - begun < 1.0  # 0.2 s, and what the test machine takes
+    assert talker.modes()[6] == "vel"
+    held = talker.state().position[6]
+    assert talker.state(lambda s: abs(s.velocity[6]) < 0.01).position[6] == pytest.approx(
+        held, abs=0.05
+    )
+    assert not talker.call("get_faults", srv.GetFaults, names=[J7]).faults[0].active
+
+
+def test_a_torque_publisher_that_is_killed(talker: Talker, board: BoardProcess) -> None:
+    """P12: with a timeout set, a fault with its reason."""
+    assert talker.set_mode([J7], "torq").success
+    with sending(board, "torque", 0.1, 100.0, names=J7) as sender:
+        talker.state(lambda s: s.torque_reference[6] == 0.1)
+        assert talker.modes()[6] == "torq"
+        sender.kill()
+        told = talker.wait("faults", lambda m: J7 in [f.name for f in m.faults], 5.0)
+    fault = next(f for f in told.faults if f.name == J7)
+    assert fault.code == 21
+    assert "reference timeout" in fault.text
+
+
+def latencies(talker: Talker, seconds: float) -> list[float]:
+    """How long ~/get_control_mode takes, call after call, s, sorted; every call is answered."""
+    took = []
+    until = time.monotonic() + seconds
+    while (begun := time.monotonic()) < until:
+        talker.modes()
+        took.append(time.monotonic() - begun)
+    return sorted(took)
+
+
+def test_a_flood_of_references(talker: Talker, board: BoardProcess) -> None:
+    """Promises P1, P8: 10 kHz on one topic; services are answered, p99 < 250 ms; it goes on."""
+    assert talker.set_mode([J7], "posd").success
+    with sending(board, "position_direct", 0.01, 10_000.0, names=J7):
+        took = latencies(talker, 10.0)
+        assert took[int(0.99 * len(took))] < 0.25
+        assert talker.set_mode([J7], "vel").success  # now it floods a mode that ignores it
+        before = talker.state().rejected_commands[6]
+        took = latencies(talker, 2.0)
+        assert took[int(0.99 * len(took))] < 0.25
+        assert talker.state().rejected_commands[6] > before + 1000
+    lines = [line for line in board.output.splitlines() if "position direct" in line]
+    assert len(lines) < 10  # once per second and cause
+    assert latencies(talker, 1.0)[-1] < 0.25
+
+
+def test_megabyte_messages(talker: Talker, board: BoardProcess) -> None:
+    """Promises P1, P8: 1 MB at 50 Hz: refused, counted, and nothing waits for long."""
+    position = talker.state().position
+    with sending(board, "position", 0.1, 50.0, count=131_072):
+        took = latencies(talker, 3.0)
+        assert took[int(0.99 * len(took))] < 0.25
+        assert talker.state().rejected_commands[0] > 10
+    assert talker.state().position == pytest.approx(position, abs=0.02)
+
+
+def test_a_client_waits_while_its_board_is_restarted() -> None:
+    """P11 of the promises: after SIGKILL a new board answers, with nothing stale about it."""
+    with ExitStack() as stack:
+        first = stack.enter_context(board_process(exit_code=-9))
+        node = stack.enter_context(ros_node(first.domain, "waiting"))
+        client = node.create_client(srv.GetControlMode, "/control_board/get_control_mode")
+        assert client.wait_for_service(20.0)
+        talker = Talker(node, "/control_board")
+        assert talker.set_mode([], "vel").success
+        first.process.kill()
+        first.process.wait()
+        lost = client.call_async(srv.GetControlMode.Request())  # nobody is there to answer
+        begun = time.monotonic()
+        with board_process(domain=first.domain):
+            assert time.monotonic() - begun < 10.0  # 5 s on a machine of its own
+            deadline = time.monotonic() + 10.0
+            answer = None
+            while answer is None or not answer.done():
+                if answer is None or time.monotonic() > answer.due:
+                    answer = client.call_async(srv.GetControlMode.Request())
+                    answer.due = time.monotonic() + 1.0
+                assert time.monotonic() < deadline
+                time.sleep(0.01)
+            assert set(answer.result().modes) == {"pos"}  # not the old board's
+            state = talker.state(lambda s: max(s.rejected_commands) == 0)
+            assert max(abs(v) for v in state.velocity) < 0.1
+        lost.cancel()
