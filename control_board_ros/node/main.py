@@ -10,13 +10,16 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import shutil
 import signal
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from ..core.vocabs import ControlMode
 from .lock import NameTakenError, lock_name, temporary_folder
 
 if TYPE_CHECKING:
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
 
 #: s for which a thread may keep the interpreter from others; the default makes cycles late.
 SWITCH_INTERVAL = 5e-5
+#: s to wait for the first control cycles before the joints are shown.
+FIRST_CYCLES = 1.0
 
 USAGE = """\
 usage: control_board [--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r FROM:=TO] ...]
@@ -132,6 +137,7 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
     thread = threading.Thread(target=executor.spin, name="executor", daemon=True)
     board.start()
     thread.start()
+    await_first_cycles(board, ended)
     say(welcome(board))
     ended.wait()
     board.stop()
@@ -142,6 +148,19 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
         board.node.destroy_node()
         try_shutdown()
     return board.loop.failure
+
+
+def await_first_cycles(board: BoardNode, ended: threading.Event) -> None:
+    """Let the joints leave NOT_CONFIGURED, where they do so by themselves (N2)."""
+    if not board.parameters.settings.board.autoconfigure:
+        return
+    deadline = time.monotonic() + FIRST_CYCLES
+    while (
+        ControlMode.NOT_CONFIGURED in board.loop.records.modes.control
+        and time.monotonic() < deadline
+        and not ended.wait(0.005)
+    ):
+        pass
 
 
 def welcome(board: BoardNode) -> str:
@@ -160,19 +179,27 @@ def welcome(board: BoardNode) -> str:
         )
     name, first = board.node.get_fully_qualified_name(), config.names[0]
     option = "" if name == "/control_board" else f" --board {name}"
-    startup = sorted({mode.name for mode in modes.control})
+    present = sorted({mode.name for mode in modes.control})
     lines += [
         "",
-        f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(startup)}. Try:",
+        f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(present)}. Try:",
         f"  cbctl{option} move {first}=30deg",
-        f"  ros2 service call {name}/set_control_mode control_board_msgs/srv/SetControlMode "
-        f'"{{names: [{first}], modes: [posd]}}"',
-        f"  ros2 topic pub --once {name}/command/position control_board_msgs/msg/PositionCommand "
-        f'"{{names: [{first}], positions: [0.5]}}"',
+        f"  cbctl{option} watch",
+        *(ros2_lines(name, first) if shutil.which("ros2") else ()),
         "Stop with Ctrl-C.",
         "",
     ]
     return "\n".join(lines)
+
+
+def ros2_lines(name: str, joint: str) -> list[str]:
+    """The same with ROS's own command, which a virtual environment does not have."""
+    return [
+        f"  ros2 service call {name}/set_control_mode control_board_msgs/srv/SetControlMode "
+        f'"{{names: [{joint}], modes: [mix]}}"',
+        f"  ros2 topic pub --once {name}/command/position control_board_msgs/msg/PositionCommand "
+        f'"{{names: [{joint}], positions: [0.5]}}"',
+    ]
 
 
 def say(text: str) -> None:
