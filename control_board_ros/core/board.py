@@ -10,6 +10,9 @@ RequestError, when they are asked for a joint that does not exist.
 
 from __future__ import annotations
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..interfaces import ModeShortcuts
 from .commands import Commands
 from .config import BoardConfig, ConfigError
@@ -66,6 +69,11 @@ class Board(Requests, Commands, ModeShortcuts):
             self.references.trajectories.done.copy(),
             self.state.rejected.copy(),
         )
+
+    @property
+    def rejected_commands(self) -> NDArray[np.uint64]:
+        """How many commands of each joint were ignored so far (M4), shape (n,)."""
+        return self.state.rejected.copy()
 
     def take_events(self) -> list[BoardEvent]:
         """What happened since the last call, oldest first."""

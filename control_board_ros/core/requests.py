@@ -60,7 +60,7 @@ class Requests(Machine):
                         f"set one of {allowed}"
                     )
         except ValueError as error:
-            return refused(str(error))
+            return self._refuse(joints, str(error))
         verdicts = [
             self._control_mode(int(j), m) for j, m in zip(selection.joints, wanted, strict=True)
         ]
@@ -133,7 +133,7 @@ class Requests(Machine):
             selection = self.selector.select(joints)
             wanted = _parse_all(modes, len(selection.names), parse_interaction_mode)
         except ValueError as error:
-            return refused(str(error))
+            return self._refuse(joints, str(error))
         verdicts = [
             self._interaction(int(j), m) for j, m in zip(selection.joints, wanted, strict=True)
         ]
@@ -223,7 +223,7 @@ class Requests(Machine):
             values.append(("acceleration", accelerations, bounds, False))
             targets.append(self.references.acceleration)
         if not values:
-            return refused("neither speeds nor accelerations given; send one of them, or both")
+            return self._refuse(joints, "neither speeds nor accelerations given; send one or both")
 
         def apply(selection: Selection, arrays: list[Floats]) -> None:
             for target, array in zip(targets, arrays, strict=True):
@@ -265,7 +265,7 @@ class Requests(Machine):
                     )
                 arrays.append(array)
         except RequestError as error:
-            return refused(str(error))
+            return self._refuse(joints, str(error))
         apply(selection, arrays)
         return accepted(selection.names)
 
@@ -280,7 +280,7 @@ class Requests(Machine):
         try:
             selection = self.selector.select(joints)
         except RequestError as error:
-            return refused(str(error))
+            return self._refuse(joints, str(error))
         return decided(
             selection.names, [self._start_calibration(int(j)) for j in selection.joints]
         )
@@ -317,6 +317,14 @@ class Requests(Machine):
     def uses_direct_gains(mode: ControlMode) -> bool:
         """Whether a mode uses the second set of position gains."""
         return mode in DIRECT_GAINS
+
+    def _refuse(self, joints: Joints, message: str) -> Reply:
+        """Refuse a whole request; the reply names its joints where they exist (M6, M7)."""
+        try:
+            names = self.selector.select(joints).names
+        except RequestError:
+            names = ()
+        return refused(message, names)
 
     def _pick(self, joints: Joints, values: Sequence[T]) -> list[T]:
         return [values[j] for j in self.selector.select(joints).joints]
