@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A real board per module, and clients of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from control_board_ros.client import ControlBoardClient
+from control_board_ros.testing import BoardProcess, board_process, ros_node
+
+
+@pytest.fixture(scope="module")
+def process() -> Iterator[BoardProcess]:
+    """The iiwa, with fault injection."""
+    with board_process({"allow_fault_injection": True}) as board:
+        yield board
+
+
+@pytest.fixture(scope="module")
+def node(process: BoardProcess) -> Iterator[Any]:
+    """A node that nobody spins: the client does without."""
+    with ros_node(process.domain, "user", spin=False) as node:
+        yield node
+
+
+@pytest.fixture(scope="module")
+def shared(process: BoardProcess, node: Any) -> Iterator[ControlBoardClient]:
+    """One client for the module."""
+    with ControlBoardClient(node, process.name, find_timeout=10.0, answer_timeout=5.0) as client:
+        yield client
+
+
+@pytest.fixture
+def client(shared: ControlBoardClient) -> ControlBoardClient:
+    """The client, with the board at its initial pose in POSITION and STIFF."""
+    assert shared.pause(False)
+    assert shared.clear_injected_faults()
+    assert shared.reset()
+    while any(mode.code != "pos" for mode in shared.get_control_mode()):
+        pass  # the next cycle configures it
+    return shared

@@ -1,0 +1,399 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The client against a real board: everything that its methods promise."""
+
+from __future__ import annotations
+
+import math
+import signal
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control_board_ros import interfaces
+from control_board_ros.client import BoardNotFound, BoardTimeout, ControlBoardClient
+from control_board_ros.core.reply import Answer
+from control_board_ros.core.selection import RequestError
+from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.vocabs import InteractionMode
+from control_board_ros.testing import BoardProcess, ros_node
+
+pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_board")]
+
+NAMES = tuple(f"lbr_iiwa_joint_{k}" for k in range(1, 8))
+
+
+INTERFACES = [
+    kind
+    for kind in vars(interfaces).values()
+    if getattr(kind, "_is_protocol", False) and kind.__module__ == interfaces.__name__
+]
+
+
+def test_it_offers_the_interfaces(client: ControlBoardClient) -> None:
+    """A, D1: the client offers every interface."""
+    assert len(INTERFACES) == 10
+    for protocol in INTERFACES:
+        assert isinstance(client, protocol)
+
+
+def test_joints_by_name_index_sequence_and_none(client: ControlBoardClient) -> None:
+    """A: an index, a name, a sequence of them, or None for all; one value goes to all."""
+    assert client.names == NAMES
+    assert client.set_control_mode(0, "vel").joints == (NAMES[0],)
+    assert client.set_control_mode(NAMES[1], M.MIXED)
+    assert client.set_control_mode([NAMES[2], 3], int(M.TORQUE))
+    assert client.set_control_mode((4, 5), ["idl", "POSITION"])
+    modes = [M.VELOCITY, M.MIXED, M.TORQUE, M.TORQUE, M.IDLE, M.POSITION, M.POSITION]
+    assert client.get_control_mode() == modes
+    assert client.get_control_mode([6, NAMES[0]]) == [M.POSITION, M.VELOCITY]
+    assert client.set_control_mode(None, "pos").joints == NAMES
+    assert client.get_control_mode(2) == [M.POSITION]
+
+
+def test_what_the_board_refuses_is_a_reply(client: ControlBoardClient) -> None:
+    """M6, M7: refused whole, nothing changes, the message says why."""
+    for joints, modes, text in (
+        ("lbr_iiwa_joint_8", "vel", "unknown; did you mean"),
+        (7, "vel", "out of range"),
+        ([0, NAMES[0]], "vel", "twice"),
+        ([0, 1], ["vel", "vel", "vel"], "3 modes for 2 joints"),
+        (0, "hwfa", "cannot be set"),
+        (0, "nonsense", "unknown"),
+        ([0, 1], ["vel", "cald"], "cannot be set"),
+    ):
+        reply = client.set_control_mode(joints, modes)
+        assert not reply
+        assert reply.joints == ()
+        assert text in reply.message
+    assert client.get_control_mode() == [M.POSITION] * 7
+
+
+def test_each_joint_has_its_answer(client: ControlBoardClient) -> None:
+    """M5, F2, F4: answers joint by joint, from the modes after the call."""
+    assert client.set_control_mode(0, "vel")
+    reply = client.set_control_mode([0, 1], ["vel", "icur"])
+    assert reply.answers == (Answer.ACCEPTED, Answer.UNSUPPORTED)
+    assert not reply
+    assert "does not implement icur" in reply.message
+    reply = client.set_control_mode([1, 2], "torq")
+    assert reply.answers == (Answer.REFUSED, Answer.ACCEPTED)
+    assert "send FORCE_IDLE first" in reply.message
+    faults = client.get_faults()
+    assert [fault.active for fault in faults] == [False, True] + [False] * 5
+    assert faults[1].code == 16
+    assert faults[1].stamp > 0.0
+    assert client.set_control_mode(1, "fidl")
+    assert client.get_control_mode(1) == [M.IDLE]
+    assert client.get_faults(1)[0].active is False
+    assert client.get_faults(1)[0].code == 16
+
+
+def test_interaction_and_impedance(client: ControlBoardClient) -> None:
+    """I1, I6: set and read, one, some or all."""
+    assert client.set_interaction_mode([0, 2], InteractionMode.COMPLIANT)
+    assert client.get_interaction_mode()[:3] == [
+        InteractionMode.COMPLIANT,
+        InteractionMode.STIFF,
+        InteractionMode.COMPLIANT,
+    ]
+    assert client.set_impedance([0, 1], [200.0, 300.0], 20.0)
+    stiffness, damping = client.get_impedance([1, 0])
+    assert stiffness.tolist() == [300.0, 200.0]
+    assert damping.tolist() == [20.0, 20.0]
+    most, _ = client.get_max_impedance(0)
+    reply = client.set_impedance(0, most[0] + 1.0, 1.0)
+    assert not reply
+    assert "is not allowed" in reply.message
+    reply = client.set_impedance(0, [1.0, 2.0], 1.0)
+    assert not reply
+    assert "2 stiffness for 1 joint" in reply.message
+    assert client.get_impedance(0)[0].tolist() == [200.0]
+    assert not client.set_interaction_mode(0, "rigid")
+    assert client.get_torque_offset().shape == (7,)
+    control, interaction = client.get_available_modes(0)[0]
+    assert M.TORQUE in control
+    assert interaction == tuple(InteractionMode)
+
+
+def test_a_command_is_in_force_when_the_next_call_answers(client: ControlBoardClient) -> None:
+    """M11, P3: no sleeping between a command and reading what it did."""
+    for k in range(20):
+        target = 0.1 + 0.001 * k
+        assert client.position_move(0, target, 0.1)
+        assert client.get_target_position(0) == pytest.approx([target], abs=1e-12)
+    assert client.check_motion_done() == [False] + [True] * 6
+    assert client.stop(0)
+    assert client.check_motion_done(0) == [True]
+    for set_mode, send, get in (
+        ("posd", client.set_position, client.get_ref_position),
+        ("vel", client.velocity_move, client.get_ref_velocity),
+        ("torq", client.set_ref_torque, client.get_ref_torque),
+        ("open", client.set_output, client.get_output),
+    ):
+        assert client.set_control_mode([6, 5], set_mode)
+        assert send([6, 5], [0.02, 0.03])
+        assert get([5, 6]).tolist() == [0.03, 0.02]
+
+
+def test_reference_speeds(client: ControlBoardClient) -> None:
+    """P2: set, read, refused when not above 0."""
+    assert client.set_ref_speed(None, 0.5)
+    assert client.set_ref_acceleration([1, 2], [0.6, 0.7])
+    assert client.get_ref_speed().tolist() == [0.5] * 7
+    assert client.get_ref_acceleration([2, 1]).tolist() == [0.7, 0.6]
+    assert client.set_reference_speed(0, 0.3, 0.4)
+    assert client.get_ref_speed(0).tolist() == [0.3]
+    assert not client.set_ref_speed(0, 0.0)
+    assert not client.set_ref_speed(0, math.nan)
+    assert not client.set_reference_speed(0)
+    assert client.get_ref_speed(0).tolist() == [0.3]
+
+
+def test_commands_out_of_mode_are_foretold_and_counted(client: ControlBoardClient) -> None:
+    """M4: ignored, said so at once, counted by the board; the other joints are served."""
+    before = client.get_state().rejected_commands
+    assert client.set_control_mode(0, "vel")
+    reply = client.velocity_move([0, 1], 0.01)
+    assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
+    assert reply.message == (
+        f"velocity reference for {NAMES[1]} ignored: mode is POSITION; "
+        f"switch with: cbctl mode {NAMES[1]} vel"
+    )
+    assert client.get_ref_velocity(0).tolist() == [0.01]
+    counted = client.get_state().rejected_commands - before
+    assert counted.tolist() == [0, 1, 0, 0, 0, 0, 0]
+
+
+def test_a_mode_just_set_is_the_mode_that_counts(client: ControlBoardClient) -> None:
+    """M4: a command right after the request is not judged by an old ~/modes message."""
+    for _ in range(30):
+        assert client.set_control_mode(0, "torq")
+        assert client.set_ref_torque(0, 0.0)
+        assert not client.set_output(0, 0.0)
+        assert client.set_control_mode(0, "open")
+        assert client.set_output(0, 0.0)
+        assert not client.set_ref_torque(0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        (math.nan, "nan is not a finite number"),
+        (math.inf, "inf is not a finite number"),
+        ([0.1, 0.2], "2 position references for 1 joint"),
+        ("x", "must be numbers"),
+    ],
+)
+def test_bad_values_are_ignored_and_counted(
+    client: ControlBoardClient, values: Any, text: str
+) -> None:
+    """P13: NaN, infinite or of wrong length, with the reason."""
+    before = client.get_state().rejected_commands
+    reply = client.position_move(0, values)
+    assert not reply
+    assert text in reply.message
+    assert (client.get_state().rejected_commands - before)[0] == 1
+    assert client.check_motion_done(0) == [True]
+
+
+def test_speeds_that_are_no_speeds(client: ControlBoardClient) -> None:
+    """P2: a speed of a command that is not above 0 makes it ignored."""
+    reply = client.position_move([0, 1], 0.1, [0.1, 0.0])
+    assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
+    assert "speeds must be above 0" in reply.message
+
+
+def test_get_methods_raise_for_joints_that_do_not_exist(client: ControlBoardClient) -> None:
+    """A: what cannot be answered raises a ValueError with the board's words."""
+    for get in (client.get_control_mode, client.get_encoder, client.get_ref_torque):
+        with pytest.raises(RequestError, match="unknown; did you mean 'lbr_iiwa_joint_"):
+            get("lbr_iiwa_joint_0")
+        with pytest.raises(ValueError, match="out of range"):
+            get(-1)
+
+
+def test_the_old_interface_warns(
+    client: ControlBoardClient, process: BoardProcess, node: Any, capfd: Any
+) -> None:
+    """D1: a DeprecationWarning and a log warning; I9: the old pairs."""
+    with pytest.warns(DeprecationWarning, match="set_impedance_velocity_mode belongs to the old"):
+        assert client.set_impedance_velocity_mode([0, 1])
+    assert "set_impedance_velocity_mode belongs to the old interface" in capfd.readouterr().err
+    assert client.get_control_mode(0) == [M.VELOCITY]
+    assert client.get_interaction_mode(0) == [InteractionMode.COMPLIANT]
+    with pytest.warns(DeprecationWarning, match="get_control_modes"):
+        assert client.get_control_modes() == client.get_control_mode()
+    assert client.set_position_direct_mode(0)
+
+
+def test_measured_state(client: ControlBoardClient) -> None:
+    """A: encoders, speeds and torques of the joints asked for, in the order asked for."""
+    state = client.get_state()
+    assert state.names == NAMES
+    assert client.get_encoder([3, 1]) == pytest.approx(state.position[[3, 1]], abs=1e-3)
+    assert client.get_encoder_speed().shape == (7,)
+    assert abs(client.get_torque(1)[0]) > 1.0  # the arm leans forward
+    assert client.position_move(6, 0.2, 1.0)
+    reached = client.wait_for_state(lambda s: abs(s.position[6] - 0.2) < 0.01, 5.0)
+    assert reached.position[6] == pytest.approx(0.2, abs=0.01)
+    with pytest.raises(BoardTimeout, match=r"after 0\.2 s"):
+        client.wait_for_state(lambda s: bool(s.position[6] > 9.0), 0.2)
+
+
+def test_move_waits_and_tells(client: ControlBoardClient) -> None:
+    """P1: move returns at the end, with feedback on the way."""
+    told: list[Any] = []
+    caller = threading.get_ident()
+    start = time.monotonic()
+    reply = client.move([0, 1], [0.5, 0.7], 0.5, lambda f: told.append((threading.get_ident(), f)))
+    assert reply, reply.message
+    assert 0.8 < time.monotonic() - start < 5.0
+    assert client.get_encoder([0, 1]) == pytest.approx([0.5, 0.7], abs=math.radians(1.0))
+    assert {thread for thread, _ in told} == {caller}
+    remaining = [f.remaining_time for _, f in told]
+    assert remaining[0] > 0.5
+    assert remaining == sorted(remaining, reverse=True)
+    assert told[0][1].names == NAMES[:2]
+
+
+def test_move_fails_with_the_reason(client: ControlBoardClient) -> None:
+    """M4: a move of a joint whose mode takes none, or of none that exists."""
+    assert client.set_control_mode(0, "vel")
+    reply = client.move(0, 0.5)
+    assert not reply
+    assert "mode is VELOCITY" in reply.message
+    assert "unknown" in client.move("nobody", 0.5).message
+    assert "2 position references for 1 joint" in client.move(0, [0.1, 0.2]).message
+
+
+def test_an_interrupted_move_stops_the_joints(client: ControlBoardClient) -> None:
+    """Ctrl-C during a move cancels the goal and comes through."""
+    threading.Timer(0.7, signal.raise_signal, [signal.SIGINT]).start()
+    with pytest.raises(KeyboardInterrupt):
+        client.move(0, 1.5, 0.3)
+    assert client.check_motion_done(0) == [True]
+    position = client.get_encoder(0)[0]
+    assert 0.01 < position < 0.6
+    assert client.get_target_position(0) == pytest.approx([1.5])
+
+
+def test_calibrate(client: ControlBoardClient) -> None:
+    """K1, K3: started at once, or waited for; the statuses tell."""
+    told: list[Any] = []
+    reply = client.calibrate([0, 1], wait=True, feedback=told.append)
+    assert reply, reply.message
+    assert told[-1].names == NAMES[:2]
+    assert told[-1].progress.tolist() == [1.0, 1.0]
+    assert all(status.done for status in client.get_calibration([0, 1]))
+    assert not client.get_calibration(2)[0].done
+    assert client.calibrate(2)
+    assert client.get_calibration(2)[0].done
+
+
+def test_faults_of_the_hardware(client: ControlBoardClient) -> None:
+    """F1 to F3: injected, latched, refused while the cause persists."""
+    assert client.inject_fault(3, "encoder", persistent=True)
+    client.wait_for_state(lambda s: not s.output[3], 2.0)
+    assert client.get_control_mode(3) == [M.HW_FAULT]
+    reply = client.set_control_mode(3, "fidl")
+    assert reply.answers == (Answer.REFUSED,)
+    assert "the cause persists" in reply.message
+    reply = client.position_move(3, 0.0)
+    assert reply.answers == (Answer.IGNORED,)
+    assert "cbctl clear lbr_iiwa_joint_4" in reply.message
+    assert client.clear_injected_faults()
+    assert client.set_control_mode(3, "fidl")
+    assert not client.inject_fault(3, "nonsense")
+
+
+def test_the_simulation_steps(client: ControlBoardClient) -> None:
+    """A paused board moves by steps only."""
+    assert client.pause()
+    before = client.get_encoder(0)[0]
+    assert client.position_move(0, 0.5, 0.5)
+    assert client.step(100)
+    after = client.get_encoder(0)[0]
+    assert before < after < 0.2
+    assert client.get_encoder(0)[0] == after
+    assert "from 1 to" in client.step(0).message
+    assert client.pause(False)
+
+
+def test_configure_and_power_cycle(client: ControlBoardClient) -> None:
+    """N1, N2: what concerns the whole board answers for all joints."""
+    reply = client.configure()
+    assert not reply
+    assert reply.joints == NAMES
+    assert "configured already" in reply.message
+    assert client.power_cycle()
+
+
+def test_feedforward(client: ControlBoardClient) -> None:
+    """P11: any mode; values are checked."""
+    assert client.set_feedforward(0, torques=0.5)
+    assert client.get_torque_offset(0).tolist() == [0.5]
+    assert client.set_feedforward(0, 0.0, 0.0)
+    assert not client.set_feedforward(0)
+    assert "not a finite number" in client.set_feedforward(0, outputs=math.nan).message
+
+
+def test_the_urdf(client: ControlBoardClient) -> None:
+    """The description of the robot is the board's own."""
+    assert '<robot name="' in client.get_robot_description()
+
+
+def test_no_board_of_this_name(process: BoardProcess, node: Any) -> None:
+    """A board that is not there: one line with the domain and what there is instead."""
+    with ControlBoardClient(node, "other", find_timeout=1.0) as client:
+        start = time.monotonic()
+        with pytest.raises(BoardNotFound) as raised:
+            client.get_control_mode()
+        assert time.monotonic() - start == pytest.approx(1.0, abs=0.5)
+    assert str(raised.value) == (
+        f"no board found on domain {process.domain} after 1 s as /other; "
+        "boards there are: /control_board"
+    )
+
+
+def test_a_board_that_does_not_answer(process: BoardProcess, node: Any) -> None:
+    """Found, but silent: BoardTimeout after the answer timeout, and fine again later."""
+    with ControlBoardClient(node, process.name, answer_timeout=0.5) as client:
+        assert client.get_control_mode(0)
+        process.process.send_signal(signal.SIGSTOP)
+        try:
+            start = time.monotonic()
+            with pytest.raises(BoardTimeout, match=r"no answer from .*get_control_mode after 0.5"):
+                client.get_control_mode(0)
+            assert time.monotonic() - start == pytest.approx(0.5, abs=0.3)
+        finally:
+            process.process.send_signal(signal.SIGCONT)
+        client.wait_for_state(lambda _: True, 5.0)
+        assert client.get_control_mode(0)
+
+
+def test_a_hundred_clients_at_once(process: BoardProcess) -> None:
+    """100 calls in flight lose none."""
+    with ros_node(process.domain, "many", spin=False) as node:
+        clients = [ControlBoardClient(node, process.name, answer_timeout=20.0) for _ in range(10)]
+        answers: list[Any] = []
+        lock = threading.Lock()
+
+        def ask(client: ControlBoardClient) -> None:
+            for _ in range(10):
+                modes = client.get_control_mode()
+                with lock:
+                    answers.append(modes)
+
+        threads = [threading.Thread(target=ask, args=(c,)) for c in clients for _ in range(10)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        for client in clients:
+            client.close()
+    assert len(answers) == 1000
+    assert all(len(modes) == 7 for modes in answers)
+    assert np.all([modes == answers[0] for modes in answers])

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a call may come from: any thread, any executor, asyncio; and how it ends."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from rclpy.executors import SingleThreadedExecutor
+
+from control_board_ros.client import BoardError, ControlBoardClient
+from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.testing import BoardProcess, ros_node
+
+pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_calling")]
+
+
+@pytest.fixture
+def spinning(process: BoardProcess) -> Iterator[Any]:
+    """A node that another thread spins."""
+    with ros_node(process.domain, "spinning") as node:
+        yield node
+
+
+def test_beside_a_spinning_executor(process: BoardProcess, spinning: Any) -> None:
+    """The user's node spins elsewhere."""
+    with ControlBoardClient(spinning, process.name) as client:
+        assert client.get_control_mode(0) == [M.POSITION]
+
+
+def test_within_a_callback(process: BoardProcess, spinning: Any) -> None:
+    """A call from a callback of the executor that spins the node does not deadlock."""
+    answers: list[Any] = []
+    done = threading.Event()
+    with ControlBoardClient(spinning, process.name) as client:
+
+        def once() -> None:
+            timer.cancel()
+            answers.append(client.get_control_mode(0))
+            done.set()
+
+        timer = spinning.create_timer(0.01, once)
+        assert done.wait(10.0)
+        spinning.destroy_timer(timer)
+    assert answers == [[M.POSITION]]
+
+
+def test_in_a_coroutine_of_rclpy(process: BoardProcess, spinning: Any) -> None:
+    """Await in a coroutine of the node's executor, which stays free meanwhile."""
+    done = threading.Event()
+    answers: list[Any] = []
+    with ControlBoardClient(spinning, process.name) as client:
+
+        async def ask() -> None:
+            answers.append(await client.aio.get_control_mode(0))
+            answers.append(await client.aio.move(0, 0.1, 0.5))
+            answers.append(await client.aio.check_motion_done(0))
+            done.set()
+
+        spinning.executor.create_task(ask)
+        assert done.wait(15.0)
+        assert answers[0] == [M.POSITION]
+        assert answers[1], answers[1].message
+        assert answers[2] == [True]
+
+
+def test_in_asyncio(process: BoardProcess, node: Any) -> None:
+    """Await under asyncio: many at a time, and a cancelled move stops the joint."""
+
+    async def talk(client: ControlBoardClient) -> None:
+        modes = await asyncio.gather(*(client.aio.get_control_mode(k) for k in range(7)))
+        assert modes == [[M.POSITION]] * 7
+        move = asyncio.create_task(client.aio.move(1, -1.0, 0.2))
+        await asyncio.sleep(0.5)
+        assert await client.aio.check_motion_done(1) == [False]
+        move.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await move
+        assert await client.aio.check_motion_done(1) == [True]
+        ticks = 0
+        move = asyncio.create_task(client.aio.move(0, 0.3, 0.5))
+        while not move.done():
+            await asyncio.sleep(0.01)
+            ticks += 1
+        assert ticks > 10  # the loop was free
+        assert move.result()
+
+    with ControlBoardClient(node, process.name) as client:
+        asyncio.run(talk(client))
+
+
+def test_the_awaitable_forms(process: BoardProcess, node: Any) -> None:
+    """Aio lists what it has, and says so where it has not."""
+    with ControlBoardClient(node, process.name) as client:
+        assert {"set_control_mode", "move", "get_encoder", "wait_for_state"} <= set(
+            dir(client.aio)
+        )
+        with pytest.raises(AttributeError, match="no awaitable form"):
+            client.aio.close  # noqa: B018
+
+
+def test_from_many_threads(process: BoardProcess, node: Any) -> None:
+    """One client, many threads."""
+    failed: list[BaseException] = []
+    with ControlBoardClient(node, process.name, answer_timeout=10.0) as client:
+
+        def talk(k: int) -> None:
+            try:
+                for _ in range(20):
+                    assert client.set_control_mode(k, "pos")
+                    assert client.get_encoder(k).shape == (1,)
+            except BaseException as error:  # noqa: BLE001
+                failed.append(error)
+
+        threads = [threading.Thread(target=talk, args=(k,)) for k in range(7)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert not failed
+
+
+def test_a_closed_client_says_so(process: BoardProcess, node: Any) -> None:
+    """A call after close, and one that waits while another thread closes."""
+    client = ControlBoardClient(node, process.name)
+    assert client.names
+    ended: list[Any] = []
+
+    def wait() -> None:
+        try:
+            client.wait_for_state(lambda _: False, 30.0)
+        except BoardError as error:
+            ended.append(str(error))
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    time.sleep(0.3)
+    client.close()
+    thread.join(timeout=5.0)
+    assert ended == ["the client was closed"]
+    with pytest.raises(BoardError, match="closed"):
+        client.get_control_mode()
+    client.close()
+
+
+def test_a_context_that_is_shut_down(process: BoardProcess) -> None:
+    """rclpy.shutdown() under a waiting call ends it with an error."""
+    with ros_node(process.domain, "short", spin=False) as node:
+        client = ControlBoardClient(node, process.name)
+        assert client.names
+        threading.Timer(0.3, node.context.shutdown).start()
+        with pytest.raises(BoardError, match="context was shut down"):
+            client.wait_for_state(lambda _: False, 10.0)
+        client.close()
+
+
+def test_namespaces_and_remappings(process: BoardProcess) -> None:
+    """The name of the board is relative to the node, and remapped as the node is."""
+    with ros_node(process.domain, "far", namespace="somewhere", spin=False) as node:
+        with ControlBoardClient(node, "control_board", find_timeout=2.0) as client:
+            assert client.board_name == "/somewhere/control_board"
+            with pytest.raises(BoardError, match="boards there are: /control_board"):
+                assert client.names
+        with ControlBoardClient(node, "/control_board") as client:
+            assert len(client.names) == 7
+
+
+PROGRAM = """
+import rclpy
+from control_board_ros.client import ControlBoardClient
+rclpy.init()
+node = rclpy.create_node("program")
+client = ControlBoardClient(node, "control_board")
+print(client.get_control_mode(0)[0].name)
+if {shut_down}:
+    rclpy.shutdown()
+"""
+
+
+@pytest.mark.parametrize("shut_down", [False, True])
+def test_a_program_just_ends(process: BoardProcess, shut_down: bool) -> None:
+    """Nothing needs to be closed: the program ends with code 0 and says nothing."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM.format(shut_down=shut_down)],
+        env=process.environment,
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "POSITION\n", "")
+
+
+def test_several_executors_do_not_mind(process: BoardProcess, node: Any) -> None:
+    """The node may be added to an executor after the client was made."""
+    with ControlBoardClient(node, process.name) as client:
+        assert client.names
+        executor = SingleThreadedExecutor(context=node.context)
+        executor.add_node(node)
+        assert client.get_control_mode(0) == [M.POSITION]
+        executor.remove_node(node)
+        executor.shutdown()

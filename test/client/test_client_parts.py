@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parts of the client that need no ROS: waiting, what it knows of modes and calibrations."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from control_board_ros.client.calibrations import CalibrationView
+from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTimeout
+from control_board_ros.client.modes import answer_of, parse_all
+from control_board_ros.client.modes_view import ANSWER_HOLDS, ModesView
+from control_board_ros.client.references import as_given
+from control_board_ros.client.waiting import Aio, Steps, Wait, operation, run
+from control_board_ros.core.reply import Answer
+from control_board_ros.core.vocabs import ControlMode, InteractionMode, parse_control_mode
+
+
+class Waiter:
+    """A method that waits twice."""
+
+    def __init__(self, *waits: Wait) -> None:
+        self.waits, self.interrupted = waits, False
+
+    @operation
+    def both(self, word: str, *, loud: bool = False) -> Steps[str]:
+        """Wait for both."""
+        try:
+            yield from self.waits
+        except (KeyboardInterrupt, asyncio.CancelledError):
+            self.interrupted = True
+            raise
+        return word.upper() if loud else word
+
+
+def later(*waits: Wait, **how: Any) -> None:
+    """Finish waits from another thread, one after the other."""
+
+    def finish() -> None:
+        for wait in waits:
+            time.sleep(0.02)
+            wait.finish(**how)
+
+    threading.Thread(target=finish).start()
+
+
+def test_the_blocking_form() -> None:
+    """The steps run in the caller's thread and return their value."""
+    waits = Wait(None), Wait(None)
+    later(*waits)
+    assert Waiter(*waits).both("done", loud=True) == "DONE"
+    assert Waiter.both.__doc__ == "Wait for both."
+
+
+def test_the_awaitable_form() -> None:
+    """The same steps under asyncio, beside others."""
+    waits = Wait(None), Wait(None)
+    other = Wait(None)
+
+    async def talk() -> list[str]:
+        first, second = Aio(Waiter(*waits), int), Aio(Waiter(other), int)
+        later(*waits, other)
+        return list(await asyncio.gather(first.both("a"), second.both("b", loud=True)))
+
+    assert asyncio.run(talk()) == ["a", "B"]
+
+
+def test_a_wait_that_was_closed() -> None:
+    """The reason comes out of both forms."""
+    for ask in (
+        lambda waiter: waiter.both("x"),
+        lambda waiter: asyncio.run(Aio(waiter, int).both("x")),
+    ):
+        wait = Wait(None)
+        later(wait, closed="the end")
+        with pytest.raises(BoardError, match="the end"):
+            ask(Waiter(wait))
+
+
+def test_the_first_end_counts() -> None:
+    """A wait that timed out stays so."""
+    wait = Wait(1.0)
+    wait.finish(done=False)
+    wait.finish()
+    assert wait.finished
+    assert not wait.done
+    called = []
+    wait.on_finish(lambda: called.append(1))
+    assert called == [1]
+
+
+def test_an_exception_of_the_steps_comes_out() -> None:
+    """Not swallowed, not changed."""
+
+    def steps() -> Steps[None]:
+        wait = Wait(None)
+        wait.finish()
+        yield wait
+        raise ValueError("as it is")
+
+    with pytest.raises(ValueError, match="as it is"):
+        run(steps())
+
+
+def test_a_cancelled_task_reaches_the_steps() -> None:
+    """Asyncio's cancellation is seen where the steps wait."""
+    waiter = Waiter(Wait(None))
+
+    async def talk() -> None:
+        task = asyncio.create_task(Aio(waiter, int).both("x"))
+        await asyncio.sleep(0.02)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+
+    asyncio.run(talk())
+    assert waiter.interrupted
+
+
+def modes_message(**modes: str) -> Any:
+    """A JointModes message, STIFF throughout."""
+    codes = {mode.code: mode for mode in ControlMode}
+    return SimpleNamespace(
+        names=list(modes),
+        control_mode_vocabs=[int(codes[code]) for code in modes.values()],
+        interaction_mode_vocabs=[int(InteractionMode.STIFF)] * len(modes),
+    )
+
+
+def test_an_answer_outweighs_an_older_message() -> None:
+    """A ~/modes message that was on its way does not undo the answer to a request."""
+    view = ModesView()
+    assert not view.known()
+    view.on_message(modes_message(a="pos", b="idl"))
+    assert view.names == ("a", "b")
+    view.on_answer(["a"], ["vel"])
+    assert view.control_mode("a") is ControlMode.VELOCITY
+    view.on_message(modes_message(a="pos", b="pos"))  # of before the request
+    assert view.control_mode("a") is ControlMode.VELOCITY
+    assert view.control_mode("b") is ControlMode.POSITION
+    view.on_message(modes_message(a="vel", b="pos"))  # of the request
+    view.on_message(modes_message(a="hwfa", b="pos"))  # a fault since
+    assert view.control_mode("a") is ControlMode.HW_FAULT
+
+
+def test_an_answer_does_not_hold_for_ever() -> None:
+    """Messages win in the end."""
+    view = ModesView()
+    view.on_message(modes_message(a="idl"))
+    view.on_answer(["a"], ["vel"])
+    time.sleep(ANSWER_HOLDS + 0.01)
+    assert view.control_mode("a") is ControlMode.IDLE
+
+
+def test_doubt_passes() -> None:
+    """After what may change all modes the board is to be asked, for a while."""
+    view = ModesView()
+    view.on_message(modes_message(a="idl"))
+    view.on_answer(["a"], ["vel"])
+    view.doubt()
+    assert not view.certain
+    assert view.control_mode("a") is ControlMode.IDLE
+    time.sleep(ANSWER_HOLDS + 0.01)
+    assert view.certain
+
+
+def test_other_joints_on_another_board() -> None:
+    """A board that comes back with other joints is taken as it is."""
+    view = ModesView()
+    view.on_message(modes_message(a="idl"))
+    view.on_message(modes_message(x="idl", y="pos"))
+    assert view.names == ("x", "y")
+    assert view.interaction_mode("y") is InteractionMode.STIFF
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "target", "answer"),
+    [
+        ("pos", "vel", "vel", Answer.ACCEPTED),
+        ("pos", "hwfa", "icur", Answer.UNSUPPORTED),
+        ("hwfa", "hwfa", "pos", Answer.REFUSED),
+        ("cal", "cal", "pos", Answer.REFUSED),
+        ("hwfa", "idl", "idl", Answer.ACCEPTED),
+    ],
+)
+def test_answers_from_modes(before: str, after: str, target: str, answer: Answer) -> None:
+    """M5, F2, K2: one joint's answer from its mode before and after."""
+    assert answer_of(parse_control_mode(before), after, target) is answer
+
+
+def test_modes_of_a_request() -> None:
+    """M7: one for all, or one each."""
+    assert parse_all("pos", 3, parse_control_mode) == [ControlMode.POSITION] * 3
+    assert parse_all(["pos"], 2, parse_control_mode) == [ControlMode.POSITION] * 2
+    with pytest.raises(ValueError, match="2 modes for 3 joints"):
+        parse_all(["pos", "vel"], 3, parse_control_mode)
+
+
+def test_malformed_values_are_sent_as_far_as_they_go() -> None:
+    """P13: so that the board counts them."""
+    assert as_given({"positions": [1, 2], "speeds": None}) == {"positions": [1.0, 2.0]}
+    assert as_given({"positions": "x"}) == {"positions": []}
+    assert as_given({"positions": 3}) == {"positions": [3.0]}
+
+
+def test_calibrations() -> None:
+    """K3, K4: what feedback and results tell; feedback that is late tells nothing."""
+    view = CalibrationView()
+    assert view.status("a").phase == "none"
+    view.started(["a", "b"])
+    assert view.status("a").running
+    feedback = SimpleNamespace(names=["a", "b"], progress=[1.0, 0.5], phase="move")
+    view.on_feedback(feedback)
+    assert view.status("b").progress == 0.5
+    view.ended(["a", "b"], False, "b is not calibrated: no stop")
+    assert view.status("a").done
+    assert not view.status("b").done
+    assert view.status("b").message == "b is not calibrated: no stop"
+    view.on_feedback(feedback)
+    assert not view.status("b").running
+
+
+def test_one_kind_of_error() -> None:
+    """Users catch BoardError."""
+    assert issubclass(BoardNotFound, BoardError)
+    assert issubclass(BoardTimeout, BoardError)
