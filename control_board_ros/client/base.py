@@ -145,6 +145,7 @@ class ClientBase:
         names = (yield from self._find()).names
         response = yield from self._link.call(kind, name, request)
         self._changed()
+        self._view.doubt()
         if response.success:
             return Reply(names, (Answer.ACCEPTED,) * len(names), response.message)
         return refused(response.message, names)

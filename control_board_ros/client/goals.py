@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from action_msgs.msg import GoalStatus
 from control_board_msgs.action import Calibrate, Move
-from control_board_msgs.srv import GetControlMode
 
 from control_board_ros.core.calibration import CalibrationStatus
 from control_board_ros.core.reply import Reply, accepted, refused
@@ -166,6 +165,7 @@ class GoalOperations(ReferenceOperations):
         goal = Calibrate.Goal(names=list(selection.names))
         view, names = self._calibrations, selection.names
         view.started(names)
+        self._view.doubt()
 
         def show(message: Any) -> None:
             if feedback is not None:
@@ -187,7 +187,7 @@ class GoalOperations(ReferenceOperations):
     @operation
     def get_calibration(self, joints: Joints = None) -> Steps[list[CalibrationStatus]]:
         """How the last calibration of each joint stands, of those this client asked for."""
-        response = yield from self._get(GetControlMode, "get_control_mode", joints)
+        response = yield from self._control_modes((yield from self._select(joints)))
         view, statuses = self._calibrations, []
         for name, code in zip(response.names, response.modes, strict=True):
             if code != ControlMode.CALIBRATING.code:  # then the result is on its way
@@ -233,6 +233,7 @@ class GoalOperations(ReferenceOperations):
         except BaseException:
             run.handle.cancel_goal_async()
             yield from self._link.outcome(run.result, self._link.answer_timeout)
+            self._changed()
             raise
         self._changed()
         return self._result(name, run.result.result(), names)

@@ -169,6 +169,8 @@ class Link:
 
     def _entity(self, name: str, make: Callable[[str], Any]) -> Any:
         with self._lock:
+            if self._closed:
+                raise BoardError(self._closed)
             entity = self._entities.get(name)
             if entity is None:
                 full = name if name.startswith("/") else f"{self.board}/{name}"

@@ -68,8 +68,16 @@ class ModeOperations(ClientBase):
     @operation
     def get_control_mode(self, joints: Joints = None) -> Steps[list[ControlMode]]:
         """The modes that joints are in, also the statuses HW_FAULT, CALIBRATING, …"""
-        response = yield from self._get(GetControlMode, "get_control_mode", joints)
+        response = yield from self._control_modes((yield from self._select(joints)))
         return [ControlMode(vocab) for vocab in response.vocabs]
+
+    def _control_modes(self, selection: Selection) -> Steps[Any]:
+        """Ask for control modes, and remember them."""
+        response = yield from self._request(GetControlMode, "get_control_mode", selection)
+        if not response.success:
+            raise RequestError(response.message)
+        self._view.on_answer(response.names, response.modes)
+        return response
 
     @operation
     def set_interaction_mode(
@@ -94,8 +102,7 @@ class ModeOperations(ClientBase):
         if not response.names:
             return refused(response.message)
         # A mode that a joint does not implement faults it (I7); the answer holds no control mode.
-        control = yield from self._request(GetControlMode, "get_control_mode", selection)
-        self._view.on_answer(control.names, control.modes)
+        control = yield from self._control_modes(selection)
         answers = []
         for name, mode, now, state in zip(
             selection.names, wanted, response.modes, control.modes, strict=True

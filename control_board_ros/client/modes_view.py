@@ -25,10 +25,16 @@ class ModesView:
 
     def __init__(self) -> None:
         self.selector: Selector | None = None
+        self._doubtful_until = 0.0
         self._lock = threading.Lock()
         self._control: dict[str, ControlMode] = {}
         self._interaction: dict[str, InteractionMode] = {}
         self._held: dict[str, tuple[ControlMode, float]] = {}
+
+    @property
+    def certain(self) -> bool:
+        """False when the board had better be asked: messages may be on their way."""
+        return time.monotonic() >= self._doubtful_until
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -66,6 +72,12 @@ class ModesView:
         with self._lock:
             for name, code in zip(names, codes, strict=True):
                 self._held[name] = (modes[code], end)
+
+    def doubt(self) -> None:
+        """Something may have changed modes without an answer that says to what."""
+        with self._lock:
+            self._doubtful_until = time.monotonic() + ANSWER_HOLDS
+            self._held.clear()
 
     def control_mode(self, name: str) -> ControlMode:
         """The control mode of a joint as far as the client knows."""

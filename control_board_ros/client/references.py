@@ -228,9 +228,15 @@ class ReferenceOperations(ModeOperations):
         self._changed()
 
     def _wrong_modes(self, kind: CommandKind, selection: Selection) -> Steps[list[str]]:
-        """For each joint, why its mode does not take this kind; empty where it does."""
+        """For each joint, why its mode does not take this kind; empty where it does.
+
+        Before a joint is said to be in a wrong mode, the board is asked.
+        """
+        if self._view.certain and all(self._takes(kind, name) for name in selection.names):
+            return [""] * len(selection.names)
+        yield from self._control_modes(selection)
         modes = [self._view.control_mode(name) for name in selection.names]
-        wrong = [kind not in ACCEPTS.get(mode, ()) for mode in modes]
+        wrong = [not self._takes(kind, name) for name in selection.names]
         if not any(wrong):
             return [""] * len(wrong)
         available = yield from self._available(selection.names)
@@ -240,6 +246,10 @@ class ReferenceOperations(ModeOperations):
                 selection.names, modes, available, wrong, strict=True
             )
         ]
+
+    def _takes(self, kind: CommandKind, name: str) -> bool:
+        """Whether the mode of a joint takes a kind of reference, as far as the client knows."""
+        return kind in ACCEPTS.get(self._view.control_mode(name), ())
 
     def _ignored(self, what: str, selection: Selection, reasons: Sequence[str]) -> Reply:
         verdicts = []
