@@ -257,7 +257,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
 
 def describe(entity: Any) -> str:
     """The name of a topic, service or action server for a message; else its class."""
-    for name in ("topic", "srv_name"):
+    for name in ("topic_name", "service_name"):
         if hasattr(entity, name):
             return str(getattr(entity, name))
     return type(entity).__name__

@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parts of the node one by one: executor, throttled log, lock, messages, paths."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from control_board_msgs.msg import BoardState
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from control_board_ros.core.config import BoardConfig
+from control_board_ros.core.faults import FaultRecord
+from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.node import messages
+from control_board_ros.node.executor import KeptWaitSetExecutor
+from control_board_ros.node.lock import NameTakenError, lock_name
+from control_board_ros.node.throttle import ThrottledLog
+from control_board_ros.node.trajectory import Path
+from control_board_ros.testing import free_domain
+
+pytestmark = pytest.mark.timeout(30)
+
+
+class Served:
+    """A node served by the executor in a thread, and what its callbacks raised."""
+
+    def __init__(self, context: Context, domain: int) -> None:
+        context.init(args=[], domain_id=domain)
+        self.node = Node("served", context=context, use_global_arguments=False)
+        self.errors: list[tuple[str, str]] = []
+        self.executor = KeptWaitSetExecutor(
+            lambda error, where: self.errors.append((str(error), where)), context=context
+        )
+        self.executor.add_node(self.node)
+        self.thread = threading.Thread(target=self.executor.spin, daemon=True)
+        self.thread.start()
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    with free_domain() as domain:
+        context = Context()
+        made = Served(context, domain)
+        yield made
+        made.executor.end()
+        made.thread.join(5)
+        assert not made.thread.is_alive()
+        made.executor.shutdown()
+        made.node.destroy_node()
+        context.try_shutdown()
+
+
+def soon(good: Any) -> None:
+    """Wait until something is so."""
+    deadline = time.monotonic() + 10
+    while not good():
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+@pytest.mark.ros
+def test_executor_serves_entities_made_while_it_spins(served: Served) -> None:
+    """Services, clients, topics and timers may come and go."""
+    heard: list[str] = []
+    node = served.node
+    node.create_subscription(String, "talk", lambda m: heard.append(m.data), 10)
+    publisher = node.create_publisher(String, "talk", 10)
+    timer = node.create_timer(
+        0.01,
+        lambda: publisher.publish(String(data="tick")),
+        clock=Clock(clock_type=ClockType.STEADY_TIME),
+    )
+    soon(lambda: len(heard) >= 5)
+    node.destroy_timer(timer)
+    node.create_service(Trigger, "ask", lambda _, r: Trigger.Response(success=True, message="yes"))
+    client = node.create_client(Trigger, "ask")
+    assert client.wait_for_service(10)
+    future = client.call_async(Trigger.Request())
+    soon(future.done)
+    assert future.result().message == "yes"
+    assert not served.errors
+
+
+@pytest.mark.ros
+def test_executor_lives_on_when_callbacks_raise(served: Served) -> None:
+    """No callback of any kind ends it, and each is told with its name."""
+    node, heard = served.node, []
+
+    def fail(*_: Any) -> Any:
+        raise RuntimeError("on purpose")
+
+    def subscribed(message: Any) -> None:
+        heard.append(message)
+        fail()
+
+    node.create_subscription(String, "talk", subscribed, 10)
+    node.create_service(Trigger, "ask", fail)
+    steady = Clock(clock_type=ClockType.STEADY_TIME)
+    timer = node.create_timer(0.05, fail, clock=steady)
+    guard = node.create_guard_condition(fail)
+    publisher, client = (
+        node.create_publisher(String, "talk", 10),
+        node.create_client(Trigger, "ask"),
+    )
+    assert client.wait_for_service(10)
+    client.call_async(Trigger.Request())
+    guard.trigger()
+    soon(lambda: publisher.publish(String()) or len(heard) >= 3)
+    wheres = {"/talk", "/ask", "Timer", "GuardCondition"}
+    soon(lambda: {where for _, where in served.errors} >= wheres)
+    assert {text for text, _ in served.errors} == {"on purpose"}
+    node.destroy_timer(timer)
+
+
+@pytest.mark.ros
+def test_executor_answers_later(served: Served) -> None:
+    """A service whose callback is a coroutine answers when its future is set, by any thread."""
+    asked = Future()
+
+    async def answer(_request: Any, response: Any) -> Any:
+        response.message = await asked
+        return response
+
+    served.node.create_service(Trigger, "ask", answer)
+    client = served.node.create_client(Trigger, "ask")
+    assert client.wait_for_service(10)
+    future = client.call_async(Trigger.Request())
+    time.sleep(0.05)
+    assert not future.done()
+    served.executor.create_task(lambda: asked.set_result("at last"))
+    soon(future.done)
+    assert future.result().message == "at last"
+
+
+def test_throttled_log_counts_what_it_leaves_out() -> None:
+    """P2 of the promises: at once, then once per period with the count, then silence."""
+    log, lines = ThrottledLog(), []
+    for value in range(39):
+        log.say(lines.append, f"reference {value}.5 ignored: mode is POSITION; switch with: x")
+    assert lines == ["reference 0.5 ignored: mode is POSITION; switch with: x"]
+    log.flush()
+    assert lines[1:] == [
+        "reference 38.5 ignored: mode is POSITION (38 ignored in the last 1 s); switch with: x"
+    ]
+    log.flush()
+    assert len(lines) == 2
+    log.flush()
+    log.say(lines.append, "reference 1.5 ignored: mode is POSITION; switch with: x")
+    assert len(lines) == 3
+
+
+def test_throttled_log_is_bounded() -> None:
+    """A flood of ever different causes costs a bounded number of lines per period."""
+    log, lines = ThrottledLog(), []
+    for i in range(5000):
+        log.say(lines.append, "joint " + "x" * (i % 150) + chr(65 + i % 26) + " unknown")
+    assert len(lines) <= 51
+    log.flush()
+    assert len(lines) <= 102
+
+
+def test_lock_is_per_name_and_domain(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second process of one name and domain gets the first one's pid; others get in."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    held = lock_name("/left/control_board", "40")
+    try:
+        with pytest.raises(NameTakenError, match=f"pid {os.getpid()}"):
+            lock_name("/left/control_board", "40")
+        for name, domain in (("/right/control_board", "40"), ("/left/control_board", "41")):
+            os.close(lock_name(name, domain))
+    finally:
+        os.close(held)
+    os.close(lock_name("/left/control_board", "40"))
+
+
+def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing stale is left by a killed process."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    code = (
+        "import os; from control_board_ros.node.lock import lock_name;"
+        "lock_name('/x', '1'); os.kill(os.getpid(), 9)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode != 0
+    os.close(lock_name("/x", "1"))
+
+
+def test_names_and_values_of_messages() -> None:
+    """Lists are cut where one more entry is enough to be wrong; empty means None."""
+    assert messages.chosen([f"j{i}" for i in range(100_000)], 7) == tuple(
+        f"j{i}" for i in range(8)
+    )
+    assert messages.chosen([], 7) == ()
+    assert messages.optional([]) is None
+    assert messages.optional([1.0]) == [1.0]
+    assert messages.codes([ControlMode.POSITION, InteractionMode.STIFF]) == ["pos", "stif"]
+    assert list(messages.doubles(np.array([1.0, 2.0])[::-1])) == [2.0, 1.0]
+
+
+def test_stamps() -> None:
+    """Nanoseconds to seconds and back; never before 0."""
+    assert (messages.stamp(1_500_000_001).sec, messages.stamp(1_500_000_001).nanosec) == (
+        1,
+        500_000_001,
+    )
+    assert messages.stamp(-5).sec == 0
+
+
+def test_faults_as_messages() -> None:
+    """Only active faults are told; a joint without one has code −1 and time 0."""
+    records = [
+        FaultRecord("a"),
+        FaultRecord("b", active=True, code=1, text="overcurrent", stamp=2.0),
+    ]
+    told = messages.joint_faults(records, [0, 7_000_000_000], 8_000_000_000)
+    assert [fault.name for fault in told.faults] == ["b"]
+    assert told.faults[0].stamp.sec == 7
+    assert told.header.stamp.sec == 8
+    assert messages.joint_fault(records[0], 0).code == -1
+
+
+def test_board_state_message_holds_the_snapshot() -> None:
+    """Every field has one entry per joint, from its own row."""
+    from test_loop import config
+
+    from control_board_ros.core.board import Board
+
+    made: BoardConfig = config(("a", "b", "c"))
+    snapshot = Board(made).snapshot()
+    snapshot.block[:] = np.arange(snapshot.block.size).reshape(snapshot.block.shape)
+    message = messages.fill_board_state(BoardState(names=["a", "b", "c"]), snapshot, 1_000_000_000)
+    for field in (
+        "position",
+        "velocity",
+        "torque",
+        "position_reference",
+        "velocity_reference",
+        "torque_reference",
+        "output",
+        "current",
+    ):
+        assert list(getattr(message, field)) == list(getattr(snapshot, field)), field
+    assert list(message.motion_done) == [True] * 3
+    assert list(message.rejected_commands) == [0] * 3
+
+
+def test_paths_interpolate() -> None:
+    """Straight lines without velocities; with them a cubic through both."""
+    times, positions = np.array([0.0, 1.0, 3.0]), np.array([[0.0], [1.0], [0.0]])
+    line = Path(("a",), times, positions, None)
+    assert [line.at(t)[0] for t in (-1.0, 0.0, 0.25, 1.0, 2.0, 3.0, 9.0)] == pytest.approx(
+        [0.0, 0.0, 0.25, 1.0, 0.5, 0.0, 0.0]
+    )
+    cubic = Path(("a",), times, positions, np.array([[0.0], [0.5], [0.0]]))
+    step = 1e-6
+    for time_, position, velocity in ((1e-9, 0.0, 0.0), (1.0, 1.0, 0.5), (3.0 - step, 0.0, 0.0)):
+        assert cubic.at(time_)[0] == pytest.approx(position, abs=1e-5)
+        slope = (cubic.at(time_ + step)[0] - cubic.at(time_)[0]) / step
+        assert slope == pytest.approx(velocity, abs=1e-4)
