@@ -17,6 +17,21 @@ from .state import Indices, State
 from .trajectory import Trajectories, durations, ramp
 from .vocabs import CommandKind
 
+#: Kinds of references that expire, and the timeout of each in the configuration (P12).
+TIMED = {
+    CommandKind.VELOCITY: "velocity",
+    CommandKind.TORQUE: "torque",
+    CommandKind.OUTPUT: "output",
+}
+
+#: The kinds whose references run out, and the timeouts of the configuration (P12). A position
+#: move in MIXED leaves the timeout of the velocity alone.
+TIMED = {
+    CommandKind.VELOCITY: "velocity",
+    CommandKind.TORQUE: "torque",
+    CommandKind.OUTPUT: "output",
+}
+
 
 class References:
     """References of n joints.
@@ -52,11 +67,7 @@ class References:
         self.limit_acceleration = np.array([limit.acceleration for limit in limits])
         timeouts = [joint.timeouts for joint in config.joints]
         self._timeouts = np.full((len(CommandKind), len(limits)), np.inf)
-        for kind, name in (
-            (CommandKind.VELOCITY, "velocity"),
-            (CommandKind.TORQUE, "torque"),
-            (CommandKind.OUTPUT, "output"),
-        ):
+        for kind, name in TIMED.items():
             cycles = np.array([getattr(t, name) for t in timeouts]) / self._period
             self._timeouts[kind] = np.where(cycles > 0.0, np.ceil(cycles - 1e-9), np.inf)
 
@@ -83,6 +94,7 @@ class References:
     def hold(self, joints: Indices, positions: Array) -> None:
         """Set the position reference at once, at rest (P3, P4); shapes (k,)."""
         self.trajectories.hold(joints, positions)
+        self._deadline[joints] = np.inf
         self.integral[joints] = 0.0
         self._velocity[joints] = 0.0
         self._target[joints] = 0.0
@@ -114,7 +126,9 @@ class References:
         self.roll(joints, np.zeros(len(joints)), self.limit_acceleration[joints])
 
     def renew(self, kind: CommandKind, joints: Indices, cycle: int) -> None:
-        """Let the timeouts of a kind run from now (P12)."""
+        """Let the timeouts of a kind run from now, if it has any (P12)."""
+        if kind not in TIMED:
+            return
         self._deadline[joints] = cycle + self._timeouts[kind, joints]
         self._next_deadline = float(self._deadline.min())
 
