@@ -1,0 +1,373 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SPEC V and M: vocabs and control modes, looked at closely, on the board in process."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control_board_ros.core.config import Pid, Timeouts
+from control_board_ros.core.measurement import Row
+from control_board_ros.core.reply import Answer
+from control_board_ros.core.vocabs import ControlMode, InteractionMode, decode, encode
+
+from .rig import (
+    COMMANDS,
+    COMPLIANT,
+    POSITION_MODES,
+    STIFF,
+    TAKES,
+    M,
+    Rig,
+    board_config,
+    held,
+    in_status,
+    joint,
+    plain,
+    ready,
+)
+
+SELECTABLE = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
+NEVER_SET = ("hwfa", "cal", "cald", "cfgn", "cfgy", "stif", "comp", "xyz", "", 0, -1, 2**40)
+
+
+def test_vocab_table() -> None:
+    """V1, V2: code and number of every vocab of §4; vel has three letters, stif no quote."""
+    table = {
+        M.POSITION: ("pos", 7565168),
+        M.POSITION_DIRECT: ("posd", 1685286768),
+        M.VELOCITY: ("vel", 7103862),
+        M.MIXED: ("mix", 7891309),
+        M.TORQUE: ("torq", 1903325044),
+        M.OPENLOOP: ("open", 1852141679),
+        M.IDLE: ("idl", 7103593),
+        M.FORCE_IDLE: ("fidl", 1818519910),
+        M.HW_FAULT: ("hwfa", 1634105192),
+        M.CALIBRATING: ("cal", 7102819),
+        M.CALIB_DONE: ("cald", 1684824419),
+        M.NOT_CONFIGURED: ("cfgn", 1852270179),
+        M.CONFIGURED: ("cfgy", 2036819555),
+        M.CURRENT: ("icur", 1920295785),
+        M.VELOCITY_DIRECT: ("veld", 1684825462),
+        STIFF: ("stif", 1718187123),
+        COMPLIANT: ("comp", 1886220131),
+    }
+    assert set(table) == {*ControlMode, *InteractionMode}
+    for mode, (code, vocab) in table.items():
+        assert (mode.code, int(mode)) == (code, vocab)
+        assert encode(code) == vocab
+        assert decode(vocab) == code
+
+
+@pytest.mark.parametrize("code", ["", "vels2", "é", "a\n", "\x7f"])
+def test_other_codes_are_errors(code: str) -> None:
+    """V1: anything but 1 to 4 characters is an error."""
+    with pytest.raises(ValueError, match="1 to 4 printable ASCII"):
+        encode(code)
+
+
+def test_pwm_is_openloop() -> None:
+    """V1, M5: `ipwm` is another name of OPENLOOP and reads back `open`."""
+    rig = ready()
+    for name in ("ipwm", 1836544105):
+        rig.board.set_control_mode(0, "idl")
+        assert rig.board.set_control_mode(0, name)
+        assert rig.board.get_control_mode(0)[0].code == "open"
+
+
+@pytest.mark.parametrize("start", SELECTABLE, ids=str)
+def test_requests_from_a_selectable_mode(start: ControlMode) -> None:
+    """M1, M5, M6, F4: from each mode every other one can be set; the rest as their rules say."""
+    rig = ready()
+    board = rig.board
+    for wanted in SELECTABLE:
+        rig.enter(start, "left")
+        assert board.set_control_mode("left", wanted)
+        assert rig.modes() == [wanted, M.IDLE, M.IDLE]
+    for wanted in NEVER_SET:
+        rig.enter(start, "left")
+        reply = board.set_control_mode("left", wanted)
+        assert set(reply.answers) <= {Answer.REFUSED}
+        assert not reply
+        assert rig.modes() == [start, M.IDLE, M.IDLE]
+    for wanted in ("icur", "veld"):
+        rig.enter(start, "left")
+        reply = board.set_control_mode("left", wanted)
+        assert reply.answers == (Answer.UNSUPPORTED,)
+        assert rig.modes() == [M.HW_FAULT, M.IDLE, M.IDLE]
+    rig.enter(start, "left")
+    assert board.set_control_mode("left", "fidl")
+    assert rig.modes() == [M.IDLE, M.IDLE, M.IDLE]
+    rig.enter(start, "left")
+    rig.plant.inject("left", "external")
+    rig.tick(2)
+    assert rig.modes() == [M.HW_FAULT, M.IDLE, M.IDLE]
+
+
+@pytest.mark.parametrize("status", [M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED], ids=str)
+def test_requests_in_a_status(status: ControlMode) -> None:
+    """M6, F2, K2, N4: a status refuses every mode; FORCE_IDLE leaves the first two, to IDLE."""
+    rig = in_status(status)
+    board = rig.board
+    for wanted in (*SELECTABLE, "icur", "veld", *NEVER_SET):
+        reply = board.set_control_mode("left", wanted)
+        assert not reply
+        assert set(reply.answers) <= {Answer.REFUSED}
+        assert rig.modes() == [status]
+    left = status is not M.NOT_CONFIGURED
+    assert bool(board.set_control_mode("left", "fidl")) is left
+    assert rig.modes() == [M.IDLE if left else status]
+
+
+@pytest.mark.parametrize("mode", list(TAKES), ids=str)
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+def test_each_mode_takes_its_commands(mode: ControlMode, interaction: InteractionMode) -> None:
+    """M3, M4, I3, N4: what each mode and status takes; what it does not is counted."""
+    if mode in SELECTABLE:
+        rig = ready(board_config(joint("left")))
+        rig.board.set_interaction_mode("left", interaction)
+        rig.enter(mode, "left")
+    else:
+        rig = in_status(mode)
+    board = rig.board
+    for kind, (method, getter, value) in COMMANDS.items():
+        before = board.snapshot().rejected_commands[0]
+        last = getattr(board, getter)("left")[0]
+        reply = getattr(board, method)("left", value)
+        taken = kind in TAKES[mode]
+        assert bool(reply) is taken
+        assert board.snapshot().rejected_commands[0] == before + (not taken)
+        assert getattr(board, getter)("left")[0] == (value if taken else last)
+        if not taken:
+            want = Answer.REFUSED if mode is M.NOT_CONFIGURED else Answer.IGNORED
+            assert reply.answers == (want,)
+            assert mode.name in reply.message
+    assert rig.modes() == [mode]
+    rig.tick()
+    assert rig.modes() == [mode]
+
+
+def test_rejected_commands_touch_no_state(rig: Rig) -> None:
+    """M4: after ignored commands the board is bit for bit as without them."""
+    other = ready()
+    for one in (rig, other):
+        one.enter("pos")
+        assert one.board.position_move(None, 0.5, 1.0)
+    for _ in range(200):
+        rig.board.velocity_move(None, 1.0)
+        rig.board.set_position(None, 1.0)
+        rig.board.set_ref_torque([0, 1], 3.0)
+        rig.board.set_output(None, 30.0)
+        rig.board.position_move(None, [np.nan] * 3)
+        one, two = rig.tick(), other.tick()
+        assert np.array_equal(one.block, two.block)
+    assert one.rejected_commands.tolist() == [1000, 1000, 800]
+    assert not two.rejected_commands.any()
+
+
+def test_unsupported_mode_of_this_joint_only(rig: Rig) -> None:
+    """M5, M7: of a request, the joint that lacks the mode faults, with its reason, the others go."""
+    reply = rig.board.set_control_mode(None, "torq")
+    assert reply.answers == (Answer.ACCEPTED, Answer.ACCEPTED, Answer.UNSUPPORTED)
+    assert not reply
+    assert "bare does not implement torq (TORQUE)" in reply.message
+    assert "FORCE_IDLE" in reply.message
+    assert rig.modes() == [M.TORQUE, M.TORQUE, M.HW_FAULT]
+    fault = rig.board.get_faults("bare")[0]
+    assert (fault.active, fault.code) == (True, 16)
+    assert fault.text == "unsupported mode, torq (TORQUE) was asked for"
+    assert fault.stamp == rig.board.time
+
+
+def test_no_power_in_the_cycle_of_a_request(rig: Rig) -> None:
+    """M7, M10, F1: a request acts on all its joints in one cycle; what is off is off at once."""
+    rig.enter("open")
+    rig.board.set_output(None, 3.0)
+    assert np.all(rig.tick().output == 3.0)
+    assert rig.board.set_control_mode([0, 2], "idl")
+    assert not rig.board.set_control_mode(1, "veld")
+    assert np.all(rig.board.snapshot().output == 0.0)
+    actuation = rig.board.tick(rig.plant.read())
+    assert not actuation.pwm.any()
+    assert not actuation.powered.any()
+
+
+def test_a_request_reaches_all_joints_between_two_cycles(rig: Rig) -> None:
+    """M7: many joints switch in the same control cycle."""
+    assert not rig.board.tick(rig.plant.read()).powered.any()
+    assert rig.board.set_control_mode(None, "pos")
+    assert np.all(rig.board.tick(rig.plant.read()).powered == 1.0)
+
+
+@pytest.mark.parametrize("mode", SELECTABLE, ids=str)
+def test_the_same_mode_again(mode: ControlMode) -> None:
+    """M8: asking for the mode a joint is in changes nothing at all, bit for bit."""
+    rigs = ready(), ready()
+    for rig in rigs:
+        rig.enter(mode, "left")
+        for method, _, value in COMMANDS.values():
+            getattr(rig.board, method)("left", value)
+        rig.run(0.05)
+    for _ in range(100):
+        version = rigs[0].board.modes_version
+        assert rigs[0].board.set_control_mode("left", mode)
+        assert rigs[0].board.modes_version == version
+        assert np.array_equal(rigs[0].tick().block, rigs[1].tick().block)
+
+
+def loaded() -> Rig:
+    """Joints that stand still at 0.3 rad and carry 4 N·m; the laws have their gains."""
+    rig = held(
+        joint("left", position_pid=Pid(kp=400.0, ki=400.0, kd=40.0, integral_limit=20.0)),
+        joint("right"),
+        plain("bare"),
+    )
+    rig.plant.values[Row.POSITION] = 0.3
+    rig.plant.values[Row.TORQUE] = 4.0
+    rig.board.power_cycle()  # or the step to 0.3 rad is a spike
+    rig.tick(3)
+    return rig
+
+
+#: PWM percent for one N·m: 100/48 V of 1 ohm over 5 N·m/A.
+PER_TORQUE = 100.0 / 48.0 / 5.0
+
+
+@pytest.mark.parametrize("before", [M.IDLE, M.POSITION, M.VELOCITY, M.TORQUE, M.OPENLOOP], ids=str)
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+@pytest.mark.parametrize("mode", SELECTABLE, ids=str)
+def test_references_on_entering_a_mode(
+    mode: ControlMode, interaction: InteractionMode, before: ControlMode
+) -> None:
+    """M9: position := measured, velocity := 0, torque := measured, output := 0: no drop."""
+    if before is mode:
+        return
+    rig = loaded()
+    board = rig.board
+    board.set_interaction_mode("left", interaction)
+    rig.enter(before, "left")
+    for method, _, value in COMMANDS.values():
+        getattr(board, method)("left", 2 * value)
+    rig.tick(20)
+    rig.plant.values[Row.POSITION] += 0.01
+    rig.tick(2)
+    assert board.set_control_mode("left", mode)
+    now = board.snapshot()
+    assert now.position_reference[0] == pytest.approx(0.31)
+    assert now.velocity_reference[0] == 0.0
+    assert now.motion_done[0]
+    then = rig.tick()
+    assert then.position_reference[0] == pytest.approx(0.31)
+    assert then.velocity_reference[0] == 0.0
+    carries = mode in (*POSITION_MODES, M.TORQUE)
+    if carries:
+        assert then.output[0] == pytest.approx(4.0 * PER_TORQUE, rel=1e-6)
+    else:
+        assert then.output[0] == 0.0
+    if mode is M.TORQUE or (mode in POSITION_MODES and interaction is COMPLIANT):
+        assert then.torque_reference[0] == pytest.approx(4.0)
+    rig.plant.values[Row.TORQUE, 0] = 4.0
+    later = rig.tick(10)
+    assert later.position_reference[0] == pytest.approx(0.31)
+    assert later.output[0] == pytest.approx(then.output[0], abs=1e-9)
+
+
+def test_controllers_start_afresh() -> None:
+    """M9: nothing of an earlier integral is left when a mode is entered again."""
+    rig = held(joint("left", timeouts=Timeouts(velocity=0.0)))
+    rig.enter("pos")
+    rig.board.position_move("left", 0.02, 3.0)
+    rig.tick(100)  # the joint does not move: the integral grows
+    assert rig.board.snapshot().output[0] > 0.03 * 400 * PER_TORQUE * 0.3
+    rig.board.set_control_mode("left", "vel")
+    assert rig.tick().output[0] == 0.0
+    rig.board.velocity_move("left", 0.3, 20.0)
+    rig.tick(50)
+    rig.board.set_control_mode("left", "mix")
+    assert rig.tick(2).output[0] == 0.0
+    rig.enter("torq")
+    rig.board.set_ref_torque("left", 3.0)
+    rig.tick(50)
+    assert rig.board.snapshot().output[0] > 3.0 * PER_TORQUE
+    rig.board.set_control_mode("left", "idl")
+    rig.board.set_control_mode("left", "torq")
+    assert rig.tick(5).output[0] == pytest.approx(0.0, abs=1e-12)
+    rig.board.set_control_mode("left", "open")
+    rig.board.set_output("left", 7.0)
+    assert rig.tick().output[0] == pytest.approx(7.0)
+    rig.board.set_control_mode("left", "posd")
+    rig.board.set_control_mode("left", "open")
+    assert rig.tick().output[0] == 0.0
+
+
+def test_idle_and_faults_are_unpowered(rig: Rig) -> None:
+    """M10, F1, N1: bridge open, PWM exactly zero, whatever was asked for."""
+    rig.board.set_feedforward(None, outputs=5.0, torques=None)
+    rig.plant.push("left", 1.0)
+    rig.board.set_control_mode("right", "veld")
+    for _ in range(50):
+        actuation = rig.board.tick(rig.plant.read())
+        assert not actuation.pwm.any()
+        assert not np.signbit(actuation.pwm).any()
+        assert not actuation.powered.any()
+        rig.plant.write(actuation)
+    assert rig.board.get_encoder("left")[0] > 1e-4  # pushed, and nothing holds it
+
+
+def test_last_accepted_references(rig: Rig) -> None:
+    """M11: each kind keeps its own, across modes, faults and ignored commands."""
+    board = rig.board
+    for mode, kinds in TAKES.items():
+        for kind in kinds:
+            rig.enter(mode, "left")
+            method, getter, value = COMMANDS[kind]
+            assert getattr(board, method)("left", value)
+            assert getattr(board, getter)("left")[0] == value
+            getattr(board, method)("left", float("nan"))
+            assert getattr(board, getter)("left")[0] == value
+    board.set_control_mode("left", "veld")
+    rig.tick(3)
+    for method, getter, value in COMMANDS.values():
+        getattr(board, method)("left", 3 * value)
+        assert getattr(board, getter)("left")[0] == value
+
+
+def test_modes_belong_to_the_user(rig: Rig) -> None:
+    """M2: motion, limits, timeouts and time change no mode."""
+    board = rig.board
+    for mode in SELECTABLE:
+        rig.enter(mode, "left")
+        for method, _, _value in COMMANDS.values():
+            getattr(board, method)("left", 50.0)
+        rig.run(1.0)
+        assert rig.modes()[0] is mode
+
+
+def test_warnings_name_joint_mode_and_next_step(rig: Rig) -> None:
+    """M4: the reason says which joint, which mode it is in, and how to get on."""
+    rig.enter("torq", "left")
+    reply = rig.board.velocity_move("left", 1.0)
+    assert reply.message == (
+        "velocity reference for left ignored: mode is TORQUE; switch with: cbctl mode left vel"
+    )
+
+
+@pytest.mark.parametrize("joints", [["left", "nose"], [0, 0], 9, -1, "nose", [True]], ids=str)
+def test_wrong_joints_change_nothing(rig: Rig, joints: Any) -> None:
+    """M7: a request that names an unknown joint, or one twice, is refused whole."""
+    board = rig.board
+    for reply in (
+        board.set_control_mode(joints, "pos"),
+        board.set_interaction_mode(joints, "comp"),
+        board.set_impedance(joints, 1.0, 1.0),
+        board.set_ref_speed(joints, 1.0),
+        board.calibrate(joints),
+        board.stop(joints),
+    ):
+        assert not reply
+        assert "joint" in reply.message
+        assert "Traceback" not in reply.message
+    assert rig.modes() == [M.IDLE] * 3
+    assert board.get_interaction_mode() == [STIFF] * 3

@@ -1,0 +1,703 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SPEC P: references, laws, limits and timeouts, looked at closely, on the board in process."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control_board_ros.core.config import Pid, Timeouts
+from control_board_ros.core.measurement import Row
+from control_board_ros.core.vocabs import ControlMode
+
+from .rig import (
+    COMMANDS,
+    COMPLIANT,
+    LIMITS,
+    MOTOR,
+    POSITION_MODES,
+    RATE,
+    STIFF,
+    M,
+    Rig,
+    board_config,
+    held,
+    joint,
+    ready,
+)
+
+PERIOD = 1.0 / RATE
+PER_TORQUE = 100.0 / 48.0 / 5.0
+ONLY_P = Pid(kp=100.0)
+NEVER = Timeouts(velocity=0.0)
+
+
+def moving(*modes: str, **changes: Any) -> Rig:
+    """A rig of one joint in a mode, whose velocity references never expire."""
+    rig = ready(board_config(joint("left", **({"timeouts": NEVER} | changes))))
+    rig.enter(modes[0] if modes else "pos")
+    return rig
+
+
+def column(snapshots: list[Any], name: str) -> np.ndarray:
+    return np.array([getattr(one, name)[0] for one in snapshots])
+
+
+# --- P1 to P3: moves -------------------------------------------------------------------------
+
+
+def test_minimum_jerk_exactly() -> None:
+    """P1, P3: cycle by cycle the reference is q0 + Δ(10s³ − 15s⁴ + 6s⁵), s = t v/|Δ|."""
+    rig = moving("pos")
+    q0 = float(rig.board.snapshot().position_reference[0])
+    assert rig.board.position_move("left", 0.9, 0.6)
+    assert not rig.board.snapshot().motion_done[0]
+    shots = rig.record(2.0)
+    s = np.minimum(np.arange(1, len(shots) + 1) * PERIOD * 0.6 / (0.9 - q0), 1.0)
+    expected = q0 + (0.9 - q0) * (10 * s**3 - 15 * s**4 + 6 * s**5)
+    assert column(shots, "position_reference") == pytest.approx(expected, abs=1e-9)
+    assert column(shots, "velocity_reference").max() == pytest.approx(1.875 * 0.6, rel=1e-4)
+    done = column(shots, "motion_done")
+    cycles = math.ceil((0.9 - q0) / 0.6 / PERIOD - 1e-9)
+    assert not done[: cycles - 1].any()
+    assert done[cycles - 1 :].all()
+    assert shots[-1].position_reference[0] == 0.9
+    assert shots[-1].position[0] == pytest.approx(0.9, abs=2e-3)
+
+
+@pytest.mark.parametrize("when", [1, 100, 250, 400, 499])
+@pytest.mark.parametrize("target", [2.0, 0.2, -1.0, 1.0])
+def test_a_new_target_without_a_jump(when: int, target: float) -> None:
+    """P1: a new target starts from the present reference position and velocity."""
+    rig = moving("pos")
+    rig.board.position_move("left", 1.0, 1.0)
+    before = rig.tick(when)
+    assert rig.board.position_move("left", target, 1.0)
+    assert not rig.board.snapshot().motion_done[0]
+    shots = [before, *rig.record(8.0)]
+    position = column(shots, "position_reference")
+    velocity = column(shots, "velocity_reference")
+    steps = np.abs(np.diff(position))
+    assert steps.max() <= LIMITS.velocity * PERIOD
+    hardest = 100.0  # rad/s²; a jump to rest from here would be 900
+    assert np.abs(np.diff(velocity)).max() <= hardest * PERIOD
+    assert abs(steps[0] - abs(velocity[0]) * PERIOD) <= hardest * PERIOD**2
+    assert position[-1] == target
+    assert velocity[-1] == 0.0
+    assert shots[-1].motion_done[0]
+
+
+def test_speeds_of_moves() -> None:
+    """P2: the configured speed, else 10 deg/s; set_ref_speed; the speed that comes along."""
+    ten = math.radians(10.0)
+    rig = ready(board_config(joint("left"), joint("right", reference_speed=0.5)))
+    assert rig.board.get_ref_speed() == pytest.approx([ten, 0.5])
+    assert rig.board.get_ref_acceleration() == pytest.approx([ten, ten])
+    rig.enter("pos")
+    rig.board.position_move(None, 0.25)
+    assert rig.board.get_remaining_time() == pytest.approx([0.25 / ten, 0.5], abs=2 * PERIOD)
+    assert rig.board.set_ref_speed("left", 1.0)
+    rig.board.position_move("left", 0.25)
+    assert rig.board.get_remaining_time("left") == pytest.approx([0.25], abs=2 * PERIOD)
+    rig.board.position_move("right", -0.25, 0.25)
+    assert rig.board.get_remaining_time("right") == pytest.approx([1.0], abs=2 * PERIOD)
+    assert rig.board.get_ref_speed().tolist() == [1.0, 0.5]
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, 3.001])
+def test_bad_speeds(bad: float) -> None:
+    """P2, P13: a speed ≤ 0, not finite, or beyond the joint's own is an error, and counted."""
+    rig = moving("pos")
+    assert not rig.board.set_ref_speed("left", bad)
+    assert not rig.board.position_move("left", 0.5, bad)
+    assert rig.board.snapshot().motion_done[0]
+    assert rig.board.snapshot().rejected_commands[0] == 1
+    rig.enter("vel")
+    if bad != 3.001:
+        assert not rig.board.set_ref_acceleration("left", bad)
+        assert not rig.board.velocity_move("left", 0.5, bad)
+        assert rig.board.snapshot().rejected_commands[0] == 2
+
+
+def test_both_speeds_or_none() -> None:
+    """P2: speeds and accelerations given together are checked together."""
+    rig = ready()
+    assert not rig.board.set_reference_speed(None, 1.0, [1.0, 2.0, -1.0])
+    assert not rig.board.set_reference_speed(None)
+    assert rig.board.get_ref_speed() == pytest.approx([math.radians(10.0)] * 3)
+    assert rig.board.set_reference_speed(None, 1.0, [1.0, 2.0, 3.0])
+    assert rig.board.get_ref_speed().tolist() == [1.0] * 3
+    assert rig.board.get_ref_acceleration().tolist() == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("mode", ["pos", "posd", "vel", "mix"])
+def test_stop_in_each_mode(mode: str) -> None:
+    """P3: stop sets the position reference to the measured position and drops what runs."""
+    rig = moving(mode)
+    board = rig.board
+    for method, _, _ in COMMANDS.values():
+        getattr(board, method)("left", 0.6)
+    rig.run(0.3)
+    assert board.stop("left")
+    shown = board.snapshot()
+    assert shown.position_reference[0] == shown.position[0]
+    assert shown.velocity_reference[0] == 0.0
+    assert shown.motion_done[0]
+    after = rig.run(1.0)
+    assert after.position_reference[0] == shown.position_reference[0]
+    assert rig.modes() == [ControlMode[board.get_control_mode("left")[0].name]]
+
+
+def test_stop_where_it_stops_nothing() -> None:
+    """P3: in IDLE and HW_FAULT a joint is at rest; in TORQUE and OPENLOOP stop says it can not."""
+    rig = ready()
+    rig.board.set_control_mode(None, ["torq", "open", "idl"])
+    reply = rig.board.stop()
+    assert [str(answer) for answer in reply.answers] == ["ignored", "ignored", "accepted"]
+    assert "TORQUE" in reply.message
+    assert not rig.board.set_control_mode("bare", "veld")
+    assert rig.board.stop("bare")
+
+
+# --- P4 to P6: references --------------------------------------------------------------------
+
+
+def test_direct_position_is_the_step_itself() -> None:
+    """P4: from one cycle to the next; bounded by the limits; the last one is what was taken."""
+    rig = moving("posd")
+    for wanted, taken in ((0.3, 0.3), (-0.2, -0.2), (7.0, 2.0), (-7.0, -2.0)):
+        assert rig.board.set_position("left", wanted)
+        shown = rig.tick()
+        assert shown.position_reference[0] == taken
+        assert shown.velocity_reference[0] == 0.0
+        assert rig.board.get_ref_position("left")[0] == taken
+        assert shown.motion_done[0]
+
+
+def test_velocity_is_ramped_and_integrated() -> None:
+    """P5: v grows by a·dt per cycle up to its reference; its sum is the position reference."""
+    rig = moving("vel", position_pid=Pid(kp=400.0, kd=40.0))
+    start = float(rig.board.snapshot().position_reference[0])
+    assert rig.board.velocity_move("left", 0.5, 2.0)
+    shots = rig.record(0.5)
+    expected = np.minimum(np.arange(1, len(shots) + 1) * 2.0 * PERIOD, 0.5)
+    assert column(shots, "velocity_reference") == pytest.approx(expected)
+    assert column(shots, "position_reference") == pytest.approx(
+        start + np.cumsum(expected) * PERIOD
+    )
+    assert rig.board.set_ref_acceleration("left", 5.0)
+    assert rig.board.velocity_move("left", -0.5)
+    shots = rig.record(0.3)
+    expected = np.maximum(0.5 - np.arange(1, len(shots) + 1) * 5.0 * PERIOD, -0.5)
+    assert column(shots, "velocity_reference") == pytest.approx(expected)
+    assert rig.board.velocity_move("left", 99.0, 20.0)
+    assert rig.board.get_ref_velocity("left")[0] == 3.0
+
+
+def test_mixed_is_the_sum() -> None:
+    """P6: trajectory plus integrated velocity, in position and in velocity."""
+    rig = moving("mix")
+    q0 = float(rig.board.snapshot().position_reference[0])
+    assert rig.board.position_move("left", q0 + 0.6, 0.6)
+    assert rig.board.velocity_move("left", 0.3, 3.0)
+    shots = rig.record(1.2)
+    k = np.arange(1, len(shots) + 1)
+    s = np.minimum(k * PERIOD, 1.0)
+    velocity = np.minimum(k * 3.0 * PERIOD, 0.3)
+    move = 0.6 * (10 * s**3 - 15 * s**4 + 6 * s**5)
+    assert column(shots, "position_reference") == pytest.approx(
+        q0 + move + np.cumsum(velocity) * PERIOD, abs=1e-9
+    )
+    speed = 0.6 * (30 * s**2 - 60 * s**3 + 30 * s**4)
+    assert column(shots, "velocity_reference") == pytest.approx(speed + velocity, abs=1e-9)
+    assert shots[-1].motion_done[0]
+    assert rig.board.get_target_position("left")[0] == pytest.approx(q0 + 0.6)
+
+
+def test_a_new_move_in_mixed_takes_the_velocity_part_along() -> None:
+    """P6: it starts where the reference is and ends on its target once the velocity is zero."""
+    rig = moving("mix")
+    rig.board.velocity_move("left", 0.5, 20.0)
+    rig.run(1.0)
+    rig.board.velocity_move("left", 0.0, 20.0)
+    before = rig.run(0.2)
+    assert before.position_reference[0] > 0.45
+    assert rig.board.position_move("left", 0.1, 0.5)
+    shots = [before, *rig.record(1.5)]
+    reference = column(shots, "position_reference")
+    assert np.abs(np.diff(reference)).max() < 1.9 * 0.5 * PERIOD
+    assert reference[-1] == pytest.approx(0.1, abs=1e-12)
+
+
+# --- P7, P8, P10, P11: laws ------------------------------------------------------------------
+
+
+def test_torque_pid_works_on_the_measured_torque() -> None:
+    """P7: u = kff·τ_ref + kp·e + ∫ki·e, e = τ_ref − τ measured."""
+    pid = Pid(kp=0.5, ki=10.0, kff=1.0)
+    rig = held(joint("left", torque_pid=pid))
+    rig.enter("torq")
+    assert rig.board.set_ref_torque("left", 3.0)
+    outputs = column(rig.record(0.02), "output")
+    n = np.arange(1, len(outputs) + 1)
+    expected = (3.0 + 0.5 * 3.0 + 10.0 * 3.0 * PERIOD * n) * PER_TORQUE
+    assert outputs == pytest.approx(expected)
+    rig.plant.values[Row.TORQUE] = 5.0
+    step = rig.tick().output[0] - outputs[-1]
+    assert step == pytest.approx((0.5 * -5.0 + 10.0 * -2.0 * PERIOD) * PER_TORQUE)
+    assert rig.board.get_ref_torque("left")[0] == 3.0
+    assert rig.board.set_ref_torque("left", 1000.0)
+    assert rig.board.get_ref_torque("left")[0] == LIMITS.torque
+
+
+def test_torque_is_reached_without_feedforward() -> None:
+    """P7: the loop closes on the sensor: with integral action alone the torque arrives."""
+    rig = moving("torq", torque_pid=Pid(kp=0.0, ki=30.0, kff=0.0, integral_limit=50.0))
+    rig.plant.push("left", -5.0)
+    rig.board.set_ref_torque("left", 5.0)
+    shown = rig.run(0.4)
+    assert shown.torque[0] == pytest.approx(5.0, abs=0.1)
+
+
+def test_torque_rate_term() -> None:
+    """P7: kd acts on the rate of the torque error, once."""
+    pid = Pid(kp=0.0, kd=0.01, derivative_cutoff=1e6)
+    rig = held(joint("left", torque_pid=pid))
+    rig.enter("torq")
+    rig.tick(3)
+    rig.plant.values[Row.TORQUE] = 2.0
+    assert rig.tick().output[0] == pytest.approx(-0.01 * 2.0 / PERIOD * PER_TORQUE, rel=1e-6)
+    assert rig.tick().output[0] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("output", ["pwm", "current"])
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+def test_open_loop_is_the_given_pwm(output: str, interaction: Any) -> None:
+    """P8, P10, I2: the PWM that was given, whatever is measured, bounded by the joint's limit."""
+    rig = held(joint("left", limits={"output": 40.0}), output=output)
+    rig.board.set_interaction_mode("left", interaction)
+    rig.enter("open")
+    assert rig.tick().output[0] == 0.0
+    rig.board.set_output("left", 12.5)
+    rig.plant.values[Row.TORQUE] = 1.0
+    rig.plant.values[Row.CURRENT] = 2.0
+    assert rig.tick().output[0] == 12.5
+    rig.board.set_output("left", -99.0)
+    assert rig.tick().output[0] == -40.0
+    assert rig.board.get_output("left")[0] == -40.0
+
+
+@pytest.mark.parametrize("mode", POSITION_MODES, ids=str)
+def test_position_pid(mode: ControlMode) -> None:
+    """I5, P10: stiff: u = kp·e + ∫ki·e + kd·ė on the position, as a PWM."""
+    pid = Pid(kp=100.0, ki=50.0, kd=10.0, derivative_cutoff=1e6)
+    direct = Pid(kp=200.0, ki=0.0, kd=0.0)
+    rig = held(joint("left", position_pid=pid, direct_pid=direct, back_emf_compensation=0.0))
+    rig.enter(mode)
+    base = rig.tick().output[0]
+    rig.plant.values[Row.POSITION] = -0.01
+    rig.plant.values[Row.VELOCITY] = -0.2
+    first, second = rig.tick().output[0], rig.tick().output[0]
+    if mode is M.POSITION_DIRECT:  # the second set of gains
+        assert first - base == pytest.approx(200.0 * 0.01 * PER_TORQUE)
+        assert second == pytest.approx(first)
+    else:
+        torque = 100.0 * 0.01 + 50.0 * 0.01 * PERIOD + 10.0 * 0.2
+        assert first - base == pytest.approx(torque * PER_TORQUE, rel=1e-6)
+        assert second - first == pytest.approx(50.0 * 0.01 * PERIOD * PER_TORQUE, rel=1e-4)
+
+
+def test_integral_is_clamped_and_does_not_wind_up() -> None:
+    """I5: the integral part keeps its limit, and stops growing while the output is cut."""
+    clamped = Pid(kp=0.0, ki=1000.0, integral_limit=3.0)
+    rig = held(joint("left", position_pid=clamped))
+    rig.enter("pos")
+    rig.plant.values[Row.POSITION] = -0.03
+    assert rig.tick(200).output[0] == pytest.approx(3.0 * PER_TORQUE)
+    rig.plant.values[Row.POSITION] = 0.0
+    rig.tick()
+    rig.plant.values[Row.POSITION] = 0.03
+    assert rig.tick(400).output[0] == pytest.approx(-3.0 * PER_TORQUE)
+    for changes in ({"limits": {"torque": 5.0}}, {"limits": {"output": 5.0 * PER_TORQUE}}):
+        rig = held(joint("left", position_pid=Pid(kp=10.0, ki=1000.0), **changes))
+        rig.enter("pos")
+        rig.plant.values[Row.POSITION] = -0.03
+        assert rig.tick(500).output[0] == pytest.approx(5.0 * PER_TORQUE)
+        rig.plant.values[Row.POSITION] = 0.0
+        # What is left is at most what was below the bound: 5 N·m, not 500 · 0.06.
+        assert rig.tick(1).output[0] <= 5.0 * PER_TORQUE
+        rig.plant.values[Row.POSITION] = 0.03
+        assert rig.tick(120).output[0] < 0.0
+
+
+def test_derivative_is_filtered() -> None:
+    """I5: the rate goes through a first-order low pass at the derivative's cutoff."""
+    pid = Pid(kp=0.0, kd=10.0, derivative_cutoff=20.0)
+    rig = held(joint("left", position_pid=pid, back_emf_compensation=0.0))
+    rig.enter("pos")
+    rig.plant.values[Row.VELOCITY] = -1.0
+    outputs = column(rig.record(0.05), "output") / (10.0 * PER_TORQUE)
+    n = np.arange(1, len(outputs) + 1)
+    assert outputs == pytest.approx(1.0 - np.exp(-2 * math.pi * 20.0 * PERIOD * n), rel=1e-9)
+
+
+def test_current_output() -> None:
+    """P10: with a current output the PWM is what makes the measured current the wanted one."""
+    changes = {"position_pid": ONLY_P, "current_pid": Pid(kp=0.5, ki=0.0)}
+    rigs = {kind: held(joint("left", **changes), output=kind) for kind in ("pwm", "current")}
+    for rig in rigs.values():
+        rig.enter("pos")
+        rig.plant.values[Row.POSITION] = -0.025
+        rig.tick(2)
+        rig.plant.values[Row.POSITION] = -0.05  # 5 N·m: 1 A
+        rig.tick(2)
+    assert rigs["pwm"].tick().output[0] == pytest.approx(5.0 * PER_TORQUE)
+    volts = 1.0 * MOTOR.resistance + 0.5 * 1.0
+    assert rigs["current"].tick().output[0] == pytest.approx(volts / 48.0 * 100.0)
+    for rig in rigs.values():
+        rig.plant.values[Row.CURRENT] = 1.0
+    assert rigs["pwm"].tick().output[0] == pytest.approx(5.0 * PER_TORQUE)
+    assert rigs["current"].tick().output[0] == pytest.approx(1.0 / 48.0 * 100.0)
+
+
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+def test_current_output_moves_the_joint(interaction: Any) -> None:
+    """P10: with an inner current loop the joint tracks as with a PWM."""
+    rig = ready(board_config(joint("left"), output="current"))
+    rig.board.set_interaction_mode("left", interaction)
+    rig.board.set_impedance("left", 500.0, 40.0)
+    rig.enter("pos")
+    rig.board.position_move("left", 0.8, 0.8)
+    shown = rig.run(3.0)
+    assert shown.position[0] == pytest.approx(0.8, abs=0.01)
+    rig.enter("torq")
+    rig.plant.push("left", -4.0)
+    rig.board.set_ref_torque("left", 4.0)
+    shown = rig.run(0.1)
+    assert shown.current[0] == pytest.approx(4.0 / 5.0, rel=0.05)
+
+
+def test_current_stays_below_the_peak() -> None:
+    """P10, F1: a current reference never asks for what would be an overcurrent."""
+    limits = {"torque": 500.0, "peak_current": 20.0}
+    rig = held(joint("left", limits=limits, current_pid=Pid(kp=0.0)), output="current")
+    rig.enter("posd")
+    rig.board.set_position("left", 1.9)
+    volts = rig.tick().output[0] * 48.0 / 100.0
+    assert 0.9 * 20.0 < volts / MOTOR.resistance < 20.0
+
+
+@pytest.mark.parametrize("mode", [*POSITION_MODES, M.TORQUE, M.OPENLOOP, M.IDLE], ids=str)
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+def test_output_feedforward(mode: ControlMode, interaction: Any) -> None:
+    """P11: u_ff adds to the output in all active modes, at once; not where there is no power."""
+    rig = held(joint("left"))
+    rig.board.set_interaction_mode("left", interaction)
+    rig.enter(mode)
+    base = rig.tick().output[0]
+    assert rig.board.set_feedforward("left", outputs=2.5)
+    change = rig.tick().output[0] - base
+    assert change == pytest.approx(0.0 if mode is M.IDLE else 2.5)
+
+
+@pytest.mark.parametrize("mode", [*POSITION_MODES, M.TORQUE, M.OPENLOOP, M.IDLE], ids=str)
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+def test_torque_feedforward(mode: ControlMode, interaction: Any) -> None:
+    """P11, I5: τ_ff is part of the impedance torque, and acts in COMPLIANT only."""
+    rig = held(joint("left"))
+    rig.board.set_interaction_mode("left", interaction)
+    rig.enter(mode)
+    rig.tick()
+    assert rig.board.set_feedforward("left", torques=2.0)
+    shown = rig.tick()
+    acts = mode in POSITION_MODES and interaction is COMPLIANT
+    assert shown.torque_reference[0] == pytest.approx(2.0 if acts else 0.0)
+    assert bool(shown.output[0]) is acts
+
+
+def test_feedforward_values() -> None:
+    """P11, P13: not finite or of a wrong length is ignored with the reason, and counted."""
+    rig = held(joint("left"), joint("right"))
+    rig.enter("open")
+    reply = rig.board.set_feedforward(None, outputs=[math.nan, 1.0])
+    assert not reply
+    assert "not a finite number" in reply.message
+    assert not rig.board.set_feedforward(None, outputs=[1.0, 1.0, 1.0])
+    assert not rig.board.set_feedforward(None)
+    shown = rig.tick()
+    assert shown.output.tolist() == [0.0, 1.0]
+    assert shown.rejected_commands.tolist() == [3, 2]
+    rig.board.set_feedforward(None, outputs=1000.0)
+    assert rig.tick().output.tolist() == [100.0, 100.0]
+
+
+# --- P9: limits ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+@pytest.mark.parametrize("mode", POSITION_MODES, ids=str)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_position_references_stay_inside(mode: ControlMode, interaction: Any, way: float) -> None:
+    """P9: software limits bound every position reference in every mode."""
+    rig = moving(mode.code)
+    rig.board.set_interaction_mode("left", interaction)
+    rig.board.position_move("left", way * 1.9, 3.0)
+    rig.board.set_position("left", way * 9.0)
+    rig.board.velocity_move("left", way * 3.0, 20.0)
+    shots = rig.record(3.0)
+    if mode is M.MIXED:
+        rig.board.position_move("left", way * 9.0, 1.0)
+        shots += rig.record(1.0)
+    reference = column(shots, "position_reference")
+    assert np.all(np.abs(reference) <= 2.0)
+    assert way * reference[-1] == pytest.approx(1.9 if mode is M.POSITION else 2.0)
+    assert rig.modes() == [mode]
+
+
+def test_a_limit_ends_what_pushes_against_it() -> None:
+    """P9, P5: held back by a limit, the velocity is zero; away from it the joint goes at once."""
+    rig = moving("vel")
+    rig.board.velocity_move("left", 3.0, 20.0)
+    shown = rig.run(3.0)
+    assert shown.position_reference[0] == 2.0
+    assert shown.velocity_reference[0] == 0.0
+    rig.board.velocity_move("left", -1.0, 20.0)
+    shown = rig.run(0.1)
+    assert shown.position_reference[0] < 1.97
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("mode", "interaction"),
+    [(M.TORQUE, STIFF), (M.OPENLOOP, COMPLIANT), *((m, COMPLIANT) for m in POSITION_MODES)],
+    ids=str,
+)
+@pytest.mark.parametrize("output", ["pwm", "current"])
+def test_protection_at_the_limits(
+    mode: ControlMode, interaction: Any, way: float, output: str
+) -> None:
+    """P9: the output may not drive a joint further out: it is pushed back; a warning; the mode
+    is unchanged.
+    """
+    rig = held(joint("left", guard_stiffness=300.0), output=output)
+    rig.board.set_interaction_mode("left", interaction)
+    rig.plant.values[Row.POSITION] = 2.05 * way
+    rig.board.power_cycle()
+    rig.tick(2)
+    rig.board.set_interaction_mode("left", interaction)
+    rig.enter(mode)
+    rig.board.take_events()
+    rig.board.set_ref_torque("left", way * 10.0)
+    rig.board.set_output("left", way * 10.0)
+    rig.board.set_feedforward("left", torques=way * 10.0, outputs=way * 5.0)
+    shown = rig.tick(3)
+    assert way * shown.output[0] < 0.0
+    if output == "pwm":
+        assert way * shown.output[0] == pytest.approx(-300.0 * 0.05 * PER_TORQUE, rel=1e-6)
+    assert rig.modes() == [mode]
+    # Inwards it may drive with all it has.
+    rig.board.set_ref_torque("left", way * -30.0)
+    rig.board.set_output("left", way * -30.0)
+    rig.board.set_feedforward("left", torques=way * -30.0)
+    before = way * shown.output[0]
+    assert way * rig.tick(3).output[0] < before
+
+
+@pytest.mark.parametrize("mode", ["torq", "open", "pos"])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_driven_against_a_limit(mode: str, way: float) -> None:
+    """P9: driven outwards a joint comes to rest at its limit, and a warning says so."""
+    rig = moving(mode)
+    rig.board.set_interaction_mode("left", COMPLIANT)
+    rig.board.take_events()
+    rig.board.set_feedforward("left", torques=way * 25.0)
+    rig.board.set_impedance("left", 10.0, 5.0)
+    rig.board.set_ref_torque("left", way * 10.0)
+    rig.board.set_output("left", way * 8.0)
+    shots = rig.record(8.0)
+    position = way * column(shots, "position")
+    assert position.max() < 2.1
+    assert position[-1] == pytest.approx(2.0, abs=0.03)
+    assert np.abs(column(shots[-100:], "velocity")).max() < 0.02
+    assert rig.modes()[0].code == mode
+    assert any("software limits" in text for text in rig.warnings())
+
+
+def test_a_joint_found_outside() -> None:
+    """P9, M9: a joint found outside its limits may stay or go inwards, never further out."""
+    rig = ready(board_config(joint("left")), home=[2.1])
+    rig.enter("posd")
+    shown = rig.run(0.5)
+    assert shown.position_reference[0] == pytest.approx(2.1)
+    assert shown.position[0] == pytest.approx(2.1, abs=1e-3)
+    rig.board.set_position("left", 2.15)
+    assert rig.tick().position_reference[0] == 2.0
+    rig.enter("vel")
+    rig.board.velocity_move("left", 1.0, 20.0)
+    here = rig.board.snapshot().position_reference[0]
+    assert rig.run(0.1).position_reference[0] == pytest.approx(here, abs=1e-9)
+    rig.board.velocity_move("left", -1.0, 20.0)
+    rig.run(0.15)
+    assert rig.board.snapshot().position_reference[0] < here
+
+
+def test_speed_limit_where_no_position_loop_is() -> None:
+    """P9: in TORQUE and OPENLOOP the output does not drive a joint beyond its speed."""
+    wide = {"lower": -90.0, "upper": 90.0, "hard_lower": -99.0, "hard_upper": 99.0}
+    for mode in ("torq", "open"):
+        rig = moving(mode, limits=wide)
+        rig.board.set_ref_torque("left", 10.0)
+        rig.board.set_output("left", 40.0)
+        shots = rig.record(3.0)
+        assert column(shots, "velocity").max() < 1.05 * LIMITS.velocity
+        assert column(shots, "velocity")[-1] > 0.9 * LIMITS.velocity
+
+
+@pytest.mark.parametrize("mode", [*POSITION_MODES, M.TORQUE, M.OPENLOOP], ids=str)
+@pytest.mark.parametrize("output", ["pwm", "current"])
+def test_output_keeps_its_limit(mode: ControlMode, output: str) -> None:
+    """P10, N2: the output stays within the joint's maximum output."""
+    rig = held(joint("left", limits={"output": 7.0}, back_emf_compensation=0.0), output=output)
+    rig.enter(mode)
+    rig.board.set_ref_torque("left", 60.0)
+    rig.board.set_output("left", 50.0)
+    rig.plant.values[Row.POSITION] = -0.03
+    rig.plant.values[Row.VELOCITY] = -2.0
+    shots = rig.record(0.2)
+    assert np.abs(column(shots, "output")).max() == pytest.approx(7.0)
+
+
+# --- P12: timeouts ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["vel", "mix"])
+def test_a_velocity_expires(mode: str) -> None:
+    """P12: 0.2 s after the last accepted velocity the joint stops and holds; no fault."""
+    rig = ready(board_config(joint("left")))
+    rig.enter(mode)
+    assert rig.board.velocity_move("left", 0.5, 20.0)
+    rig.run(0.1)
+    assert not rig.board.velocity_move("left", math.nan)
+    assert rig.board.velocity_move("left", 0.5, 20.0)
+    shots = rig.record(0.4)
+    velocity = column(shots, "velocity_reference")
+    assert np.all(velocity[:100] == 0.5)
+    assert np.all(velocity[100:112] < 0.5)
+    assert velocity[100] == pytest.approx(0.5 - LIMITS.acceleration * PERIOD)
+    assert velocity[120] == 0.0
+    hold = shots[-1].position_reference[0]
+    assert rig.run(1.0).position_reference[0] == hold
+    assert rig.modes()[0].code == mode
+    assert not rig.board.get_faults("left")[0].active
+    assert rig.board.velocity_move("left", 0.5, 20.0)
+    assert rig.tick(50).velocity_reference[0] == 0.5
+
+
+def test_a_position_move_does_not_prolong_a_velocity() -> None:
+    """P12: in MIXED a timeout runs from the last accepted velocity, whatever else comes."""
+    rig = ready(board_config(joint("left")))
+    rig.enter("mix")
+    assert rig.board.velocity_move("left", 0.5, 20.0)
+    rig.run(0.15)
+    assert rig.board.position_move("left", 0.1, 1.0)
+    rig.run(0.5)
+    end = rig.board.snapshot().position_reference[0]
+    assert rig.run(0.5).position_reference[0] == end
+    assert rig.board.snapshot().velocity_reference[0] == 0.0
+
+
+def test_a_stop_ends_the_timeout() -> None:
+    """P12, P3: after a stop no velocity is left that could expire."""
+    rig = ready(board_config(joint("left")))
+    rig.enter("vel")
+    rig.board.velocity_move("left", 0.5, 20.0)
+    rig.run(0.05)
+    rig.board.stop("left")
+    rig.board.take_events()
+    rig.run(0.5)
+    assert not rig.board.take_events()
+
+
+def test_timeouts_off() -> None:
+    """P12: 0 is never."""
+    rig = moving("vel")
+    rig.board.velocity_move("left", 0.1, 20.0)
+    assert rig.run(5.0).velocity_reference[0] == 0.1
+    for mode, method, value in (("torq", "set_ref_torque", 0.1), ("open", "set_output", 0.5)):
+        rig.enter(mode)
+        getattr(rig.board, method)("left", value)
+        rig.run(2.0)
+        assert rig.modes()[0].code == mode
+
+
+@pytest.mark.parametrize(
+    ("mode", "method", "key"),
+    [("torq", "set_ref_torque", "torque"), ("open", "set_output", "output")],
+)
+def test_torques_and_outputs_that_expire_fault(mode: str, method: str, key: str) -> None:
+    """P12, F1: the expiry of a torque or output reference is the fault "reference timeout"."""
+    rig = ready(board_config(joint("left", timeouts=replace(NEVER, **{key: 0.1}))))
+    rig.enter(mode)
+    rig.run(0.5)  # without a reference nothing expires
+    for _ in range(3):
+        assert getattr(rig.board, method)("left", 1.0)
+        rig.tick(50)
+        assert rig.modes()[0].code == mode
+    shown = rig.tick()
+    assert rig.modes() == [M.HW_FAULT]
+    assert shown.output[0] == 0.0
+    fault = rig.board.get_faults("left")[0]
+    assert fault.code == 21
+    assert fault.text.startswith("reference timeout")
+    rig.board.set_control_mode("left", "fidl")
+    rig.enter(mode)
+    rig.run(0.5)
+    assert rig.modes()[0].code == mode
+
+
+def test_a_mode_change_ends_the_timeout() -> None:
+    """P12, M9: a reference of a mode that was left cannot expire."""
+    rig = ready(board_config(joint("left", timeouts=replace(NEVER, torque=0.1))))
+    rig.enter("torq")
+    rig.board.set_ref_torque("left", 1.0)
+    rig.board.set_control_mode("left", "open")
+    rig.board.set_control_mode("left", "torq")
+    rig.run(0.5)
+    assert rig.modes() == [M.TORQUE]
+
+
+# --- P13 -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("joints", "values", "counts"),
+    [
+        (None, [1.0, 2.0], [1, 1, 1]),
+        (["left", "right"], [1.0], [1, 1, 0]),
+        ("left", [1.0, 1.0], [1, 0, 0]),
+        ("left", "fast", [1, 0, 0]),
+        ("left", [], [1, 0, 0]),
+        (["left", "nose"], [1.0, 1.0], [1, 0, 0]),
+        (["right", "right"], [1.0, 1.0], [0, 1, 0]),
+        ("nose", 1.0, [0, 0, 0]),
+        (7, 1.0, [0, 0, 0]),
+        (None, [[1.0, 2.0, 3.0]], [1, 1, 1]),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("kind", list(COMMANDS))
+def test_malformed_commands(kind: str, joints: Any, values: Any, counts: list[int]) -> None:
+    """P13: rejected as a whole with one line; the joints that it names count it."""
+    rig = ready()
+    method, getter, _ = COMMANDS[kind]
+    before = getattr(rig.board, getter)().tolist()
+    reply = getattr(rig.board, method)(joints, values)
+    assert not reply
+    assert reply.message.startswith(f"{kind} reference ignored: ")
+    assert "\n" not in reply.message
+    assert rig.board.snapshot().rejected_commands.tolist() == counts
+    assert getattr(rig.board, getter)().tolist() == before
