@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The board's executable, hurt from within by SIGUSR1: ``python hurt.py HOW --ros-args …``.
+
+slow: one control cycle takes 1.6 s, then 20 of them 4 ms more than a period of 10 ms.
+gone: the physics server ends.
+raising: from then on every callback raises.
+stuck: an exception in the control loop itself.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from typing import Any
+
+from control_board_ros.node import main as executable
+from control_board_ros.sim.plant import SimulatedPlant
+
+LONG, SHORT, COUNT = 1.6, 0.014, 20
+plants: list[Any] = []
+delays: list[float] = []
+raise_from_now_on: list[bool] = []
+original_write = SimulatedPlant.write
+
+
+def write(plant: Any, actuation: Any) -> None:
+    if not plants:
+        plants.append(plant)
+    if delays:
+        delay = delays.pop()
+        if delay < 0.0:
+            raise RuntimeError("a bug\nof two lines")
+        time.sleep(delay)
+    original_write(plant, actuation)
+
+
+def slow() -> None:
+    delays.extend([SHORT] * COUNT + [LONG])
+
+
+def gone() -> None:
+    plants[0].body.close()
+
+
+def stuck() -> None:
+    delays.append(-1.0)
+
+
+def raising() -> None:
+    raise_from_now_on.append(True)
+
+
+def prepare_raising() -> None:
+    """Let every callback of services, topics and actions raise once SIGUSR1 has come."""
+    from control_board_ros.node import motions, services, topics, trajectory
+
+    def wrap(owner: Any, name: str) -> None:
+        original = getattr(owner, name)
+
+        def call(*given: Any, **named: Any) -> Any:
+            if raise_from_now_on:
+                raise RuntimeError("a bug\nof two lines")
+            return original(*given, **named)
+
+        setattr(owner, name, call)
+
+    for owner in (services.Services, topics.Commands):
+        for name in [name for name in vars(owner) if not name.startswith("_")]:
+            wrap(owner, name)
+    wrap(trajectory.TrajectoryFollower, "on_message")
+    for motion in (motions.MoveMotion, motions.CalibrateMotion):
+        wrap(motion, "look")
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "raising":
+        prepare_raising()
+    how = {"slow": slow, "gone": gone, "raising": raising, "stuck": stuck}[sys.argv.pop(1)]
+    SimulatedPlant.write = write  # type: ignore[method-assign]
+    signal.signal(signal.SIGUSR1, lambda *_: how())
+    sys.exit(executable.main())

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The life of a node: slow cycles, bugs, a lost server, other clocks, changes while it runs."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from control_board_msgs import msg, srv
+from control_board_msgs.action import Calibrate, Move
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParametersAtomically
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool, Trigger
+from talk import Talker, stamp_of, talking_to
+
+from control_board_ros.testing import BoardProcess, board_process
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+HURT = Path(__file__).with_name("hurt.py")
+J1, J7 = "lbr_iiwa_joint_1", "lbr_iiwa_joint_7"
+GOAL_ABORTED = 6
+
+
+@contextmanager
+def hurt(how: str, exit_code: int = 0, **params: object) -> Iterator[tuple[BoardProcess, Talker]]:
+    """A board that SIGUSR1 hurts, and a talker to it."""
+    command = [sys.executable, str(HURT), how]
+    with (
+        board_process(params, command=command, exit_code=exit_code) as board,
+        talking_to(board) as talker,
+    ):
+        yield board, talker
+
+
+def loop_status(message: DiagnosticArray) -> tuple[bytes, dict[str, str]]:
+    """Level and values of the status of the control loop."""
+    status = next(s for s in message.status if s.name.endswith("loop"))
+    return status.level, {pair.key: pair.value for pair in status.values}
+
+
+def test_slow_cycles_are_counted_caught_up_within_bounds_and_told() -> None:
+    """Cycles that take too long: overruns, skipped periods, diagnostics WARN, then OK again."""
+    with hurt("slow", control_rate=100.0, state_rate=100.0) as (board, talker):
+        talker.hear("diagnostics", DiagnosticArray, "/diagnostics")
+
+        def fine(message: DiagnosticArray) -> bool:
+            return loop_status(message)[0] == DiagnosticStatus.OK
+
+        def skipped(message: DiagnosticArray) -> int:
+            return int(loop_status(message)[1]["skipped cycles"])
+
+        def overruns(message: DiagnosticArray) -> int:
+            return int(loop_status(message)[1]["overruns"])
+
+        before = talker.wait("diagnostics", fine)
+        board.process.send_signal(signal.SIGUSR1)
+        late = talker.wait("diagnostics", lambda m: skipped(m) > skipped(before) + 20)
+        assert loop_status(late)[0] == DiagnosticStatus.WARN
+        assert "overruns" in next(s for s in late.status if s.name.endswith("loop")).message
+        after = talker.wait("diagnostics", fine, fresh=True)
+        lost, slow = skipped(after) - skipped(before), overruns(after) - overruns(before)
+        assert slow >= 21  # the long one, the short ones, and those that caught up
+        assert 120 <= lost <= 250  # a lag of more than 100 periods is given up
+        assert set(talker.modes()) == {"pos"}
+
+
+def test_a_lost_physics_server_ends_the_node() -> None:
+    """Exit code 4 and one line."""
+    with hurt("gone", exit_code=4) as (board, _):
+        board.process.send_signal(signal.SIGUSR1)
+        line = board.wait_for_output("physics server")
+        board.process.wait(10.0)
+        assert line.strip() == "control_board: the physics server is gone; start the board anew"
+        assert "Traceback" not in board.output
+
+
+def test_a_bug_in_the_control_loop_ends_the_node_without_power() -> None:
+    """One line and exit code 1, for a supervisor to start it anew; no loop without its loop."""
+    with hurt("stuck", exit_code=1) as (board, _):
+        board.process.send_signal(signal.SIGUSR1)
+        line = board.wait_for_output("the control loop failed")
+        board.process.wait(10.0)
+        assert "RuntimeError: a bug" in line
+        assert "Traceback" not in board.output
+
+
+def test_all_callbacks_raising() -> None:
+    """Promise P1: services answer that it failed, actions abort, the control loop runs on."""
+    with hurt("raising", allow_fault_injection=True) as (board, talker):
+        talker.command("command/position", msg.PositionCommand(names=[J7], positions=[0.0]))
+        assert talker.set_mode([], "pos").success
+        board.process.send_signal(signal.SIGUSR1)
+        deadline = time.monotonic() + 10.0
+        while talker.set_mode([], "pos").success:
+            assert time.monotonic() < deadline
+        for name, kind in (
+            ("set_control_mode", srv.SetControlMode),
+            ("get_faults", srv.GetFaults),
+            ("set_interaction_mode", srv.SetInteractionMode),
+            ("stop", srv.Stop),
+            ("set_impedance", srv.SetImpedance),
+            ("get_impedance", srv.GetImpedance),
+            ("get_references", srv.GetReferences),
+            ("configure", Trigger),
+            ("get_available_modes", srv.GetAvailableModes),
+            ("power_cycle", Trigger),
+            ("set_reference_speed", srv.SetReferenceSpeed),
+            ("reset", Trigger),
+        ):
+            answer = talker.call(name, kind)
+            assert not answer.success, name
+            assert answer.message == f"internal error in {name}; the board's log tells more"
+        for kind, topic in (
+            (msg.PositionCommand, "position"),
+            (msg.PositionDirectCommand, "position_direct"),
+            (msg.VelocityCommand, "velocity"),
+            (msg.TorqueCommand, "torque"),
+            (msg.OutputCommand, "output"),
+            (msg.FeedforwardCommand, "feedforward"),
+        ):
+            talker.command(f"command/{topic}", kind())
+        board.wait_for_output("internal error in command/feedforward")
+        for name, kind in (("move", Move), ("calibrate", Calibrate)):
+            result = talker.answer(talker.goal(name, kind).get_result_async())
+            assert result.status == GOAL_ABORTED, name
+            assert not result.result.success, name
+        first, second = talker.state(), talker.state()
+        assert stamp_of(second) > stamp_of(first)
+        lines = [line for line in board.output.splitlines() if "internal error" in line]
+        assert all("a bug" in line and "please report it" in line for line in lines)
+        assert len(lines) < 100
+        assert "Traceback" not in board.output
+
+
+# --- one board, shared: clocks and parameters --------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def params() -> dict[str, object]:
+    return {"use_sim_time": True, "allow_fault_injection": True}
+
+
+def test_a_clock_that_jumps_back_or_stops(talker: Talker) -> None:
+    """Another /clock, with use_sim_time: the board's own time goes on whatever it says."""
+    publisher = talker.node.create_publisher(Clock, "/clock", 10)
+    for seconds in (1000, 10, 2_000_000_000, 0, 5, 5, 5):
+        clock = Clock()
+        clock.clock.sec = seconds
+        publisher.publish(clock)
+        first, second = talker.state(), talker.state()
+        assert 0.0 < stamp_of(second) - stamp_of(first) < 5.0
+        target = 0.1 if seconds % 2 else 0.0
+        assert set(talker.modes()) == {"pos"}
+        talker.command("command/position", msg.PositionCommand(names=[J7], positions=[target]))
+    talker.state(lambda s: abs(s.position[6] - 0.1) < 0.01)
+    assert talker.set_mode([J7], "vel").success
+    talker.command("command/velocity", msg.VelocityCommand(names=[J7], velocities=[0.2]))
+    talker.state(lambda s: s.velocity_reference[6] > 0.01)
+    talker.state(lambda s: s.velocity_reference[6] == 0.0)  # P12, though /clock stands still
+    talker.node.destroy_publisher(publisher)
+
+
+def double(name: str, value: float) -> Parameter:
+    kind = ParameterType.PARAMETER_DOUBLE
+    return Parameter(name=name, value=ParameterValue(type=kind, double_value=value))
+
+
+def change(talker: Talker, *parameters: Parameter):
+    """Set parameters of the running board, all or nothing."""
+    return talker.call(
+        "set_parameters_atomically", SetParametersAtomically, parameters=list(parameters)
+    ).result
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        [double(f"{J7}.position_pid.kp", -1.0)],
+        [double(f"{J7}.position_pid.kp", NAN)],
+        [double(f"{J7}.position_pid.kp", float("inf"))],
+        [double(f"{J7}.limits.upper", 100.0)],
+        [double(f"{J7}.limits.lower", 3.0), double(f"{J7}.limits.upper", 1.0)],
+        [double(f"{J7}.timeouts.velocity", -0.1)],
+        [double("state_rate", 0.0)],
+        [double("real_time_factor", -1.0)],
+        [double("control_rate", 500.0)],
+        [double(f"{J7}.motor.gear_ratio", 50.0)],
+        [double(f"{J7}.no_such_thing", 1.0)],
+        [double("no_such_joint.limits.upper", 1.0)],
+        [double(f"{J1}.position_pid.kp", 7000.0), double(f"{J7}.position_pid.kp", NAN)],
+        [
+            Parameter(
+                name="state_rate",
+                value=ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="x"),
+            )
+        ],
+        [Parameter(name="state_rate", value=ParameterValue())],
+    ],
+    ids=lambda parameters: " ".join(one.name.split("joint_")[-1] for one in parameters),
+)
+def test_illegal_parameter_changes_are_refused_whole(talker: Talker, parameters) -> None:
+    """All or nothing, with a reason; the arm does not notice."""
+    before = talker.state(lambda s: abs(s.position[6]) < 0.01).position
+    result = change(talker, *parameters)
+    assert not result.successful
+    assert result.reason
+    assert "\n" not in result.reason
+    assert talker.state().position == pytest.approx(before, abs=0.01)
+    assert talker.modes() == ["pos"] * 7
+
+
+def test_legal_parameter_changes_act_without_a_jump(talker: Talker) -> None:
+    """Gains, limits and timeouts in the midst of a move; then back again."""
+    talker.command("command/position", msg.PositionCommand(names=[J7], positions=[0.5]))
+    talker.state(lambda s: abs(s.velocity[6]) > 0.1)
+    assert change(
+        talker,
+        double(f"{J7}.position_pid.kp", 500.0),
+        double(f"{J7}.limits.upper", 0.3),
+        double(f"{J7}.timeouts.velocity", 0.5),
+        double("state_rate", 50.0),
+    ).successful
+    worst = 0.0
+    last = talker.state().position[6]
+    until = time.monotonic() + 20.0
+    while abs(last - 0.3) > 0.005:
+        assert time.monotonic() < until, last
+        now = talker.state().position[6]
+        worst, last = max(worst, abs(now - last)), now
+        assert now < 0.31  # the narrower limit holds from now on
+    assert worst < 0.1
+    assert change(
+        talker,
+        double(f"{J7}.position_pid.kp", 400.0),
+        double(f"{J7}.limits.upper", 3.0),
+        double(f"{J7}.timeouts.velocity", 0.2),
+        double("state_rate", 100.0),
+    ).successful
+    assert talker.modes() == ["pos"] * 7
+
+
+def test_requests_while_paused_and_after(talker: Talker) -> None:
+    """Promise P8: paused, the board answers; pausing twice or resuming twice changes nothing."""
+    for _ in range(2):
+        assert talker.call("pause", SetBool, data=True).success
+        assert talker.modes() == ["pos"] * 7
+    steps = talker.call("step", srv.Step, steps=10)
+    assert steps.success, steps.message
+    assert not talker.call("step", srv.Step, steps=0).success
+    for _ in range(2):
+        assert talker.call("pause", SetBool, data=False).success
+    refused = talker.call("step", srv.Step, steps=10)
+    assert not refused.success
+    assert "paused" in refused.message
