@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Sequence
+from statistics import median
 from time import perf_counter
 
 from control_board_ros.core.board import Board
@@ -173,8 +174,7 @@ def compare(
         gc.unfreeze()
         ours.close()
         bare.close()
-        cycles = chunks * CHUNK
-        board, reference = (1e6 * sum(column) / cycles for column in zip(*times, strict=True))
+        board, reference = (1e6 * median(each) / CHUNK for each in zip(*times, strict=True))
         results.append({"board": board, "bare": reference, "ratio": board / reference})
     return results
 

@@ -109,10 +109,10 @@ def cpu_seconds(pid: int) -> float:
 
 
 def resident_megabytes(pid: int) -> float:
-    """Resident memory of a process, MB."""
+    """Resident memory of a process, MB (10⁶ bytes)."""
     for line in Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines():
         if line.startswith("VmRSS:"):
-            return int(line.split()[1]) / 1024.0
+            return int(line.split()[1]) * 1024 / 1e6
     raise RuntimeError(f"no memory of process {pid}")
 
 
