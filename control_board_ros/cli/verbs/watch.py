@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,6 +14,26 @@ from ..words import UsageError
 from .arguments import Joints
 from .faults import read_faults
 from .modes import read_modes
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+TITLES = (
+    "joint",
+    "mode",
+    "int.",
+    "position",
+    "its limits",
+    "reference",
+    "torque",
+    "output",
+    "fault",
+)
+RIGHT = ("position", "reference", "torque", "output")
+#: What goes first where the terminal is narrow.
+DISPENSABLE = ("output", "reference", "its limits", "torque", "int.")
+#: Characters that a fault has at least, where it has as many.
+FAULT_WIDTH = 20
 
 
 def watch(
@@ -29,7 +49,7 @@ def watch(
     names = session.joints(joints)
     rows = read_rows(session, names)
     if once:
-        show(session, rows, lambda: render(session, rows))
+        show(session, rows, lambda: render(session, rows, console().width))
         return
     try:
         follow(session, names, 1.0 / rate)
@@ -46,9 +66,12 @@ def follow(session: Session, names: list[str], period: float) -> None:
     from rich.live import Live
 
     rows = read_rows(session, names)
-    with Live(render(session, rows), console=console(), auto_refresh=False) as live:
+    screen = console()
+    first = render(session, rows, screen.width)
+    with Live(first, console=screen, auto_refresh=False) as live:
         while True:
-            live.update(render(session, read_rows(session, names)), refresh=True)
+            rows = read_rows(session, names)
+            live.update(render(session, rows, screen.width), refresh=True)
             time.sleep(period)
 
 
@@ -74,33 +97,68 @@ def read_rows(session: Session, names: list[str]) -> dict[str, dict[str, Any]]:
     return rows
 
 
-def render(session: Session, rows: dict[str, dict[str, Any]]) -> Any:
-    right = ("position", "reference", "torque", "output")
-    shown = table(
-        "joint",
-        "mode",
-        "int.",
-        "position",
-        "its limits",
-        "reference",
-        "torque",
-        "output",
-        "fault",
-        right=right,
-    )
+def render(session: Session, rows: dict[str, dict[str, Any]], width: int) -> Any:
+    """The table, with what a terminal of this width has room for."""
+    columns = fitted(columns_of(session, rows), width)
+    shown = table(*columns, right=RIGHT)
+    for cells in zip(*columns.values(), strict=True):
+        shown.add_row(*cells)
+    return shown
+
+
+def columns_of(session: Session, rows: dict[str, dict[str, Any]]) -> dict[str, list[Text]]:
+    """All columns by title, in their order."""
+    from rich.text import Text
+
+    columns: dict[str, list[Text]] = {title: [] for title in TITLES}
     for name, row in rows.items():
         joint = session.robot.get(name)
         prismatic = joint is not None and joint.prismatic
         limits = (joint.lower, joint.upper) if joint is not None else (0.0, 0.0)
-        shown.add_row(
-            name,
+        cells = (
+            Text(name),
             mode_text(row["control_mode"]),
             mode_text(row["interaction_mode"]),
-            position_text(row["position"], prismatic),
-            bar(row["position"], *limits),
-            position_text(row["position_reference"], prismatic),
-            f"{row['torque']:.1f}{'N' if prismatic else 'N·m'}",
-            f"{row['output']:.0f}%",
-            f"[red]{row['fault']}[/]" if row["fault"] else "",
+            Text(position_text(row["position"], prismatic)),
+            Text(bar(row["position"], *limits)),
+            Text(position_text(row["position_reference"], prismatic)),
+            Text(f"{row['torque']:z.1f}{'N' if prismatic else 'N·m'}"),
+            Text(f"{row['output']:z.0f}%"),
+            Text(row["fault"], style="red"),
         )
-    return shown
+        for title, cell in zip(TITLES, cells, strict=True):
+            columns[title].append(cell)
+    return columns
+
+
+def fitted(columns: dict[str, list[Text]], width: int) -> dict[str, list[Text]]:
+    """Columns that fit: names without what all begin with, then without the least important."""
+    columns = dict(columns)
+    short = shortened([cell.plain for cell in columns["joint"]])
+    if needed(columns) > width:
+        for cell, name in zip(columns["joint"], short, strict=True):
+            cell.plain = name
+    for title in DISPENSABLE:
+        if needed(columns) <= width:
+            break
+        del columns[title]
+    room = FAULT_WIDTH + max(width - needed(columns), 0)
+    for cell in columns["fault"]:
+        cell.truncate(room, overflow="ellipsis")
+    return columns
+
+
+def needed(columns: dict[str, list[Text]]) -> int:
+    """The characters that columns take; a long fault is cut rather than other columns."""
+    widths = [max(len(title), *(c.cell_len for c in cells)) for title, cells in columns.items()]
+    widths[-1] = min(widths[-1], FAULT_WIDTH)
+    return sum(widths) + 2 * len(widths)
+
+
+def shortened(names: list[str]) -> list[str]:
+    """Names without the words that all of them begin with, but for the last such word."""
+    words = [name.split("_") for name in names]
+    k = 0
+    while len(names) > 1 and len({tuple(word[k : k + 2]) for word in words}) == 1:
+        k += 1
+    return ["_".join(word[k:]) for word in words]

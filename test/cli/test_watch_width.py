@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The table of cbctl watch in terminals of many widths."""
+
+import io
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from control_board_ros.cli.robot import JointDescription
+from control_board_ros.cli.verbs.watch import TITLES, render, shortened
+
+IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
+ICUB = ["l_shoulder_pitch", "l_shoulder_roll", "l_elbow"]
+FAULT = "overcurrent, 23.9 A; the limit is 22 A"
+
+
+def drawn(names: list[str], width: int, fault: str = "") -> list[str]:
+    """The lines that a terminal of this width shows."""
+    row: dict[str, Any] = {
+        "control_mode": "posd",
+        "interaction_mode": "stif",
+        "position": -2.9,
+        "position_reference": -2.9,
+        "torque": -125.51,
+        "output": -100.0,
+        "fault": fault,
+    }
+    session: Any = SimpleNamespace(
+        robot={name: JointDescription("revolute", -3.0, 3.0) for name in names}
+    )
+    out = io.StringIO()
+    Console(file=out, width=width).print(render(session, dict.fromkeys(names, row), width))
+    return [line for line in out.getvalue().splitlines() if line.strip()]
+
+
+@pytest.mark.parametrize("names", [IIWA, ICUB, ["only"]], ids=["iiwa", "icub", "one"])
+@pytest.mark.parametrize("width", [60, 70, 80, 100, 160])
+@pytest.mark.parametrize("fault", ["", FAULT])
+def test_names_modes_and_positions_are_never_cut(names: list[str], width: int, fault: str) -> None:
+    lines = drawn(names, width, fault)
+    assert all(len(line) <= width for line in lines)
+    text = "\n".join(lines)
+    for name in shortened(names):
+        assert name in text
+    assert text.count("posd") == len(names)
+    assert text.count("-166.2°") == len(names) * (2 if "reference" in text else 1)
+    if fault:
+        assert text.count(FAULT[:10]) == len(names)
+    else:
+        assert "…" not in text
+
+
+def test_a_wide_terminal_shows_everything() -> None:
+    head = drawn(IIWA, 120)[0]
+    assert [title for title in TITLES if title not in head] == []
+    assert "lbr_iiwa_joint_1" in "\n".join(drawn(IIWA, 120))
+
+
+def test_eighty_columns_drop_the_least_important_first() -> None:
+    lines = drawn(IIWA, 80)
+    assert "output" not in lines[0]
+    assert {"joint", "mode", "int.", "position", "torque", "fault"} <= set(lines[0].split())
+    assert any(line.split()[0] == "joint_1" for line in lines[2:])
+
+
+@pytest.mark.parametrize(
+    ("names", "short"),
+    [
+        (["lbr_iiwa_joint_1", "lbr_iiwa_joint_2"], ["joint_1", "joint_2"]),
+        (["l_elbow", "l_wrist_yaw"], ["l_elbow", "l_wrist_yaw"]),
+        (["a", "b"], ["a", "b"]),
+        (["panda_joint1", "panda_finger_joint1"], ["panda_joint1", "panda_finger_joint1"]),
+        (["lbr_iiwa_joint_1"], ["lbr_iiwa_joint_1"]),
+    ],
+)
+def test_names_lose_the_words_all_begin_with_but_the_last(
+    names: list[str], short: list[str]
+) -> None:
+    assert shortened(names) == short
