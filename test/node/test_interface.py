@@ -17,11 +17,12 @@ from interface_table import (
     SERVICES,
     SUBSCRIBED,
 )
-from rcl_interfaces.srv import GetParameters, ListParameters
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 from rclpy.action import get_action_server_names_and_types_by_node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_srvs.srv import Trigger
-from talk import LATCHED, Talker
+from talk import LATCHED, Talker, stamp_of
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 
@@ -106,6 +107,36 @@ def test_command_topics_take_qos_overrides(talker: Talker) -> None:
     answer = talker.call("get_parameters", GetParameters, names=["control_rate", "robot"])
     assert answer.values[0].double_value == 1000.0
     assert answer.values[1].string_value == "iiwa"
+
+
+def test_parameters_change_at_run_time_all_or_nothing(talker: Talker) -> None:
+    """Gains and rates change while the board runs; one wrong value changes nothing."""
+    gain = f"{talker.names[0]}.position_pid.kp"
+    before = talker.call("get_parameters", GetParameters, names=[gain]).values[0].double_value
+
+    def change(**values: Any) -> Any:
+        parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        return talker.call(
+            "set_parameters_atomically", SetParametersAtomically, parameters=parameters
+        ).result
+
+    def seen_per_second() -> float:
+        first, begun = stamp_of(talker.state()), len(talker.seen["state"])
+        last = talker.state(lambda s: stamp_of(s) > first + 0.5)
+        return (len(talker.seen["state"]) - begun) / (stamp_of(last) - first)
+
+    assert change(**{gain: 1.1 * before, "state_rate": 20.0}).successful
+    assert seen_per_second() == pytest.approx(20.0, rel=0.3)
+    wrong = change(**{gain: before, "state_rate": -1.0})
+    assert not wrong.successful
+    assert "state_rate" in wrong.reason
+    read = talker.call("get_parameters", GetParameters, names=[gain, "state_rate"]).values
+    assert [value.double_value for value in read] == [pytest.approx(1.1 * before), 20.0]
+    assert not change(control_rate=500.0).successful
+    assert change(**{gain: before, "state_rate": 100.0}).successful
+    assert seen_per_second() == pytest.approx(100.0, rel=0.3)
 
 
 def test_the_urdf_is_latched(talker: Talker) -> None:

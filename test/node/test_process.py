@@ -124,6 +124,45 @@ def test_wrong_settings_end_it_with_one_line(arguments: list[str], told: str) ->
     assert "Traceback" not in text
 
 
+def test_a_physics_server_that_is_gone_ends_it_with_one_line() -> None:
+    """Exit code 4, one line on standard error, no traceback."""
+    code = (
+        "import sys\n"
+        "from control_board_ros.sim import plant\n"
+        "write, cycles = plant.SimulatedPlant.write, []\n"
+        "def cut(self, actuation):\n"
+        "    cycles.append(0)\n"
+        "    if len(cycles) > 500:\n"
+        "        self.close()\n"
+        "    write(self, actuation)\n"
+        "plant.SimulatedPlant.write = cut\n"
+        "from control_board_ros.node.main import main\n"
+        "sys.exit(main([]))\n"
+    )
+    with free_domain() as domain:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env=child_environment(domain),
+            capture_output=True,
+            text=True,
+            timeout=30,
+            check=False,
+        )
+    assert done.returncode == 4, done.stderr
+    lines = [line for line in done.stderr.splitlines() if "control_board:" in line]
+    assert len(lines) == 1, done.stderr
+    assert "physics" in lines[0]
+    assert "Traceback" not in done.stderr
+
+
+def test_use_sim_time_is_tolerated() -> None:
+    """The node's own clock may follow /clock; the board's time does not depend on it."""
+    params = {"use_sim_time": True, "publish_clock": True}
+    with board_process(params) as board, talking_to(board) as talker:
+        assert talker.set_mode([], "posd").success
+        assert talker.state().header.stamp.sec < 10_000
+
+
 def test_help_needs_no_ros() -> None:
     """--help prints the usage."""
     done = subprocess.run(
