@@ -23,6 +23,8 @@ DONE, REFUSED, USAGE = 0, 1, 2
 
 #: Columns of a table that goes into a file or a pipe.
 PIPE_WIDTH = 160
+#: Columns from which on names of joints are shown whole.
+WIDE = 100
 
 #: Colours of modes by code: green holds or moves, yellow drives, red needs somebody.
 COLOURS = {
@@ -112,22 +114,33 @@ def mode_text(code: str, name: str = "") -> Text:
     return Text(name or code, style=COLOURS.get(code, ""))
 
 
-def table(*columns: str, right: Sequence[str] = ()) -> Any:
-    """An empty table in the house style."""
+def table(*columns: str, right: Sequence[str] = (), fold: Sequence[str] = ()) -> Any:
+    """An empty table in the house style; the columns of ``fold`` may take several lines."""
     from rich import box
     from rich.table import Table
 
-    empty = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    empty = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     for column in columns:
-        empty.add_column(column, justify="right" if column in right else "left", no_wrap=True)
+        justify: Any = "right" if column in right else "left"
+        empty.add_column(column, justify=justify, no_wrap=column not in fold, overflow="fold")
     return empty
+
+
+def short_names(names: Sequence[str]) -> dict[str, str]:
+    """Names for a table: where there is no room, without the words that all begin with but one."""
+    words = [name.split("_") for name in names]
+    k = 0
+    if console().width < WIDE and len(names) > 1:
+        while len({tuple(word[k : k + 2]) for word in words}) == 1:
+            k += 1
+    return {name: "_".join(word[k:]) for name, word in zip(names, words, strict=True)}
 
 
 def position_text(value: float, prismatic: bool) -> str:
     """A position for people."""
     if not math.isfinite(value):
         return "-"
-    return f"{value * 1000:.1f} mm" if prismatic else f"{value / DEGREE:.1f}°"
+    return f"{value * 1000:z.1f} mm" if prismatic else f"{value / DEGREE:z.1f}°"
 
 
 def bar(value: float, lower: float, upper: float, width: int = 12) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from ..output import DONE, REFUSED, show, table
+from ..output import DONE, REFUSED, short_names, show, table
 from ..session import Session
 from .arguments import Joints
 from .faults import read_faults
@@ -43,10 +43,11 @@ def clear_faults(session: Session, names: list[str]) -> dict[str, dict[str, Any]
 
 
 def render(rows: dict[str, dict[str, Any]]) -> Any:
-    shown = table("joint", "fault", "now")
+    shown = table("joint", "fault", "now", fold=("fault",))
+    shorts = short_names(list(rows))
     for name, row in rows.items():
         now = "[green]idle, cleared[/]" if row["cleared"] else "[bold red]the cause persists[/]"
-        shown.add_row(name, row["fault"], now)
+        shown.add_row(shorts[name], row["fault"], now)
     if all(row["cleared"] for row in rows.values()):
         shown.caption = "power them with: cbctl mode JOINT pos"
     return shown

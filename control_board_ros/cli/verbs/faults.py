@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ..output import show, table
+from ..output import short_names, show, table
 from ..session import Session
 from .arguments import Joints
 
@@ -48,10 +48,11 @@ def render(rows: dict[str, dict[str, Any]], count: int, cleared: int) -> Any:
     if not rows:
         past = f"; {cleared} had one that is cleared: cbctl faults --all" if cleared else ""
         return f"no fault on {count} joint{'s' if count != 1 else ''}{past}"
-    shown = table("joint", "", "code", "fault", "since", right=("code",))
+    shown = table("joint", "", "code", "fault", "since", right=("code",), fold=("fault",))
+    shorts = short_names(list(rows))
     for name, row in rows.items():
         state = "[bold red]in fault[/]" if row["active"] else "[bright_black]cleared[/]"
-        shown.add_row(name, state, str(row["code"]), row["text"], when(row["stamp"]))
+        shown.add_row(shorts[name], state, str(row["code"]), row["text"], when(row["stamp"]))
     return shown
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from ..output import position_text, show, table
+from ..output import position_text, short_names, show, table
 from ..session import Session
 
 
@@ -40,7 +40,9 @@ def read_info(session: Session) -> dict[str, Any]:
 
 def render(value: dict[str, Any]) -> Any:
     right = ("", "from", "to")
-    shown = table("", "joint", "kind", "from", "to", "modes", "interaction", right=right)
+    columns = ("", "joint", "kind", "from", "to", "modes", "int.")
+    shown = table(*columns, right=right, fold=("modes",))
+    shorts = short_names(list(value["joints"]))
     shown.title = value["board"]
     for name, row in value["joints"].items():
         prismatic = row["kind"] == "prismatic"
@@ -50,7 +52,7 @@ def render(value: dict[str, Any]) -> Any:
         ]
         shown.add_row(
             str(row["index"]),
-            name,
+            shorts[name],
             row["kind"] or "-",
             *limits,
             " ".join(row["control_modes"]),

@@ -7,7 +7,7 @@ from typing import Any
 
 import typer
 
-from ..output import position_text, show, table
+from ..output import position_text, short_names, show, table
 from ..session import Session, by_joint
 from .arguments import Joints
 
@@ -36,13 +36,14 @@ def read_references(session: Session, names: list[str]) -> dict[str, dict[str, f
 
 
 def render(session: Session, rows: dict[str, dict[str, float]]) -> Any:
-    columns = ("position", "direct", "velocity", "torque", "output", "speed", "acceleration")
+    columns = ("position", "direct", "velocity", "torque", "output", "speed", "accel.")
+    shorts = short_names(list(rows))
     shown = table("joint", *columns, right=columns)
     for name, row in rows.items():
         joint = session.robot.get(name)
         prismatic = joint is not None and joint.prismatic
         shown.add_row(
-            name,
+            shorts[name],
             position_text(row["position"], prismatic),
             position_text(row["direct_position"], prismatic),
             position_text(row["velocity"], prismatic) + "/s",
