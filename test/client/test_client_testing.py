@@ -41,14 +41,13 @@ def test_domains_are_held_and_given_back(monkeypatch: pytest.MonkeyPatch) -> Non
     with free_domain() as first:
         with free_domain() as second:
             assert {first, second} == {94, 95}
-            with pytest.raises(AssertionError, match="no free ROS domain in 94-95"):
-                with free_domain():
-                    pass
+            match = "no free ROS domain in 94-95"
+            with pytest.raises(AssertionError, match=match), free_domain():
+                pass
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
             other.bind(("", 7400 + 250 * second + 10))
-            with pytest.raises(AssertionError, match="no free ROS domain"):
-                with free_domain():
-                    pass
+            with pytest.raises(AssertionError, match=match), free_domain():
+                pass
         with free_domain() as again:
             assert again == second
 
@@ -75,9 +74,11 @@ def test_the_environment_of_a_child(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_board_that_ends_early_tells_why() -> None:
     """The exit code and what it printed stand in the error."""
     program = "print('bad configuration'); raise SystemExit(2)"
-    with pytest.raises(AssertionError, match="ended with code 2") as raised:
-        with board_process(command=[*FAKE, program]):
-            pass
+    with (
+        pytest.raises(AssertionError, match="ended with code 2") as raised,
+        board_process(command=[*FAKE, program]),
+    ):
+        pass
     assert "bad configuration" in "".join(raised.value.__notes__)
 
 
@@ -85,11 +86,12 @@ def test_a_board_that_ends_early_tells_why() -> None:
 def test_a_board_that_does_not_answer() -> None:
     """No answer within the time to start; the process is gone afterwards."""
     program = "import os, time; print(os.getpid()); time.sleep(60)"
-    with pytest.raises(AssertionError, match="no answer from /left/arm within 1 s") as raised:
-        with board_process(
-            command=[*FAKE, program], name="arm", namespace="left", start_timeout=1.0
-        ):
-            pass
+    command = [*FAKE, program]
+    with (
+        pytest.raises(AssertionError, match="no answer from /left/arm within 1 s") as raised,
+        board_process(command=command, name="arm", namespace="left", start_timeout=1.0),
+    ):
+        pass
     pid = int("".join(raised.value.__notes__).splitlines()[1])
     assert not Path(f"/proc/{pid}").exists()
 
@@ -120,9 +122,11 @@ def test_the_exit_code_is_checked() -> None:
         assert board.wait_for_output("started") == "started\n"
         with pytest.raises(AssertionError, match="no line with 'nothing'"):
             board.wait_for_output("nothing", timeout=0.1)
-    with pytest.raises(AssertionError, match="the board returned 3, not 0"):
-        with board_process(command=[*FAKE, STUBBORN]):
-            pass
+    with (
+        pytest.raises(AssertionError, match="the board returned 3, not 0"),
+        board_process(command=[*FAKE, STUBBORN]),
+    ):
+        pass
 
 
 @pytest.mark.ros
