@@ -197,6 +197,22 @@ def test_motors_stay_cool_while_the_arm_is_held(rig: Rig) -> None:
         assert joint < 60.0
 
 
+def test_a_torque_into_a_limit_ends_there_without_fault(rig: Rig) -> None:
+    """P9: full speed into the software limit, the hard stop perhaps, and back to the limit."""
+    board = rig.board
+    for j in compliant_joints(rig):
+        limits = rig.joints[j].limits
+        assert board.set_control_mode(j, "torq")
+        assert board.set_ref_torque(j, 0.3 * limits.torque + float(board.state.torque[j]))
+        farthest = rig.record(lambda one: one.state.position, 5.0)[:, j].max()
+        assert farthest < limits.hard_upper + limits.hard_margin
+        assert abs(board.state.position[j] - limits.upper) < 0.5 * DEGREE, rig.joints[j].name
+        assert board.get_control_mode(j) == [M.TORQUE], rig.joints[j].name
+        assert board.set_control_mode(j, "pos")
+        rig.simulation.run(0.2)
+    assert rig.all_in(M.POSITION)
+
+
 def test_a_robot_nobody_tuned_stands_and_moves() -> None:
     """Gains derived from the URDF alone hold the iiwa and move it within 2 deg."""
     settings = load(None, {"robot": str(ROBOTS["iiwa"].path())})
