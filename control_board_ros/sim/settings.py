@@ -269,5 +269,7 @@ def _joint_values(
 def _explain(error: ConfigError, where: Mapping[str, str]) -> str:
     """A configuration error with the place of the value that caused it."""
     key = error.key.removeprefix("simulation.")
-    at = where.get(key)
+    # Where nobody gave this end of a range, the other end is what does not fit.
+    other = key.replace("upper", "lower") if "upper" in key else key.replace("lower", "upper")
+    at = where.get(key) or where.get(other)
     return f"{at}: {key}: {error.value!r} is not allowed; {error.allowed}" if at else str(error)

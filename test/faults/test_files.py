@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Broken configurations and hostile robot descriptions, given to the executable itself.
+
+test/sim has the 2,000 mutations and every kind of broken value in process; here a handful of
+each show that the executable tells of them in one line, with exit code 2 and below 2 s.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from plants import PENDULUM
+
+from control_board_ros.testing import child_environment
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
+
+HEAD = "control_board:\n  ros__parameters:\n    "
+BOMB = (
+    "<!DOCTYPE r [<!ENTITY a 'aaaaaaaaaa'>"
+    + "".join(
+        f"<!ENTITY {b} '{'&' + a + ';' * 1}&{a};&{a};'>"
+        for a, b in zip("abcdefg", "bcdefgh", strict=True)
+    )
+    + "]><robot name='&h;'/>"
+)
+EXTERNAL = "<!DOCTYPE r [<!ENTITY a SYSTEM 'file:///etc/passwd'>]><robot name='&a;'/>"
+YAML_BOMB = "a: &a [x, x]\nb: &b [*a, *a]\nc: &c [*b, *b]\n"
+
+
+def mesh(name: str) -> str:
+    """The pendulum with a mesh on its rod."""
+    shape = f"<visual><geometry><mesh filename='{name}'/></geometry></visual>"
+    return PENDULUM.replace("</inertial></link>", f"</inertial>{shape}</link>")
+
+
+FILES = {
+    "empty": (b"", "is empty"),
+    "tabs": (b"control_board:\n\tros__parameters:\n", "indent with spaces"),
+    "cut": (b"control_board: {ros__parameters: {robot: iiwa", "not YAML"),
+    "binary": (bytes(range(256)), "not UTF-8"),
+    "nul": (b"control_board:\0", "not YAML"),
+    "tag": (f"{HEAD}robot: !!python/object/apply:os.system ['touch /tmp/x']\n", "tag"),
+    "bomb": (YAML_BOMB, "not allowed"),
+    "deep": ("[" * 5000, "a list in a list"),
+    "unknown": (f"{HEAD}control_rat: 1000.0\n", "did you mean 'control_rate'"),
+    "text": (f"{HEAD}control_rate: fast\n", "control_rate"),
+    "nan": (f"{HEAD}control_rate: .nan\n", "control_rate"),
+    "zero": (f"{HEAD}state_rate: 0.0\n", "state_rate"),
+    "rates": (f"{HEAD}physics_rate: 1500.0\n", "whole multiple"),
+    "twice": (f"{HEAD}robot: iiwa\n    robot: panda\n", "again"),
+    "limits": (f"{HEAD}lbr_iiwa_joint_1: {{limits: {{lower: 5.0}}}}\n", "limits"),
+    "joints": (f"{HEAD}joints: [lbr_iiwa_joint_1, lbr_iiwa_joint_1]\n", "twice"),
+    "huge": (f"{HEAD}# {'x' * 2**20}\n", "larger than 1 MiB"),
+    "other": ("somebody:\n  ros__parameters: {robot: iiwa}\n", "no section for node"),
+}
+ROBOTS = {
+    "empty": ("", "is empty"),
+    "text": ("robot", "not well-formed XML"),
+    "cut": (PENDULUM[:-20], "not well-formed XML"),
+    "entities": (BOMB, "not allowed"),
+    "external": (EXTERNAL, "not allowed"),
+    "sdf": ("<sdf version='1.7'/>", "the root is <sdf>"),
+    "no joints": ("<robot name='r'><link name='a'/></robot>", "no joint moves"),
+    "no limits": (PENDULUM.replace("lower=", "l=").replace("upper=", "u="), "lower 0, upper 0"),
+    "nan": (PENDULUM.replace('upper="3"', 'upper="nan"'), "nan"),
+    "no parent": (PENDULUM.replace('link="base"', 'link="nowhere"'), "nowhere"),
+    "up": (mesh("../../../etc/passwd"), "outside the folders"),
+    "absolute": (mesh("file:///etc/passwd"), "outside the folders"),
+    "http": (mesh("http://localhost/arm.stl"), "is not allowed"),
+    "package": (mesh("package://../../etc/passwd"), "names no package"),
+    "deep": ("<robot>" + "<a>" * 50_000, "deeper"),
+}
+
+
+def complaint(path: Path, *arguments: str) -> str:
+    """What the executable says before it ends with exit code 2; its work takes below 2 s."""
+    command = [sys.executable, "-m", "control_board_ros.node.main", "--ros-args", *arguments]
+    children = os.times()
+    begun = time.monotonic()
+    done = subprocess.run(
+        command, env=child_environment(79), capture_output=True, text=True, timeout=20, check=False
+    )
+    after = os.times()
+    worked = after.children_user + after.children_system
+    worked -= children.children_user + children.children_system
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert done.stderr.startswith("control_board: ")
+    assert str(path) in done.stderr
+    assert done.stdout == ""
+    assert min(worked, time.monotonic() - begun) < 2.0
+    return done.stderr
+
+
+@pytest.mark.parametrize("kind", FILES)
+def test_broken_parameter_files(kind: str, tmp_path: Path) -> None:
+    """Exit code 2, one line with file and place, no traceback."""
+    content, words = FILES[kind]
+    path = tmp_path / "broken.yaml"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    assert words in complaint(path, "--params-file", str(path))
+
+
+@pytest.mark.parametrize("kind", ROBOTS)
+def test_broken_robot_descriptions(kind: str, tmp_path: Path) -> None:
+    """Exit code 2, one line; no file outside is read, nothing is fetched."""
+    content, words = ROBOTS[kind]
+    path = tmp_path / "arm.urdf"
+    path.write_text(content)
+    text = complaint(path, "-p", f"robot:={path}")
+    assert words in text
+    assert "root:" not in text  # of /etc/passwd
+
+
+def test_a_missing_description(tmp_path: Path) -> None:
+    """A path that is not there, and one that is no file."""
+    path = tmp_path / "none.urdf"
+    assert "No such file" in complaint(path, "-p", f"robot:={path}")
+    folder = tmp_path / "folder.urdf"
+    folder.mkdir()
+    assert "is a folder" in complaint(folder, "-p", f"robot:={folder}")
