@@ -10,7 +10,7 @@ STAMPS := $(VENV)/.control_board_ros
 
 # What the installation is made of: when one of these changes, it is made again.
 SOURCES := setup.py setup.cfg pyproject.toml package.xml MANIFEST.in \
-    control_board_ros/__init__.py \
+    control_board_ros/__init__.py tools/msg_defs.cmake \
     $(shell find msg_defs config resource -type f 2>/dev/null)
 
 # This environment stands on its own: a sourced ROS 2 of another Python would break it.
@@ -50,7 +50,7 @@ conformance: setup $(STAMPS)/test ## Print rule -> tests -> result, write docs/c
 mutants: setup $(STAMPS)/test ## Break each row of the mode tables: a test must fail
 	@$(BIN)/python test/spec/mutants.py $(ARGS)
 
-docs: setup $(STAMPS)/test $(STAMPS)/dev ## Write the generated pages and pictures of docs/
+docs: setup $(STAMPS)/test $(STAMPS)/dev ## Write the generated pages of docs/; ARGS=--pictures draws anew
 	@$(BIN)/python docs/generate.py $(ARGS)
 
 setup: $(STAMPS)/installed ## Make the environment and install into it, where not yet done

@@ -78,7 +78,12 @@ def modes() -> None:
     every_mode.plot(recording, str(IMAGES / "every_mode.png"))
 
 
-if __name__ == "__main__":
+def make() -> None:
+    """Both pictures."""
     IMAGES.mkdir(exist_ok=True)
     hero()
     modes()
+
+
+if __name__ == "__main__":
+    make()

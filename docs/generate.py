@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Write the pages of docs/ that are made from the program itself.
+
+python docs/generate.py             write them
+python docs/generate.py --check     write nothing; exit code 1 where one is stale
+python docs/generate.py --pictures  the pictures too (half a minute)
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from pathlib import Path
+
+DOCS = Path(__file__).resolve().parent
+sys.path.insert(0, str(DOCS))
+
+NOTE = "<!-- Written by docs/generate.py from {source}; `make docs` writes it anew. -->\n\n"
+
+#: page -> (module with a function `page`, what it is made from)
+PAGES = {
+    "interface.md": ("interface_page", "msg_defs/ and the interface table"),
+    "parameters.md": ("parameters_page", "control_board_ros/sim/schema.py"),
+    "modes.md": ("diagram", "the mode tables"),
+}
+
+
+def pages() -> dict[Path, str]:
+    """Every generated page with its text."""
+    texts = {}
+    for name, (module, source) in PAGES.items():
+        if importlib.util.find_spec(module) is None:
+            continue
+        texts[DOCS / name] = NOTE.format(source=source) + importlib.import_module(module).page()
+    return texts
+
+
+def stale(texts: dict[Path, str]) -> list[Path]:
+    """The pages that say something else than the program does."""
+    return [p for p, text in texts.items() if not p.is_file() or p.read_text("utf-8") != text]
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Write, or check; the exit code."""
+    parser = argparse.ArgumentParser(description="Write the generated pages of docs/.")
+    parser.add_argument("--check", action="store_true", help="only say what is stale")
+    parser.add_argument("--pictures", action="store_true", help="make the pictures too")
+    options = parser.parse_args(argv)
+    texts = pages()
+    old = stale(texts)
+    for path in old:
+        print(f"docs/{path.name} is stale: make docs" if options.check else f"docs/{path.name}")
+        if not options.check:
+            path.write_text(texts[path], "utf-8")
+    if options.pictures and not options.check:
+        import pictures
+
+        pictures.make()
+    return 1 if options.check and old else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

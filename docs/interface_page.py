@@ -1,0 +1,181 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page docs/interface.md: the names on ROS, and each message, service and action.
+
+Names, types and QoS come from the table that a test compares with a running node
+(test/node/interface_table.py); fields and their meaning come from msg_defs/.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+
+ROOT = Path(__file__).resolve().parents[1]
+PARTS = {
+    "msg": ("Message",),
+    "srv": ("Request", "Response"),
+    "action": ("Goal", "Result", "Feedback"),
+}
+TITLES = {"msg": "Messages", "srv": "Services", "action": "Actions"}
+
+QOS = {
+    "RV": "reliable, keep last 10",
+    "RT": "reliable, transient local, depth 1",
+    "BV": "best effort, depth 1",
+}
+
+#: What no definition of ours says: names of standard types, and when state is sent.
+MEANING = {
+    "joint_states": "Measured position, velocity and torque of every joint, `state_rate` times a "
+    "second, stamped with the time of the reading. For robot_state_publisher and RViz.",
+    "~/modes": "Modes of every joint, on every change.",
+    "~/state": "What the board measures and follows, `state_rate` times a second.",
+    "~/faults": "The joints in fault now, on every change.",
+    "robot_description": "The URDF.",
+    "/diagnostics": "Once a second: loop rate, overruns, worst latency, rejected commands, "
+    "faults. One entry for the board and one per joint.",
+    "/clock": "Simulated time, where `publish_clock` is set or `real_time_factor` is not 1.",
+    "~/command/position": "Moves along minimum-jerk profiles. Accepted in POSITION, MIXED.",
+    "~/command/position_direct": "Position steps. Accepted in POSITION_DIRECT.",
+    "~/command/velocity": "Velocities; they expire after `timeouts.velocity`. Accepted in "
+    "VELOCITY, MIXED.",
+    "~/command/torque": "Torques. Accepted in TORQUE.",
+    "~/command/output": "PWM in percent. Accepted in OPENLOOP.",
+    "~/command/feedforward": "Terms added to the output, or to the impedance torque. Accepted in "
+    "every mode.",
+    "~/joint_trajectory": "Points to follow, interpolated. Accepted in POSITION_DIRECT.",
+    "~/external_torque": "Simulation only, with `allow_fault_injection`: a push on the joints, "
+    "N·m, until the next one.",
+    "~/configure": "The configuration is complete: joints leave NOT_CONFIGURED. Needed only with "
+    "`autoconfigure: false`.",
+    "~/power_cycle": "Back to power-on.",
+    "~/clear_injected_faults": "Simulation only: remove injected causes. The joints stay in "
+    "HW_FAULT until FORCE_IDLE.",
+    "~/pause": "Simulation only: `data: true` stops simulated time, `data: false` lets it go on.",
+    "~/reset": "Simulation only: back to the initial pose and power-on.",
+}
+
+INTRODUCTION = """\
+Names that begin with `~` are below the node's name (`/control_board` by default), others below
+its namespace; all can be remapped. Angles are rad, speeds rad/s, torques N·m; sliding joints use
+m, m/s and N. Every request and command chooses its joints by `names`; empty means all joints.
+Where a mode is written, its code (`pos`) or its long name (`POSITION`) will do.
+
+Every response begins with `success` and `message`. The message names the joint, what was asked
+for, why it failed, and what would have been valid.
+"""
+
+COMMANDS = """\
+Fire and forget. What a joint's mode does not accept is ignored, counted in `rejected_commands`
+of `~/state`, and logged once a second. QoS: {qos}; `qos_overrides` parameters change it.
+"""
+
+
+@dataclass
+class Definition:
+    """One interface file: what it says of itself, and its parts, each rows (name, type, text)."""
+
+    package: str
+    kind: str
+    name: str
+    about: str = ""
+    parts: list[list[tuple[str, str, str]]] = field(default_factory=lambda: [[]])
+
+    @property
+    def title(self) -> str:
+        return f"{self.name}.{self.kind}"
+
+    @property
+    def anchor(self) -> str:
+        """What GitHub makes of the title."""
+        return self.title.lower().replace(".", "")
+
+
+def read(path: Path) -> Definition:
+    """Read an interface file; a field's text is the comment right above it."""
+    made = Definition("control_board_msgs", path.parent.name, path.stem)
+    comment: list[str] = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if line.startswith("#"):
+            comment.append(line.removeprefix("#").strip())
+            continue
+        text = " ".join(comment)
+        comment = []
+        if line == "---":
+            made.parts.append([])
+        elif line:
+            kind, name = line.split()
+            made.parts[-1].append((name, kind, text))
+        elif text and not any(made.parts):
+            made.about = text
+    return made
+
+
+def definitions() -> dict[str, Definition]:
+    """All of them, by the full name of their type."""
+    files = sorted(path for kind in TITLES for path in (ROOT / "msg_defs" / kind).iterdir())
+    return {f"control_board_msgs/{p.parent.name}/{p.stem}": read(p) for p in files}
+
+
+def interface_table() -> ModuleType:
+    """The table of names that a running node is compared with."""
+    path = ROOT / "test" / "node" / "interface_table.py"
+    spec = importlib.util.spec_from_file_location("interface_table", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def page() -> str:
+    """The whole page."""
+    known, names = definitions(), interface_table()
+
+    def link(kind: str) -> str:
+        short = kind.replace("/msg/", "/").replace("/srv/", "/").replace("/action/", "/")
+        ours = known.get(kind)
+        return f"[{ours.name}](#{ours.anchor})" if ours else short
+
+    def meaning(name: str, kind: str) -> str:
+        return MEANING[name] if name in MEANING else first_sentence(known[kind].about)
+
+    lines = ["# The ROS interface", "", INTRODUCTION]
+    lines += ["## Published", "", *header("topic", "type", "QoS", "content")]
+    for name, (kind, qos) in {**names.PUBLISHED, **names.CLOCK}.items():
+        lines.append(row(f"`{name}`", link(kind), QOS[qos], meaning(name, kind)))
+    lines += ["", "## Command topics", "", COMMANDS.format(qos=QOS["RV"])]
+    lines += header("topic", "type", "what it does")
+    for name, (kind, _) in names.SUBSCRIBED.items():
+        lines.append(row(f"`{name}`", link(kind), meaning(name, kind)))
+    for title, table in (("Services", names.SERVICES), ("Actions", names.ACTIONS)):
+        lines += ["", f"## {title}", "", *header(title[:-1].lower(), "type", "what it does")]
+        lines += [row(f"`{n}`", link(kind), meaning(n, kind)) for n, kind in table.items()]
+    lines += ["", "## Definitions of control_board_msgs", ""]
+    lines += ["In Python: `from control_board_msgs.msg import JointModes`; `.srv` and `.action`."]
+    for definition in known.values():
+        lines += ["", *section(definition)]
+    return "\n".join(lines) + "\n"
+
+
+def section(definition: Definition) -> list[str]:
+    """One definition: what it is for, and its fields."""
+    lines = [f"### {definition.title}", "", definition.about]
+    for title, rows in zip(PARTS[definition.kind], definition.parts, strict=True):
+        lines += ["", *header("field" if title == "Message" else title, "type", "meaning")]
+        lines += [row(f"`{name}`", f"`{kind}`", text) for name, kind, text in rows]
+    return lines
+
+
+def header(*titles: str) -> list[str]:
+    return [row(*titles), "|" + "---|" * len(titles)]
+
+
+def row(*cells: str) -> str:
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+
+
+def first_sentence(text: str) -> str:
+    return text.partition(". ")[0].rstrip(".") + "."
