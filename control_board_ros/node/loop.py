@@ -86,13 +86,20 @@ class ControlLoop:
         """Start the control thread."""
         self._thread.start()
 
-    def stop(self, timeout: float = 1.0) -> None:
-        """End the thread: joints unpowered, the last state noted; then close the plant."""
+    def stop(self, timeout: float = 1.0) -> bool:
+        """End the thread: joints unpowered, the last state noted; then close the plant.
+
+        Returns:
+            False if the thread did not end in time; the plant is then still in its hands.
+        """
         self._stopping = True
         self._wake.set()
         if self._thread.is_alive():
             self._thread.join(timeout)
+            if self._thread.is_alive():
+                return False
         self._plant.close()
+        return True
 
     def exclusive(self) -> Turn:
         """The board to oneself, between two cycles: ``with loop.exclusive() as board``."""

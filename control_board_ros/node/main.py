@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import os
 import re
-import shutil
 import signal
 import sys
 import threading
@@ -48,8 +47,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         say(USAGE)
         return 0
     ended = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: ended.set())
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
+            signal.signal(number, lambda *_: ended.set())
     sys.setswitchinterval(SWITCH_INTERVAL)
     leave_out_the_generator()
     provide_log_folder()
@@ -95,11 +95,9 @@ def run(arguments: list[str], ended: threading.Event) -> int:
         raise KnownError(4, str(error)) from None
     except (PlantError, ValueError) as error:
         raise KnownError(2, str(error)) from None
-    try:
-        failure = serve(start, plant, ended)
-    finally:
-        plant.close()
-        os.close(lock)
+    failure = serve(start, plant, ended)
+    plant.close()
+    os.close(lock)
     if isinstance(failure, PlantGone):
         raise KnownError(4, str(failure))
     if failure is not None:
@@ -140,7 +138,9 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
     await_first_cycles(board, ended)
     say(welcome(board))
     ended.wait()
-    board.stop()
+    if not board.stop():
+        complain("the control loop hangs; the process ends without it")
+        os._exit(1)
     executor.end()
     thread.join(timeout=0.5)
     if not thread.is_alive():  # else it hangs in a callback, and its node cannot be destroyed
@@ -185,7 +185,8 @@ def welcome(board: BoardNode) -> str:
         f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(present)}. Try:",
         f"  cbctl{option} move {first}=30deg",
         f"  cbctl{option} watch",
-        *(ros2_lines(name, first) if shutil.which("ros2") else ()),
+        "or, where ROS itself is installed:",
+        *ros2_lines(name, first),
         "Stop with Ctrl-C.",
         "",
     ]
@@ -193,10 +194,10 @@ def welcome(board: BoardNode) -> str:
 
 
 def ros2_lines(name: str, joint: str) -> list[str]:
-    """The same with ROS's own command, which a virtual environment does not have."""
+    """For ROS's own command, which a virtual environment does not have."""
     return [
         f"  ros2 service call {name}/set_control_mode control_board_msgs/srv/SetControlMode "
-        f'"{{names: [{joint}], modes: [mix]}}"',
+        f'"{{names: [{joint}], modes: [pos]}}"',
         f"  ros2 topic pub --once {name}/command/position control_board_msgs/msg/PositionCommand "
         f'"{{names: [{joint}], positions: [0.5]}}"',
     ]

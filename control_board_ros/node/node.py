@@ -99,10 +99,11 @@ class BoardNode:
         self.loop.start()
         self.publisher.start()
 
-    def stop(self) -> None:
-        """Joints unpowered, last state published."""
-        self.loop.stop()
-        self.publisher.stop()
+    def stop(self) -> bool:
+        """Joints unpowered, last state published; false if the control loop hangs."""
+        stopped = self.loop.stop()
+        self.publisher.stop(timeout=0.5)
+        return stopped
 
     def complain(self, message: str) -> None:
         """Log what was ignored, once per second and cause."""

@@ -36,7 +36,7 @@ def start_and_fail(*arguments: str, domain: int = 39, **environment: str) -> tup
     return done.returncode, done.stderr
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_it_with_unpowered_joints(number: signal.Signals) -> None:
     """P11 of the promises: joints unpowered, last state published, exit code 0 within 2 s."""
     with board_process() as board, talking_to(board) as talker:
@@ -69,6 +69,14 @@ def test_a_second_node_of_the_name_is_refused() -> None:
         assert text.count("\n") == 1
         with board_process(namespace="left", domain=board.domain) as other:
             assert other.name == "/left/control_board"
+
+
+def test_a_namesake_of_another_user_is_told(tmp_path: Path) -> None:
+    """Where the lock cannot see the other one, the graph does, and both are warned."""
+    with board_process() as board:
+        with board_process(domain=board.domain, env={"XDG_RUNTIME_DIR": str(tmp_path)}) as other:
+            line = other.wait_for_output("nodes are called /control_board on this domain")
+        assert "2 nodes" in line
 
 
 def test_it_restarts_after_being_killed() -> None:
