@@ -39,34 +39,12 @@ ROS_WHEELS = [
     "ros-std-msgs==5.3.6",
     "ros-std-srvs==5.3.6",
     "ros-trajectory-msgs==5.3.6",
-    "ros-trajectory-msgs==5.3.6",
     "setuptools",
 ]
 
 # What one machine's build leaves behind and no other has a use for.
 UNWANTED_DIRS = {"environment", "__pycache__", "parent_prefix_path"}
 UNWANTED_SUFFIXES = (".pyc", ".egg-info")
-
-# Many ROS wheels export an include folder of the machine that built them; CMake then stops.
-DROP_MISSING_INCLUDES = """\
-function(drop_missing_includes)
-  get_property(targets DIRECTORY PROPERTY IMPORTED_TARGETS)
-  foreach(target IN LISTS targets)
-    get_target_property(includes ${target} INTERFACE_INCLUDE_DIRECTORIES)
-    if(NOT includes)
-      continue()
-    endif()
-    set(kept "")
-    foreach(folder IN LISTS includes)
-      if(folder MATCHES "\\\\$<" OR EXISTS "${folder}")
-        list(APPEND kept "${folder}")
-      endif()
-    endforeach()
-    set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${kept}")
-  endforeach()
-endfunction()
-cmake_language(DEFER CALL drop_missing_includes)
-"""
 
 
 def sourced_prefixes() -> list[Path]:
@@ -142,9 +120,6 @@ def build_messages(work: Path, jobs: int) -> Path:
     build, stage = work / "build", work / "stage"
     if stage.exists():
         shutil.rmtree(stage)  # or files of a message that is gone would be installed for ever
-    include = work / "drop_missing_includes.cmake"
-    if not include.is_file():
-        include.write_text(DROP_MISSING_INCLUDES)
     definitions = {
         "CMAKE_INSTALL_PREFIX": stage,
         "BUILD_TESTING": "OFF",
@@ -153,7 +128,7 @@ def build_messages(work: Path, jobs: int) -> Path:
         "PYTHON_INSTALL_DIR": PYTHON_DIR,
         # Libraries find each other, and Python modules find the libraries, wherever installed.
         "CMAKE_INSTALL_RPATH": "$ORIGIN;$ORIGIN/../../..",
-        "CMAKE_PROJECT_INCLUDE": include,
+        "CMAKE_PROJECT_INCLUDE": HERE / "tools" / "msg_defs.cmake",
     }
     environment = build_environment(prefixes)
     arguments = [f"-D{key}={value}" for key, value in definitions.items()]
@@ -201,8 +176,8 @@ class BuildMessages(build_ext):
         return {}
 
     def get_source_files(self) -> list[str]:
-        files = (path for path in MSG_DEFS.rglob("*") if path.is_file())
-        return sorted(os.path.relpath(path, HERE) for path in files)
+        files = [path for path in MSG_DEFS.rglob("*") if path.is_file()]
+        return sorted(os.path.relpath(path, HERE) for path in [*files, *HERE.glob("tools/*")])
 
 
 class DistributionWithMessages(Distribution):

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+# Included by setup.py into the build of msg_defs/ (CMAKE_PROJECT_INCLUDE), which by itself is
+# an ordinary interface package. Both functions run at its end, when all targets are there.
+
+# Many ROS wheels export an include folder of the machine that built them; CMake then stops.
+function(drop_missing_includes)
+  get_property(targets DIRECTORY PROPERTY IMPORTED_TARGETS)
+  foreach(target IN LISTS targets)
+    get_target_property(includes ${target} INTERFACE_INCLUDE_DIRECTORIES)
+    if(NOT includes)
+      continue()
+    endif()
+    set(kept "")
+    foreach(folder IN LISTS includes)
+      if(folder MATCHES "\\$<" OR EXISTS "${folder}")
+        list(APPEND kept "${folder}")
+      endif()
+    endforeach()
+    set_target_properties(${target} PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${kept}")
+  endforeach()
+endfunction()
+
+# The C++ of a type support goes to the compiler in a few large files: nearly half the time.
+# The generated C cannot: its files share names of static variables.
+function(join_cpp_sources)
+  foreach(support IN ITEMS
+      typesupport_c typesupport_cpp typesupport_fastrtps_c typesupport_fastrtps_cpp
+      typesupport_introspection_cpp)
+    set(target ${PROJECT_NAME}__rosidl_${support})
+    if(TARGET ${target})
+      set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 13)
+    endif()
+  endforeach()
+endfunction()
+
+cmake_language(DEFER CALL drop_missing_includes)
+cmake_language(DEFER CALL join_cpp_sources)
