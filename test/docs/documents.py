@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the code blocks of a page, and runs those that are marked.
+
+A comment before a block says what a test does with it:
+
+    <!-- run -->               a console block: type its `$` lines, compare what they print;
+                               a Python block: run it as a script of its own
+    <!-- run, varies: 4.1 s --> the same; the numbers of the texts named (separated by ;) may be
+                               others, and so may those after ± in a line
+    <!-- output -->            what the Python block before it prints
+    <!-- board -->             the line starts the board that the next blocks talk to
+    <!-- file arm.yaml -->     the block is that file
+    <!-- not run: reason -->   nobody can run it in a test
+
+A line of `...` in an output stands for any lines. A page that starts no board talks to one of
+the default configuration. cbctl runs within the test over one connection, in a terminal of 80
+columns: what it takes to find the board is tested elsewhere.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from control_board_ros.cli import output
+from control_board_ros.cli.app import invoke
+from control_board_ros.cli.options import Options
+from control_board_ros.cli.session import Session
+from control_board_ros.testing import BoardProcess, board_process
+
+ROOT = Path(__file__).resolve().parents[2]
+BLOCK = re.compile(
+    r"(?:<!-- (?P<mark>[^>]*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S
+)
+NUMBER = r"[-+]?\d+(?:\.\d+)?"
+MODULES = {"control_board": "control_board_ros.node.main", "pytest": "pytest"}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A code block: its mark ("" without), language, text, and line in the page."""
+
+    mark: str
+    language: str
+    text: str
+    line: int
+
+    @property
+    def verb(self) -> str:
+        return self.mark.partition(",")[0].partition(":")[0].split(" ")[0] if self.mark else ""
+
+    @property
+    def varies(self) -> list[str]:
+        _, _, texts = self.mark.partition("varies:")
+        return [text.strip() for text in texts.split(";") if text.strip()]
+
+
+def blocks(text: str) -> list[Block]:
+    """The code blocks of a page."""
+    return [
+        Block(m["mark"] or "", m["language"], m["text"], text.count("\n", 0, m.start()) + 1)
+        for m in BLOCK.finditer(text)
+    ]
+
+
+def commands(block: Block) -> list[tuple[str, str]]:
+    """The commands of a console block, each with what it prints."""
+    found: list[tuple[str, list[str]]] = []
+    for line in block.text.splitlines():
+        if line.startswith("$ "):
+            found.append((line[2:], []))
+        elif found[-1][0].endswith("\\"):
+            found[-1] = (found[-1][0][:-1] + line.strip(), [])
+        else:
+            found[-1][1].append(line)
+    return [(command, "\n".join(lines)) for command, lines in found]
+
+
+def pattern(expected: str, varies: list[str]) -> str:
+    """A regular expression of what may be printed."""
+    made = []
+    for line in expected.splitlines():
+        if line.strip() == "...":
+            made.append(r"(?:.*\n)*?")
+            continue
+        text = re.escape(line.rstrip())
+        for part in varies:
+            loose = NUMBER.join(re.escape(piece) for piece in re.split(NUMBER, part))
+            text = text.replace(re.escape(part), loose)
+        made.append(text + r"[ ]*\n")
+    return "".join(made)
+
+
+def compare(block: Block, expected: str, printed: str, varies: list[str], what: str) -> None:
+    """Fail where the page says something else than the program."""
+    tidy = "".join(line.rstrip() + "\n" for line in printed.splitlines() if line.strip())
+    wanted = "\n".join(line for line in expected.splitlines() if line.strip())
+    if not re.fullmatch(pattern(wanted, varies), tidy):
+        pytest.fail(
+            f"line {block.line}: {what}\n--- the page says\n{wanted}\n--- it prints\n{tidy}"
+        )
+
+
+class Reader:
+    """Does what a page says, from top to bottom."""
+
+    def __init__(self, folder: Path, stack: contextlib.ExitStack) -> None:
+        self.folder, self.stack = folder, stack
+        self._boards = stack.enter_context(contextlib.ExitStack())
+        self._board: BoardProcess | None = None
+        self._session: Session | None = None
+
+    def follow(self, page: Path) -> int:
+        """Do all of it; the number of blocks that were run."""
+        found = blocks(page.read_text(encoding="utf-8"))
+        count = 0
+        for block, after in zip(found, [*found[1:], None], strict=True):
+            if block.verb == "file":
+                path = self.folder / block.mark.split(" ")[1]
+                path.write_text(block.text, encoding="utf-8")
+            elif block.verb == "board":
+                self.start(shlex.split(block.text.replace("\\\n", " "))[1:])
+            elif block.verb == "run" and block.language == "python":
+                follows = after if after is not None and after.verb == "output" else None
+                self.run_script(block, follows)
+            elif block.verb == "run":
+                for command, expected in commands(block):
+                    compare(block, expected, self.type(command), block.varies, command)
+            count += block.verb in ("run", "board")
+        return count
+
+    def start(self, arguments: list[str]) -> None:
+        """Start another board in place of the one there is."""
+        self._boards.close()
+        self._session = None
+        made = board_process(command=self._program("control_board", arguments))
+        self._board = self._boards.enter_context(made)
+
+    @property
+    def board(self) -> BoardProcess:
+        if self._board is None:
+            self.start([])
+        assert self._board is not None
+        return self._board
+
+    @property
+    def session(self) -> Session:
+        """One connection to the board."""
+        domain = self.board.domain
+        if self._session is None:
+            self._session = self._boards.enter_context(
+                Session(Options(domain=domain, timeout=10.0))
+            )
+            self._session.shared = True
+        return self._session
+
+    def type(self, command: str) -> str:
+        """Type a line; what is printed."""
+        words = shlex.split(command, comments=True)
+        if words[0] == "cbctl":
+            session = self.session
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+                invoke(session, words[1:])
+            return printed.getvalue()
+        return self._run(self._program(words[0], words[1:]))
+
+    def run_script(self, block: Block, expected: Block | None) -> None:
+        """Run a Python block as a script."""
+        path = self.folder / "snippet.py"
+        path.write_text(block.text, encoding="utf-8")
+        printed = self._run([sys.executable, str(path)])
+        if expected is None:
+            assert "Traceback" not in printed, printed
+        else:
+            compare(expected, expected.text, printed, block.varies, "the script above")
+
+    def _run(self, command: list[str]) -> str:
+        done = subprocess.run(
+            command,
+            cwd=self.folder,
+            env=self.board.environment | {"COLUMNS": "80"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=30,
+            check=False,
+        )
+        return done.stdout
+
+    def _program(self, name: str, arguments: list[str]) -> list[str]:
+        located = [
+            str(self.folder / word) if (self.folder / word).is_file() else word
+            for word in arguments
+        ]
+        if name == "python":
+            return [sys.executable, *located]
+        return [sys.executable, "-m", MODULES[name], *located]
+
+
+@pytest.fixture
+def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> object:
+    """A reader with a folder of its own, in a terminal of 80 columns."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setattr(output, "PIPE_WIDTH", 80)
+    with contextlib.ExitStack() as stack:
+        yield Reader(tmp_path, stack)

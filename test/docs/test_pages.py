@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The pages: what they tell to type works and prints what they say; nothing is unmarked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from documents import ROOT, Reader, blocks, pattern, reader
+
+__all__ = ["reader"]
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "howto").glob("*.md"))]
+#: Languages of blocks that people type or run.
+TYPED = {"console", "sh", "bash", "python"}
+VERBS = {"run", "output", "board", "file", "not"}
+
+
+@pytest.mark.ros
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_what_a_page_tells_to_do_works(page: Path, reader: Reader) -> None:
+    if not any(block.verb in ("run", "board") for block in blocks(page.read_text("utf-8"))):
+        pytest.skip("nothing to run")
+    reader.follow(page)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_every_block_is_run_or_says_why_not(page: Path) -> None:
+    for block in blocks(page.read_text("utf-8")):
+        if block.language in TYPED or block.mark:
+            assert block.verb in VERBS, f"{page.name}, line {block.line}: {block.mark!r}"
+        if block.verb == "not":
+            assert block.mark.startswith("not run: "), f"{page.name}, line {block.line}"
+
+
+def test_only_the_numbers_named_may_differ() -> None:
+    import re
+
+    made = pattern("a 4.1 s ago\n...\nb 7\n", ["4.1 s"])
+    assert re.fullmatch(made, "a 12 s ago\nx\ny\nb 7\n")
+    assert re.fullmatch(made, "a 4.1 s ago\nb 7\n")
+    assert not re.fullmatch(made, "a 4.1 s ago\nb 8\n")
+    assert not re.fullmatch(made, "c 4.1 s ago\nb 7\n")
