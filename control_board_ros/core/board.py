@@ -114,6 +114,7 @@ class Board(Requests, Commands, ModeShortcuts):
         self.time = measurement.time
         self._last[:] = state.measured
         state.measured[:] = measurement.values
+        self.blind = False
         if self._shifted:
             state.position -= state.offset
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from .config import Calibration
+from .config import CALIBRATION_TYPES, Calibration
 
 #: How close to the start position a joint must come, rad.
 ARRIVED = 0.02
@@ -156,6 +156,26 @@ TYPES: dict[int, Callable[[Calibration, Hand, float], Calibrator]] = {
     5: HardStop,
     12: AbsoluteSensor,
 }
+
+
+def register(number: int, text: str) -> Callable[[type[Calibrator]], type[Calibrator]]:
+    """Offer a calibrator of one's own as ``calibration.type`` ``number``; decorates its class.
+
+    Args:
+        number: 1 to 12, not taken by another type.
+        text: what it is, for messages.
+
+    Raises:
+        ValueError: the number is taken, or out of range.
+    """
+    if number in TYPES or not 1 <= number <= 12:
+        raise ValueError(f"calibration type {number}: choose a free one of 1 to 12")
+
+    def enter(calibrator: type[Calibrator]) -> type[Calibrator]:
+        TYPES[number], CALIBRATION_TYPES[number] = calibrator, text
+        return calibrator
+
+    return enter
 
 
 @dataclass(frozen=True, slots=True)

@@ -210,11 +210,15 @@ class Timeouts:
             check_number(f"{key}.{name}", getattr(self, name), above=0.0, high=1e6)
 
 
+#: Types of calibration and what they are; core.calibration has the class of each.
+CALIBRATION_TYPES = {3: "offset and move", 5: "move to a hard stop", 12: "absolute sensor"}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """How a joint finds its zero (SPEC K5), with the iCub's type numbers.
 
-    Attributes: type (3, 5 or 12), required (the joint leaves NOT_CONFIGURED only through
+    Attributes: type (of CALIBRATION_TYPES), required (the joint leaves NOT_CONFIGURED only through
     calibration), zero (encoder reading at joint angle 0, rad; types 3 and 12), start (position
     to go to, rad; types 3 and 5), speed (rad/s on the way there), output (PWM percent that
     drives towards the stop; type 5, its sign is the direction), stop (joint angle of that hard
@@ -235,12 +239,9 @@ class Calibration:
     interaction_mode: InteractionMode = InteractionMode.STIFF
 
     def check(self, key: str, limits: Limits) -> None:
-        if self.type not in (3, 5, 12):
-            raise ConfigError(
-                f"{key}.type",
-                self.type,
-                "12 (absolute sensor), 5 (move to a hard stop) or 3 (offset and move)",
-            )
+        if self.type not in CALIBRATION_TYPES:
+            known = (f"{number} ({text})" for number, text in sorted(CALIBRATION_TYPES.items()))
+            raise ConfigError(f"{key}.type", self.type, ", ".join(known))
         for name in ("zero", "start", "stop"):
             check_number(f"{key}.{name}", getattr(self, name), -HUGE, HUGE)
         if self.type != 12:

@@ -8,7 +8,7 @@ and configuration) and emits events; it takes no requests from users.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -73,6 +73,7 @@ class Machine:
         self._groups = [group.get(name, len(group)) for name in self.names]
         state.offset[:] = 0.0
         self.configure_next = config.autoconfigure
+        self.blind = True  # no reading since power-on
         for j, joint in enumerate(config.joints):
             state.calibrated[j] = False
             state.interaction_modes[j] = InteractionMode.STIFF
@@ -144,6 +145,7 @@ class Machine:
     def raise_fault(self, j: int, code: FaultCode, text: str) -> None:
         """Put a joint into HW_FAULT; the first cause is kept (F1, F5)."""
         trigger = Event.UNSUPPORTED if code is FaultCode.UNSUPPORTED else Event.FAULT
+        calibrating = j in self._calibrators
         if not self.go(j, trigger):
             return
         self.faults[j] = FaultRecord(
@@ -154,6 +156,10 @@ class Machine:
             stamp=self.time,
         )
         self.faults_version += 1
+        if calibrating:  # K4
+            self.calibration[j] = replace(
+                self.calibration[j], phase="failed", message=self.faults[j].text
+            )
         if code is FaultCode.OVERHEATING:
             self.watch.cool_down(j, self.config.joints[j], faulted=True)
         if code is FaultCode.ENCODER_MISMATCH:
@@ -200,8 +206,13 @@ class Machine:
     # --- configuration and calibration -----------------------------------------------------
 
     def complete_configuration(self) -> None:
-        """The whole configuration is in: every joint leaves NOT_CONFIGURED (N2, N3)."""
-        self.configure_next = False
+        """The whole configuration is in: every joint leaves NOT_CONFIGURED (N2, N3).
+
+        Before the first reading it waits for it: a joint holds where it is, not where it was.
+        """
+        self.configure_next = self.blind
+        if self.blind:
+            return
         for j, joint in enumerate(self.config.joints):
             if self.state.control_modes[j] is not ControlMode.NOT_CONFIGURED:
                 continue

@@ -24,14 +24,6 @@ TIMED = {
     CommandKind.OUTPUT: "output",
 }
 
-#: The kinds whose references run out, and the timeouts of the configuration (P12). A position
-#: move in MIXED leaves the timeout of the velocity alone.
-TIMED = {
-    CommandKind.VELOCITY: "velocity",
-    CommandKind.TORQUE: "torque",
-    CommandKind.OUTPUT: "output",
-}
-
 
 class References:
     """References of n joints.
