@@ -205,16 +205,12 @@ class ModeShortcuts:
         self, joints: Joints, mode: ControlMode, interaction: InteractionMode | None = None
     ) -> Reply:
         new = f"set_control_mode(joints, ControlMode.{mode.name})"
-        reply: Reply
-        if interaction is None:
-            self._deprecate(OLD_NAMES[mode, interaction], new)
-        else:
+        if interaction is not None:
             new += f" and set_interaction_mode(joints, InteractionMode.{interaction.name})"
-            self._deprecate(OLD_NAMES[mode, interaction], new)
+        self._deprecate(OLD_NAMES[mode, interaction], new)
+        reply: Reply = self.set_control_mode(joints, mode)
+        if reply and interaction is not None:
             reply = self.set_interaction_mode(joints, interaction)
-            if not reply:
-                return reply
-        reply = self.set_control_mode(joints, mode)
         return reply
 
     def _deprecate(self, old: str, new: str) -> None:
