@@ -1,0 +1,386 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SPEC K and N: calibration, configuration and power-on, looked at closely, in process."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control_board_ros.core.config import Calibration, ConfigError, Pid
+from control_board_ros.core.vocabs import ControlMode
+
+from .rig import (
+    COMMANDS,
+    COMPLIANT,
+    STIFF,
+    M,
+    Rig,
+    board_config,
+    in_status,
+    joint,
+    plain,
+    ready,
+)
+
+SENSOR = Calibration(type=12, zero=0.7)
+OFFSET = Calibration(type=3, zero=0.7, start=-0.4, speed=1.0)
+STOP = Calibration(type=5, output=-4.0, stop=-2.2, start=0.2, speed=1.0)
+ALL = (SENSOR, OFFSET, STOP)
+NAMES = ["absolute sensor", "offset and move", "hard stop"]
+REQUESTS = ("pos", "posd", "vel", "mix", "torq", "open", "idl", "icur", "veld")
+
+
+def calibrating(calibration: Calibration, **changes: Any) -> Rig:
+    """A joint at 0.5 rad whose encoder reads 0.7 more; it must calibrate and has not ticked."""
+    one = joint("left", calibration=calibration, **changes)
+    return Rig(board_config(one), home=[0.5], zero=[0.7])
+
+
+def truth(rig: Rig) -> float:
+    """Where the joint really is."""
+    return float(rig.plant.body._position[0])
+
+
+@pytest.mark.parametrize("calibration", ALL, ids=NAMES)
+def test_calibrators_find_the_zero(calibration: Calibration) -> None:
+    """K5, K1, K3, N2: asked for at start-up; before it the angle is wrong, after it right."""
+    rig = calibrating(calibration)
+    assert rig.modes() == [M.NOT_CONFIGURED]
+    assert rig.tick(1).position[0] == pytest.approx(0.5 if calibration.type == 12 else 1.2, abs=1)
+    if calibration.type != 12:  # which is instant
+        assert rig.modes() == [M.CALIBRATING]
+        status = rig.board.get_calibration("left")[0]
+        assert (status.running, status.done) == (True, False)
+    progress = [one.progress for one in (rig.tick() and rig.board.get_calibration("left"))]
+    while rig.modes() == [M.CALIBRATING]:
+        progress.append(rig.board.get_calibration("left")[0].progress)
+        assert rig.board.cycle < 10000
+        rig.tick()
+    assert rig.modes() == [M.POSITION]
+    assert rig.board.get_interaction_mode("left") == [STIFF]
+    assert np.all(np.diff(progress) >= 0.0)
+    status = rig.board.get_calibration("left")[0]
+    assert (status.running, status.done, status.progress) == (False, True, 1.0)
+    assert status.message == ""
+    shown = rig.run(0.5)
+    assert shown.position[0] == pytest.approx(truth(rig), abs=2e-3)
+    where = 0.5 if calibration.type == 12 else calibration.start
+    assert truth(rig) == pytest.approx(where, abs=0.02)
+    assert any(event.key == "calibrated" for event in rig.board.take_events())
+
+
+def test_before_the_calibration_angles_are_not_true() -> None:
+    """K5: what a joint reads before its calibration holds the encoder's offset."""
+    rig = calibrating(OFFSET, position_pid=Pid(kp=400.0, kd=40.0))
+    reading = float(rig.plant.read().values[0, 0])
+    assert reading == pytest.approx(1.2)
+    rig.run(5.0)
+    assert rig.board.get_encoder("left")[0] == pytest.approx(reading - 0.7 - 0.9, abs=0.02)
+
+
+@pytest.mark.parametrize("calibration", ALL[1:], ids=NAMES[1:])
+def test_a_user_calibrates_a_configured_joint(calibration: Calibration) -> None:
+    """K1, K3: at any time on a configured joint, from every mode; CALIBRATING at once."""
+    for mode in ("idl", "pos", "vel", "torq", "open"):
+        rig = calibrating(replace(calibration, required=False, zero=0.7))
+        rig.tick(2)
+        assert rig.modes() == [M.IDLE]
+        rig.board.set_interaction_mode("left", "comp")
+        rig.enter(mode)
+        assert rig.board.calibrate("left")
+        assert rig.modes() == [M.CALIBRATING]
+        assert rig.board.get_calibration("left")[0].running
+        powered = rig.board.tick(rig.plant.read()).powered
+        assert powered.tolist() == [1.0]  # the controller is on
+        rig.run(12.0)
+        assert rig.modes() == [M.POSITION]
+        assert rig.board.get_interaction_mode("left") == [STIFF]
+
+
+@pytest.mark.parametrize(
+    "modes",
+    [
+        (M.POSITION, COMPLIANT),
+        (M.IDLE, STIFF),
+        (M.VELOCITY, COMPLIANT),
+        (M.TORQUE, STIFF),
+    ],
+    ids=str,
+)
+def test_the_modes_after_it(modes: Any) -> None:
+    """K3: done, the modes become those of the joint's calibrator."""
+    mode, interaction = modes
+    rig = calibrating(replace(SENSOR, control_mode=mode, interaction_mode=interaction))
+    rig.tick(3)
+    assert rig.modes() == [mode]
+    assert rig.board.get_interaction_mode("left") == [interaction]
+    here = truth(rig)
+    rig.run(1.0)
+    assert truth(rig) == pytest.approx(here, abs=2e-3)  # M9
+
+
+def test_compliant_only_where_supported() -> None:
+    """K3, I7: a calibrator cannot leave a joint in what it does not implement."""
+    for changes in ({"interaction_mode": COMPLIANT}, {"control_mode": M.TORQUE}):
+        with pytest.raises(ConfigError, match="is not allowed"):
+            plain("bare", calibration=replace(SENSOR, **changes))
+
+
+def test_requests_and_commands_while_calibrating() -> None:
+    """K2: mode requests are refused, commands ignored; the calibration goes on unmoved."""
+    rigs = calibrating(OFFSET), calibrating(OFFSET)
+    for k in range(1500):
+        one, two = rigs[0].tick(), rigs[1].tick()
+        assert np.array_equal(one.block, two.block)
+        if rigs[0].modes() != [M.CALIBRATING]:
+            break
+        if k % 20 == 0:
+            for wanted in (*REQUESTS, "hwfa", "nope"):
+                assert not rigs[0].board.set_control_mode("left", wanted)
+            for method, _, value in COMMANDS.values():
+                assert not getattr(rigs[0].board, method)("left", value)
+            assert not rigs[0].board.calibrate("left")
+            assert not rigs[0].board.set_interaction_mode("left", "comp")
+    assert rigs[0].modes() == [M.POSITION]
+    assert k > 100
+
+
+@pytest.mark.parametrize("calibration", ALL[1:], ids=NAMES[1:])
+def test_force_idle_aborts(calibration: Calibration) -> None:
+    """K2: FORCE_IDLE aborts it, to IDLE, uncalibrated."""
+    rig = calibrating(calibration)
+    rig.run(0.2)
+    assert rig.board.set_control_mode("left", "fidl")
+    assert rig.modes() == [M.IDLE]
+    assert not rig.board.state.calibrated[0]
+    status = rig.board.get_calibration("left")[0]
+    assert (status.running, status.done, status.message) == (False, False, "aborted")
+    shown = rig.run(1.0)
+    assert rig.modes() == [M.IDLE]
+    assert shown.output[0] == 0.0
+    assert rig.board.calibrate("left")
+    rig.run(12.0)
+    assert rig.board.get_calibration("left")[0].done
+
+
+def test_timeout() -> None:
+    """K4: a calibration that does not end in time: HW_FAULT with the reason."""
+    rig = calibrating(replace(OFFSET, speed=0.05, timeout=0.5))
+    rig.run(0.45)
+    assert rig.modes() == [M.CALIBRATING]
+    rig.run(0.1)
+    assert rig.modes() == [M.HW_FAULT]
+    fault = rig.board.get_faults("left")[0]
+    assert fault.code == 20
+    assert fault.text.startswith("calibration failed, timed out after 0.5 s")
+    status = rig.board.get_calibration("left")[0]
+    assert (status.running, status.done) == (False, False)
+    assert "timed out" in status.message
+    assert rig.board.set_control_mode("left", "fidl")
+    assert rig.modes() == [M.IDLE]
+
+
+def test_a_fault_while_calibrating() -> None:
+    """K4, F1: any fault ends a calibration; its status says which."""
+    rig = calibrating(STOP)
+    rig.run(0.2)
+    rig.plant.inject("left", "overheating")
+    rig.run(0.05)
+    assert rig.modes() == [M.HW_FAULT]
+    assert "overheating" in rig.board.get_calibration("left")[0].message
+    assert rig.board.snapshot().output[0] == 0.0
+
+
+@pytest.mark.parametrize("cause", ["encoder_frozen", "encoder"])
+def test_a_dead_encoder_is_no_hard_stop(cause: str) -> None:
+    """K5, K4: a stall needs the motor to stand still too: a frozen encoder is a fault."""
+    rig = calibrating(STOP)
+    rig.run(0.3)
+    rig.plant.inject("left", cause, persistent=True)
+    rig.run(1.0)
+    assert rig.modes() == [M.HW_FAULT]
+    assert not rig.board.get_calibration("left")[0].done
+
+
+def test_hard_stop_drives_with_its_output() -> None:
+    """K5: it drives with the given PWM, of the given sign, until the joint stalls there."""
+    rig = calibrating(replace(STOP, output=3.0, stop=2.2))
+    rig.tick(3)
+    assert rig.board.snapshot().output[0] == 3.0
+    while rig.board.get_calibration("left")[0].phase == "driving to the hard stop":
+        shown = rig.tick()
+        assert rig.board.cycle < 5000
+    assert truth(rig) == pytest.approx(2.2, abs=1e-3)
+    assert shown.position[0] == pytest.approx(2.2, abs=1e-3)
+    rig.run(4.0)
+    assert truth(rig) == pytest.approx(0.2, abs=0.02)
+
+
+def test_groups_calibrate_one_after_the_other() -> None:
+    """K1, K5: joints of a group together, group after group; who waits holds still."""
+    joints = [joint(n, calibration=replace(OFFSET, start=0.2)) for n in ("a", "b", "c")]
+    config = board_config(*joints, calibration_groups=(("c",), ("a", "b")))
+    rig = Rig(config, home=[0.5, 0.5, 0.5], zero=[0.7, 0.7, 0.7])
+    while rig.modes()[2] is M.CALIBRATING or rig.board.cycle < 5:
+        rig.tick()
+        if rig.modes()[2] is M.CALIBRATING:
+            assert [one.phase for one in rig.board.get_calibration(["a", "b"])] == ["waiting"] * 2
+            assert rig.plant.body._position[:2] == pytest.approx(0.5, abs=2e-3)
+    assert rig.modes() == [M.CALIBRATING, M.CALIBRATING, M.POSITION]
+    rig.run(3.0)
+    assert rig.modes() == [M.POSITION] * 3
+    assert rig.plant.body._position == pytest.approx(0.2, abs=0.02)
+
+
+def test_no_calibrator(rig: Rig) -> None:
+    """K1: a joint without a calibrator cannot be calibrated; the reply says so."""
+    reply = rig.board.calibrate("left")
+    assert not reply
+    assert "no calibrator" in reply.message
+    assert rig.modes()[0] is M.IDLE
+
+
+# --- N ---------------------------------------------------------------------------------------
+
+
+def test_power_on() -> None:
+    """N1, N4: NOT_CONFIGURED, no power; requests and commands are refused with an error."""
+    rig = in_status(M.NOT_CONFIGURED)
+    for wanted in (*REQUESTS, "fidl"):
+        reply = rig.board.set_control_mode("left", wanted)
+        assert not reply
+        assert "NOT_CONFIGURED" in reply.message
+    for method, _, value in COMMANDS.values():
+        reply = getattr(rig.board, method)("left", value)
+        assert [str(answer) for answer in reply.answers] == ["refused"]
+        assert "configure" in reply.message
+    assert not rig.board.set_interaction_mode("left", "comp")
+    assert not rig.board.calibrate("left")
+    assert not rig.board.stop("left")
+    rig.plant.push("left", 1.0)
+    for _ in range(100):
+        actuation = rig.board.tick(rig.plant.read())
+        assert not actuation.powered.any()
+        assert not actuation.pwm.any()
+        rig.plant.write(actuation)
+    assert rig.modes() == [M.NOT_CONFIGURED]
+    assert truth(rig) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("mode", "interaction"),
+    [(M.IDLE, STIFF), (M.POSITION, STIFF), (M.POSITION, COMPLIANT)],
+    ids=str,
+)
+def test_configured_default(mode: ControlMode, interaction: Any) -> None:
+    """N3, N2: the whole configuration leads to the joint's default, without a move."""
+    one = joint("left", startup_mode=mode, startup_interaction=interaction)
+    rig = Rig(board_config(one, autoconfigure=False), home=[0.6])
+    rig.run(0.1)
+    assert rig.modes() == [M.NOT_CONFIGURED]
+    assert rig.board.configure()
+    assert rig.modes() == [mode]
+    assert rig.board.get_interaction_mode("left") == [interaction]
+    assert rig.board.get_target_position("left")[0] == pytest.approx(0.6)
+    rig.run(0.5)
+    assert truth(rig) == pytest.approx(0.6, abs=2e-3)
+    reply = rig.board.configure()
+    assert not reply
+    assert rig.modes() == [mode]
+
+
+def test_autoconfigure() -> None:
+    """N2: with autoconfigure the first cycle configures; a calibrator's zero is used."""
+    sensor = joint("left", calibration=replace(SENSOR, required=False), startup_mode=M.POSITION)
+    rig = Rig(board_config(sensor), home=[0.5], zero=[0.7])
+    assert rig.modes() == [M.NOT_CONFIGURED]
+    shown = rig.tick()
+    assert rig.modes() == [M.POSITION]
+    assert shown.position[0] == pytest.approx(0.5)
+    rig.run(0.5)
+    assert truth(rig) == pytest.approx(0.5, abs=2e-3)
+
+
+def test_required_calibration_and_the_command() -> None:
+    """N2, N3: a joint that requires calibration leaves only through CALIBRATING."""
+    first, second = joint("left", calibration=OFFSET), joint("right")
+    rig = Rig(board_config(first, second, autoconfigure=False), home=[0.5, 0.5], zero=[0.7, 0.0])
+    rig.run(0.05)
+    assert rig.modes() == [M.NOT_CONFIGURED] * 2
+    assert rig.board.configure()
+    assert rig.modes() == [M.CALIBRATING, M.IDLE]
+    rig.run(5.0)
+    assert rig.modes() == [M.POSITION, M.IDLE]
+
+
+@pytest.mark.parametrize("calibration", [None, *ALL], ids=["none", *NAMES])
+@pytest.mark.parametrize("first", ["configure", "cycle and configure"])
+def test_configured_before_a_reading(calibration: Calibration | None, first: str) -> None:
+    """N3, M9: configured before a reading is there, no joint jumps."""
+    one = joint("left", calibration=calibration, startup_mode=M.POSITION)
+    rig = Rig(board_config(one, autoconfigure=False), home=[0.5], zero=[0.7 * bool(calibration)])
+    if first != "configure":
+        rig.tick()
+        rig.board.configure()
+        rig.run(14.0)
+        rig.board.power_cycle()
+    here = truth(rig)
+    assert rig.board.configure()
+    rig.run(0.02)
+    assert truth(rig) == pytest.approx(here, abs=0.01)
+    assert M.NOT_CONFIGURED not in rig.modes()
+
+
+def test_waiting_joints_hold_after_a_power_cycle() -> None:
+    """N1, K1: after a power cycle a joint that waits for its turn holds where it is."""
+    joints = [joint(n, calibration=replace(OFFSET, start=0.2)) for n in ("a", "b")]
+    config = board_config(*joints, calibration_groups=(("b",), ("a",)), autoconfigure=False)
+    rig = Rig(config, home=[0.5, 0.5], zero=[0.7, 0.7])
+    rig.tick()
+    rig.board.configure()
+    rig.run(8.0)
+    rig.board.power_cycle()
+    rig.board.configure()
+    rig.run(0.05)
+    assert truth(rig) == pytest.approx(0.2, abs=0.02)
+
+
+def test_power_cycle() -> None:
+    """N1, F5: back to power-on: modes, references, impedance and offsets anew; faults stay."""
+    rig = ready(board_config(joint("left", calibration=SENSOR, startup_mode=M.POSITION)))
+    rig.board.set_impedance("left", 1.0, 1.0)
+    rig.board.set_ref_speed("left", 2.0)
+    rig.board.set_feedforward("left", outputs=3.0, torques=3.0)
+    rig.board.position_move("left", 0.5)
+    rig.board.set_interaction_mode("left", "comp")
+    rig.board.set_control_mode("left", "veld")
+    fault = rig.board.get_faults("left")[0]
+    rig.board.power_cycle()
+    assert rig.modes() == [M.NOT_CONFIGURED]
+    assert rig.board.snapshot().output[0] == 0.0
+    assert not rig.board.get_faults("left")[0].active
+    assert rig.board.get_faults("left")[0].text == fault.text
+    assert rig.board.get_interaction_mode("left") == [STIFF]
+    assert np.ravel(rig.board.get_impedance("left")).tolist() == [50.0, 5.0]
+    assert not rig.board.get_calibration("left")[0].done
+    rig.tick(2)
+    assert rig.modes() == [M.POSITION]
+    assert abs(rig.board.snapshot().output[0]) < 1.0
+    assert rig.board.get_ref_speed("left")[0] == pytest.approx(np.radians(10.0))
+
+
+def test_configuration_is_whole_or_not_at_all() -> None:
+    """N2: gains, limits, maximum output and current must all be there and be valid."""
+    good = joint("left")
+    for name in ("limits", "position_pid", "torque_pid", "impedance"):
+        fields = {key: getattr(good, key) for key in ("name", "limits", "position_pid")}
+        fields |= {key: getattr(good, key) for key in ("torque_pid", "impedance")}
+        del fields[name]
+        with pytest.raises(TypeError, match=name):
+            type(good)(**fields)
+    for name in ("output", "peak_current", "nominal_current", "torque"):
+        with pytest.raises(ConfigError, match=name):
+            joint("left", limits={name: -1.0})

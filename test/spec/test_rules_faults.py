@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SPEC F: hardware faults, looked at closely, on the board in process."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control_board_ros.core.config import Pid
+from control_board_ros.core.measurement import Row
+from control_board_ros.core.vocabs import ControlMode
+
+from .rig import COMMANDS, COMPLIANT, M, Rig, board_config, held, in_status, joint, ready
+
+ACTIVE = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP)
+CAUSES = {
+    "overcurrent": (1, "overcurrent"),
+    "torque_sensor": (8, "torque sensor"),
+    "encoder_nan": (9, "encoder invalid"),
+    "encoder": (10, "encoder silent"),
+    "encoder_spike": (11, "encoder spike"),
+    "overheating": (19, "overheating"),
+    "external": (0, "external fault"),
+    "diverged": (15, "simulation diverged"),
+}
+
+
+@pytest.mark.parametrize("mode", [*ACTIVE, M.IDLE], ids=str)
+def test_a_fault_takes_the_power_in_its_cycle(mode: ControlMode) -> None:
+    """F1, M2: from every mode; in the very cycle that shows it bridge and PWM are off."""
+    rig = ready(board_config(joint("left"), joint("right")))
+    rig.enter(mode)
+    for method, _, value in COMMANDS.values():
+        getattr(rig.board, method)(None, 0.2 * value)
+    rig.run(0.1)
+    rig.plant.inject("left", "external")
+    actuation = rig.board.tick(rig.plant.read())
+    assert rig.modes() == [M.HW_FAULT, mode]
+    assert actuation.powered.tolist() == [0.0, float(mode is not M.IDLE)]
+    assert actuation.pwm[0] == 0.0
+    rig.plant.write(actuation)
+    assert np.all([one.output[0] == 0.0 for one in rig.record(0.1)])
+
+
+@pytest.mark.parametrize("cause", list(CAUSES))
+def test_causes(cause: str) -> None:
+    """F1, F5: the causes the hardware can have, each with its code, text and time."""
+    rig = ready(board_config(joint("left"), joint("right")))
+    rig.enter("posd")
+    rig.board.set_position(None, 0.1)
+    rig.run(0.02)
+    rig.plant.inject("left", cause)
+    rig.run(0.1)
+    code, title = CAUSES[cause]
+    assert rig.modes()[0] is M.HW_FAULT
+    if cause != "diverged":  # which concerns the whole simulation
+        assert rig.modes()[1] is M.POSITION_DIRECT
+    fault = rig.board.get_faults("left")[0]
+    assert (fault.active, fault.code) == (True, code)
+    assert fault.text.startswith(title)
+    assert 0.02 < fault.stamp <= rig.board.time
+    errors = [event for event in rig.board.take_events() if event.level == "error"]
+    assert [event.joint for event in errors][:1] == ["left"]
+    rig.run(0.5)  # it passes
+    assert rig.board.set_control_mode("left", "fidl")
+    rig.run(0.2)
+    assert rig.modes()[0] is M.IDLE
+
+
+@pytest.mark.parametrize("cause", ["encoder_frozen", "encoder_reversed"])
+def test_an_encoder_that_lies(cause: str) -> None:
+    """F1: an encoder that freezes or counts the wrong way is found while the motor moves."""
+    rig = ready(board_config(joint("left")))
+    rig.enter("pos")
+    rig.board.position_move("left", 1.0, 0.5)
+    rig.run(0.5)
+    rig.plant.inject("left", cause, persistent=True)
+    rig.run(0.5)
+    assert rig.modes() == [M.HW_FAULT]
+    assert rig.board.get_faults("left")[0].code == 14
+    assert abs(rig.plant.body._position[0]) < 1.5
+
+
+def still(**changes: Any) -> Rig:
+    rig = held(joint("left", **changes))
+    rig.enter("pos")
+    return rig
+
+
+def test_limits_of_the_checks() -> None:
+    """F1, N2: what is within the configured limits is no fault, what is beyond is one."""
+    for row, good, bad, code in (
+        (Row.CURRENT, 9.9, 25.1, 1),
+        (Row.CURRENT, -9.9, -25.1, 1),
+        (Row.TEMPERATURE, 119.9, 120.1, 19),
+        (Row.ENCODER_AGE, 0.019, 0.021, 10),
+        (Row.TORQUE_AGE, 0.019, 0.021, 8),
+        (Row.TORQUE, 59.0, 1e6, 8),
+        (Row.TORQUE, 59.0, math.nan, 8),
+        (Row.CURRENT, 1.0, math.nan, 1),
+        (Row.VELOCITY, 1.0, math.nan, 9),
+        (Row.POSITION, 0.03, math.nan, 9),
+        (Row.POSITION, 0.03, 0.5, 11),
+        (Row.ALARM, 0.0, 1.0, 0),
+    ):
+        rig = still()
+        rig.plant.values[row] = good
+        rig.tick(50)
+        assert rig.modes() == [M.POSITION], row
+        rig.plant.values[row] = bad
+        shown = rig.tick()
+        assert rig.modes() == [M.HW_FAULT], row
+        assert rig.board.get_faults("left")[0].code == code
+        assert np.all(np.isfinite(shown.block))
+
+
+def test_overrun_of_the_hard_stop() -> None:
+    """F1: beyond the hard stop by more than its margin is a fault; within it is none."""
+    for position, faulted in ((2.2 + 0.03, False), (2.2 + 0.04, True), (-2.24, True)):
+        rig = held(joint("left"))
+        rig.plant.values[Row.POSITION] = position
+        rig.board.power_cycle()
+        rig.tick(30)
+        assert (rig.modes() == [M.HW_FAULT]) is faulted
+        if faulted:
+            assert rig.board.get_faults("left")[0].code == 17
+
+
+def test_overload() -> None:
+    """F1: I²t: at the peak current the overload time, at the nominal one forever."""
+    limits = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
+    rig = still(limits=limits)
+    rig.plant.values[Row.CURRENT] = 5.0
+    rig.run(5.0)
+    assert rig.modes() == [M.POSITION]
+    rig.plant.values[Row.CURRENT] = 10.0
+    rig.run(0.95)
+    assert rig.modes() == [M.POSITION]
+    rig.run(0.1)
+    assert rig.modes() == [M.HW_FAULT]
+    assert rig.board.get_faults("left")[0].code == 2
+
+
+def test_over_temperature_has_a_hysteresis() -> None:
+    """F1, F3: after over-temperature the winding must cool by the hysteresis."""
+    rig = still()
+    rig.plant.values[Row.TEMPERATURE] = 121.0
+    rig.tick(2)
+    rig.plant.values[Row.TEMPERATURE] = 115.0
+    rig.tick(2)
+    reply = rig.board.set_control_mode("left", "fidl")
+    assert not reply
+    assert "115" in reply.message
+    rig.plant.values[Row.TEMPERATURE] = 109.0
+    rig.tick(2)
+    assert rig.board.set_control_mode("left", "fidl")
+    rig.plant.values[Row.TEMPERATURE] = 115.0
+    rig.tick(2)
+    assert rig.modes() == [M.IDLE]
+
+
+def test_frozen_encoder_in_a_moving_joint_only(rig: Rig) -> None:
+    """F1: a joint that stands still, stiff or compliant, has no travel error."""
+    for interaction in ("stif", "comp"):
+        rig.board.set_interaction_mode([0, 1], interaction)
+        rig.enter("pos")
+        rig.run(3.0)
+        assert rig.modes() == [M.POSITION] * 3
+
+
+@pytest.mark.parametrize("cause", ["overcurrent", "external", "encoder_nan", "overheating"])
+def test_a_cause_that_persists(cause: str) -> None:
+    """F3: FORCE_IDLE reports it; the joint is in HW_FAULT again by the next cycle."""
+    rig = ready(board_config(joint("left")))
+    rig.plant.inject("left", cause, persistent=True)
+    rig.tick(3)
+    for _ in range(3):
+        stamp = rig.board.get_faults("left")[0].stamp
+        reply = rig.board.set_control_mode("left", "fidl")
+        assert not reply
+        assert "persists" in reply.message
+        assert CAUSES[cause][1] in reply.message
+        rig.tick()
+        assert rig.modes() == [M.HW_FAULT]
+        assert rig.board.get_faults("left")[0].active
+        assert rig.board.get_faults("left")[0].stamp == stamp
+    rig.plant.clear_injected()
+    rig.tick(12)
+    assert rig.modes() == [M.HW_FAULT]  # by itself nothing leaves a fault
+    assert rig.board.set_control_mode("left", "fidl")
+    assert rig.modes() == [M.IDLE]
+    assert not rig.board.get_faults("left")[0].active
+
+
+def test_the_first_cause_is_kept(rig: Rig) -> None:
+    """F5: of many causes the first is shown; after FORCE_IDLE a new one is a new fault."""
+    rig.plant.inject("left", "external")
+    rig.tick(2)
+    first = rig.board.get_faults("left")[0]
+    rig.plant.inject("left", "overcurrent", persistent=True)
+    rig.run(0.1)
+    assert rig.board.get_faults("left")[0] == first
+    assert not rig.board.set_control_mode("left", "torq")
+    rig.board.set_control_mode("left", "veld")
+    assert rig.board.get_faults("left")[0] == first
+    assert not rig.board.set_control_mode("left", "fidl")  # overcurrent persists
+    rig.plant.clear_injected()
+    rig.tick(2)
+    assert rig.board.set_control_mode("left", "fidl")
+    rig.board.set_control_mode("left", "veld")
+    second = rig.board.get_faults("left")[0]
+    assert second.code == 16
+    assert second.stamp > first.stamp
+
+
+def test_user_fault() -> None:
+    """F1, F5, M5: a fault of the user has its code, text and time; it clears at once."""
+    rig = ready(board_config(joint("left")))
+    none = rig.board.get_faults("left")[0]
+    assert (none.active, none.code, none.text, none.stamp) == (False, -1, "no fault", 0.0)
+    version = rig.board.faults_version
+    rig.board.set_control_mode("left", "icur")
+    assert rig.board.faults_version > version
+    fault = rig.board.get_faults("left")[0]
+    assert (fault.active, fault.code, fault.stamp) == (True, 16, rig.board.time)
+    assert rig.board.set_control_mode("left", "fidl")
+    cleared = rig.board.get_faults("left")[0]
+    assert (cleared.active, cleared.code, cleared.text) == (False, 16, fault.text)
+
+
+@pytest.mark.parametrize("start", [*ACTIVE, M.IDLE, M.CALIBRATING], ids=str)
+def test_force_idle_everywhere(start: ControlMode) -> None:
+    """F4, K2: FORCE_IDLE outside a fault is IDLE, and no getter returns it."""
+    rig = in_status(M.CALIBRATING) if start is M.CALIBRATING else ready()
+    if start is not M.CALIBRATING:
+        rig.enter(start, "left")
+    assert rig.board.set_control_mode("left", M.FORCE_IDLE)
+    assert rig.modes()[0] is M.IDLE
+    assert not rig.board.get_faults("left")[0].active
+    assert rig.tick().output[0] == 0.0
+
+
+@pytest.mark.parametrize("wanted", [*ACTIVE, M.IDLE, "icur", "veld"], ids=str)
+def test_nothing_else_leaves_a_fault(wanted: Any) -> None:
+    """F2: every other request is refused with the cause and the next step; nothing changes."""
+    rig = in_status(M.HW_FAULT)
+    before = rig.board.get_faults("left")[0]
+    versions = rig.board.modes_version, rig.board.faults_version
+    reply = rig.board.set_control_mode("left", wanted)
+    assert not reply
+    assert reply.message.startswith("left is in HW_FAULT (external fault")
+    assert reply.message.endswith("send FORCE_IDLE first")
+    assert rig.modes() == [M.HW_FAULT]
+    assert rig.board.get_faults("left")[0] == before
+    assert (rig.board.modes_version, rig.board.faults_version) == versions
+    assert not rig.board.calibrate("left")
+    rig.board.configure()
+    rig.run(0.1)
+    assert rig.modes() == [M.HW_FAULT]
+
+
+def test_some_of_many_joints(rig: Rig) -> None:
+    """F2, M7: of a request for many joints the faulted one is refused, the others switch."""
+    rig.board.set_control_mode("right", "veld")
+    reply = rig.board.set_control_mode(None, "pos")
+    assert [str(answer) for answer in reply.answers] == ["accepted", "refused", "accepted"]
+    assert rig.modes() == [M.POSITION, M.HW_FAULT, M.POSITION]
+    assert rig.board.set_control_mode(None, "fidl")
+    assert rig.modes() == [M.IDLE] * 3
+
+
+def test_numbers_that_are_none_do_not_spread() -> None:
+    """F1: after NaN from every sensor the board is as good as new once they speak again."""
+    rig = held(joint("left", position_pid=Pid(kp=10.0, ki=10.0, kd=1.0)))
+    rig.board.set_interaction_mode("left", COMPLIANT)
+    rig.enter("pos")
+    good = rig.plant.values.copy()
+    for row in Row:
+        rig.plant.values[row] = math.nan
+        shown = rig.tick(10)
+        assert np.all(np.isfinite(shown.block))
+        assert rig.modes() == [M.HW_FAULT]
+        rig.plant.values[:] = good
+        rig.tick(20)
+        reply = rig.board.set_control_mode("left", "fidl")
+        assert reply, reply.message
+        rig.enter("pos")
+        shown = rig.tick(20)
+        assert shown.output[0] == pytest.approx(0.0, abs=1e-9)
+        assert rig.modes() == [M.POSITION]
