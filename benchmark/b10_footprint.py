@@ -20,11 +20,11 @@ COMMAND = (sys.executable, "-m", "control_board_ros.node.main")
 def run(effort: Effort) -> list[Figure]:
     """Measure start, processor and memory of the default configuration."""
     with free_domain() as domain:
-        starts = [_start(domain) for _ in range(effort.of(5, 2, 1))]
+        starts = [_start(domain) for _ in range(effort.of(5, 1, 1))]
         with board(domain) as running:
             time.sleep(effort.of(3.0, 1.0, 0.0))
             pid = running.process.pid
-            shares = [cpu_share(pid, effort.of(20.0, 3.0, 0.3)) for _ in range(effort.of(2, 1, 1))]
+            shares = [cpu_share(pid, effort.of(20.0, 2.0, 0.3)) for _ in range(effort.of(2, 1, 1))]
             memory = resident_megabytes(pid)
     return [
         Figure(

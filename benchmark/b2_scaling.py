@@ -20,7 +20,7 @@ CASES = {"all in POSITION": None, "mixed modes, half compliant": MIXED}
 
 def run(effort: Effort) -> list[Figure]:
     """Measure chains of 7, 32 and 127 joints, in POSITION and in mixed modes."""
-    chunks, runs = effort.of(15, 6, 1), effort.of(7, 2, 1)
+    chunks, runs = effort.of(15, 6, 1), effort.of(7, 1, 1)
     figures = []
     for case, pattern in CASES.items():
         before = float("inf")

@@ -21,7 +21,7 @@ STATE_RATE = 100  # Hz of simulated time
 def run(effort: Effort) -> list[Figure]:
     """Measure the iiwa on the way from one pose to another and back."""
     return [
-        _figure("simulation without ROS", [_alone(effort) for _ in range(effort.of(5, 3, 1))], 25),
+        _figure("simulation without ROS", [_alone(effort) for _ in range(effort.of(5, 2, 1))], 25),
         _figure(f"node publishing at {STATE_RATE} Hz of simulated time", _node(effort), 15),
     ]
 
@@ -38,7 +38,7 @@ def _alone(effort: Effort) -> float:
     """One run of the board with its plant in this process."""
     arm = settings.load("iiwa")
     home = [joint.home for joint in arm.simulation.joints]
-    moves = effort.of(20, 8, 1)
+    moves = effort.of(20, 5, 1)
     with Simulation(arm.board, arm.simulation) as simulation:
         simulation.run(0.1)
         begin = time.perf_counter()
@@ -67,7 +67,7 @@ def _node(effort: Effort) -> list[float]:
             time.sleep(0.01)
         time.sleep(effort.of(1.0, 0.5, 0.1))
         factors = []
-        for _ in range(effort.of(5, 3, 1)):
+        for _ in range(effort.of(5, 2, 1)):
             (begin, first), _ = newest[0], time.sleep(effort.of(3.0, 1.0, 0.3))
             end, last = newest[0]
             factors.append((last - first) / (end - begin))

@@ -38,15 +38,15 @@ def run(effort: Effort) -> list[Figure]:
     figures = []
     for case, params, load, bound in effort.of(CASES, CASES, CASES[1:2]):
         with free_domain() as domain:
-            with helper(domain, "bare", "loop", effort.of(10.0, 2.0, 0.2)) as bare:
+            with helper(domain, "bare", "loop", effort.of(10.0, 1.0, 0.2)) as bare:
                 reference = bare.result()
             with tap() as tapped, board(domain, params, tap=tapped), ExitStack() as stack:
                 with talker(domain) as talking:
                     switch(talking, "posd")
                 sender = stack.enter_context(load(domain))
-                if effort.level != "tiny":
+                if effort.level == "full":
                     tapped.window(2.0)  # until discovery is over
-                fared = tapped.window(effort.of(60.0, 4.0, 0.0))[0]
+                fared = tapped.window(effort.of(60.0, 2.0, 0.0))[0]
                 loaded = {} if sender is None else sender.result()
         figures += _figures(case, bound, fared, reference, loaded)
     return figures

@@ -15,7 +15,7 @@ from control_board_ros.testing import free_domain
 
 def run(effort: Effort) -> list[Figure]:
     """Measure both in turns, at 1 kHz state."""
-    times, runs = effort.of(400, 200, 10), effort.of(5, 3, 1)
+    times, runs = effort.of(400, 150, 10), effort.of(5, 1, 1)
     with (
         free_domain() as domain,
         board(domain, {"state_rate": 1000.0}),

@@ -55,17 +55,23 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     return chosen
 
 
-def measure(names: Sequence[str], effort: Effort) -> list[Figure]:
-    """The figures of these groups; progress goes to standard error."""
+def measure(names: Sequence[str], effort: Effort) -> tuple[list[Figure], list[str]]:
+    """The figures of these groups, and the modules that failed; tells how it goes on stderr."""
     figures: list[Figure] = []
+    failed: list[str] = []
     for module in dict.fromkeys(GROUPS[name] for name in names):
         run: Callable[[Effort], list[Figure]] = import_module(module).run
         told = (run.__doc__ or "").strip()
         begin = time.monotonic()
         print(f"{module}: {told}", file=sys.stderr, end=" ", flush=True)
-        figures += run(effort)
+        try:
+            figures += run(effort)
+        except Exception as error:  # noqa: BLE001 - the others are still worth their time
+            failed.append(module)
+            lines = [f"failed: {type(error).__name__}: {error}", *getattr(error, "__notes__", ())]
+            print("\n".join(lines), file=sys.stderr, end=" ")
         print(f"({time.monotonic() - begin:.0f} s)", file=sys.stderr, flush=True)
-    return sorted(figures, key=lambda figure: int(figure.number[1:]))
+    return sorted(figures, key=lambda figure: int(figure.number[1:])), failed
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -73,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that no board is left behind
     chosen = parse(arguments)
     level = "quick" if chosen.quick else "tiny" if chosen.tiny else "full"
-    figures = measure(chosen.figures or list(GROUPS), Effort(level))
+    figures, failed = measure(chosen.figures or list(GROUPS), Effort(level))
     print(printed(figures))
     if chosen.json is not None:
         record = {"machine": machine(), "figures": [as_record(one, "") for one in figures]}
@@ -82,7 +88,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         record = remember(figures)
         write_pages(record)
         print(f"\n{short_table(record)}")
-    return 0
+    if failed:
+        print(f"failed: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":
