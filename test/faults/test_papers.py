@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fault catalogue and the security policy are whole, and say what the product does."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from control_board_ros.core.faults import FaultCode
+from control_board_ros.sim.injection import KINDS
+
+ROOT = Path(__file__).parents[2]
+CATALOGUE = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
+SECTIONS = {
+    int(number): (title.strip(), body)
+    for number, title, body in re.findall(
+        r"^## (\d+) (.+)\n((?:(?!^## ).*\n?)*)", CATALOGUE, re.MULTILINE
+    )
+}
+
+
+@pytest.mark.parametrize("code", FaultCode)
+def test_every_fault_has_its_section(code: FaultCode) -> None:
+    """Number, title, and how it is found, cleared and provoked."""
+    title, body = SECTIONS[code]
+    assert title == code.title
+    for word in ("What", "Found within", "Clear", "Provoke"):
+        assert re.search(rf"^- \*\*{word}\*\*: .{{4,}}", body, re.MULTILINE), word
+    assert "FORCE_IDLE" in body
+
+
+def test_the_catalogue_has_no_other_section_and_names_every_injection() -> None:
+    assert set(SECTIONS) == set(FaultCode)
+    assert list(SECTIONS) == sorted(SECTIONS)
+    for kind in KINDS:
+        assert f"`{kind}`" in CATALOGUE
+
+
+# --- the policy -------------------------------------------------------------------------------
+
+POLICY = ET.parse(ROOT / "config" / "control_board.policy.xml").getroot()
+#: The schema of SROS2 policies, version 0.2.0: children and attributes of each element.
+CHILDREN = {
+    "policy": {"enclaves"},
+    "enclaves": {"enclave"},
+    "enclave": {"profiles"},
+    "profiles": {"profile"},
+    "profile": {"topics", "services", "actions"},
+    "topics": {"topic"},
+    "services": {"service"},
+    "actions": {"action"},
+    "topic": set(),
+    "service": set(),
+    "action": set(),
+}
+ATTRIBUTES = {
+    "policy": {"version"},
+    "enclave": {"path"},
+    "profile": {"ns", "node"},
+    "topics": {"publish", "subscribe"},
+    "services": {"reply", "request"},
+    "actions": {"call", "execute"},
+}
+NAME = re.compile(r"(~?/)?[a-z][a-z0-9_]*(/[a-z][a-z0-9_]*)*$")
+
+
+def granted(enclave: str, group: str, right: str) -> set[str]:
+    """Absolute names that an enclave may use in a way."""
+    found = set()
+    for profile in POLICY.iterfind(f"enclaves/enclave[@path='{enclave}']/profiles/profile"):
+        node = f"{profile.get('ns', '').rstrip('/')}/{profile.get('node')}"
+        for names in profile.iterfind(group):
+            if names.get(right) == "ALLOW":
+                texts = [name.text or "" for name in names]
+                found |= {re.sub(r"^~", node, t) if t[0] in "~/" else f"/{t}" for t in texts}
+    return found
+
+
+def test_the_policy_obeys_its_schema() -> None:
+    """Elements, attributes, values and their number, as the SROS2 tools check them."""
+    assert POLICY.tag == "policy"
+    assert POLICY.get("version") == "0.2.0"
+    assert len(POLICY) == 1
+    for element in POLICY.iter():
+        tag = element.tag
+        children = CHILDREN[tag]
+        assert {child.tag for child in element} <= children
+        assert len(element) > 0 or not children, tag
+        assert set(element.attrib) <= ATTRIBUTES.get(tag, set())
+        if tag in ("topics", "services", "actions"):
+            assert len(element.attrib) == 1
+            assert set(element.attrib.values()) <= {"ALLOW", "DENY"}
+            names = [child.text for child in element]
+            assert len(names) == len(set(names))
+        elif tag in ATTRIBUTES:
+            assert set(element.attrib) == ATTRIBUTES[tag]
+        if not children:
+            assert NAME.match(element.text or ""), element.text
+
+
+def test_the_board_may_do_what_it_does_and_no_more() -> None:
+    """Every topic and service of the node, by the node's own tables."""
+    from control_board_ros.node.services import SERVICES
+    from control_board_ros.node.topics import COMMANDS
+
+    board = "/control_board"
+    standard = {
+        "describe_parameters",
+        "get_parameter_types",
+        "get_parameters",
+        "list_parameters",
+        "set_parameters",
+        "set_parameters_atomically",
+        "get_type_description",
+    }
+    assert granted(board, "services", "reply") == {
+        f"{board}/{name}" for name in {*SERVICES, *standard}
+    }
+    assert granted(board, "topics", "subscribe") == {
+        f"{board}/{name}" for name in {*COMMANDS, "joint_trajectory"}
+    } | {"/clock", "/parameter_events"}
+    assert granted(board, "topics", "publish") == {
+        "/joint_states",
+        "/robot_description",
+        "/diagnostics",
+        "/clock",
+        "/rosout",
+        "/parameter_events",
+        f"{board}/modes",
+        f"{board}/state",
+        f"{board}/faults",
+    }
+    assert granted(board, "actions", "execute") == {f"{board}/move", f"{board}/calibrate"}
+
+
+@pytest.mark.parametrize("profile", ["operator", "monitor"])
+def test_the_others_may_use_what_the_board_offers(profile: str) -> None:
+    """Whatever a profile calls or hears, the board offers; nobody else offers the same."""
+    board, own = "/control_board", f"/control_board/{profile}"
+    both = {"/rosout", "/parameter_events"}
+    for group, theirs, ours in (
+        ("services", "request", "reply"),
+        ("actions", "call", "execute"),
+        ("topics", "publish", "subscribe"),
+        ("topics", "subscribe", "publish"),
+    ):
+        assert granted(own, group, theirs) <= granted(board, group, ours) | both
+    assert not granted(own, "services", "reply")
+    assert not granted(own, "actions", "execute")
+    forbidden = {f"{board}/inject_fault", f"{board}/set_parameters", f"{board}/external_torque"}
+    assert not forbidden & granted(own, "services", "request") | (
+        forbidden & granted(own, "topics", "publish")
+    )
+
+
+def test_a_monitor_changes_nothing() -> None:
+    """It calls getters only, and publishes nothing that a board hears."""
+    own = "/control_board/monitor"
+    assert all("/get_" in name for name in granted(own, "services", "request"))
+    assert granted(own, "topics", "publish") == {"/rosout", "/parameter_events"}
+    assert not granted(own, "actions", "call")
