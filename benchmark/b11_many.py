@@ -29,7 +29,7 @@ def run(effort: Effort) -> list[Figure]:
                 if effort.level == "full":
                     tapped.window(2.0, boards)  # until all have met
                 fared = tapped.window(effort.of(10.0, 2.0, 0.0), boards)
-                share = sum(cpu_share(pid, effort.of(2.0, 0.5, 0.1)) for pid in pids)
+                share = cpu_share(pids, effort.of(4.0, 0.5, 0.1))
             figures.append(_figure(boards, arrangement, fared, share))
     return figures
 

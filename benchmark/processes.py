@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -105,7 +106,7 @@ def helper(domain: int, script: str, *arguments: object, **environment: str) -> 
 def cpu_seconds(pid: int) -> float:
     """User and system time that a process has used, s."""
     fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(fields[11]) + int(fields[12])) / 100.0
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def resident_megabytes(pid: int) -> float:
@@ -116,8 +117,8 @@ def resident_megabytes(pid: int) -> float:
     raise RuntimeError(f"no memory of process {pid}")
 
 
-def cpu_share(pid: int, seconds: float) -> float:
-    """The part of one core that a process uses over some time, percent."""
-    begin, used = time.monotonic(), cpu_seconds(pid)
+def cpu_share(pids: Sequence[int], seconds: float) -> float:
+    """The part of one core that processes use together over some time, percent."""
+    begin, used = time.monotonic(), sum(map(cpu_seconds, pids))
     time.sleep(seconds)
-    return 100.0 * (cpu_seconds(pid) - used) / (time.monotonic() - begin)
+    return 100.0 * (sum(map(cpu_seconds, pids)) - used) / (time.monotonic() - begin)
