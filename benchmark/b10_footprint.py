@@ -24,9 +24,8 @@ def run(effort: Effort) -> list[Figure]:
         with board(domain) as running:
             time.sleep(effort.of(3.0, 1.0, 0.0))
             pid = running.process.pid
-            shares = [
-                cpu_share([pid], effort.of(20.0, 2.0, 0.3)) for _ in range(effort.of(2, 1, 1))
-            ]
+            seconds, runs = effort.of(20.0, 2.0, 0.3), effort.of(2, 1, 1)
+            shares = [cpu_share([pid], seconds) for _ in range(runs)]
             memory = resident_megabytes(pid)
     return [
         Figure(
