@@ -206,6 +206,12 @@ NAN = float("nan")
             )
         ],
         [Parameter(name="state_rate", value=ParameterValue())],
+        [
+            Parameter(
+                name="allow_fault_injection",
+                value=ParameterValue(type=ParameterType.PARAMETER_BOOL, bool_value=False),
+            )
+        ],
     ],
     ids=lambda parameters: " ".join(one.name.split("joint_")[-1] for one in parameters),
 )

@@ -162,4 +162,7 @@ def test_a_client_waits_while_its_board_is_restarted() -> None:
             assert set(answer.result().modes) == {"pos"}  # not the old board's
             state = talker.state(lambda s: max(s.rejected_commands) == 0)
             assert max(abs(v) for v in state.velocity) < 0.1
+            refused = talker.call("inject_fault", srv.InjectFault, fault="external")
+            assert not refused.success  # off, unless the board was started with it
+            assert "allow_fault_injection" in refused.message
         lost.cancel()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -37,6 +38,34 @@ def test_the_catalogue_has_no_other_section_and_names_every_injection() -> None:
     assert list(SECTIONS) == sorted(SECTIONS)
     for kind in KINDS:
         assert f"`{kind}`" in CATALOGUE
+
+
+# --- the security page ------------------------------------------------------------------------
+
+FORBIDDEN = {"eval", "exec", "compile", "__import__", "system", "popen", "urlopen", "Unpickler"}
+UNSAFE_MODULES = {"pickle", "marshal", "shelve", "urllib.request", "requests", "http.client"}
+
+
+def test_nothing_is_evaluated_unpickled_or_fetched() -> None:
+    """What docs/security.md says of the sources."""
+    sources = sorted((ROOT / "control_board_ros").rglob("*.py"))
+    assert len(sources) > 50
+    for path in sources:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names: set[str] = set()
+            if isinstance(node, ast.Call):
+                called = node.func
+                plain = called.id if isinstance(called, ast.Name) else ""
+                owned = called.attr if isinstance(called, ast.Attribute) else ""
+                of_re = isinstance(called, ast.Attribute) and ast.unparse(called) == "re.compile"
+                names = ({plain, owned} & FORBIDDEN) if not of_re else set()
+                unsafe = ("yaml.load", "yaml.full_load", "yaml.unsafe_load")
+                names |= {ast.unparse(called)} & set(unsafe)
+            elif isinstance(node, ast.Import):
+                names = {alias.name for alias in node.names} & UNSAFE_MODULES
+            elif isinstance(node, ast.ImportFrom):
+                names = {node.module or ""} & UNSAFE_MODULES if node.level == 0 else set()
+            assert not names, f"{path}:{getattr(node, 'lineno', 0)}: {names}"
 
 
 # --- the policy -------------------------------------------------------------------------------
