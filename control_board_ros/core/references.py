@@ -97,14 +97,14 @@ class References:
         """Start minimum-jerk moves from the present reference (P1, P6); shapes (k,)."""
         start = self._state.position_reference[joints]
         self.integral[joints] = 0.0
-        time = durations(
+        time, brake = durations(
             targets - start,
             speeds,
             self.trajectories.velocity[joints],
             self.limit_velocity[joints],
             self.limit_acceleration[joints],
         )
-        self.trajectories.move(joints, start, targets, time)
+        self.trajectories.move(joints, start, targets, time, brake)
 
     def roll(self, joints: Indices, velocities: Array, accelerations: Array) -> None:
         """Ramp the velocity references to new values (P5); shapes (k,)."""
@@ -162,6 +162,8 @@ class References:
         state = self._state
         cut = np.flatnonzero(wanted != state.position_reference)
         reference = state.position_reference[cut]
-        self.integral[cut] = reference - self.trajectories.position[cut]
+        # A move that leads beyond a limit for a while still ends on its target.
+        move = np.clip(self.trajectories.position[cut], self.lower[cut], self.upper[cut])
+        self.integral[cut] = reference - move
         self._velocity[cut] = 0.0
         state.velocity_reference[cut] = 0.0

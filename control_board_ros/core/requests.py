@@ -290,7 +290,7 @@ class Requests(Machine):
         return self._pick(joints, self.calibration)
 
     def configure(self) -> Reply:
-        """The whole configuration is in: joints leave NOT_CONFIGURED (N2), at the first reading."""
+        """The whole configuration is in: at its reading a joint leaves NOT_CONFIGURED (N2)."""
         if ControlMode.NOT_CONFIGURED not in self.state.control_modes:
             return refused(
                 "the board is configured already; power_cycle takes it back", self.names

@@ -2,7 +2,9 @@
 """Minimum-jerk moves and velocity ramps for all joints at once (SPEC P1, P5, P6).
 
 A move is the quintic that leaves a position with a velocity (and no acceleration) and ends at
-rest after a duration T. From rest it is q(s) = q0 + Δ(10s³ − 15s⁴ + 6s⁵), s = t/T.
+rest after a duration T. From rest it is q(s) = q0 + Δ(10s³ − 15s⁴ + 6s⁵), s = t/T. A velocity
+that leads away from the target is no part of it: it is braked to zero by a second polynomial,
+v0(1 − 3u² + 2u³), u = t/T_b, and the quintic makes up for the way that this takes.
 """
 
 from __future__ import annotations
@@ -28,11 +30,12 @@ NO_OVERSHOOT = 2.5
 
 def durations(
     distance: Array, speed: Array, velocity: Array, max_velocity: Array, max_acceleration: Array
-) -> Array:
-    """Durations of moves (P1): T = |Δ|/v, bounded by what the joint can do.
+) -> tuple[Array, Array]:
+    """Durations of moves and of their braking (P1): T = |Δ|/v, bounded by what the joint can do.
 
-    T = max(|Δ|/v, 1.875|Δ|/v_max, 1.5|v0|/a_max); where the start velocity points at the
-    target, shortened to 2.5|Δ|/|v0| when that keeps it from overshooting.
+    T = max(|Δ|/v, 1.875|Δ|/v_max). A start velocity that points at the target goes on into the
+    move, which is then shortened to 2.5|Δ|/|v0| where that keeps it from overshooting, but lasts
+    at least 1.5|v0|/a_max. One that points away is braked within T_b = 1.5|v0|/a_max.
 
     Args:
         distance: Δ, target minus start, shape (k,), rad.
@@ -42,17 +45,18 @@ def durations(
         max_acceleration: shape (k,), rad/s².
 
     Returns:
-        T, shape (k,), s, at most LONGEST.
+        T and T_b (0 where nothing is braked), shape (k,), s, at most LONGEST.
     """
-    far = np.abs(distance)
+    stopping = 1.5 * np.abs(velocity) / max_acceleration
+    ahead = velocity * distance > 0.0
+    brake = np.where(ahead, 0.0, stopping)
+    far = np.abs(distance - 0.5 * velocity * brake)
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        time = np.maximum(far / speed, PEAK * far / max_velocity)
-        ahead = velocity * distance > 0.0
         short = np.where(ahead, NO_OVERSHOOT * far / np.abs(velocity), np.inf)
-    time = np.minimum(time, short)
-    floor = np.maximum(1.5 * np.abs(velocity) / max_acceleration, PEAK * far / max_velocity)
+        time = np.minimum(far / speed, short)
+    floor = np.maximum(np.where(ahead, stopping, 0.0), PEAK * far / max_velocity)
     result: Array = np.minimum(np.maximum(time, floor), LONGEST)
-    return result
+    return result, np.minimum(brake, LONGEST)
 
 
 class Trajectories:
@@ -67,13 +71,15 @@ class Trajectories:
 
     def __init__(self, n: int, period: float) -> None:
         self._period = period
-        self._coefficients = np.zeros((6, 2, n))  # highest power first; position, velocity
-        self._step = np.zeros(n)  # s grows by this much in each cycle
+        # Highest power first; the move and its braking; position and velocity.
+        self._coefficients = np.zeros((6, 2, 2, n))
+        self._step = np.zeros((2, n))  # s and u grow by this much in each cycle
         self._start = np.zeros(n)  # cycle in which each move began
         self._end = np.full(n, np.inf)  # cycle in which it ends
         self._next_end = np.inf
         self._target = np.zeros(n)
         self._cycle = 0
+        self._parts = np.zeros((AHEAD, 2, 2, n))
         self._profiles = np.zeros((AHEAD, 2, n))
         self._row = AHEAD
         self._value = np.zeros((2, n))
@@ -89,16 +95,18 @@ class Trajectories:
             joints: indices, shape (k,).
             position: shape (k,), rad.
         """
-        self._coefficients[:, :, joints] = 0.0
-        self._coefficients[5, 0, joints] = position
+        self._coefficients[..., joints] = 0.0
+        self._coefficients[5, 0, 0, joints] = position
         self._target[joints] = position
-        self._step[joints] = 0.0
+        self._step[:, joints] = 0.0
         self.position[joints] = position
         self.velocity[joints] = 0.0
         self._end[joints] = np.inf
         self._changed()
 
-    def move(self, joints: NDArray[np.intp], start: Array, target: Array, time: Array) -> None:
+    def move(
+        self, joints: NDArray[np.intp], start: Array, target: Array, time: Array, brake: Array
+    ) -> None:
         """Start moves from the present reference velocity (P1).
 
         Args:
@@ -106,23 +114,33 @@ class Trajectories:
             start: position of the reference now, shape (k,), rad.
             target: shape (k,), rad.
             time: duration, shape (k,), s; a duration 0 (no distance at rest) ends in one cycle.
+            brake: time in which the velocity is braked, 0 where it goes on, shape (k,), s.
         """
         time = np.maximum(time, self._period)
-        reach = target - start
-        run = self.velocity[joints] * time  # v0 T
-        position = np.array(
-            [6 * reach - 3 * run, 8 * run - 15 * reach, 10 * reach - 6 * run, 0 * run, run, start]
-        )
-        powers = np.arange(5.0, 0.0, -1.0)[:, None]
-        self._coefficients[:, 0, joints] = position
-        self._coefficients[0, 1, joints] = 0.0
-        self._coefficients[1:, 1, joints] = position[:5] * powers / time
+        braking = brake > 0.0
+        now = self.velocity[joints]
+        run = np.where(braking, 0.0, now) * time  # v0 T
+        stop = now * brake  # v0 T_b, of which half is the way until standstill
+        reach = target - start - 0.5 * stop
+        none = 0.0 * run
+        move = [6 * reach - 3 * run, 8 * run - 15 * reach, 10 * reach - 6 * run, none, run, start]
+        self._set(0, joints, np.array(move), time)
+        stopping = [none, 0.5 * stop, -stop, none, stop, none]
+        self._set(1, joints, np.array(stopping), np.where(braking, brake, np.inf))
         self._target[joints] = target
         self.position[joints] = start
-        self._step[joints] = self._period / time
         self._start[joints] = self._cycle
-        self._end[joints] = self._cycle + np.ceil(time / self._period - 1e-9)
+        last = np.maximum(time, brake) / self._period
+        self._end[joints] = self._cycle + np.ceil(last - 1e-9)
         self._changed()
+
+    def _set(self, part: int, joints: NDArray[np.intp], position: Array, time: Array) -> None:
+        """The polynomial of a part, shape (6, k), and its derivative."""
+        powers = np.arange(5.0, 0.0, -1.0)[:, None]
+        self._coefficients[:, part, 0, joints] = position
+        self._coefficients[0, part, 1, joints] = 0.0
+        self._coefficients[1:, part, 1, joints] = position[:5] * powers / time
+        self._step[part, joints] = self._period / time
 
     def remaining(self, joints: NDArray[np.intp]) -> Array:
         """Time until the moves end, shape (k,), s; 0 where there is none."""
@@ -151,15 +169,16 @@ class Trajectories:
         self.position, self.velocity = self._value
 
     def _compute(self) -> None:
-        """Evaluate the quintics of this and the next cycles, by Horner's rule."""
+        """Evaluate the polynomials of this and the next cycles, by Horner's rule."""
         elapsed = np.arange(self._cycle, self._cycle + AHEAD)[:, None] - self._start
-        s = np.minimum(elapsed * self._step, 1.0)[:, None, :]
-        profiles, coefficients = self._profiles, self._coefficients
-        np.multiply(coefficients[0], s, out=profiles)
+        s = np.minimum(elapsed[:, None, :] * self._step, 1.0)[:, :, None, :]
+        parts, coefficients = self._parts, self._coefficients
+        np.multiply(coefficients[0], s, out=parts)
         for k in range(1, 5):
-            np.add(profiles, coefficients[k], out=profiles)
-            np.multiply(profiles, s, out=profiles)
-        np.add(profiles, coefficients[5], out=profiles)
+            np.add(parts, coefficients[k], out=parts)
+            np.multiply(parts, s, out=parts)
+        np.add(parts, coefficients[5], out=parts)
+        np.add(parts[:, 0], parts[:, 1], out=self._profiles)
         self._row = 0
 
 
