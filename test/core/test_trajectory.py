@@ -16,9 +16,15 @@ POSITIONS = st.floats(-3.0, 3.0)
 SPEEDS = st.floats(0.05, 3.0)
 
 
-def duration(distance: float, speed: float, velocity: float = 0.0) -> float:
+def both(distance: float, speed: float, velocity: float = 0.0) -> tuple[float, float]:
+    """Durations of a move and of its braking."""
     arrays = (np.array([x]) for x in (distance, speed, velocity, 6.0, 50.0))
-    return float(durations(*arrays)[0])
+    time, brake = durations(*arrays)
+    return float(time[0]), float(brake[0])
+
+
+def duration(distance: float, speed: float, velocity: float = 0.0) -> float:
+    return both(distance, speed, velocity)[0]
 
 
 def follow(moves: Trajectories, cycles: int) -> tuple[np.ndarray, np.ndarray]:
@@ -31,10 +37,16 @@ def follow(moves: Trajectories, cycles: int) -> tuple[np.ndarray, np.ndarray]:
     return np.array(positions), np.array(velocities)
 
 
+def go(moves: Trajectories, target: float, time: float, brake: float = 0.0) -> None:
+    """Start a move from where the reference is."""
+    arrays = (np.array([x]) for x in (target, time, brake))
+    moves.move(ALL, moves.position.copy(), *arrays)
+
+
 def started(start: float, target: float, time: float) -> Trajectories:
     moves = Trajectories(1, PERIOD)
     moves.hold(ALL, np.array([start]))
-    moves.move(ALL, np.array([start]), np.array([target]), np.array([time]))
+    go(moves, target, time)
     return moves
 
 
@@ -66,20 +78,24 @@ def test_retargeting_has_no_jump(
     moves = started(start, first, time)
     follow(moves, int(when * time / PERIOD))
     before = float(moves.position[0]), float(moves.velocity[0])
-    time = duration(second - before[0], other, before[1])
-    moves.move(ALL, moves.position.copy(), np.array([second]), np.array([time]))
+    time, brake = both(second - before[0], other, before[1])
+    go(moves, second, time, brake)
     time = max(time, PERIOD)
     assume(time > 20 * PERIOD)
-    cycles = int(np.ceil(time / PERIOD - 1e-9))
+    cycles = int(np.ceil(max(time, brake) / PERIOD - 1e-9))
     position, velocity = (array[:, 0] for array in follow(moves, cycles))
-    # The least possible change of one cycle: what the acceleration of the quintic allows.
-    reach = abs(second - before[0])
-    hardest = 10 * reach / time**2 + 8 * abs(before[1]) / time
+    # The most that can change in one cycle: what the acceleration of the polynomials allows.
+    reach = abs(second - before[0]) + abs(before[1]) * brake
+    hardest = 10 * reach / time**2 + 8 * abs(before[1]) / time + 1.5 * 50.0
     assert abs(position[0] - before[0] - before[1] * PERIOD) <= hardest * PERIOD**2 + 1e-9
     assert abs(velocity[0] - before[1]) <= hardest * PERIOD + 1e-9
     assert np.abs(np.diff(velocity)).max(initial=0) <= hardest * PERIOD + 1e-9
     assert position[-1] == second
     assert velocity[-1] == 0.0
+    # It never leaves the way between start and target by more than it takes to stop.
+    slack = 0.75 * before[1] ** 2 / 50.0 + 1e-9
+    assert position.min() >= min(before[0], second) - slack
+    assert position.max() <= max(before[0], second) + slack
 
 
 @given(POSITIONS, st.floats(0.01, 3.0), SPEEDS, st.floats(0.1, 0.9))
@@ -94,7 +110,7 @@ def test_retargeting_further_the_same_way_does_not_overshoot(
     target = start + 2 * reach
     time = duration(target - here, speed, velocity)
     assume(time <= 2.5 * abs(target - here) / max(abs(velocity), 1e-9))
-    moves.move(ALL, moves.position.copy(), np.array([target]), np.array([time]))
+    go(moves, target, time)
     position, _ = follow(moves, int(np.ceil(time / PERIOD)) + 2)
     assert position.max() <= target + 1e-9
 
@@ -137,11 +153,11 @@ def test_joints_move_on_their_own() -> None:
     time = np.array([0.1, 0.02, 0.3])
     together = Trajectories(3, PERIOD)
     together.hold(np.arange(3), start)
-    together.move(np.arange(3), start, target, time)
+    together.move(np.arange(3), start, target, time, np.zeros(3))
     order = np.array([2, 0, 1])
     mixed = Trajectories(3, PERIOD)
     mixed.hold(np.arange(3), start[order])
-    mixed.move(np.arange(3), start[order], target[order], time[order])
+    mixed.move(np.arange(3), start[order], target[order], time[order], np.zeros(3))
     for _ in range(200):
         together.advance()
         mixed.advance()
@@ -151,7 +167,7 @@ def test_joints_move_on_their_own() -> None:
     alone = started(1.0, 0.9, 0.02)
     again = Trajectories(3, PERIOD)
     again.hold(np.arange(3), start)
-    again.move(np.arange(3), start, target, time)
+    again.move(np.arange(3), start, target, time, np.zeros(3))
     for _ in range(20):
         alone.advance()
         again.advance()

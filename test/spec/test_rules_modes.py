@@ -168,7 +168,7 @@ def test_rejected_commands_touch_no_state(rig: Rig) -> None:
 
 
 def test_unsupported_mode_of_this_joint_only(rig: Rig) -> None:
-    """M5, M7: the joint of a request that lacks the mode faults, with its reason; the others go."""
+    """M5, M7: the joint of a request that lacks the mode faults, with a reason; the others go."""
     reply = rig.board.set_control_mode(None, "torq")
     assert reply.answers == (Answer.ACCEPTED, Answer.ACCEPTED, Answer.UNSUPPORTED)
     assert not reply

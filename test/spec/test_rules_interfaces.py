@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""SPEC A and D: the interfaces, offered in process and by the client."""
+
+from __future__ import annotations
+
+import inspect
+import warnings
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control_board_ros import interfaces
+from control_board_ros.core.board import Board
+from control_board_ros.core.selection import RequestError
+from control_board_ros.core.vocabs import ControlMode
+
+from .rig import COMMANDS, COMPLIANT, STIFF, M, Rig, ready
+
+#: §4, method by method, in snake_case.
+SOURCE = {
+    "IPositionControl": ["position_move", "set_ref_speed", "set_position_mode"],
+    "IPositionDirect": ["set_position", "set_position_direct_mode"],
+    "ITorqueControl": ["set_ref_torque", "set_torque_mode"],
+    "IVelocityControl": ["velocity_move", "set_velocity_mode"],
+    "IOpenLoopControl": ["set_output", "set_open_loop_mode"],
+    "IControlMode2": ["get_control_mode", "set_control_mode"],
+    "IInteractionMode": ["get_interaction_mode", "set_interaction_mode"],
+    "IImpedanceControl": ["get_impedance", "set_impedance"],
+}
+#: §5: the old IControlMode.
+OLD = {
+    "set_position_mode": (M.POSITION, STIFF),
+    "set_velocity_mode": (M.VELOCITY, STIFF),
+    "set_torque_mode": (M.TORQUE, STIFF),
+    "set_open_loop_mode": (M.OPENLOOP, STIFF),
+    "set_impedance_position_mode": (M.POSITION, COMPLIANT),
+    "set_impedance_velocity_mode": (M.VELOCITY, COMPLIANT),
+}
+
+
+@pytest.mark.parametrize("interface", list(SOURCE))
+def test_interfaces_are_offered(interface: str) -> None:
+    """A: every method of §4 is in its Protocol, on the board and on the client, joints first."""
+    protocol = getattr(interfaces, interface)
+    for kind in (Board, client_class()):
+        assert issubclass(kind, protocol)
+        for name in SOURCE[interface]:
+            assert hasattr(protocol, name)
+            parameters = list(inspect.signature(getattr(kind, name)).parameters)
+            assert parameters[1] == "joints", f"{kind.__name__}.{name}{parameters}"
+
+
+def client_class() -> Any:
+    from control_board_ros.client import ControlBoardClient
+
+    return ControlBoardClient
+
+
+@pytest.mark.parametrize("kind", list(COMMANDS))
+@pytest.mark.parametrize(
+    ("joints", "values", "expected"),
+    [
+        (1, 0.1, [0.0, 0.1, 0.0]),
+        ("right", [0.1], [0.0, 0.1, 0.0]),
+        (["right", 0], [0.1, 0.2], [0.2, 0.1, 0.0]),
+        ([2, "left"], 0.1, [0.1, 0.0, 0.1]),
+        (None, 0.1, [0.1, 0.1, 0.1]),
+        (None, np.array([0.1, 0.2, 0.3]), [0.1, 0.2, 0.3]),
+        ((), [0.1, 0.2, 0.3], [0.1, 0.2, 0.3]),
+    ],
+    ids=str,
+)
+def test_one_a_subset_and_all(kind: str, joints: Any, values: Any, expected: list[float]) -> None:
+    """A: joints are an index, a name, a sequence of them or None for all; one value for all."""
+    rig = ready()
+    method, getter, _ = COMMANDS[kind]
+    mode = {"position": "pos", "position direct": "posd", "velocity": "vel", "output": "open"}
+    if kind == "torque":
+        joints = {None: [0, 1], (): [0, 1]}.get(
+            joints if not isinstance(joints, list) else 0, joints
+        )
+        if joints == [2, "left"]:
+            joints = [1, "left"]
+            expected = [0.1, 0.1, 0.0]
+        elif joints == [0, 1]:
+            values, expected = np.broadcast_to(values, 3)[:2], [*expected[:2], 0.0]
+        rig.enter("torq", [0, 1])
+    else:
+        rig.enter(mode[kind])
+    before = getattr(rig.board, getter)()
+    reply = getattr(rig.board, method)(joints, values)
+    assert reply, reply.message
+    assert len(reply.joints) == len(reply.answers)
+    after = getattr(rig.board, getter)()
+    assert np.where(np.array(expected) > 0.0, after, 0.0) == pytest.approx(expected)
+    assert np.where(np.array(expected) > 0.0, 0.0, after - before) == pytest.approx(0.0)
+    assert getattr(rig.board, getter)([1, 0]) == pytest.approx([after[1], after[0]])
+
+
+def test_replies(rig: Rig) -> None:
+    """A: a Reply is true when all was accepted; it holds each joint's answer and one message."""
+    reply = rig.board.set_control_mode(["bare", "left"], "vel")
+    assert reply
+    assert reply.joints == ("bare", "left")
+    assert [str(answer) for answer in reply.answers] == ["accepted", "accepted"]
+    assert reply.message == ""
+    reply = rig.board.set_control_mode(["bare", "left"], "torq")
+    assert not reply
+    assert [str(answer) for answer in reply.answers] == ["unsupported", "accepted"]
+    assert reply.message
+    assert "\n" not in reply.message
+
+
+GETTERS = [
+    "get_control_mode",
+    "get_interaction_mode",
+    "get_impedance",
+    "get_target_position",
+    "get_ref_position",
+    "get_ref_velocity",
+    "get_ref_torque",
+    "get_output",
+    "get_ref_speed",
+    "get_ref_acceleration",
+    "get_encoder",
+    "get_encoder_speed",
+    "get_torque",
+    "check_motion_done",
+    "get_faults",
+    "get_calibration",
+    "get_available_modes",
+]
+
+
+@pytest.mark.parametrize("getter", GETTERS)
+def test_getters(rig: Rig, getter: str) -> None:
+    """A: values in the order asked; a joint that does not exist raises; nothing is shared."""
+    rig.enter("pos")
+    rig.board.position_move(None, [0.1, 0.2, 0.3], [0.5, 0.6, 0.7])
+    rig.run(0.1)
+    get = getattr(rig.board, getter)
+    for joints, count in ((None, 3), ("left", 1), ([2, 0], 2), (1, 1)):
+        values = get(joints)
+        assert len(values[0] if getter == "get_impedance" else values) == count
+    every, some = get(None), get([2, 0])
+    if getter == "get_impedance":
+        every, some = every[0], some[0]
+    assert list(some) == [every[2], every[0]]
+    with pytest.raises(RequestError, match="unknown"):
+        get("nose")
+    if isinstance(every, np.ndarray):
+        every[:] = 99.0
+        assert not np.any(np.asarray(get(None)) == 99.0)
+
+
+@pytest.mark.parametrize("name", list(OLD))
+@pytest.mark.parametrize("joints", [0, ["left", "right"], "left"], ids=str)
+def test_old_methods(rig: Rig, name: str, joints: Any) -> None:
+    """D1, I9: the old methods work for one joint and many, warn, and say what to use instead."""
+    with pytest.warns(DeprecationWarning, match=f"{name} belongs to the old interface") as told:
+        assert getattr(rig.board, name)(joints)
+    assert len(told) == 1
+    assert told[0].filename == __file__
+    mode, interaction = OLD[name]
+    assert f"set_control_mode(joints, ControlMode.{mode.name})" in str(told[0].message)
+    chosen = [0] if joints in (0, "left") else [0, 1]
+    for j in range(3):
+        assert rig.modes()[j] is (mode if j in chosen else M.IDLE)
+    kept = rig.board.get_interaction_mode(chosen)
+    assert kept == [interaction] * len(chosen)
+
+
+def test_old_getters(rig: Rig) -> None:
+    """D1: getControlModes works and warns; getControlMode is the new one."""
+    rig.enter("vel", "right")
+    with pytest.warns(DeprecationWarning, match="get_control_modes"):
+        assert rig.board.get_control_modes() == [M.IDLE, M.VELOCITY, M.IDLE]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert rig.board.get_control_mode(1) == [M.VELOCITY]
+        assert rig.board.set_position_direct_mode(1)
+
+
+def test_old_methods_write_to_the_log() -> None:
+    """D1: where there is a log, the deprecation is written to it."""
+    told: list[str] = []
+
+    class Logging(interfaces.ModeShortcuts):
+        def set_control_mode(self, joints: Any, modes: Any) -> bool:
+            return True
+
+        def log_deprecated(self, text: str) -> None:
+            told.append(text)
+
+    with pytest.warns(DeprecationWarning):
+        assert Logging().set_velocity_mode(0)
+    assert len(told) == 1
+    assert "set_velocity_mode" in told[0]
+
+
+@pytest.mark.parametrize(
+    ("mode", "command"),
+    [
+        ("pos", "velocity_move"),
+        ("vel", "position_move"),
+        ("pos", "set_position"),
+        ("posd", "position_move"),
+    ],
+)
+@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+def test_no_automatic_switch(mode: str, command: str, interaction: Any) -> None:
+    """D2, M2: the other kind of reference does not switch the mode: it is ignored."""
+    rig = ready()
+    rig.board.set_interaction_mode("left", interaction)
+    rig.enter(mode, "left")
+    assert not getattr(rig.board, command)("left", 1.0)
+    shown = rig.run(0.3)
+    assert rig.board.get_control_mode("left")[0] is ControlMode[rig.modes()[0].name]
+    assert rig.modes()[0].code == mode
+    assert shown.position[0] == pytest.approx(0.0, abs=1e-3)
+    assert shown.rejected_commands[0] == 1
