@@ -14,7 +14,7 @@ import typer
 
 from . import verbs
 from .options import PLAIN, Options, hoist, split_ros_arguments
-from .output import DONE, REFUSED, USAGE, fail
+from .output import DONE, REFUSED, USAGE, ReaderGone, fail
 from .session import Session
 from .words import Refused, UsageError
 
@@ -94,7 +94,7 @@ def invoke(session: Session, words: Sequence[str]) -> int:
             standalone_mode=False,
             obj=session,
         )
-    except BrokenPipeError:  # the reader of our output has enough: head, less
+    except ReaderGone:  # what is still buffered goes nowhere, quietly
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
     except (KeyboardInterrupt, typer.Abort):

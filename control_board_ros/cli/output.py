@@ -52,12 +52,37 @@ def console(*, stderr: bool = False) -> Console:
     return Console(stderr=stderr, highlight=False, width=width)
 
 
+class ReaderGone(Exception):  # noqa: N818
+    """Who reads our output has enough of it, as in ``cbctl watch --json | head -1``."""
+
+
+def put(result: Any) -> None:
+    """Print something on stdout: text as it stands, and what rich can render.
+
+    Raises:
+        ReaderGone: nobody reads any more.
+    """
+    try:
+        if isinstance(result, str):
+            print(result, flush=True)
+        else:
+            console().print(result)
+            sys.stdout.flush()
+    except BrokenPipeError as error:
+        raise ReaderGone from error
+
+
+def put_json(value: Any) -> None:
+    """Print one line of JSON on stdout."""
+    put(json.dumps(plain(value), ensure_ascii=False))
+
+
 def show(session: Session, value: Any, render: Callable[[], RenderableType | str]) -> None:
     """Print a result: as JSON for machines, else as ``render`` makes it."""
     if session.options.json:
-        print(json.dumps(plain(value), ensure_ascii=False), flush=True)
+        put_json(value)
     else:
-        console().print(render())
+        put(render())
 
 
 def plain(value: Any) -> Any:
@@ -84,18 +109,18 @@ def conclude(session: Session, reply: Reply, text: str = "", **more: Any) -> int
     if session.options.json:
         joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}
         value = {"success": bool(reply), "message": reply.message, "joints": joints} | more
-        print(json.dumps(plain(value), ensure_ascii=False), flush=True)
+        put_json(value)
     elif not reply:
         complain(reply.message)
     else:
-        console().print(text or reply.message or "done", markup=False, soft_wrap=True)
+        put(text or reply.message or "done")
     return DONE if reply else REFUSED
 
 
 def fail(message: str, code: int, *, as_json: bool) -> int:
     """Print why a command ended; the exit code."""
     if as_json:
-        print(json.dumps({"success": False, "message": message}, ensure_ascii=False), flush=True)
+        put_json({"success": False, "message": message})
     else:
         complain(message)
     return code
