@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl without a board: usage, help, and why nothing is there."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import time
+from typing import Any
+
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["bogus"], "No such command 'bogus'"),
+        (["mode"], "Missing argument 'JOINT… MODE'"),
+        (["mode", "vel"], "name joints, then a mode, e.g. cbctl mode all pos"),
+        (["move", "joint_1"], "'joint_1' is not valid; write JOINT=VALUE"),
+        (["move", "joint_1=90grad"], "'90grad' is not valid; write a number"),
+        (["velocity", "0=1", "--for", "x"], "time 'x' is not valid"),
+        (["velocity", "0=1", "--for", "1s", "--once"], "exclude each other"),
+        (["modes", "--nonsense"], "No such option"),
+        (["modes", "--timeout", "0"], "--timeout 0 is not valid"),
+        (["modes", "--domain", "300"], "--domain 300 is not valid; ROS domains are 0 to 232"),
+        (["inject", "0"], "name joints, then a fault"),
+        (["feedforward", "0"], "give --output, --torque or both"),
+        (["watch", "--rate", "0"], "--rate 0 is not valid"),
+    ],
+)
+def test_wrong_usage(alone: Any, words: list[str], text: str) -> None:
+    """Exit code 2, one line on stderr, nothing on stdout."""
+    done = alone(*words)
+    assert done.code == 2
+    assert done.out == ""
+    assert text in done.err
+    assert done.err.startswith("cbctl: ")
+    assert done.err.count("\n") == 1
+
+
+def test_wrong_usage_for_machines(alone: Any) -> None:
+    """With --json the message is JSON on stdout."""
+    done = alone("mode", "vel", "--json")
+    assert done.code == 2
+    assert done.err == ""
+    assert done.json["success"] is False
+
+
+@pytest.mark.ros
+def test_no_board(alone: Any) -> None:
+    """The answer says why it is empty: the domain, the time, the next step."""
+    done = alone("modes", "--timeout", "0.5")
+    assert done.code == 1
+    assert done.out == ""
+    assert re.fullmatch(
+        r"cbctl: no board found on domain \d+ after 0\.5 s; is control_board running\? .*\n",
+        done.err,
+    )
+    done = alone("shell", "--timeout", "0.5", "--json")
+    assert done.code == 1
+    assert json.loads(done.out)["message"].startswith("no board found")
+
+
+def test_help(alone: Any) -> None:
+    """Help for cbctl and for each verb; cbctl alone shows it too, and is wrong usage."""
+    shown = alone("--help")
+    assert shown.code == 0
+    verbs = re.findall(r"^│ ([a-z][a-z-]+) ", shown.out, re.MULTILINE)
+    assert {"modes", "mode", "interaction", "move", "velocity", "torque", "output"} <= set(verbs)
+    assert {"stop", "impedance", "faults", "clear", "calibrate", "watch"} <= set(verbs)
+    for verb in verbs:
+        assert alone(verb, "--help").code == 0
+    assert alone().code == 2
+
+
+def test_help_is_quick(alone: Any) -> None:
+    """It imports neither rclpy nor numpy."""
+    start = time.monotonic()
+    assert alone("--help").code == 0
+    assert time.monotonic() - start < 3.0  # 0.25 s on an idle machine
+    program = (
+        "import sys; from control_board_ros.cli import main; main(['--help']);"
+        "assert not {'rclpy', 'numpy', 'control_board_msgs'} & set(sys.modules), 'heavy'"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        env=alone.environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_completion_scripts(alone: Any) -> None:
+    """A script for each shell that is known."""
+    for shell in ("bash", "zsh", "fish"):
+        assert "_CBCTL_COMPLETE" in alone("completion", shell).out
+    assert alone("completion", "tcsh").code == 2

@@ -1,0 +1,318 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every verb of cbctl through its executable, against a running board.
+
+``cbctl`` starts a process for each line, ``ask`` puts the questions in between to one shell.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.physics,
+    pytest.mark.xdist_group("cbctl_board"),
+    pytest.mark.timeout(120),
+]
+
+FIRST, SECOND, LAST = (f"lbr_iiwa_joint_{k}" for k in (1, 2, 7))
+
+
+def until(condition: Callable[[], bool], timeout: float = 20.0) -> None:
+    """Ask again and again until it holds."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline, "it did not come to pass"
+
+
+def test_modes(cbctl: Any, ask: Any) -> None:
+    """The modes of all joints, or of some; codes and names; no colour into a pipe."""
+    shown = cbctl("modes")
+    assert (shown.code, shown.err) == (0, "")
+    assert f"{FIRST}  pos  POSITION" in shown.out
+    assert shown.out.count("STIFF") == 7
+    assert "\x1b" not in shown.out
+    read = cbctl("--json", "modes", "2", "joint_1").json
+    assert list(read) == ["lbr_iiwa_joint_3", FIRST]
+    assert read[FIRST]["interaction_mode"] == "stif"
+
+
+def test_mode(cbctl: Any, ask: Any) -> None:
+    """Joints, then a mode, a code or a name; the joints change."""
+    done = cbctl("mode", "0", "joint_2", "vel")
+    assert (done.code, done.out) == (0, f"{FIRST}, {SECOND}: vel\n")
+    assert ask("modes", "0")[FIRST]["control_mode"] == "vel"
+    assert ask("mode", "all", "POSITION")["joints"][LAST] == "accepted"
+
+
+def test_what_the_board_refuses(cbctl: Any, ask: Any) -> None:
+    """M5, M6: exit code 1 and the board's words, on stderr or as JSON."""
+    refused = cbctl("mode", "0", "hwfa")
+    assert (refused.code, refused.out) == (1, "")
+    assert "cannot be set" in refused.err
+    refused = cbctl("mode", "0", "icur", "--json")
+    assert (refused.code, refused.err) == (1, "")
+    assert refused.json["joints"] == {FIRST: "unsupported"}
+    assert "does not implement icur" in refused.json["message"]
+    assert "'joint_9' unknown; " in ask("mode", "joint_9", "vel")["message"]
+    assert "could be lbr_iiwa_joint_1, " in ask("mode", "joint", "vel")["message"]
+
+
+def test_interaction_and_impedance(cbctl: Any, ask: Any) -> None:
+    """I1, I6: interaction modes; stiffness and damping are shown and set."""
+    assert cbctl("interaction", "0", "1", "comp").out == f"{FIRST}, {SECOND}: comp\n"
+    assert ask("modes", "1")[SECOND]["interaction_mode"] == "comp"
+    assert cbctl("impedance", "0", "-k", "123", "-d", "4").code == 0
+    assert ask("impedance", "0", "--stiffness", "124")["success"] is True
+    read = ask("impedance", "0")[FIRST]
+    assert (read["stiffness"], read["damping"]) == (124.0, 4.0)
+    assert "max" in cbctl("impedance").out
+    assert "is not allowed" in ask("impedance", "0", "-k", "-1")["message"]
+
+
+def test_move(cbctl: Any, ask: Any) -> None:
+    """P1: degrees and radians, several joints, a bar on stderr, the end on stdout."""
+    done = cbctl("move", "0=20deg", "joint_2=0.6", "--speed", "60deg/s")
+    assert done.code == 0, done.err
+    assert done.out.startswith(f"{FIRST} at ")
+    assert "100%" in done.err
+    read = ask("watch", "--once")
+    assert read[FIRST]["position"] == pytest.approx(math.radians(20.0), abs=0.02)
+    assert read[SECOND]["position"] == pytest.approx(0.6, abs=0.02)
+    done = cbctl("move", "0=0", "--speed", "1", "--json")
+    assert done.err == ""
+    assert done.json["positions"][FIRST] == pytest.approx(0.0, abs=0.02)
+    assert ask("move", "0=0.1", "--no-wait")["success"] is True
+
+
+def test_move_is_refused(cbctl: Any, ask: Any) -> None:
+    """M4: the reason; units that do not fit the joint."""
+    ask.mode("0", "vel")
+    refused = cbctl("move", "0=1")
+    assert refused.code == 1
+    assert "mode is VELOCITY" in refused.err
+    assert "Traceback" not in refused.err
+    message = ask("move", "1=5mm")["message"]
+    assert message == f"{SECOND} is revolute; give its value in rad or deg"
+
+
+def test_ctrl_c_stops_a_move(cbctl: Any, ask: Any) -> None:
+    """Ctrl-C cancels the move and says what the joints do now."""
+    moving = cbctl.start("move", "0=2.5", "--speed", "0.3")
+    until(lambda: ask("watch", "0", "--once")[FIRST]["position"] > 0.05)
+    moving.send_signal(signal.SIGINT)
+    _, err = moving.communicate(timeout=20)
+    assert moving.returncode == 1
+    assert f"move cancelled: {FIRST} holds at " in err
+    assert "(POSITION)" in err
+    assert "Traceback" not in err
+    here = ask("watch", "0", "--once")[FIRST]
+    assert here["motion_done"] is True
+    assert here["position"] < 2.0
+
+
+def test_direct_and_references(cbctl: Any, ask: Any) -> None:
+    """P4, M11: a step, and what was accepted last."""
+    assert ask("direct", "0=0.01")["success"] is False
+    ask.mode("0", "posd")
+    assert cbctl("direct", "0=1deg").out == f"{FIRST} to 1.0°\n"
+    read = ask("references", "0")[FIRST]
+    assert read["direct_position"] == pytest.approx(math.radians(1.0))
+    assert "direct" in cbctl("references").out
+
+
+def test_velocity_streams_and_stops(cbctl: Any, ask: Any) -> None:
+    """P5, P12: repeated often enough not to expire, for the time given; then it holds."""
+    assert cbctl("velocity", "0=0.2", "--for", "1s").code == 1
+    ask.mode("0", "vel")
+    assert ask("speed", "0=5", "--acceleration")["success"] is True
+    done = cbctl("velocity", "0=20deg", "--for", "1s")
+    assert done.code == 0, done.err
+    assert f"stopped: {FIRST} holds at " in done.out
+    here = ask("watch", "0", "--once")[FIRST]
+    assert here["position"] == pytest.approx(math.radians(20.0), rel=0.25)
+    assert abs(here["velocity"]) < 0.02
+    assert ask("velocity", "0=-0.1", "--once")["joints"] == {FIRST: "accepted"}
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_velocity_until_it_is_interrupted(cbctl: Any, ask: Any, number: int) -> None:
+    """Without --for it goes on until Ctrl-C or SIGTERM, which stop the joint."""
+    ask.mode("0", "vel")
+    streaming = cbctl.start("velocity", "0=0.1")
+    until(lambda: ask("references", "0")[FIRST]["velocity"] == 0.1)
+    streaming.send_signal(number)
+    out, _ = streaming.communicate(timeout=20)
+    assert streaming.returncode == 0
+    assert f"stopped: {FIRST} holds" in out
+    assert ask("references", "0")[FIRST]["velocity"] == 0.0
+
+
+def test_a_stream_ends_when_the_mode_changes(cbctl: Any, ask: Any) -> None:
+    """M4: a joint that leaves its mode ends the stream, with the reason."""
+    ask.mode("0", "vel")
+    streaming = cbctl.start("velocity", "0=0.05")
+    until(lambda: ask("references", "0")[FIRST]["velocity"] == 0.05)
+    ask.mode("0", "idl")
+    _, err = streaming.communicate(timeout=20)
+    assert streaming.returncode == 1
+    assert "ignored: mode is IDLE" in err
+
+
+def test_torque_and_output(cbctl: Any, ask: Any) -> None:
+    """P7, P8, P11: set and left, or streamed and then zero."""
+    assert ask("torque", "6=0.1")["success"] is False
+    ask.mode("6", "torq")
+    assert "stay until changed" in cbctl("torque", "6=0.1Nm").out
+    assert ask("references", "6")[LAST]["torque"] == 0.1
+    assert "stopped" in cbctl("torque", "6=0.2", "--for", "200ms").out
+    assert ask("references", "6")[LAST]["torque"] == 0.0
+    ask.mode("6", "open")
+    assert "1 %" in cbctl("output", "6=1%").out
+    assert ask("references", "6")[LAST]["output"] == 1.0
+    assert ask("feedforward", "6", "--torque", "0.1")["success"] is True
+    assert ask("impedance", "6")[LAST]["torque_offset"] == 0.1
+
+
+def test_stop(cbctl: Any, ask: Any) -> None:
+    """P3: all joints, when none is named."""
+    assert ask("move", "0=1", "--speed", "0.2", "--no-wait")["success"] is True
+    assert cbctl("stop").out.startswith("stopped: lbr_iiwa_joint_1, ")
+    assert ask("watch", "0", "--once")[FIRST]["motion_done"] is True
+
+
+def test_faults_and_clear(cbctl: Any, ask: Any) -> None:
+    """F2, F3, F5: what is wrong, since when, whether it persists; exit code 1 while it does."""
+    assert cbctl("faults").out.startswith("no fault on 7 joints")
+    assert ask("faults") == {}
+    assert "nothing to clear" in cbctl("clear").out
+    assert ask("inject", "0", "encoder", "--persistent")["success"] is True
+    until(lambda: list(ask("faults")) == [FIRST])
+    assert ask("faults")[FIRST]["active"] is True
+    assert "encoder" in cbctl("faults").out
+    stuck = cbctl("clear")
+    assert stuck.code == 1
+    assert "the cause persists" in stuck.out
+    assert ask("inject", "--clear")["success"] is True
+    cleared = cbctl("clear", "--json")
+    assert cleared.code == 0
+    assert cleared.json["joints"][FIRST]["cleared"] is True
+    assert "encoder" in cleared.json["joints"][FIRST]["fault"]
+    assert ask("modes", "0")[FIRST]["control_mode"] == "idl"
+    assert "cleared: cbctl faults --all" in cbctl("faults").out
+    assert ask("faults", "--all")[FIRST]["active"] is False
+
+
+def test_calibrate(cbctl: Any, ask: Any) -> None:
+    """K1, K3: progress, and the end."""
+    done = cbctl("calibrate", "0", "1")
+    assert done.code == 0, done.err
+    assert done.out == f"calibrated: {FIRST}, {SECOND}\n"
+    assert ask("calibrate")["joints"][LAST] == "accepted"
+
+
+def test_watch(cbctl: Any, ask: Any) -> None:
+    """A table of all joints; live it ends cleanly on Ctrl-C."""
+    once = cbctl("watch", "--once")
+    assert once.code == 0
+    assert once.out.count("●") == 7
+    live = cbctl.start("watch", "--json", "--rate", "20")
+    assert live.stdout is not None
+    lines = [json.loads(live.stdout.readline()) for _ in range(3)]
+    assert all(len(line) == 7 for line in lines)
+    live.send_signal(signal.SIGINT)
+    _, err = live.communicate(timeout=20)
+    assert (live.returncode, err) == (0, "")
+
+
+def test_a_reader_that_has_enough(cbctl: Any, ask: Any) -> None:
+    """A closed pipe is no error to talk about: cbctl watch --json | head -1."""
+    with cbctl.start("watch", "--json", "--rate", "50") as live:
+        assert live.stdout is not None
+        assert live.stderr is not None
+        live.stdout.readline()
+        live.stdout.close()
+        assert live.wait(timeout=20) == 0
+        assert live.stderr.read() == ""
+
+
+def test_info(cbctl: Any, ask: Any) -> None:
+    """Joints with their index, kind, stops and modes."""
+    read = ask("info")
+    assert read["board"] == "/control_board"
+    joint = read["joints"][FIRST]
+    assert (joint["index"], joint["kind"]) == (0, "revolute")
+    assert joint["upper"] == pytest.approx(2.96706)
+    assert "torq" in joint["control_modes"]
+    assert "-170.0°" in cbctl("info").out
+
+
+def test_the_simulation(cbctl: Any, ask: Any) -> None:
+    """The verbs that concern the whole board: pause, step, resume, reset, configure."""
+    assert "cbctl resume" in cbctl("pause").out
+    assert cbctl("step", "10").out == "advanced by 10\n"
+    assert "is not valid" in ask("step", "0")["message"]
+    assert ask("resume")["success"] is True
+    refused = cbctl("configure")
+    assert refused.code == 1
+    assert "configured already" in refused.err
+    assert ask("power-cycle")["success"] is True
+    assert ask("inject", "0", "nonsense")["success"] is False
+
+
+def test_shell_from_a_pipe(cbctl: Any, ask: Any) -> None:
+    """Many lines, one connection; what fails does not end it, and shows in the exit code."""
+    lines = "mode 0 vel\n# a comment\n\ncbctl modes 0 --json\nmode 0 'pos\nshell\nexit\nmodes\n"
+    done = cbctl("shell", text=lines)
+    assert done.code == 2
+    first, second = done.out.splitlines()
+    assert first == f"{FIRST}: vel"
+    assert json.loads(second)[FIRST]["control_mode"] == "vel"
+    assert "check the quotes" in done.err
+    assert "this is the shell already" in done.err
+    assert cbctl("shell", text="mode 0 nonsense\nmodes 0\n").code == 1
+    assert "the shell is connected" in ask("modes", "--board", "other")["message"]
+
+
+def test_completion_of_joints(cbctl: Any, ask: Any) -> None:
+    """Tab asks the board for its joints."""
+    environment = cbctl.environment | {
+        "_CBCTL_COMPLETE": "complete_bash",
+        "COMP_WORDS": "cbctl modes lbr_iiwa_joint_3",
+        "COMP_CWORD": "2",
+    }
+    done = subprocess.run(
+        cbctl.command(),
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert done.stdout.split() == ["lbr_iiwa_joint_3"]
+
+
+def test_other_boards(cbctl: Any, ask: Any) -> None:
+    """The name and the namespace of the board; what there is instead is named."""
+    assert cbctl("modes", "--board", "/control_board", "--namespace", "x").code == 0
+    done = cbctl("modes", "--namespace", "left", "--timeout", "3")
+    assert done.code == 1
+    assert "as /left/control_board; boards there are: /control_board" in done.err
+
+
+def test_remapping(cbctl: Any, ask: Any) -> None:
+    """What stands behind --ros-args goes to ROS."""
+    names = ("modes", "get_control_mode", "get_interaction_mode")
+    rules = [f"arm/{name}:=/control_board/{name}" for name in names]
+    remapped = [word for rule in rules for word in ("-r", rule)]
+    done = cbctl("modes", "0", "--json", "--board", "arm", "--ros-args", *remapped)
+    assert done.code == 0, done.err + done.out
+    assert list(done.json) == [FIRST]

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl at a terminal: colours, the live table, the shell's prompt."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.physics,
+    pytest.mark.xdist_group("cbctl_terminal"),
+    pytest.mark.timeout(120),
+]
+
+
+class Terminal:
+    """A process at a terminal of its own."""
+
+    def __init__(self, command: list[str], environment: dict[str, str]) -> None:
+        self._master, slave = pty.openpty()
+        self.process = subprocess.Popen(
+            command, env=environment, stdin=slave, stdout=slave, stderr=slave
+        )
+        os.close(slave)
+        self.shown = ""
+
+    def see(self, text: str, timeout: float = 30.0) -> None:
+        """Read until this text is shown; what was shown before it is done with."""
+        deadline = time.monotonic() + timeout
+        while text not in self.shown:
+            assert time.monotonic() < deadline, f"no {text!r} in {self.shown!r}"
+            self._read()
+        self.shown = self.shown.partition(text)[2]
+
+    def type(self, text: str) -> None:
+        """Press keys."""
+        os.write(self._master, text.encode())
+
+    def end(self, timeout: float = 20.0) -> int:
+        """Read until the process ends; its exit code."""
+        deadline = time.monotonic() + timeout
+        while self.process.poll() is None:
+            if time.monotonic() > deadline:
+                self.process.kill()
+            self._read()
+        os.close(self._master)
+        return self.process.wait()
+
+    def _read(self) -> None:
+        ready, _, _ = select.select([self._master], [], [], 0.05)
+        if ready:
+            try:
+                self.shown += os.read(self._master, 65536).decode(errors="replace")
+            except OSError:  # the process has closed its end
+                time.sleep(0.01)
+
+
+@contextmanager
+def terminal(cbctl: Any, *words: str, **environment: str) -> Iterator[Terminal]:
+    """Run cbctl at a terminal; it must end by itself with code 0."""
+    known = {"TERM": "xterm-256color", "PROMPT_TOOLKIT_NO_CPR": "1"}
+    at = Terminal(cbctl.command(*words), cbctl.environment | known | environment)
+    try:
+        yield at
+    except BaseException:
+        at.process.kill()
+        at.end()
+        raise
+    assert at.end() == 0
+
+
+def test_colours(cbctl: Any) -> None:
+    """Modes are coloured where somebody looks."""
+    with terminal(cbctl, "modes") as at:
+        at.see("\x1b[32mpos")
+        at.see("\x1b[34mstif")
+
+
+def test_live_watch(cbctl: Any) -> None:
+    """The table is drawn again in place, and ends cleanly."""
+    with terminal(cbctl, "watch") as at:
+        at.see("●")
+        at.see("\x1b[2K")
+        at.see("●")
+        at.process.send_signal(signal.SIGINT)
+
+
+def test_narrow_watch(cbctl: Any) -> None:
+    """80 columns are enough for the position and the fault."""
+    with terminal(cbctl, "watch", "--once", COLUMNS="80") as at:
+        at.see("position")
+        at.see("fault")
+        at.see("joint_7")
+
+
+def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
+    """Verbs at a prompt; Tab completes, Ctrl-C drops a line, Ctrl-D ends; lines are kept."""
+    with terminal(cbctl, "shell", XDG_STATE_HOME=str(tmp_path)) as at:
+        at.see("connected to /control_board")
+        at.see("cbctl>")
+        at.type("modes lbr_iiwa_joint_4\r")
+        at.see("POSITION")
+        at.see("cbctl>")
+        at.type("interac\t")
+        at.see("interaction")
+        at.type("\x03")
+        at.see("cbctl>")
+        at.type("\x04")
+    assert "modes lbr_iiwa_joint_4" in (tmp_path / "cbctl" / "history").read_text()

@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What cbctl understands, without a board."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from control_board_ros.cli.options import hoist, split_ros_arguments
+from control_board_ros.cli.output import bar, plain, short_names
+from control_board_ros.cli.robot import describe
+from control_board_ros.cli.verbs.faults import when
+from control_board_ros.cli.verbs.mode import joints_and_mode
+from control_board_ros.cli.verbs.streaming import duration
+from control_board_ros.cli.words import (
+    Quantity,
+    Refused,
+    UsageError,
+    assigned,
+    assignments,
+    find_joint,
+    find_joints,
+    quantity,
+)
+
+NAMES = ("l_shoulder_pitch", "l_shoulder_roll", "l_elbow", "slide", "3")
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "value", "dimension"),
+    [
+        ("90deg", "position", math.pi / 2, "angle"),
+        ("-90°", "position", -math.pi / 2, "angle"),
+        ("1.57rad", "position", 1.57, "angle"),
+        ("1.57", "position", 1.57, ""),
+        ("-.5", "position", -0.5, ""),
+        ("1e-3", "position", 1e-3, ""),
+        ("12mm", "position", 0.012, "length"),
+        ("0.1 m", "position", 0.1, "length"),
+        ("3cm", "position", 0.03, "length"),
+        ("10deg/s", "speed", math.pi / 18, "angle"),
+        ("10deg", "speed", math.pi / 18, "angle"),
+        ("5mm/s", "speed", 0.005, "length"),
+        ("10deg/s2", "acceleration", math.pi / 18, "angle"),
+        ("5Nm", "torque", 5.0, "angle"),
+        ("5N", "torque", 5.0, "length"),
+        ("-20%", "output", -20.0, ""),
+        ("2s", "time", 2.0, ""),
+        ("500ms", "time", 0.5, ""),
+    ],
+)
+def test_values_with_units(text: str, kind: str, value: float, dimension: str) -> None:
+    """Angles take deg and rad, rad without; sliding joints m and mm."""
+    read = quantity(text, kind)
+    assert read.value == pytest.approx(value)
+    assert read.dimension == dimension
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [
+        ("", "position"),
+        ("deg", "position"),
+        ("90grad", "position"),
+        ("nan", "position"),
+        ("inf", "position"),
+        ("1,5", "position"),
+        ("5deg", "torque"),
+        ("5Nm", "output"),
+        ("--5", "position"),
+    ],
+)
+def test_values_that_are_none(text: str, kind: str) -> None:
+    """The error names the kind, the value and what is allowed."""
+    with pytest.raises(UsageError, match=f"{kind} .* is not valid; write a number"):
+        quantity(text, kind)
+
+
+def test_joints() -> None:
+    """A name, an index, all, an abbreviation, a suffix, a part."""
+    assert find_joint("l_elbow", NAMES) == ["l_elbow"]
+    assert find_joint("2", NAMES) == ["l_elbow"]
+    assert find_joint("3", NAMES) == ["3"]  # a name comes first
+    assert find_joint("all", NAMES) == list(NAMES)
+    assert find_joint("sl", NAMES) == ["slide"]
+    assert find_joint("roll", NAMES) == ["l_shoulder_roll"]
+    assert find_joint("elb", NAMES) == ["l_elbow"]
+    assert find_joints([], NAMES) == list(NAMES)
+    assert find_joints(["1", "all"], NAMES)[0] == "l_shoulder_roll"
+    assert len(find_joints(["1", "all"], NAMES)) == 5
+
+
+def test_an_abbreviation_comes_before_a_suffix() -> None:
+    """The order of kinds decides; within one kind there must be one only."""
+    assert find_joint("wrist", ("wrist_yaw", "l_wrist", "x_wrist_y")) == ["wrist_yaw"]
+    with pytest.raises(Refused, match="'l_sh' could be l_shoulder_pitch, l_shoulder_roll; write"):
+        find_joint("l_sh", NAMES)
+
+
+@pytest.mark.parametrize(
+    ("word", "text"),
+    [
+        ("5", "joint index 5 out of range; joints are 0 to 4"),
+        ("-1", "joint index -1 out of range"),
+        ("l_elbwo", "unknown; did you mean 'l_elbow'"),
+        ("", "unknown"),
+    ],
+)
+def test_joints_that_are_none(word: str, text: str) -> None:
+    """The error names the nearest."""
+    with pytest.raises(Refused, match=text):
+        find_joint(word, NAMES)
+
+
+def test_assignments() -> None:
+    """JOINT=VALUE; a joint gets one value."""
+    pairs = assignments(["elbow=90deg", "0=1"], "position")
+    assert assigned(pairs, NAMES) == {
+        "l_elbow": Quantity(math.pi / 2, "angle"),
+        "l_shoulder_pitch": Quantity(1.0, ""),
+    }
+    with pytest.raises(Refused, match="'l_elbow' has two values"):
+        assigned(assignments(["elbow=1", "2=1"], "position"), NAMES)
+    for word in ("elbow", "elbow=", "=3"):
+        with pytest.raises(UsageError, match=r"write JOINT=VALUE, e\.g\. joint_1=30deg"):
+            assignments([word], "position")
+
+
+def test_joints_then_mode() -> None:
+    """One word alone could be either."""
+    assert joints_and_mode(["a", "b", "vel"], "x") == (["a", "b"], "vel")
+    with pytest.raises(UsageError, match=r"name joints, then a mode, e\.g\. cbctl mode all pos"):
+        joints_and_mode(["vel"], "cbctl mode all pos")
+
+
+def test_durations() -> None:
+    """--for takes a time above 0."""
+    assert duration(None) is None
+    assert duration("2s") == 2.0
+    with pytest.raises(UsageError, match="above 0"):
+        duration("0s")
+
+
+def test_options_anywhere() -> None:
+    """The options of every verb may stand behind it."""
+    assert hoist(["modes", "--json", "a"]) == ["--json", "modes", "a"]
+    assert hoist(["modes", "--board", "x", "--domain=3"]) == [
+        "--board",
+        "x",
+        "--domain=3",
+        "modes",
+    ]
+    assert hoist(["move", "a=-1", "--speed", "2"]) == ["move", "a=-1", "--speed", "2"]
+    assert hoist(["modes", "--board"]) == ["--board", "modes"]
+    assert hoist(["mode", "--", "--json"]) == ["mode", "--", "--json"]
+    assert split_ros_arguments(["modes", "--ros-args", "-r", "a:=b"]) == (
+        ["modes"],
+        ["--ros-args", "-r", "a:=b"],
+    )
+
+
+def test_limits_from_a_urdf() -> None:
+    """Kinds and stops; a continuous joint has none; what is no URDF has no joints."""
+    joints = describe(
+        """<robot name="r">
+        <joint name="a" type="revolute"><limit lower="-1" upper="2"/></joint>
+        <joint name="b" type="continuous"><limit velocity="1"/></joint>
+        <joint name="c" type="prismatic"><limit lower="0" upper="0.1"/></joint>
+        <joint name="d" type="fixed"/>
+        </robot>"""
+    )
+    assert (joints["a"].lower, joints["a"].upper, joints["a"].dimension) == (-1.0, 2.0, "angle")
+    assert joints["b"].upper == math.inf
+    assert joints["c"].prismatic
+    assert describe("no xml") == {}
+
+
+def test_bars() -> None:
+    """Where a position lies between its limits, never outside the bar."""
+    assert bar(0.0, -1.0, 1.0, 5) == "├──●──┤"
+    assert bar(-9.0, -1.0, 1.0, 5) == "├●────┤"
+    assert bar(9.0, -1.0, 1.0, 5) == "├────●┤"
+    assert bar(0.0, -math.inf, math.inf) == ""
+    assert len(bar(math.nan, -1.0, 1.0, 5)) == 7
+
+
+def test_what_json_cannot_say() -> None:
+    """NaN and infinity are null."""
+    assert plain({"a": [1.0, math.nan, (math.inf,)], 2: "x"}) == {
+        "a": [1.0, None, [None]],
+        "2": "x",
+    }
+
+
+def test_short_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a narrow terminal names lose what all begin with, but one word of it."""
+    monkeypatch.setattr("control_board_ros.cli.output.WIDE", 10_000)
+    assert list(short_names(["lbr_iiwa_joint_1", "lbr_iiwa_joint_2"]).values()) == [
+        "joint_1",
+        "joint_2",
+    ]
+    assert short_names(["l_elbow", "l_arm", "l"]) == {
+        "l_elbow": "l_elbow",
+        "l_arm": "l_arm",
+        "l": "l",
+    }
+    assert short_names(["only_one"]) == {"only_one": "only_one"}
+
+
+def test_stamps() -> None:
+    """Dates on a real clock, seconds in simulated time."""
+    assert when(12.3456) == "12.346 s"
+    assert when(1_700_000_000.0).count(":") == 2
