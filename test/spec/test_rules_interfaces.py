@@ -15,7 +15,7 @@ from control_board_ros.core.board import Board
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.vocabs import ControlMode
 
-from .rig import COMMANDS, COMPLIANT, STIFF, M, Rig, ready
+from .rig import COMMANDS, COMPLIANT, STIFF, M, Rig, board_config, joint, ready
 
 #: §4, method by method, in snake_case.
 SOURCE = {
@@ -36,6 +36,15 @@ OLD = {
     "set_open_loop_mode": (M.OPENLOOP, STIFF),
     "set_impedance_position_mode": (M.POSITION, COMPLIANT),
     "set_impedance_velocity_mode": (M.VELOCITY, COMPLIANT),
+}
+
+
+MODES = {
+    "position": "pos",
+    "position direct": "posd",
+    "velocity": "vel",
+    "torque": "torq",
+    "output": "open",
 }
 
 
@@ -73,21 +82,9 @@ def client_class() -> Any:
 )
 def test_one_a_subset_and_all(kind: str, joints: Any, values: Any, expected: list[float]) -> None:
     """A: joints are an index, a name, a sequence of them or None for all; one value for all."""
-    rig = ready()
+    rig = ready(board_config(joint("left"), joint("right"), joint("third")))
     method, getter, _ = COMMANDS[kind]
-    mode = {"position": "pos", "position direct": "posd", "velocity": "vel", "output": "open"}
-    if kind == "torque":
-        joints = {None: [0, 1], (): [0, 1]}.get(
-            joints if not isinstance(joints, list) else 0, joints
-        )
-        if joints == [2, "left"]:
-            joints = [1, "left"]
-            expected = [0.1, 0.1, 0.0]
-        elif joints == [0, 1]:
-            values, expected = np.broadcast_to(values, 3)[:2], [*expected[:2], 0.0]
-        rig.enter("torq", [0, 1])
-    else:
-        rig.enter(mode[kind])
+    rig.enter(MODES[kind])
     before = getattr(rig.board, getter)()
     reply = getattr(rig.board, method)(joints, values)
     assert reply, reply.message
@@ -193,7 +190,7 @@ def test_old_methods_write_to_the_log() -> None:
         def log_deprecated(self, text: str) -> None:
             told.append(text)
 
-    with pytest.warns(DeprecationWarning):
+    with pytest.warns(DeprecationWarning, match="set_velocity_mode"):
         assert Logging().set_velocity_mode(0)
     assert len(told) == 1
     assert "set_velocity_mode" in told[0]

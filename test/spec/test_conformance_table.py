@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How tests name rules, and that no test of a rule has been lost."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+from .rules import RULES, proved_by
+
+
+def test_docstrings_name_rules() -> None:
+    assert proved_by("M4: text") == ["M4"]
+    assert proved_by("M4, P13, A: text") == ["M4", "P13", "A"]
+    assert proved_by("A joint does it.") == []
+    assert proved_by("nothing") == []
+    assert proved_by(None) == []
+    with pytest.raises(ValueError, match="rule M99 unknown"):
+        proved_by("M99: text")
+
+
+def test_every_rule_has_a_test() -> None:
+    """Without running them: the docstrings of test/spec name each rule at least once."""
+    named = set()
+    for path in Path(__file__).parent.glob("test_*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
+                named.update(proved_by(ast.get_docstring(node)))
+    assert named == set(RULES)
