@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..interfaces import ModeShortcuts
 from .commands import Commands
 from .config import BoardConfig, ConfigError
+from .faults import FaultCode
 from .machine import BoardEvent
 from .measurement import Actuation, Measurement, Row
 from .modes import Law
@@ -96,18 +97,16 @@ class Board(Requests, Commands, ModeShortcuts):
             if old != new:
                 raise ConfigError(key, new, f"fixed at {old!r} while the board runs")
         self.config = config
-        state, controller, references = self.state, self.controller, self.references
-        controller.reconfigure(config)
+        self.controller.reconfigure(config)
         self.watch.reconfigure(config)
-        references.reconfigure(config)
-        for j, mode in enumerate(state.control_modes):
-            law = controller.laws[j]
-            controller.arm(j, law, direct=self.uses_direct_gains(mode))
-            self.watch.arm(
-                j, config.joints[j], on=self.is_configured(j), calibrated=state.calibrated[j]
-            )
-            if j not in self._calibrators and law is not Law.OFF:
-                references.bound(j)
+        self.references.reconfigure(config)
+        for j in range(self.count):
+            joint = self.state.everyone[j : j + 1]
+            self.watch.arm(joint, on=self.is_configured(j), calibrated=self.state.calibrated)
+            if self.faults[j].active and self.faults[j].code == FaultCode.OVERHEATING:
+                self.watch.cool_down(j, config.joints[j], faulted=True)
+            if j not in self._calibrators and self.controller.laws[j] is not Law.OFF:
+                self.references.bound(joint)
 
     def _read(self, measurement: Measurement) -> None:
         state = self.state

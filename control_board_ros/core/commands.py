@@ -81,7 +81,7 @@ class Commands(Machine):
 
         def apply(chosen: Indices, values: Floats, _: Floats) -> None:
             self.controller.torque_command[chosen] = values
-            self._refresh(chosen)
+            self.controller.refresh()
 
         limit = self.controller.max_torque
         return self._command(K.TORQUE, joints, torques, (-limit, limit), apply)
@@ -91,7 +91,7 @@ class Commands(Machine):
 
         def apply(chosen: Indices, values: Floats, _: Floats) -> None:
             self.controller.output_command[chosen] = values
-            self._refresh(chosen)
+            self.controller.refresh()
 
         limit = self.controller.max_percent
         return self._command(K.OUTPUT, joints, outputs, (-limit, limit), apply)
@@ -127,7 +127,7 @@ class Commands(Machine):
         if torques is not None:
             for j in chosen:
                 self._offset_set[j] = True
-        self._refresh(chosen)
+        self.controller.refresh()
         if good.all():
             return accepted(selection.names)
         reasons = ["not a finite number"] * count
@@ -303,10 +303,6 @@ class Commands(Machine):
                 continue  # the message already tells of it
         self.state.rejected[sorted(set(known))] += np.uint64(1)
         return refused(message)
-
-    def _refresh(self, chosen: Indices) -> None:
-        for j in chosen:
-            self.controller.refresh(int(j))
 
     def _last_of(self, kind: CommandKind, joints: Joints) -> Floats:
         values: Floats = self.references.last[kind, self.selector.select(joints).joints]

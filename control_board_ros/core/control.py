@@ -9,13 +9,14 @@ law ever asks for a mode.
 from __future__ import annotations
 
 import math
+from enum import IntEnum, auto
 
 import numpy as np
 
-from .config import BoardConfig, Pid
+from .config import BoardConfig, JointConfig, Pid
 from .measurement import Array, Row
 from .modes import GUARDED, Law
-from .state import State
+from .state import Indices, State
 
 POSITION_LOOP, TORQUE_LOOP = 0, 1
 
@@ -28,42 +29,41 @@ class PidLoops:
 
     out = kp·e + I + kd·d;  I += ki·e·dt, clamped;  d += α(rate − d)
 
-    All arrays have shape (loops, n); ``terms`` and ``gains`` hold e, I, d and kp, 1, kd, so that
-    the law is one product and one sum. Attributes: error and rate (inputs), integral.
+    All arrays have shape (loops, n); ``gains``, shape (8, loops, n), holds kp, 1, kd, ki·dt, α
+    and the bounds of I, so that the law is one product and one sum. Attributes: error and rate
+    (inputs), integral.
     """
 
-    def __init__(self, loops: int, n: int) -> None:
+    GAINS = 7
+
+    def __init__(self, gains: Array) -> None:
+        _, loops, n = gains.shape
+        self._gains = gains[:3]
+        self.kd, self.ki_dt, self._alpha, self._limit, self._negative_limit = gains[2:]
         self._terms = np.zeros((3, loops, n))
-        self._gains = np.zeros((3, loops, n))
         self._products = np.zeros((3, loops, n))
         self._rows = self._products.reshape(3 * loops, n)
         self._ones = np.ones(3 * loops)  # a product with ones is the cheapest sum of rows
         self.error, self._integral_term, self._derivative = self._terms
-        self.kp, unity, self.kd = self._gains
-        unity[:] = 1.0
         shape = (loops, n)
         self.rate = np.zeros(shape)
         self.integral, self._previous = np.zeros(shape), np.zeros(shape)
-        self.ki_dt, self.alpha = np.zeros(shape), np.ones(shape)
-        self.limit, self._negative_limit = np.zeros(shape), np.zeros(shape)
         self._scratch = np.zeros(shape)
 
-    def set_gains(self, loop: int, j: int, pid: Pid | None, period: float) -> None:
-        """Give one loop its gains, or none."""
-        pid = pid or Pid(kp=0.0, integral_limit=0.0)
-        self.kp[loop, j], self.kd[loop, j] = pid.kp, pid.kd
-        self.ki_dt[loop, j] = pid.ki * period
-        self.alpha[loop, j] = 1.0 - math.exp(-2.0 * math.pi * pid.derivative_cutoff * period)
-        self.limit[loop, j] = pid.integral_limit
-        self._negative_limit[loop, j] = -pid.integral_limit
-        if pid.ki == 0.0:
-            self.integral[loop, j] = 0.0
+    @staticmethod
+    def column(pid: Pid | None, period: float) -> list[float]:
+        """The gains of one loop, GAINS numbers; all zero but the unity of I for none."""
+        if pid is None:
+            return [0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0]
+        alpha = 1.0 - math.exp(-2.0 * math.pi * pid.derivative_cutoff * period)
+        limit = pid.integral_limit if pid.ki > 0.0 else 0.0
+        return [pid.kp, 1.0, pid.kd, pid.ki * period, alpha, limit, -limit]
 
-    def reset(self, loop: int, j: int, integral: float) -> None:
-        """Start one loop at a given integral part (M9: without a jump of the output)."""
-        bound = self.limit[loop, j] if self.ki_dt[loop, j] > 0.0 else 0.0
-        self.integral[loop, j] = max(-bound, min(bound, integral))
-        self._derivative[loop, j] = 0.0
+    def reset(self, joints: Indices, integral: Array) -> None:
+        """Start loops at given integral parts, shape (loops, k) (M9: without a jump)."""
+        bound = self._limit[:, joints]
+        self.integral[:, joints] = np.minimum(np.maximum(integral, -bound), bound)
+        self._derivative[:, joints] = 0.0
 
     def step(self, out: Array) -> None:
         """One period from ``error`` and ``rate``; out, shape (n,), is the sum of all loops."""
@@ -71,13 +71,13 @@ class PidLoops:
         self._previous = self.integral
         np.multiply(self.ki_dt, self.error, scratch)
         np.add(self._previous, scratch, integral)
-        np.minimum(integral, self.limit, out=integral)
+        np.minimum(integral, self._limit, out=integral)
         np.maximum(integral, self._negative_limit, out=integral)
         self.integral = integral
         self._integral_term[:] = integral
         derivative = self._derivative
         np.subtract(self.rate, derivative, scratch)
-        np.multiply(scratch, self.alpha, scratch)
+        np.multiply(scratch, self._alpha, scratch)
         np.add(derivative, scratch, derivative)
         np.multiply(self._gains, self._terms, self._products)
         np.dot(self._ones, self._rows, out)
@@ -92,15 +92,39 @@ class PidLoops:
         self.integral[pushing] = self._previous[pushing]
 
 
+class Gain(IntEnum):
+    """Rows of what a law makes of a joint, below the gains of the position and torque loops."""
+
+    KFF = 2 * PidLoops.GAINS
+    PER_TORQUE = auto()  # output per N·m
+    COMPENSATION = auto()  # output per rad/s, against the back-EMF
+    POWERED = auto()
+    MAX_OUTPUT = auto()
+    MIN_OUTPUT = auto()
+    MAX_PWM = auto()
+    MIN_PWM = auto()
+    COMPLIANT = auto()  # 1 where the impedance acts
+    TORQUE = auto()  # 1 where the torque asked for acts
+    TRACKED = auto()  # 1 where a torque reference is tracked
+    OUTPUT = auto()  # 1 where the output asked for acts
+    OFFSET = auto()  # what u_ff in percent is worth
+    IN_AMPS = auto()  # 1 where the output is a current reference
+
+
 class Controller:
-    """From references and measurements to the output of every motor."""
+    """From references and measurements to the output of every motor.
+
+    Every law is a table of gains, one column per joint; giving a joint its law copies a column.
+    """
 
     def __init__(self, config: BoardConfig, state: State) -> None:
         n = state.n
         self._state = state
-        self.loops = PidLoops(2, n)
-        self.current = PidLoops(1, n)
         self._current_loop = config.output == "current"
+        self._gains = np.zeros((len(Gain) + 2 * PidLoops.GAINS, n))
+        self.loops = PidLoops(self._gains[: 2 * PidLoops.GAINS].reshape(PidLoops.GAINS, 2, n))
+        self._current_gains = np.zeros((PidLoops.GAINS, 1, n))
+        self.current = PidLoops(self._current_gains)
         self._position_error, self._torque_error = self.loops.error
         self._position_rate, self._torque_rate = self.loops.rate
         self._last_torque_error = np.zeros(n)
@@ -109,34 +133,31 @@ class Controller:
         self.stiffness, self.damping = np.zeros(n), np.zeros(n)  # as set by the user (I6)
         self._stiffness, self._damping = np.zeros(n), np.zeros(n)  # where they act
         self.torque_command, self.torque_offset = np.zeros(n), np.zeros(n)
-        self._torque_base, self._kff = np.zeros(n), np.zeros(n)
         self.output_command, self.output_offset = np.zeros(n), np.zeros(n)
-        self._feed, self._compensation = np.zeros(n), np.zeros(n)
-        self._per_torque, self._in_amps = np.zeros(n), np.zeros(n, dtype=bool)
-        self._bypassed = np.arange(n)
-        self._feeding = True
+        self._torque_base, self._feed = np.zeros(n), np.zeros(n)
+        gains = self._gains
+        self._kff, self._per_torque = gains[Gain.KFF], gains[Gain.PER_TORQUE]
+        self._compensation = gains[Gain.COMPENSATION]
+        self._max_output, self._min_output = gains[Gain.MAX_OUTPUT], gains[Gain.MIN_OUTPUT]
+        self._max_pwm, self._min_pwm = gains[Gain.MAX_PWM], gains[Gain.MIN_PWM]
+        self._in_amps = gains[Gain.IN_AMPS]
         self._guard_lower = np.full((Row.VELOCITY + 1, n), -np.inf)
         self._guard_upper = np.full((Row.VELOCITY + 1, n), np.inf)
         self._above = np.ones((Row.VELOCITY + 1, n), dtype=bool)
         self._below = np.ones((Row.VELOCITY + 1, n), dtype=bool)
-        self._torque_controlled = np.zeros(n, dtype=bool)
-        self._torque_used = self._torque_rate_used = self._guard_used = False
-        self._max_output, self._min_output = np.zeros(n), np.zeros(n)
-        self._max_pwm, self._min_pwm = np.zeros(n), np.zeros(n)
         self.laws = [Law.OFF] * n
+        self._direct = [False] * n
         self.on_limit = [False] * n
         self.reconfigure(config)
 
     def reconfigure(self, config: BoardConfig) -> None:
-        """Take the constants of the joints; gains follow with :meth:`arm`."""
-        self._joints, self._period = config.joints, config.period
+        """Take new constants and gains; the laws that run go on with them."""
+        self._joints = config.joints
+        self._period = config.period
         motors = [joint.motor for joint in config.joints]
-        per_ampere = np.array([motor.torque_per_ampere for motor in motors])
         self._percent_per_volt = np.array([100.0 / motor.supply_voltage for motor in motors])
         self._ohms = np.array([motor.resistance for motor in motors])
         self._emf = np.array([motor.back_emf for motor in motors])
-        self._amps_per_torque = 1.0 / per_ampere
-        self._percent_per_torque = self._percent_per_volt * self._ohms / per_ampere
         self._percent_per_speed = self._percent_per_volt * self._emf
         limits = [joint.limits for joint in config.joints]
         self.max_torque = np.array([limit.torque for limit in limits])
@@ -148,69 +169,84 @@ class Controller:
         self._guard_upper[Row.VELOCITY] = velocity
         self._guard_lower[Row.VELOCITY] = np.negative(velocity)
         for j, joint in enumerate(config.joints):
-            self.current.set_gains(0, j, joint.current_pid, config.period)
+            self._current_gains[:, 0, j] = PidLoops.column(joint.current_pid, config.period)
+        self._tables = {
+            (law, direct): np.array([self._column(j, law, direct) for j in config.joints]).T
+            for law in Law
+            for direct in (False, True)
+        }
+        for j, law in enumerate(self.laws):
+            self.arm(np.array([j]), law, direct=self._direct[j])
 
-    def arm(self, j: int, law: Law, *, direct: bool) -> None:
-        """Give one joint its law: its gains there, none in the others."""
-        joint, period = self._joints[j], self._period
+    def _column(self, joint: JointConfig, law: Law, direct: bool) -> list[float]:
+        """What a law makes of a joint: its gains there, none of the other laws'."""
         stiff, compliant = law is Law.POSITION, law is Law.IMPEDANCE
-        torque = compliant or law is Law.TORQUE
+        torque, on = compliant or law is Law.TORQUE, law is not Law.OFF
         position_pid = (joint.direct_pid if direct else None) or joint.position_pid
-        self.loops.set_gains(POSITION_LOOP, j, position_pid if stiff else None, period)
-        self.loops.set_gains(TORQUE_LOOP, j, joint.torque_pid if torque else None, period)
-        self._torque_controlled[j] = torque
-        self._kff[j] = joint.torque_pid.kff if torque else 0.0
-        on = law is not Law.OFF
+        loops = zip(
+            PidLoops.column(position_pid if stiff else None, self._period),
+            PidLoops.column(joint.torque_pid if torque else None, self._period),
+            strict=True,
+        )
+        motor, limits = joint.motor, joint.limits
         amps = self._current_loop and law is not Law.OUTPUT  # P8: the given PWM, as it is
-        self._in_amps[j] = amps
-        per_torque = self._amps_per_torque if amps else self._percent_per_torque
-        self._per_torque[j] = per_torque[j]
-        emf = 0.0 if amps else joint.back_emf_compensation * self._percent_per_speed[j]
-        self._compensation[j] = emf * (stiff or torque)
-        self._state.powered[j] = float(on)
-        self._max_pwm[j] = joint.limits.output * on
-        self._min_pwm[j] = 0.0 - self._max_pwm[j]  # never -0.0, which min and max mix up
+        per_volt = 100.0 / motor.supply_voltage
+        per_ampere = 1.0 if amps else per_volt * motor.resistance
+        emf = 0.0 if amps else joint.back_emf_compensation * per_volt * motor.back_emf
         # A current reference stays below what would be an overcurrent.
-        self._max_output[j] = 0.95 * joint.limits.peak_current * on if amps else self._max_pwm[j]
-        self._min_output[j] = 0.0 - self._max_output[j]
-        self.laws[j] = law
-        self.refresh(j)
-        self._bypassed = np.flatnonzero(~self._in_amps)
-        self._torque_used = any(one in (Law.IMPEDANCE, Law.TORQUE) for one in self.laws)
+        bound = 0.95 * limits.peak_current if amps else limits.output
+        rows = {
+            Gain.KFF: joint.torque_pid.kff * torque,
+            Gain.PER_TORQUE: per_ampere / motor.torque_per_ampere,
+            Gain.COMPENSATION: emf * (stiff or torque),
+            Gain.POWERED: on,
+            Gain.MAX_OUTPUT: bound * on,
+            Gain.MIN_OUTPUT: 0.0 - bound * on,  # never -0.0, which min and max mix up
+            Gain.MAX_PWM: limits.output * on,
+            Gain.MIN_PWM: 0.0 - limits.output * on,
+            Gain.COMPLIANT: compliant,
+            Gain.TORQUE: law is Law.TORQUE,
+            Gain.TRACKED: torque,
+            Gain.OUTPUT: law is Law.OUTPUT,
+            Gain.OFFSET: (0.01 * limits.peak_current if amps else 1.0) * on,
+            Gain.IN_AMPS: amps,
+        }
+        return [*(gain for pair in loops for gain in pair), *(float(rows[row]) for row in Gain)]
+
+    def arm(self, joints: Indices, law: Law, *, direct: bool) -> None:
+        """Give joints, shape (k,), their law."""
+        self._gains[:, joints] = self._tables[law, direct][:, joints]
+        self._state.powered[:] = self._gains[Gain.POWERED]
+        for j in joints.tolist():
+            self.laws[j], self._direct[j] = law, direct
+        self._tracked = self._gains[Gain.TRACKED] > 0.0
+        self._torque_used = True in self._tracked.tolist()
+        self._bypassed = np.flatnonzero(self._in_amps == 0.0)
         self._guard_used = any(one in GUARDED for one in self.laws)
         self._torque_rate_used = bool(self.loops.kd[TORQUE_LOOP].any())
+        self.refresh()
 
-    def refresh(self, j: int) -> None:
-        """Let the user's impedance, torques and outputs of one joint act where they do."""
-        law = self.laws[j]
-        compliant = law is Law.IMPEDANCE
-        self._stiffness[j] = self.stiffness[j] * compliant
-        self._damping[j] = self.damping[j] * compliant
-        self._torque_base[j] = 0.0
-        if compliant:
-            self._torque_base[j] = self.torque_offset[j]
-        elif law is Law.TORQUE:
-            self._torque_base[j] = self.torque_command[j]
-        self._feed[j] = 0.0
-        if law is not Law.OFF:
-            self._feed[j] = self.output_offset[j]
-        if law is Law.OUTPUT:
-            self._feed[j] += self.output_command[j]
-        if self._in_amps[j]:
-            self._feed[j] *= 0.01 * self._joints[j].limits.peak_current
+    def refresh(self) -> None:
+        """Let the impedances, torques and outputs that users set act where they do."""
+        gains = self._gains
+        np.multiply(self.stiffness, gains[Gain.COMPLIANT], self._stiffness)
+        np.multiply(self.damping, gains[Gain.COMPLIANT], self._damping)
+        np.multiply(self.torque_offset, gains[Gain.COMPLIANT], self._torque_base)
+        np.add(self._torque_base, self.torque_command * gains[Gain.TORQUE], self._torque_base)
+        np.multiply(self.output_offset, gains[Gain.OFFSET], self._feed)
+        np.add(self._feed, self.output_command * gains[Gain.OUTPUT], self._feed)
         # Adding zeros also turns -0.0, which the bounds of an unpowered joint mix up, into 0.0.
         self._feeding = bool(self._feed.any()) or Law.OFF in self.laws
 
-    def reset(self, j: int) -> None:
-        """Start the loops of a joint without a jump of its torque (M9)."""
-        measured = float(self._state.torque[j])
-        self.loops.reset(POSITION_LOOP, j, measured)
-        self.loops.reset(TORQUE_LOOP, j, 0.0)
-        self.current.reset(0, j, 0.0)
-        self._last_torque_error[j] = 0.0
-        self.on_limit[j] = False
-        if self.laws[j] is Law.OFF:
-            self._state.output[j] = 0.0
+    def reset(self, joints: Indices) -> None:
+        """Start the loops of joints, shape (k,), without a jump of their torque (M9)."""
+        measured = self._state.torque[joints]
+        self.loops.reset(joints, np.array([measured, np.zeros_like(measured)]))
+        self.current.reset(joints, np.zeros((1, len(joints))))
+        self._last_torque_error[joints] = 0.0
+        for j in joints.tolist():
+            self.on_limit[j] = False
+        self._state.output[joints] *= self._gains[Gain.POWERED, joints]
 
     def step(self) -> None:
         """One control period: state.output from the references and measurements of now."""
@@ -256,7 +292,7 @@ class Controller:
         np.add(tau, self._torque_base, tau)
         np.minimum(tau, self.max_torque, out=tau)
         np.maximum(tau, self._min_torque, out=tau)
-        np.copyto(state.torque_reference, tau, where=self._torque_controlled)
+        np.copyto(state.torque_reference, tau, where=self._tracked)
         np.subtract(state.torque_reference, state.torque, self._torque_error)
         if self._torque_rate_used:
             np.subtract(self._torque_error, self._last_torque_error, self._torque_rate)

@@ -8,6 +8,7 @@ and configuration) and emits events; it takes no requests from users.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,14 +18,31 @@ from .calibration import TYPES, CalibrationError, CalibrationStatus, Calibrator
 from .config import BoardConfig
 from .control import Controller
 from .faults import FaultCode, FaultRecord
-from .modes import ACCEPTS, DIRECT_GAINS, INDEX, Choice, Event, Law, Trigger, law_of, next_mode
+from .modes import (
+    ACCEPTS,
+    DIRECT_GAINS,
+    INDEX,
+    LAWS,
+    STATES,
+    Choice,
+    Event,
+    Law,
+    Trigger,
+    law_of,
+    next_mode,
+)
 from .references import References
-from .state import State
+from .state import Indices, State
 from .vocabs import CommandKind, ControlMode, InteractionMode
 from .watch import Cause, Watch
 
 #: Events that nobody takes are dropped from here on, oldest first.
 EVENTS_KEPT = 1000
+
+#: ACCEPTS as columns over the kinds of command, shape (kinds, 1).
+ACCEPTED = {
+    mode: np.array([[kind in ACCEPTS.get(mode, ())] for kind in CommandKind]) for mode in STATES
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +97,7 @@ class Machine:
             state.interaction_modes[j] = InteractionMode.STIFF
             self.controller.stiffness[j] = joint.impedance.stiffness
             self.controller.damping[j] = joint.impedance.damping
-            self.enter(j, ControlMode.NOT_CONFIGURED)
+        self.enter(range(self.count), ControlMode.NOT_CONFIGURED)
 
     def reset(self) -> None:
         """Back to power-on (N1): records of faults stay readable, nothing else (F5)."""
@@ -105,36 +123,43 @@ class Machine:
             self.state.interaction_modes[j] = joint.calibration.interaction_mode
             target = joint.calibration.control_mode
         assert isinstance(target, ControlMode)
-        self.enter(j, target)
+        self.enter([j], target)
         return True
 
-    def enter(self, j: int, mode: ControlMode) -> None:
-        """Put a joint into a mode: references and controllers start afresh (M9)."""
+    def enter(self, joints: Sequence[int], mode: ControlMode) -> None:
+        """Put joints into a mode: references and controllers start afresh (M9)."""
         state, controller = self.state, self.controller
-        state.control_modes[j] = mode
-        state.mode_index[j] = INDEX[mode]
-        law = law_of(mode, state.interaction_modes[j])
-        calibrating = law is Law.CALIBRATOR
-        measured = float(state.torque[j])
-        controller.torque_command[j] = state.torque_reference[j] = measured
-        controller.output_command[j] = 0.0
-        if law is Law.IMPEDANCE and not self._offset_set[j]:
-            controller.torque_offset[j] = measured  # the load it carries: no drop
-        self.set_law(j, Law.POSITION if calibrating else law, direct=mode in DIRECT_GAINS)
-        self.references.reset(j, bounded=not calibrating)
+        chosen = np.array(joints)
+        for j in joints:
+            state.control_modes[j] = mode
+        state.mode_index[chosen] = INDEX[mode]
+        measured = state.torque[chosen]
+        controller.torque_command[chosen] = state.torque_reference[chosen] = measured
+        controller.output_command[chosen] = 0.0
+        calibrating = Law.CALIBRATOR in LAWS.get(mode, {}).values()
+        for interaction in {state.interaction_modes[j] for j in joints}:
+            some = [j for j in joints if state.interaction_modes[j] is interaction]
+            law = law_of(mode, interaction)
+            if law is Law.IMPEDANCE:
+                for j in some:
+                    if not self._offset_set[j]:  # the load it carries: no drop
+                        controller.torque_offset[j] = state.torque[j]
+            law = Law.POSITION if calibrating else law
+            self.set_law(np.array(some), law, direct=mode in DIRECT_GAINS)
+        self.references.reset(chosen, bounded=not calibrating)
         on = mode is not ControlMode.NOT_CONFIGURED
-        self.watch.arm(j, self.config.joints[j], on=on, calibrated=state.calibrated[j])
-        kinds = ACCEPTS.get(mode, frozenset())
-        self.accepts[:, j] = [kind in kinds for kind in CommandKind]
+        self.watch.arm(chosen, on=on, calibrated=state.calibrated)
+        self.accepts[:, chosen] = ACCEPTED[mode]
         if not calibrating:
-            self._drop_calibrator(j)
+            for j in joints:
+                self._drop_calibrator(j)
         self.modes_version += 1
 
-    def set_law(self, j: int, law: Law, *, direct: bool = False) -> None:
-        """Let a law of control run a joint, from its present torque on."""
-        self.controller.arm(j, law, direct=direct)
-        self.controller.reset(j)
-        self.watch.power(j, float(self.state.powered[j]))
+    def set_law(self, joints: Indices, law: Law, *, direct: bool = False) -> None:
+        """Let a law of control run joints, shape (k,), from their present torque on."""
+        self.controller.arm(joints, law, direct=direct)
+        self.controller.reset(joints)
+        self.watch.power(joints, self.state.powered)
 
     def tell(self, level: str, key: str, j: int, text: str) -> None:
         """Emit an event."""
@@ -285,10 +310,10 @@ class Machine:
 class JointHand:
     """What a calibrator may do with its joint; see calibration.Hand."""
 
-    __slots__ = ("_j", "_machine")
+    __slots__ = ("_j", "_joint", "_machine")
 
     def __init__(self, machine: Machine, j: int) -> None:
-        self._machine, self._j = machine, j
+        self._machine, self._j, self._joint = machine, j, np.array([j])
 
     @property
     def reading(self) -> float:
@@ -304,20 +329,19 @@ class JointHand:
         return float(self._machine.watch.travelled[self._j])
 
     def hold(self) -> None:
-        self._machine.references.reset(self._j, bounded=False)
-        self._machine.set_law(self._j, Law.POSITION)
+        self._machine.references.reset(self._joint, bounded=False)
+        self._machine.set_law(self._joint, Law.POSITION)
 
     def drive(self, output: float) -> None:
         self._machine.controller.output_command[self._j] = output
-        self._machine.set_law(self._j, Law.OUTPUT)
+        self._machine.set_law(self._joint, Law.OUTPUT)
 
     def set_offset(self, offset: float) -> None:
         self._machine.set_offset(self._j, offset)
-        self._machine.references.reset(self._j, bounded=False)
+        self._machine.references.reset(self._joint, bounded=False)
 
     def move(self, target: float, speed: float) -> None:
-        joints = np.array([self._j])
-        self._machine.references.move(joints, np.array([target]), np.array([speed]))
+        self._machine.references.move(self._joint, np.array([target]), np.array([speed]))
 
     def moving(self) -> bool:
         return not self._machine.references.trajectories.done[self._j]

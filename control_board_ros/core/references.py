@@ -45,7 +45,7 @@ class References:
         self.integral: Array = np.zeros(n)
         self._velocity, self._target = np.zeros(n), np.zeros(n)
         self._up, self._down, self._scratch = np.zeros(n), np.zeros(n), np.zeros(n)
-        self._rolling = False
+        self._rolling = self._driven = False  # any velocity, any velocity asked for
         self._deadline = np.full(n, np.inf)
         self._next_deadline = np.inf
         self.reconfigure(config)
@@ -63,33 +63,33 @@ class References:
             cycles = np.array([getattr(t, name) for t in timeouts]) / self._period
             self._timeouts[kind] = np.where(cycles > 0.0, np.ceil(cycles - 1e-9), np.inf)
 
-    def reset(self, j: int, *, bounded: bool) -> None:
-        """Hold one joint where it is measured to be, at rest (M9).
+    def reset(self, joints: Indices, *, bounded: bool) -> None:
+        """Hold joints, shape (k,), where they are measured to be, at rest (M9).
 
         A joint found outside its software limits may stay there or move inwards, never
         further out (P9); one that is not calibrated knows no limits.
         """
-        position = float(self._state.position[j])
-        self.lower[j], self.upper[j] = -np.inf, np.inf
-        self.hold(np.array([j]), np.array([position]))
+        self.lower[joints], self.upper[joints] = -np.inf, np.inf
+        self.hold(joints, self._state.position[joints])
         if bounded:
-            self.bound(j)
-        self._deadline[j] = np.inf
+            self.bound(joints)
         self._next_deadline = float(self._deadline.min())
 
-    def bound(self, j: int) -> None:
-        """Bound the position reference of a joint by its limits, from where it stands (P9)."""
-        reference = self._state.position_reference[j]
-        self.lower[j] = min(self.limit_lower[j], reference)
-        self.upper[j] = max(self.limit_upper[j], reference)
+    def bound(self, joints: Indices) -> None:
+        """Bound position references by the limits, from where they stand (P9)."""
+        reference = self._state.position_reference[joints]
+        self.lower[joints] = np.minimum(self.limit_lower[joints], reference)
+        self.upper[joints] = np.maximum(self.limit_upper[joints], reference)
 
     def hold(self, joints: Indices, positions: Array) -> None:
         """Set the position reference at once, at rest (P3, P4); shapes (k,)."""
         self.trajectories.hold(joints, positions)
         self._deadline[joints] = np.inf
         self.integral[joints] = 0.0
-        self._velocity[joints] = 0.0
-        self._target[joints] = 0.0
+        if self._rolling:
+            self._velocity[joints] = 0.0
+            self._target[joints] = 0.0
+            self._driven = bool(self._target.any())
         self._state.position_reference[joints] = positions
         self._state.velocity_reference[joints] = 0.0
 
@@ -111,7 +111,7 @@ class References:
         self._target[joints] = velocities
         self._up[joints] = accelerations * self._period
         self._down[joints] = -self._up[joints]
-        self._rolling = True
+        self._rolling, self._driven = True, bool(self._target.any())
 
     def halt(self, joints: Indices) -> None:
         """Stop the velocity references as hard as the joints may (P12)."""
@@ -148,7 +148,7 @@ class References:
             np.multiply(velocity, self._period, scratch)
             np.add(self.integral, scratch, self.integral)
             np.add(moves.velocity, velocity, state.velocity_reference)
-            self._rolling = bool(velocity.any() or self._target.any())
+            self._rolling = self._driven or bool(velocity.any())
         else:
             state.velocity_reference[:] = moves.velocity
         np.add(moves.position, self.integral, scratch)

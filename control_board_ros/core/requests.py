@@ -17,7 +17,6 @@ from .config import BoardConfig
 from .faults import FaultCode, FaultRecord
 from .machine import Machine
 from .modes import (
-    DIRECT_GAINS,
     REQUESTABLE,
     STORES_INTERACTION,
     Event,
@@ -61,9 +60,13 @@ class Requests(Machine):
                     )
         except ValueError as error:
             return self._refuse(joints, str(error))
+        changes: dict[ControlMode, list[int]] = {}
         verdicts = [
-            self._control_mode(int(j), m) for j, m in zip(selection.joints, wanted, strict=True)
+            self._control_mode(j, mode, changes)
+            for j, mode in zip(selection.joints.tolist(), wanted, strict=True)
         ]
+        for mode, chosen in changes.items():
+            self.enter(chosen, mode)
         return decided(selection.names, verdicts)
 
     def get_control_mode(self, joints: Joints = None) -> list[ControlMode]:
@@ -79,22 +82,27 @@ class Requests(Machine):
             [(joint.control_modes, joint.interaction_modes) for joint in self.config.joints],
         )
 
-    def _control_mode(self, j: int, wanted: ControlMode) -> Verdict:
+    def _control_mode(
+        self, j: int, wanted: ControlMode, changes: dict[ControlMode, list[int]]
+    ) -> Verdict:
+        """Decide for one joint; a plain change of mode is left to the caller, for all at once."""
         mode = self.state.control_modes[j]
         trigger: Trigger = wanted
         if wanted is ControlMode.FORCE_IDLE:
             trigger = Event.FORCE_IDLE
         elif wanted not in self.config.joints[j].control_modes:
             trigger = Event.UNSUPPORTED
-        if next_mode(mode, trigger) is None:
+        target = next_mode(mode, trigger)
+        if target is None:
             return Answer.REFUSED, self._why_not(j)
         if trigger is Event.UNSUPPORTED:
             have = ", ".join(m.code for m in self.config.joints[j].control_modes)
             return self._unsupported(j, f"{wanted.code} ({wanted.name})", have)
         if trigger is Event.FORCE_IDLE and self.faults[j].active:
             return self._force_idle(j)
-        if self.state.control_modes[j] is not next_mode(mode, trigger):  # M8
-            self.go(j, trigger)
+        assert isinstance(target, ControlMode)
+        if target is not mode:  # M8
+            changes.setdefault(target, []).append(j)
         return FINE
 
     def _force_idle(self, j: int) -> Verdict:
@@ -160,7 +168,7 @@ class Requests(Machine):
         state.interaction_modes[j] = wanted
         self.modes_version += 1
         if law_of(mode, before) is not law_of(mode, wanted):
-            self.enter(j, mode)
+            self.enter([j], mode)
         return FINE
 
     # --- impedance, speeds ----------------------------------------------------------------
@@ -171,8 +179,7 @@ class Requests(Machine):
         def apply(selection: Selection, values: list[Floats]) -> None:
             self.controller.stiffness[selection.joints] = values[0]
             self.controller.damping[selection.joints] = values[1]
-            for j in selection.joints:
-                self.controller.refresh(int(j))
+            self.controller.refresh()
 
         bounds = [joint.impedance for joint in self.config.joints]
         return self._set(
@@ -312,11 +319,6 @@ class Requests(Machine):
     def is_configured(self, j: int) -> bool:
         """Whether a joint has left NOT_CONFIGURED."""
         return self.state.control_modes[j] is not ControlMode.NOT_CONFIGURED
-
-    @staticmethod
-    def uses_direct_gains(mode: ControlMode) -> bool:
-        """Whether a mode uses the second set of position gains."""
-        return mode in DIRECT_GAINS
 
     def _refuse(self, joints: Joints, message: str) -> Reply:
         """Refuse a whole request; the reply names its joints where they exist (M6, M7)."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from enum import IntEnum
+from functools import lru_cache
 from typing import TypeVar
 
 
@@ -27,6 +28,7 @@ def encode(code: str) -> int:
     return int.from_bytes(code.encode("ascii").ljust(4, b"\0"), "little", signed=True)
 
 
+@lru_cache(maxsize=256)
 def decode(vocab: int) -> str:
     """Unpack an int32 vocab into its code; the inverse of :func:`encode` (V1).
 
@@ -106,7 +108,7 @@ def parse_control_mode(text: str | int) -> ControlMode:
     Raises:
         ValueError: there is no such mode; the message names the nearest.
     """
-    return _parse(ControlMode, "control mode", text, ALIASES)
+    return _parse(ControlMode, "control mode", text, _CONTROL_MODES)
 
 
 def parse_interaction_mode(text: str | int) -> InteractionMode:
@@ -115,32 +117,39 @@ def parse_interaction_mode(text: str | int) -> InteractionMode:
     Raises:
         ValueError: there is no such mode; the message names what there is.
     """
-    return _parse(InteractionMode, "interaction mode", text, {})
+    return _parse(InteractionMode, "interaction mode", text, _INTERACTION_MODES)
 
 
-def _parse(kind: type[V], what: str, text: str | int, aliases: dict[str, V]) -> V:
+def _parse(kind: type[V], what: str, text: str | int, words: dict[str | int, V]) -> V:
     if isinstance(text, kind):
         return text
     if not isinstance(text, str):
-        for alias, mode in aliases.items():
-            if text == encode(alias):
-                return mode
         try:
-            return kind(text)
-        except ValueError:
+            return words[int(text)]
+        except (KeyError, TypeError, ValueError, OverflowError):
             raise ValueError(f"{text!s:.32} is no {what}; known: {_known(kind)}") from None
-    if text in aliases:
-        return aliases[text]
-    for mode in kind:
-        if text == mode.code or text.upper() == mode.name:
-            return mode
-    if text.lower() in aliases:
-        return aliases[text.lower()]
-    names = {m.name.lower(): m for m in kind} | {m.code: m for m in kind}
-    near = get_close_matches(text[:64].lower(), list(names), n=1)
+    mode = words.get(text) or words.get(text.lower())
+    if mode is not None:
+        return mode
+    names = [word for word in words if isinstance(word, str)]
+    near = get_close_matches(text[:64].lower(), names, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     shown = text if len(text) <= 32 else text[:32] + "…"
     raise ValueError(f"{what} {shown!r} unknown{hint}; known: {_known(kind)}")
+
+
+def _words(kind: type[V], aliases: dict[str, V]) -> dict[str | int, V]:
+    """Everything that a user may call a mode: code, long name in lower case, number."""
+    words: dict[str | int, V] = {}
+    for mode in kind:
+        words |= {mode.code: mode, mode.name.lower(): mode, int(mode): mode}
+    for alias, mode in aliases.items():
+        words |= {alias: mode, encode(alias): mode}
+    return words
+
+
+_CONTROL_MODES = _words(ControlMode, ALIASES)
+_INTERACTION_MODES = _words(InteractionMode, {})
 
 
 def _known(kind: type[Vocab]) -> str:

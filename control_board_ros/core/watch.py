@@ -17,7 +17,7 @@ import numpy as np
 from .config import BoardConfig, JointConfig
 from .faults import FaultCode
 from .measurement import ROWS, Array, Row
-from .state import State
+from .state import Indices, State
 
 #: Cycles from one look at the slow checks to the next.
 SLOW = 8
@@ -99,13 +99,15 @@ class Watch:
         nominal = np.array([joint.limits.nominal_current for joint in config.joints])
         self._nominal_squared = nominal**2
 
-    def arm(self, j: int, joint: JointConfig, *, on: bool, calibrated: bool) -> None:
-        """Set the limits of one joint, or none while it is not configured (N1)."""
-        limits, lower, upper = joint.limits, self._lower[:, j], self._upper[:, j]
-        lower[:], upper[:] = -np.inf, np.inf
-        self._jump[j], self._slow_limit[:, j] = np.inf, np.inf
-        if not on:
-            return
+        self._tables = (np.full_like(self._lower, -np.inf), np.full_like(self._upper, np.inf))
+        self._slow_table = np.full_like(self._slow_limit, np.inf)
+        self._jump_table = np.zeros(len(motors))
+        for j, joint in enumerate(config.joints):
+            self._tabulate(j, joint)
+
+    def _tabulate(self, j: int, joint: JointConfig) -> None:
+        limits = joint.limits
+        lower, upper, slow = (table[:, j] for table in (*self._tables, self._slow_table))
         peak, nominal = limits.peak_current, limits.nominal_current
         upper[Row.CURRENT], lower[Row.CURRENT] = peak, -peak
         upper[Row.TEMPERATURE] = limits.temperature
@@ -114,20 +116,40 @@ class Watch:
         if joint.torque_sensor:
             upper[Row.TORQUE_AGE] = joint.timeouts.torque_sensor
             upper[Row.TORQUE], lower[Row.TORQUE] = 100.0 * limits.torque, -100.0 * limits.torque
-        self._jump[j] = 4.0 * limits.velocity * self._period + math.radians(0.5)
-        slow = self._slow_limit[:, j]
+        self._jump_table[j] = 4.0 * limits.velocity * self._period + math.radians(0.5)
         slow[Check.TRAVEL] = joint.max_travel_error
         slow[Check.OVERLOAD] = (peak**2 - nominal**2) * limits.overload_time
-        if calibrated:
-            low, high = limits.hard_lower, limits.hard_upper
-            self._middle[j] = 0.5 * (low + high) if math.isfinite(high - low) else 0.0
-            slow[Check.OVERRUN] = 0.5 * (high - low) + limits.hard_margin
+        low, high = limits.hard_lower, limits.hard_upper
+        self._middle[j] = 0.5 * (low + high) if math.isfinite(high - low) else 0.0
+        slow[Check.OVERRUN] = 0.5 * (high - low) + limits.hard_margin
 
-    def power(self, j: int, powered: float) -> None:
-        """Say whether the bridge of a joint is on: only then does its motor tell its speed."""
-        self._live[j] = powered
-        self._mark[j] = self._values[Row.POSITION, j]
-        self._driven[:, j] = 0.0
+    def arm(self, joints: Indices, *, on: bool, calibrated: list[bool]) -> None:
+        """Set the limits of joints, shape (k,), or none while they are not configured (N1).
+
+        The hard limits are known of those only that are calibrated (a flag per joint).
+        """
+        if not on:
+            self._lower[:, joints], self._upper[:, joints] = -np.inf, np.inf
+            self._jump[joints], self._slow_limit[:, joints] = np.inf, np.inf
+            return
+        self._lower[:, joints] = self._tables[0][:, joints]
+        self._upper[:, joints] = self._tables[1][:, joints]
+        self._jump[joints] = self._jump_table[joints]
+        self._slow_limit[:, joints] = self._slow_table[:, joints]
+        for j in joints.tolist():
+            if not calibrated[j]:
+                self._slow_limit[Check.OVERRUN, j] = np.inf
+
+    def power(self, joints: Indices, powered: Array) -> None:
+        """Say which bridges are on: only then does a motor tell its speed.
+
+        Args:
+            joints: whose power may have changed, shape (k,).
+            powered: of all joints, shape (n,).
+        """
+        self._live[:] = powered
+        self._mark[joints] = self._values[Row.POSITION, joints]
+        self._driven[:, joints] = 0.0
 
     def cool_down(self, j: int, joint: JointConfig, *, faulted: bool) -> None:
         """After an over-temperature fault the winding must cool by the hysteresis."""
