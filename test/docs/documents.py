@@ -5,16 +5,17 @@ A comment before a block says what a test does with it:
 
     <!-- run -->               a console block: type its `$` lines, compare what they print;
                                a Python block: run it as a script of its own
-    <!-- run, varies: 4.1 s --> the same; the numbers of the texts named (separated by ;) may be
-                               others, and so may those after ± in a line
+    <!-- run, varies: 4.1 s; ° --> the same; the numbers in the texts named may be others, and
+                               all numbers before a text without one
     <!-- output -->            what the Python block before it prints
     <!-- board -->             the line starts the board that the next blocks talk to
     <!-- file arm.yaml -->     the block is that file
     <!-- not run: reason -->   nobody can run it in a test
 
-A line of `...` in an output stands for any lines. A page that starts no board talks to one of
-the default configuration. cbctl runs within the test over one connection, in a terminal of 80
-columns: what it takes to find the board is tested elsewhere.
+Spaces and the place in a bar do not count. A line of `...` in an output stands for any lines. A
+page that starts no board talks to one of the default configuration. cbctl runs within the test
+over one connection, in a terminal of 80 columns: what it takes to find the board is tested
+elsewhere.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ import re
 import shlex
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +36,7 @@ from control_board_ros.cli import output
 from control_board_ros.cli.app import invoke
 from control_board_ros.cli.options import Options
 from control_board_ros.cli.session import Session
+from control_board_ros.core.vocabs import ControlMode
 from control_board_ros.testing import BoardProcess, board_process
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,6 +44,8 @@ BLOCK = re.compile(
     r"(?:<!-- (?P<mark>[^>]*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S
 )
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
+#: A number as re.escape writes it, and what stands for any in its place.
+ESCAPED, ANY = r"(?:\\-)?\d+(?:\\\.\d+)?", NUMBER.replace("\\", "\\\\")
 MODULES = {"control_board": "control_board_ros.node.main", "pytest": "pytest"}
 
 
@@ -94,7 +99,12 @@ def pattern(expected: str, varies: list[str]) -> str:
         text = re.escape(line.rstrip())
         for part in varies:
             loose = NUMBER.join(re.escape(piece) for piece in re.split(NUMBER, part))
-            text = text.replace(re.escape(part), loose)
+            if re.search(NUMBER, part):
+                text = text.replace(re.escape(part), loose)
+            else:  # a unit: any number before it
+                text = re.sub(f"(?:{ESCAPED}){re.escape(re.escape(part))}", ANY + loose, text)
+        text = re.sub("├[─●]+┤", "├[─●]+┤", text)
+        text = re.sub(r"(?:\\ )+", "[ ]+", text)
         made.append(text + r"[ ]*\n")
     return "".join(made)
 
@@ -127,7 +137,7 @@ class Reader:
                 path = self.folder / block.mark.split(" ")[1]
                 path.write_text(block.text, encoding="utf-8")
             elif block.verb == "board":
-                self.start(shlex.split(block.text.replace("\\\n", " "))[1:])
+                self.start(shlex.split(block.text))
             elif block.verb == "run" and block.language == "python":
                 follows = after if after is not None and after.verb == "output" else None
                 self.run_script(block, follows)
@@ -137,17 +147,17 @@ class Reader:
             count += block.verb in ("run", "board")
         return count
 
-    def start(self, arguments: list[str]) -> None:
+    def start(self, words: list[str]) -> None:
         """Start another board in place of the one there is."""
         self._boards.close()
         self._session = None
-        made = board_process(command=self._program("control_board", arguments))
+        made = board_process(command=self._program(words[0], words[1:]))
         self._board = self._boards.enter_context(made)
 
     @property
     def board(self) -> BoardProcess:
         if self._board is None:
-            self.start([])
+            self.start(["control_board"])
         assert self._board is not None
         return self._board
 
@@ -160,6 +170,8 @@ class Reader:
                 Session(Options(domain=domain, timeout=10.0))
             )
             self._session.shared = True
+            while ControlMode.CALIBRATING in self._session.client.get_control_mode():
+                time.sleep(0.02)  # a reader waits until the arm stands still
         return self._session
 
     def type(self, command: str) -> str:
@@ -186,24 +198,19 @@ class Reader:
     def _run(self, command: list[str]) -> str:
         done = subprocess.run(
             command,
-            cwd=self.folder,
             env=self.board.environment | {"COLUMNS": "80"},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=30,
+            timeout=90,
             check=False,
         )
         return done.stdout
 
     def _program(self, name: str, arguments: list[str]) -> list[str]:
-        located = [
-            str(self.folder / word) if (self.folder / word).is_file() else word
-            for word in arguments
-        ]
         if name == "python":
-            return [sys.executable, *located]
-        return [sys.executable, "-m", MODULES[name], *located]
+            return [sys.executable, *arguments]
+        return [sys.executable, "-m", MODULES[name], *arguments]
 
 
 @pytest.fixture
@@ -211,5 +218,6 @@ def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> object:
     """A reader with a folder of its own, in a terminal of 80 columns."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     monkeypatch.setattr(output, "PIPE_WIDTH", 80)
+    monkeypatch.chdir(tmp_path)
     with contextlib.ExitStack() as stack:
         yield Reader(tmp_path, stack)

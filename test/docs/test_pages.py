@@ -3,10 +3,11 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
-from documents import ROOT, Reader, blocks, pattern, reader
+from documents import ROOT, Block, Reader, blocks, pattern, reader
 
 __all__ = ["reader"]
 
@@ -17,7 +18,7 @@ VERBS = {"run", "output", "board", "file", "not"}
 
 
 @pytest.mark.ros
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(240)  # a quarter of it on an idle machine
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_what_a_page_tells_to_do_works(page: Path, reader: Reader) -> None:
     if not any(block.verb in ("run", "board") for block in blocks(page.read_text("utf-8"))):
@@ -27,18 +28,28 @@ def test_what_a_page_tells_to_do_works(page: Path, reader: Reader) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_every_block_is_run_or_says_why_not(page: Path) -> None:
-    for block in blocks(page.read_text("utf-8")):
+    text = page.read_text("utf-8")
+    for block in blocks(text):
         if block.language in TYPED or block.mark:
             assert block.verb in VERBS, f"{page.name}, line {block.line}: {block.mark!r}"
+        unused = [part for part in block.varies if part not in block.text + output_of(block, text)]
+        assert not unused, f"{page.name}, line {block.line}: nothing says {unused}"
         if block.verb == "not":
             assert block.mark.startswith("not run: "), f"{page.name}, line {block.line}"
 
 
-def test_only_the_numbers_named_may_differ() -> None:
-    import re
+def output_of(script: Block, text: str) -> str:
+    """What a page says that a script prints; empty where it says nothing."""
+    after = [block for block in blocks(text) if block.line > script.line][:1]
+    return "".join(block.text for block in after if block.verb == "output")
 
+
+def test_only_the_numbers_named_may_differ() -> None:
     made = pattern("a 4.1 s ago\n...\nb 7\n", ["4.1 s"])
     assert re.fullmatch(made, "a 12 s ago\nx\ny\nb 7\n")
     assert re.fullmatch(made, "a 4.1 s ago\nb 7\n")
     assert not re.fullmatch(made, "a 4.1 s ago\nb 8\n")
     assert not re.fullmatch(made, "c 4.1 s ago\nb 7\n")
+    unit = pattern("joint   -7.5°  ├─●──┤  3\n", ["°"])
+    assert re.fullmatch(unit, "joint 12.0° ├──●─┤ 3\n")
+    assert not re.fullmatch(unit, "joint 12.0° ├──●─┤ 4\n")
