@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tables of the README name what there is, and all of it."""
+
+from __future__ import annotations
+
+import re
+
+import interface_table
+import pytest
+from documents import ROOT
+
+from control_board_ros.cli.app import command
+from control_board_ros.client import ControlBoardClient
+
+TEXT = (ROOT / "README.md").read_text("utf-8")
+TABLES = (
+    interface_table.PUBLISHED,
+    interface_table.CLOCK,
+    interface_table.SUBSCRIBED,
+    interface_table.SERVICES,
+    interface_table.ACTIONS,
+)
+NAMES = {name for table in TABLES for name in table}
+
+
+def section(title: str) -> str:
+    return TEXT.split(f"\n## {title}\n")[1].split("\n## ")[0]
+
+
+def cells(title: str) -> list[list[str]]:
+    """The rows of a section's table, without its head."""
+    lines = [line for line in section(title).splitlines() if line.startswith("|")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines[2:]]
+
+
+def test_every_name_on_ros_is_in_the_interface_table() -> None:
+    words = set(re.findall(r"[\w/~]+", section("The ROS interface")))
+    for name in NAMES:
+        assert {name, name.removeprefix("~/"), name.removeprefix("~/command/")} & words, name
+
+
+@pytest.mark.parametrize("row", cells("From YARP"), ids=lambda row: row[0].strip("`")[:20])
+def test_the_yarp_table_names_what_there_is(row: list[str]) -> None:
+    _, ros, python, line = row
+    found = re.findall(r"`([^`]+)`", ros)
+    assert found
+    assert set(found) <= NAMES
+    for call in re.findall(r"`(\w+)\(", python):
+        assert hasattr(ControlBoardClient, call)
+    assert line.strip("`").split()[0] in command.commands
