@@ -108,7 +108,7 @@ def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
     with terminal(cbctl, "shell", XDG_STATE_HOME=str(tmp_path)) as at:
         at.see("connected to /control_board")
         at.see("cbctl>")
-        at.type("modes lbr_iiwa_joint_4\r")
+        at.type("modes lbr_iiwa_joint_5\r")
         at.see("POSITION")
         at.see("cbctl>")
         at.type("interac\t")
@@ -116,4 +116,4 @@ def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
         at.type("\x03")
         at.see("cbctl>")
         at.type("\x04")
-    assert "modes lbr_iiwa_joint_4" in (tmp_path / "cbctl" / "history").read_text()
+    assert "modes lbr_iiwa_joint_5" in (tmp_path / "cbctl" / "history").read_text()
