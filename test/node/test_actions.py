@@ -27,6 +27,7 @@ def params() -> dict[str, Any]:
     calibration = {"type": 3, "required": False, "start": 0.4, "speed": 0.4}
     return {
         "allow_fault_injection": True,
+        "publish_clock": True,  # stamps are simulated time then, exact on a busy machine too
         CALIBRATED: {"calibration": calibration},
         UNCALIBRATED: {"calibration": {"type": 0}},
     }

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import itertools
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -113,6 +114,9 @@ def test_pausing_does_not_expire_references(talker: Talker) -> None:
         "command/velocity",
         msg.VelocityCommand(names=[name], velocities=[0.3], accelerations=[5.0]),
     )
+    deadline = time.monotonic() + 10
+    while talker.call("get_references", srv.GetReferences).velocities[0] != 0.3:
+        assert time.monotonic() < deadline
     assert talker.call("step", srv.Step, steps=100).success
     for _ in range(3):  # while paused, states come at wall-clock pace
         assert still(talker).velocity_reference[0] == pytest.approx(0.3)
