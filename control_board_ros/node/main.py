@@ -237,20 +237,17 @@ def leave_out_the_generator() -> None:
 
 def provide_log_folder() -> None:
     """Give rcl a folder for its logs where it would find none and refuse to start."""
-    if os.environ.get("ROS_LOG_DIR"):
-        return
     home = os.environ.get("ROS_HOME") or os.path.expanduser("~/.ros")
-    try:
-        folder = Path(home, "log")
+    folder = Path(os.environ.get("ROS_LOG_DIR") or Path(home, "log"))
+    with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
         if os.access(folder, os.W_OK):
             return
-    except OSError:
-        pass
-    folder = temporary_folder() / f"control_board_ros-{os.getuid()}-log"
+    instead = temporary_folder() / f"control_board_ros-{os.getuid()}-log"
     with contextlib.suppress(OSError):
-        folder.mkdir(mode=0o700, exist_ok=True)
-    os.environ["ROS_LOG_DIR"] = str(folder)
+        instead.mkdir(mode=0o700, exist_ok=True)
+    complain(f"logs go to {instead}, since {folder} cannot be written; set ROS_LOG_DIR")
+    os.environ["ROS_LOG_DIR"] = str(instead)
 
 
 if __name__ == "__main__":
