@@ -24,8 +24,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 HANDOVER = 1.0
 REMEMBERED = 64
 
-RELIABLE = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+DEPTH = 10
 
 
 class CommandTopic:
@@ -57,7 +56,8 @@ class CommandTopic:
             kind,
             name,
             cast(Any, self._on_first),
-            RELIABLE,
+            # Its own: rclpy writes overrides into the profile it is given.
+            QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE),
             qos_overriding_options=options,
             event_callbacks=SubscriptionEventCallbacks(
                 incompatible_qos=self._on_incompatible, use_default_callbacks=False
@@ -86,7 +86,7 @@ class CommandTopic:
                 self._kind,
                 self._name,
                 cast(Any, self._on_second),
-                BEST_EFFORT,
+                QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT),
                 event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             )
 

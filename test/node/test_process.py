@@ -284,6 +284,26 @@ def test_every_publisher_is_heard_once(peer: Talker, qos: QoSProfile) -> None:
     peer.node.destroy_publisher(publisher)
 
 
+def test_qos_overrides_act_on_their_topic_only() -> None:
+    """A subscription's reliability is overridden by its parameter, and no other's."""
+    override = "qos_overrides./control_board/command/position.subscription.reliability"
+    arguments = ["--ros-args", "-p", f"{override}:=best_effort"]
+    with board_process(arguments=arguments) as board, talking_to(board) as talker:
+
+        def reliability(topic: str) -> ReliabilityPolicy:
+            topic = f"{board.name}/command/{topic}"
+            (info,) = talker.node.get_subscriptions_info_by_topic(topic)
+            policy: ReliabilityPolicy = info.qos_profile.reliability
+            return policy
+
+        name = talker.names[6]
+        talker.command("command/position", msg.PositionCommand(names=[name], positions=[0.1]))
+        talker.command("command/velocity", msg.VelocityCommand(names=[name], velocities=[0.1]))
+        talker.state(lambda s: not s.motion_done[6])
+        assert reliability("position") is ReliabilityPolicy.BEST_EFFORT
+        assert reliability("velocity") is ReliabilityPolicy.RELIABLE
+
+
 def test_a_hundred_calls_at_once_are_all_answered(peer: Talker) -> None:
     """No call is lost, and every answer is one that fits."""
     peer.rest()
