@@ -276,3 +276,32 @@ def test_reset_goes_home(fast: Rig) -> None:
     fast.loop.reset()
     assert fast.plant.read().values[0, 0] == pytest.approx(0.0, abs=1e-6)
     assert fast.board.cycle >= cycle
+
+
+def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
+    """WARN in the second with the overruns, OK in the next one."""
+    from builtin_interfaces.msg import Time
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    from control_board_ros.node.diagnostics import Diagnostics
+
+    told = Diagnostics(rig.loop, rig.board.names, "rig", 1000.0)
+    rig.loop.start()
+    rig.run_to(20)
+    told.message(Time())
+    rig.plant.slow = {rig.plant.cycle + 50: 0.05}
+    rig.run_to(rig.board.cycle + 150)
+    status = told.message(Time()).status[0]
+    assert status.name == "control_board: loop"
+    assert status.level == DiagnosticStatus.WARN
+    assert "overruns" in status.message
+    deadline = time.monotonic() + 10
+    while told.message(Time()).status[0].level != DiagnosticStatus.OK:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+    with rig.loop.exclusive() as board:
+        board.velocity_move("a", 1.0)  # in POSITION: rejected
+    rig.run_to(rig.board.cycle + 50)
+    status = told.message(Time()).status[1]
+    assert status.level == DiagnosticStatus.WARN
+    assert "1 commands rejected" in status.message

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 from control_board_msgs import msg, srv
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import SetBool, Trigger
 from talk import Talker, talking_to
@@ -250,9 +251,10 @@ def test_ignored_commands_are_logged_once_a_second_with_their_count() -> None:
     [
         QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT),
         QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+        QoSProfile(depth=10, deadline=Duration(seconds=1)),
         QoSProfile(depth=10),
     ],
-    ids=["best effort", "transient local", "plain"],
+    ids=["best effort", "transient local", "deadline", "plain"],
 )
 def test_every_publisher_is_heard_once(peer: Talker, qos: QoSProfile) -> None:
     """Best-effort and transient-local publishers move the arm like plain ones."""
