@@ -179,11 +179,12 @@ def welcome(board: BoardNode) -> str:
         )
     name, first = board.node.get_fully_qualified_name(), config.names[0]
     option = "" if name == "/control_board" else f" --board {name}"
+    target = "20mm" if config.joints[0].kind == "prismatic" else "30deg"
     present = sorted({mode.name for mode in modes.control})
     lines += [
         "",
         f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(present)}. Try:",
-        f"  cbctl{option} move {first}=30deg",
+        f"  cbctl{option} move {first}={target}",
         f"  cbctl{option} watch",
         "or, where ROS itself is installed:",
         *ros2_lines(name, first),
