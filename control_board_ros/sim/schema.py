@@ -48,6 +48,14 @@ BOARD = (
         high=1000.0,
         run_time=True,
     ),
+    Parameter(
+        name="realtime_priority",
+        kind=Kind.INTEGER,
+        default=0,
+        description="SCHED_FIFO priority of the node, 0: none; needs CAP_SYS_NICE.",
+        low=0,
+        high=98,
+    ),
     flag("gui", False, "Show the arm in pybullet's window."),
     flag("autoconfigure", True, "Leave NOT_CONFIGURED at start (N2); else by ~/configure."),
     string(

@@ -270,3 +270,21 @@ def test_paths_interpolate() -> None:
         assert cubic.at(time_)[0] == pytest.approx(position, abs=1e-5)
         slope = (cubic.at(time_ + step)[0] - cubic.at(time_)[0]) / step
         assert slope == pytest.approx(velocity, abs=1e-4)
+
+
+def test_a_refused_priority_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """realtime_priority: the board goes on without, and says what would grant it."""
+    from control_board_ros.node.main import take_priority
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr("os.sched_setscheduler", refuse)
+    take_priority(20)
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert "realtime_priority 20 is not granted (Operation not permitted)" in err
+    take_priority(0)
+    assert capsys.readouterr().err == ""
