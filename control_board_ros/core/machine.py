@@ -97,13 +97,12 @@ class Machine:
             state.interaction_modes[j] = InteractionMode.STIFF
             self.controller.stiffness[j] = joint.impedance.stiffness
             self.controller.damping[j] = joint.impedance.damping
-        self.enter(range(self.count), ControlMode.NOT_CONFIGURED)
+        for j in range(self.count):
+            self.go(j, Event.POWER_ON)
 
     def reset(self) -> None:
         """Back to power-on (N1): records of faults stay readable, nothing else (F5)."""
-        for j in range(self.count):
-            self.go(j, Event.POWER_ON)
-            self.faults[j] = self.faults[j].cleared()
+        self.faults = [fault.cleared() for fault in self.faults]
         self.faults_version += 1
         self._build()
 
