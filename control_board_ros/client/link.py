@@ -192,7 +192,7 @@ class Link:
 
         client = self._entity(name, make)
         if not (yield from self.until(client.service_is_ready, self.find_timeout)):
-            raise self.not_found()
+            raise self.not_offered(name) if self.is_there() else self.not_found()
         future = client.call_async(request)
         if not (yield from self.outcome(future, self.answer_timeout)):
             client.remove_pending_request(future)
@@ -207,7 +207,7 @@ class Link:
             return self._node.create_publisher(kind, full, RELIABLE)
 
         publisher = self._entity(name, make)
-        if publisher not in self._matched:
+        if publisher not in self._matched or not publisher.get_subscription_count():
             heard = yield from self.until(publisher.get_subscription_count, self.find_timeout)
             if not heard:
                 raise self.not_found()
@@ -265,6 +265,18 @@ class Link:
             if MODES_TYPE in types
             and name.endswith("/modes")
             and self._node.count_publishers(name)
+        )
+
+    def is_there(self) -> bool:
+        """Whether the board publishes its modes."""
+        return bool(
+            self._node.count_publishers(self.user.resolve_topic_name(f"{self.board}/modes"))
+        )
+
+    def not_offered(self, name: str) -> BoardError:
+        """The error to raise when the board is there and a service of it is not."""
+        return BoardError(
+            f"{self.name} does not offer {name}; is it another version, or no simulation?"
         )
 
     def not_found(self, after: float | None = None) -> BoardNotFound:

@@ -16,7 +16,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.vocabs import ControlMode as M
-from control_board_ros.testing import BoardProcess, ros_node
+from control_board_ros.testing import BoardProcess, board_process, free_domain, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_calling")]
 
@@ -169,6 +169,23 @@ def test_namespaces_and_remappings(process: BoardProcess) -> None:
                 assert client.names
         with ControlBoardClient(node, "/control_board") as client:
             assert len(client.names) == 7
+
+
+def test_a_board_that_comes_back() -> None:
+    """One client outlives its board, and serves the next one of the same name."""
+    with (
+        free_domain() as domain,
+        ros_node(domain, "long", spin=False) as node,
+        ControlBoardClient(node, "control_board", find_timeout=1.0) as client,
+    ):
+        for _ in range(2):
+            with board_process(domain=domain):
+                client.wait_until_found(20.0)
+                assert client.set_control_mode(0, "vel")
+                assert client.velocity_move(0, 0.01)
+                assert client.get_ref_velocity(0).tolist() == [0.01]
+            with pytest.raises(BoardError, match="no board found"):
+                client.get_control_mode()
 
 
 PROGRAM = """
