@@ -12,7 +12,7 @@ from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from ..options import Options
 from ..session import Session
 
-COMPLETION_TIMEOUT = 1.0  # s; a Tab must not hang
+COMPLETION_TIMEOUT = 2.0  # s; a Tab must not hang
 
 
 def joint_names(context: typer.Context, incomplete: str) -> list[str]:

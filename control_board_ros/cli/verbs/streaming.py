@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ..output import DONE, REFUSED, conclude, note
+from ..output import DONE, REFUSED, conclude
 from ..session import Session
 from ..words import UsageError, quantity
 from .move import what_they_do
@@ -67,12 +67,24 @@ def stream(session: Session, send: Send, values: dict[str, float], seconds: floa
             time.sleep(max(due - time.monotonic(), 0.0))
     except KeyboardInterrupt:
         interrupted = True
-    last = send(names, [0.0] * len(names))
-    settle(session, names)
     if reply is not None and not reply:
+        if taken := accepted_joints(reply):
+            end(session, send, taken)
         return conclude(session, reply)
+    last = end(session, send, names)
     told = f"stopped: {what_they_do(session, names)}"
-    if interrupted and seconds is not None:
-        note(session, "interrupted")
     code = conclude(session, last, told)
     return REFUSED if code != DONE or (interrupted and seconds is not None) else DONE
+
+
+def accepted_joints(reply: Reply) -> list[str]:
+    """The joints of a reply that took the references."""
+    answers = zip(reply.joints, reply.answers, strict=True)
+    return [name for name, answer in answers if answer == "accepted"]
+
+
+def end(session: Session, send: Send, names: list[str]) -> Reply:
+    """Send zero to joints, and let what they did run out."""
+    reply = send(names, [0.0] * len(names))
+    settle(session, names)
+    return reply
