@@ -17,7 +17,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -198,12 +198,12 @@ def thinned(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
     return list(best.values())
 
 
-def run_node(seconds: float, minute: float, flood: float) -> tuple[Record, list[float]]:
-    """The board under load; its record, and the latencies under the flood."""
+def run_node(seconds: float, minute: float, flood: float) -> tuple[Record, Record]:
+    """The board under load; its record, and that of the flood afterwards."""
     from control_board_ros.client import ControlBoardClient
     from control_board_ros.testing import board_process, ros_node
 
-    record = Record()
+    record, flooded = Record(), Record()
     params = {"allow_fault_injection": True, "publish_clock": True}
     with (
         board_process(params) as board,
@@ -227,10 +227,11 @@ def run_node(seconds: float, minute: float, flood: float) -> tuple[Record, list[
                 else:
                     getattr(load, what)()
             time.sleep(max(0.0, min(due.values()) - (time.monotonic() - begun)))
-        quiet, record.latency = record.latency, []
         if flood:
+            load.record = flooded
+            listen(node, flooded, begun)
+            record = replace(record, loop=list(record.loop), offset=list(record.offset))
             under_flood(client, load, board, flood)
-        flooded, record.latency = record.latency, quiet
     return record, flooded
 
 
@@ -251,28 +252,35 @@ def under_flood(client: Any, load: Load, board: Any, seconds: float) -> None:
         sender.communicate()
 
 
-def judge(record: Record, flooded: list[float], minute: float) -> list[Promise]:
+def judge(record: Record, flooded: Record, minute: float) -> list[Promise]:
     """The promises of the node."""
     seconds = record.memory[-1][0]
-    (first_cycles, first), (last_cycles, last) = record.loop[0], record.loop[-1]
     offsets = thinned(record.offset)
     drift = 1e3 * abs(offsets[-2][1] - offsets[0][1])
     growth = 3600.0 * slope(record.memory)
     missing = max(0.0, math.floor(seconds / minute - 0.5) - record.faults)
     promises = [
-        Promise("replies lost", record.asked - record.answered, "", 0),
+        Promise("replies lost", lost(record) + lost(flooded), "", 0),
         Promise("faults not found", missing, "", 0),
         Promise("p99 of a call, quiet", 1e3 * quantile(record.latency, 0.99), "ms", 50, True),
         Promise("memory slope", growth, "MB/h", 5.0, timed=seconds < 600.0),
-        Promise(
-            "overruns", 100.0 * (last - first) / max(1, last_cycles - first_cycles), "%", 0.1, True
-        ),
+        Promise("overruns", overruns(record), "%", 0.1, True),
         Promise("drift of simulated against wall time", drift, "ms", 10.0, True),
     ]
-    if flooded:
-        worst = 1e3 * quantile(flooded, 0.99)
+    if flooded.latency:
+        worst = 1e3 * quantile(flooded.latency, 0.99)
         promises.append(Promise("p99 of a call under 10 kHz", worst, "ms", 250.0, True))
     return promises
+
+
+def lost(record: Record) -> int:
+    return record.asked - record.answered
+
+
+def overruns(record: Record) -> float:
+    """Cycles that took too long, percent."""
+    (first_cycles, first), (last_cycles, last) = record.loop[0], record.loop[-1]
+    return 100.0 * (last - first) / max(1, last_cycles - first_cycles)
 
 
 def quantile(values: list[float], q: float) -> float:
@@ -296,8 +304,8 @@ def main() -> int:
     promises += judge(record, flooded, minute)
     print(
         f"{seconds:g} s at 1 kHz: {record.references:,} references, {record.switches:,} switches, "
-        f"{record.faults} faults, {record.asked:,} calls; resident "
-        f"{record.memory[0][1]:.1f} to {record.memory[-1][1]:.1f} MB"
+        f"{record.faults} faults, {record.asked + flooded.asked:,} calls; resident MB: "
+        + " ".join(f"{mb:.2f}" for _, mb in record.memory[:: max(1, len(record.memory) // 10)])
     )
     for promise in promises:
         print(promise.line())

@@ -288,3 +288,27 @@ def test_a_server_that_is_gone_says_so():
         simulation.plant.body.close()
         with pytest.raises(PlantGone, match="physics server is gone; start the board anew"):
             simulation.run(0.1)
+
+
+def test_the_same_commands_give_bit_identical_states():
+    """Promise P9: two arms in two physics servers, the same commands, the same bits."""
+
+    def run():
+        with iiwa() as simulation:
+            board, rows = simulation.board, []
+            for cycle in range(1200):
+                if cycle == 5:
+                    board.position_move(None, [0.3, 0.7, -0.2, -1.0, 0.4, 0.5, 0.1], 0.5)
+                if cycle == 400:
+                    board.set_interaction_mode([J1, J4], "comp")
+                if cycle == 500:
+                    board.set_control_mode(J2, "torq")
+                if cycle == 700:
+                    simulation.plant.push(J4, 20.0)
+                if cycle == 800:
+                    simulation.plant.inject(J1, "overcurrent")
+                simulation.step()
+                rows.append(board.snapshot().block.tobytes())
+            return rows
+
+    assert run() == run()
