@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import subprocess
 import sys
@@ -15,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.testing import BoardProcess, board_process, child_environment
+from control_board_ros.testing import BoardProcess, board_process, child_environment, free_domain
 
 EXECUTABLE = Path(sys.executable).with_name("cbctl")
 COMMAND = (
@@ -127,8 +126,8 @@ def ask(shell: Shell) -> Shell:
     return shell
 
 
-@pytest.fixture
-def alone() -> Cbctl:
-    """Cbctl where there is no board."""
-    environment = child_environment(int(os.environ.get("CONTROL_BOARD_EMPTY_DOMAIN", "39")))
-    return Cbctl(environment)
+@pytest.fixture(scope="module")
+def alone() -> Iterator[Cbctl]:
+    """cbctl where there is no board."""
+    with free_domain() as domain:
+        yield Cbctl(child_environment(domain))

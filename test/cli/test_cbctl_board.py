@@ -317,6 +317,13 @@ def test_other_boards(cbctl: Any, ask: Any) -> None:
     assert "as /left/control_board; boards there are: /control_board" in done.err
 
 
+def test_domains(alone: Any, process: Any, ask: Any) -> None:
+    """--domain comes before ROS_DOMAIN_ID."""
+    done = alone("modes", "0", "--json", "--domain", str(process.domain))
+    assert done.code == 0, done.err + done.out
+    assert list(done.json) == [FIRST]
+
+
 def test_remapping(cbctl: Any, ask: Any) -> None:
     """What stands behind --ros-args goes to ROS."""
     names = ("modes", "get_control_mode", "get_interaction_mode")
