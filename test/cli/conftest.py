@@ -128,6 +128,6 @@ def ask(shell: Shell) -> Shell:
 
 @pytest.fixture(scope="module")
 def alone() -> Iterator[Cbctl]:
-    """cbctl where there is no board."""
+    """The command where there is no board."""
     with free_domain() as domain:
         yield Cbctl(child_environment(domain))
