@@ -216,6 +216,8 @@ class Machine:
             return
         for j in late:
             if self.accepts[CommandKind.VELOCITY, j]:
+                if not self.references.rolls(int(j)):
+                    continue  # it was stopped before: nothing to tell
                 self.references.halt(np.array([j]))
                 timeout = self.config.joints[j].timeouts.velocity
                 text = f"no velocity reference for {timeout:g} s; it stops and holds"

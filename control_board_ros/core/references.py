@@ -113,6 +113,10 @@ class References:
         self._down[joints] = -self._up[joints]
         self._rolling, self._driven = True, bool(self._target.any())
 
+    def rolls(self, j: int) -> bool:
+        """Whether a joint has a velocity reference other than zero."""
+        return bool(self._target[j] != 0.0)
+
     def halt(self, joints: Indices) -> None:
         """Stop the velocity references as hard as the joints may (P12)."""
         self.roll(joints, np.zeros(len(joints)), self.limit_acceleration[joints])
