@@ -372,6 +372,33 @@ def test_power_cycle() -> None:
     assert rig.board.get_ref_speed("left")[0] == pytest.approx(np.radians(10.0))
 
 
+SELECTABLE = ("pos", "posd", "vel", "mix", "torq", "open", "idl")
+
+
+@pytest.mark.parametrize("start", [*SELECTABLE, M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED])
+def test_power_cycle_from_everywhere(start: Any) -> None:
+    """N1: whatever a joint is in, power-on is NOT_CONFIGURED and without power."""
+    rig = in_status(M.IDLE if isinstance(start, str) else start)
+    if isinstance(start, str):
+        rig.enter(start)
+        rig.board.set_output("left", 3.0)
+        rig.tick()
+    rig.board.power_cycle()
+    assert rig.modes() == [M.NOT_CONFIGURED]
+    assert rig.board.snapshot().output[0] == 0.0
+    assert not rig.board.state.powered.any()
+
+
+@pytest.mark.parametrize("start", SELECTABLE)
+def test_calibration_from_every_mode(start: str) -> None:
+    """K1: asked for by the user in any mode, the joint is CALIBRATING at once."""
+    rig = in_status(M.IDLE)
+    rig.enter(start)
+    assert rig.board.calibrate("left")
+    assert rig.modes() == [M.CALIBRATING]
+    assert rig.board.state.powered.tolist() == [1.0]
+
+
 def test_configuration_is_whole_or_not_at_all() -> None:
     """N2: gains, limits, maximum output and current must all be there and be valid."""
     good = joint("left")

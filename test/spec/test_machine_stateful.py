@@ -1,0 +1,379 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The board against a second one, written from the text alone, under requests in any order."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    Bundle,
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+)
+
+from control_board_ros.core.config import Calibration
+
+from .model import CALIBRATING, FAULT, OFF, POSITION_LIKE, USUAL, JointModel
+from .rig import COMMANDS, LIMITS, STIFF, M, Rig, board_config, joint, plain
+
+NAMES = ("left", "right", "bare", "late")
+SENSOR = Calibration(type=12, required=False)
+MOVE = Calibration(type=3, start=0.2, speed=1.0, timeout=5.0)
+WIDE = {"nominal_current": 24.0, "overload_time": 100.0}
+NO_TORQUE = tuple(mode for mode in USUAL if mode != "torq")
+
+#: What the board must find at its next reading, and for how long it lasts.
+FAULTS = ("external", "overcurrent", "overheating", "encoder_nan")
+
+SOME = st.lists(st.sampled_from(NAMES), min_size=1, max_size=4, unique=True)
+MODES = st.sampled_from([*USUAL, "fidl", "icur", "veld"])
+REFUSED = st.sampled_from(["hwfa", "cal", "cald", "cfgn", "cfgy", "nope", ""])
+NOT_NUMBERS = st.sampled_from([float("nan"), float("inf"), float("-inf")])
+WRONG_JOINTS = st.sampled_from([["nose"], ["left", "left"], [9], ["left", "nose"], [0, "left"]])
+RANGES = {
+    "position": st.floats(-2.5, 2.5),
+    "position direct": st.floats(-2.5, 2.5),
+    "velocity": st.floats(-3.5, 3.5),
+    "torque": st.floats(-15.0, 15.0),
+    "output": st.floats(-8.0, 8.0),
+}
+EXTRAS = st.one_of(st.none(), st.floats(0.3, 2.9), st.sampled_from([0.0, -1.0, 99.0]))
+
+
+def config() -> Any:
+    """Two joints that do everything, one without torque sensing, one that must calibrate."""
+    return board_config(
+        joint("left", limits=WIDE, calibration=SENSOR),
+        joint("right", limits=WIDE, startup_mode=M.POSITION),
+        plain("bare", limits=WIDE),
+        joint("late", limits=WIDE, calibration=MOVE, startup_interaction=STIFF),
+        autoconfigure=False,
+        control_rate=200.0,
+    )
+
+
+def models(period: float) -> list[JointModel]:
+    """The same, as the text has it."""
+    both = ("stif", "comp")
+    kinds: list[dict[str, Any]] = [
+        {"name": "left", "modes": USUAL, "interactions": both, "calibrator": 12},
+        {"name": "right", "modes": USUAL, "interactions": both, "startup": ("pos", "stif")},
+        {"name": "bare", "modes": NO_TORQUE, "interactions": ("stif",)},
+        {"name": "late", "modes": USUAL, "interactions": both, "calibrator": 3},
+    ]
+    made = [
+        JointModel(
+            **kind,
+            lower=LIMITS.lower,
+            upper=LIMITS.upper,
+            speed_limit=LIMITS.velocity,
+            acceleration_limit=LIMITS.acceleration,
+            velocity_timeout=round(0.2 / period),
+            period=period,
+        )
+        for kind in kinds
+    ]
+    made[3].needs_calibration = True
+    for one in made:
+        one.last = dict.fromkeys(COMMANDS, 0.0)
+    return made
+
+
+class BoardMachine(RuleBasedStateMachine):
+    """Everything a user and the world can do to a board, in any order."""
+
+    chosen = Bundle("chosen")
+
+    @initialize()
+    def start(self) -> None:
+        self.rig = Rig(config(), home=[0.0, 0.5, -0.5, 0.1])
+        self.board = self.rig.board
+        self.models = models(self.rig.period)
+        self.byname = dict(zip(NAMES, self.models, strict=True))
+        self.causes: dict[tuple[str, str], float] = {}  # (joint, fault) -> cycle of its end
+        self.shown: set[str] = set()  # joints whose last reading showed a cause
+        self.read = False  # since power-on
+        self.configuring = False
+        self.cycle = 0
+        self.snapshot = self.board.snapshot()
+
+    def measured(self, name: str) -> float:
+        return float(self.board.get_encoder(name)[0])
+
+    # --- what users ask for -----------------------------------------------------------------
+
+    @rule(joints=SOME, mode=MODES)
+    def set_control_mode(self, joints: list[str], mode: str) -> None:
+        expected = [
+            self.byname[n].request(mode, self.measured(n), n in self.shown) for n in joints
+        ]
+        self.compare(self.board.set_control_mode(joints, mode), expected)
+
+    @rule(joints=SOME, modes=st.lists(MODES, min_size=4, max_size=4))
+    def set_many_modes(self, joints: list[str], modes: list[str]) -> None:
+        modes = modes[: len(joints)]
+        expected = [
+            self.byname[n].request(mode, self.measured(n), n in self.shown)
+            for n, mode in zip(joints, modes, strict=True)
+        ]
+        self.compare(self.board.set_control_mode(joints, modes), expected)
+
+    @rule(joints=SOME, mode=REFUSED)
+    def set_what_cannot_be_set(self, joints: list[str], mode: str) -> None:
+        assert not self.board.set_control_mode(joints, mode)
+
+    @rule(joints=WRONG_JOINTS, mode=MODES)
+    def name_wrong_joints(self, joints: list[Any], mode: str) -> None:
+        assert not self.board.set_control_mode(joints, mode)
+        assert not self.board.set_interaction_mode(joints, "comp")
+        assert not self.board.calibrate(joints)
+
+    @rule(joints=SOME, mode=st.sampled_from(["stif", "comp"]))
+    def set_interaction_mode(self, joints: list[str], mode: str) -> None:
+        expected = [self.byname[n].request_interaction(mode, self.measured(n)) for n in joints]
+        self.compare(self.board.set_interaction_mode(joints, mode), expected)
+
+    @rule(joints=SOME, kind=st.sampled_from(list(COMMANDS)), data=st.data())
+    def command(self, joints: list[str], kind: str, data: st.DataObject) -> None:
+        values = [data.draw(RANGES[kind]) for _ in joints]
+        if data.draw(st.integers(0, 4)) == 0:
+            values[0] = data.draw(NOT_NUMBERS)
+        extras = kind in ("position", "velocity") and data.draw(st.booleans())
+        extra = data.draw(EXTRAS) if extras else None
+        limit = LIMITS.torque if kind == "torque" else LIMITS.output
+        expected = [
+            self.byname[n].command(kind, value, extra, limit)
+            for n, value in zip(joints, values, strict=True)
+        ]
+        method = getattr(self.board, COMMANDS[kind][0])
+        more = () if extra is None else ([extra] * len(joints),)
+        self.compare(method(joints, values, *more), expected)
+
+    @rule(kind=st.sampled_from(list(COMMANDS)))
+    def command_of_wrong_length(self, kind: str) -> None:
+        method = getattr(self.board, COMMANDS[kind][0])
+        assert not method(["left", "bare"], [0.1, 0.1, 0.1])
+        for name in ("left", "bare"):
+            self.byname[name].rejected += 1
+
+    @rule(joints=SOME)
+    def stop(self, joints: list[str]) -> None:
+        expected = [self.byname[n].stop(self.measured(n)) for n in joints]
+        self.compare(self.board.stop(joints), expected)
+
+    @rule(joints=SOME, stiffness=st.floats(-10, 600), damping=st.floats(-5, 60))
+    def set_impedance(self, joints: list[str], stiffness: float, damping: float) -> None:
+        good = 0.0 <= stiffness <= 500.0 and 0.0 <= damping <= 50.0
+        assert bool(self.board.set_impedance(joints, stiffness, damping)) is good
+        for name in joints if good else []:
+            self.byname[name].stiffness, self.byname[name].damping = stiffness, damping
+
+    @rule(joints=SOME, speed=st.floats(-1, 4), acceleration=st.floats(-1, 25))
+    def set_reference_speed(self, joints: list[str], speed: float, acceleration: float) -> None:
+        good = 0.0 < speed <= 3.0
+        assert bool(self.board.set_ref_speed(joints, speed)) is good
+        for name in joints if good else []:
+            self.byname[name].speed = speed
+        good = 0.0 < acceleration <= 20.0
+        assert bool(self.board.set_ref_acceleration(joints, acceleration)) is good
+        for name in joints if good else []:
+            self.byname[name].acceleration = acceleration
+
+    @rule(joints=SOME)
+    def calibrate(self, joints: list[str]) -> None:
+        expected = [self.byname[n].calibrate(self.measured(n)) for n in joints]
+        self.compare(self.board.calibrate(joints), expected)
+
+    @rule()
+    def configure(self) -> None:
+        waiting = any(one.mode == OFF for one in self.models)
+        assert bool(self.board.configure()) is waiting
+        if not waiting:
+            return
+        if self.read:
+            self.configured()
+        else:
+            self.configuring = True
+
+    def configured(self) -> None:
+        for name, one in self.byname.items():
+            one.configured(self.measured(name))
+
+    @rule(really=st.integers(0, 3))
+    def power_cycle(self, really: int) -> None:
+        if really:
+            return
+        self.board.power_cycle()
+        kept = [(one.rejected, one.fault_kind, one.fault_count) for one in self.models]
+        self.models[:] = models(self.rig.period)
+        self.byname = dict(zip(NAMES, self.models, strict=True))
+        for one, (rejected, kind, count) in zip(self.models, kept, strict=True):
+            one.rejected, one.fault_kind, one.fault_count = rejected, kind, count
+        self.read = self.configuring = False
+        self.shown.clear()
+
+    # --- what the world does ----------------------------------------------------------------
+
+    @rule(name=st.sampled_from(NAMES), fault=st.sampled_from(FAULTS), lasts=st.booleans())
+    def inject(self, name: str, fault: str, lasts: bool) -> None:
+        self.rig.plant.inject(name, fault, persistent=lasts)
+        self.causes[name, fault] = float("inf") if lasts else self.cycle + 4  # 20 ms
+
+    @rule()
+    def mend(self) -> None:
+        self.rig.plant.clear_injected()
+        self.causes.clear()
+
+    @rule(name=st.sampled_from(NAMES), torque=st.floats(-3.0, 3.0))
+    def push(self, name: str, torque: float) -> None:
+        self.rig.plant.push(name, torque)
+
+    @rule(cycles=st.sampled_from([1, 1, 2, 5, 30, 100]))
+    def tick(self, cycles: int) -> None:
+        for _ in range(cycles):
+            self.one_cycle()
+
+    def one_cycle(self) -> None:
+        before = [one.mode for one in self.models]
+        shot = self.rig.tick()
+        self.snapshot = shot
+        reading = {name: float(value) for name, value in zip(NAMES, shot.position, strict=True)}
+        self.shown = {name for (name, _), end in self.causes.items() if end > self.cycle}
+        self.cycle += 1
+        self.read = True
+        for name in self.shown:
+            self.byname[name].raise_fault("hardware", reading[name])
+        if self.configuring:
+            self.configuring = False
+            self.configured()
+        real = [mode.code for mode in self.board.get_control_mode()]
+        for j, (name, one) in enumerate(self.byname.items()):
+            if one.mode == CALIBRATING:  # how long it takes is not the model's to know
+                assert real[j] in (CALIBRATING, one.after_calibration[0])
+                if real[j] != CALIBRATING:
+                    one.calibrated(reading[name])
+            elif one.mode != FAULT:
+                one.tick()
+                one.learn(float(shot.position_reference[j]), bool(shot.motion_done[j]))
+        self.check_references(before)
+
+    # --- what must be ------------------------------------------------------------------------
+
+    def compare(self, reply: Any, expected: list[str]) -> None:
+        """The answers are those of the model."""
+        assert [str(answer) for answer in reply.answers] == expected, reply.message
+        assert bool(reply) is all(answer == "accepted" for answer in expected)
+        assert bool(reply.message) is not bool(reply)
+
+    def check_references(self, before: list[str]) -> None:
+        shot = self.snapshot
+        for j, one in enumerate(self.models):
+            if one.mode in (CALIBRATING, OFF):
+                continue
+            reference = float(shot.position_reference[j])
+            assert not shot.motion_done[j] or not one.moving(), one
+            assert abs(reference - one.reference()) < 1e-6, (reference, one)
+            if one.unasked and one.mode in POSITION_LIKE:
+                assert shot.velocity_reference[j] == 0.0
+            if one.mode in POSITION_LIKE:
+                assert one.low <= reference <= one.high
+
+    @invariant()
+    def modes_agree(self) -> None:
+        if not hasattr(self, "board"):
+            return
+        assert [mode.code for mode in self.board.get_control_mode()] == [
+            one.mode for one in self.models
+        ]
+        assert [mode.code for mode in self.board.get_interaction_mode()] == [
+            one.interaction for one in self.models
+        ]
+
+    @invariant()
+    def getters_agree(self) -> None:
+        if not hasattr(self, "board"):
+            return
+        for kind, (_, getter, _) in COMMANDS.items():
+            wanted = [one.last[kind] for one in self.models]
+            assert np.allclose(getattr(self.board, getter)(), wanted, atol=1e-9), kind
+        assert self.board.get_ref_speed().tolist() == [one.speed for one in self.models]
+        stiffness, damping = self.board.get_impedance()
+        assert stiffness.tolist() == [one.stiffness for one in self.models]
+        assert damping.tolist() == [one.damping for one in self.models]
+        counts = self.board.snapshot().rejected_commands.tolist()
+        assert counts == [one.rejected for one in self.models]
+
+    @invariant()
+    def faults_agree(self) -> None:
+        if not hasattr(self, "board"):
+            return
+        for record, one in zip(self.board.get_faults(), self.models, strict=True):
+            assert record.active is (one.mode == FAULT)
+            if one.fault_kind:
+                assert (record.code == 16) is (one.fault_kind == "user")
+            else:
+                assert record.code == -1
+
+    @invariant()
+    def power_is_off_where_it_must_be(self) -> None:
+        if not hasattr(self, "board"):
+            return
+        output, powered = self.board.snapshot().output, self.board.state.powered
+        for j, one in enumerate(self.models):
+            if one.mode in ("idl", FAULT, OFF):
+                assert output[j] == 0.0
+                assert powered[j] == 0.0
+            else:
+                assert powered[j] == 1.0
+
+    @invariant()
+    def output_is_within_its_limits(self) -> None:
+        if not hasattr(self, "board"):
+            return
+        shot = self.board.snapshot()
+        assert np.all(np.abs(shot.output) <= LIMITS.output)
+        assert np.all(np.isfinite(shot.block))
+
+    @invariant()
+    def force_idle_is_never_returned(self) -> None:
+        if not hasattr(self, "board"):
+            return
+        assert M.FORCE_IDLE not in self.board.get_control_mode()
+
+    @precondition(lambda self: hasattr(self, "board"))
+    @rule(name=st.sampled_from(NAMES))
+    def nothing_moves_unasked(self, name: str) -> None:
+        """At rest, unpushed and unasked, a joint stays where it is."""
+        one, j = self.byname[name], NAMES.index(name)
+        shot = self.board.snapshot()
+        still = abs(shot.velocity[j]) < 1e-4 and abs(shot.torque[j]) < 0.1
+        if not (still and one.unasked and one.mode in (*USUAL, FAULT)):
+            return
+        if self.rig.plant._external[j] != 0.0:
+            return
+        here, mode = float(shot.position[j]), one.mode
+        for _ in range(40):
+            self.one_cycle()
+            if one.mode != mode:
+                return
+        assert abs(float(self.board.snapshot().position[j]) - here) < 2e-3
+
+
+LONG = os.environ.get("HYPOTHESIS_PROFILE") == "explore"
+
+TestBoard = BoardMachine.TestCase
+TestBoard.settings = settings(
+    max_examples=400 if LONG else 60,
+    stateful_step_count=100 if LONG else 40,
+    deadline=None,
+    derandomize=not LONG,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+)
