@@ -1,119 +1,123 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draw the mode machine from its tables: the page docs/modes.md.
+"""Draw TRANSITIONS as Mermaid into docs/modes.md: ``python docs/diagram.py``.
 
-    python docs/generate.py
-
-Modes that behave alike towards everything but each other are drawn as one box.
+With ``--check`` nothing is written and the exit code is 1 when the page is stale.
 """
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
 
 from control_board_ros.core.modes import (
     ACCEPTS,
     LAWS,
-    REQUESTABLE,
     SELECTABLE,
     STATES,
     TRANSITIONS,
     Choice,
     Event,
+    Law,
+    Trigger,
 )
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 
-GROUP = "ANY_MODE"
-LABELS = {
+PAGE = Path(__file__).with_name("modes.md")
+
+WORDS = {
     Event.FORCE_IDLE: "FORCE_IDLE",
-    Event.UNSUPPORTED: "a mode it does not implement (M5, I7)",
-    Event.FAULT: "fault (F1)",
-    Event.CONFIGURED: "configured (N3)",
-    Event.CALIBRATE: "calibration command (K1)",
-    Event.CALIBRATED: "calibrated (K3)",
-    Event.POWER_ON: "power on (N1)",
-}
-TARGETS = {
-    Choice.STARTUP: "as configured: IDLE or POSITION",
-    Choice.CALIBRATED: "as its calibrator says",
+    Event.UNSUPPORTED: "mode not implemented",
+    Event.FAULT: "fault",
+    Event.CONFIGURED: "configured",
+    Event.CALIBRATE: "calibrate",
+    Event.CALIBRATED: "calibrated",
+    Event.POWER_ON: "power-on",
 }
 
+INTRODUCTION = """\
+# The mode machine
 
-def edges() -> list[tuple[str, str, str]]:
-    """Source, target and label of every arrow, the selectable modes drawn as one box."""
-    found: dict[tuple[str, str], list[str]] = {}
-    for (source, trigger), target in TRANSITIONS.items():
-        if not isinstance(trigger, Event) or trigger is Event.POWER_ON:
-            continue  # the modes among each other, and the plug, are said in words
-        start = GROUP if source in SELECTABLE else source.name
-        end, label = GROUP, LABELS[trigger]
-        if isinstance(target, Choice):
-            label += f", {TARGETS[target]}"
-        elif target in SELECTABLE:
-            label += f", to {target.name}"
-        else:
-            end = target.name
-        if label not in found.setdefault((start, end), []):
-            found[start, end].append(label)
-    return [(start, end, "<br>".join(labels)) for (start, end), labels in found.items()]
+Drawn from the tables of `control_board_ros/core/modes.py` by `docs/diagram.py`; a test fails
+when it is stale. A request that has no arrow is refused and changes nothing.
+
+*Selectable* stands for {selectable}:
+a user goes from each of them to each other one by asking for it. Two triggers lead where the
+joint's configuration says: *configured* to its `startup_mode` (IDLE or POSITION), *calibrated*
+to the `control_mode` of its calibrator.
+"""
 
 
-def mermaid() -> str:
-    """The diagram, as GitHub draws it."""
-    modes = " · ".join(mode.name for mode in SELECTABLE)
-    lines = ["stateDiagram-v2", f'    state "{modes}" as {GROUP}', "    [*] --> NOT_CONFIGURED"]
-    lines += [f"    {start} --> {end}: {label}" for start, end, label in edges() if start != end]
-    lines += [f"    {start} --> {end}: {label}" for start, end, label in edges() if start == end]
-    return "\n".join(lines)
+def node(mode: ControlMode) -> str:
+    """The box of a mode: IDLE and the statuses have their own, the others share one."""
+    return "Selectable" if mode in SELECTABLE and mode is not ControlMode.IDLE else mode.name
 
 
-def table() -> str:
-    """What each mode takes, and the law that runs in it."""
-    rows = ["| mode | code | takes | law, stiff | law, compliant | can be asked for |"]
-    rows.append("|---|---|---|---|---|---|")
+def boxes(target: ControlMode | Choice) -> list[str]:
+    """The boxes that a target of the table means."""
+    if isinstance(target, Choice):
+        return ["IDLE", "Selectable"]
+    assert isinstance(target, ControlMode)
+    return [node(target)]
+
+
+def arrows() -> list[str]:
+    """The arrows of the diagram, many rows of the table on each."""
+    labels: dict[tuple[str, str], dict[str, None]] = {}
+    for (mode, trigger), target in TRANSITIONS.items():
+        if trigger is Event.POWER_ON:  # from everywhere, drawn once
+            continue
+        for box in boxes(target):
+            if node(mode) == box == "IDLE":
+                continue
+            labels.setdefault((node(mode), box), {})[word(trigger)] = None
+    lines = [
+        f"    {start} --> {end} : {', '.join(words)}" for (start, end), words in labels.items()
+    ]
+    return [f"    [*] --> {node(ControlMode.NOT_CONFIGURED)} : {WORDS[Event.POWER_ON]}", *lines]
+
+
+def word(trigger: Trigger) -> str:
+    """What stands at an arrow."""
+    if isinstance(trigger, Event):
+        return WORDS[trigger]
+    return "IDLE" if trigger is ControlMode.IDLE else "set_control_mode"
+
+
+def law_words(mode: ControlMode) -> str:
+    """The laws of a mode, stiff and compliant."""
+    laws = LAWS.get(mode, {})
+    found = [laws.get(interaction, Law.OFF).name.lower() for interaction in InteractionMode]
+    return found[0] if len(set(found)) == 1 else f"{found[0]} (STIFF), {found[1]} (COMPLIANT)"
+
+
+def modes() -> list[str]:
+    """The table of modes: code, accepted commands, law."""
+    lines = ["| mode | code | accepted references | law |", "|---|---|---|---|"]
     for mode in STATES:
-        takes = ", ".join(str(kind) for kind in sorted(ACCEPTS.get(mode, ()))) or "nothing"
-        laws = [
-            LAWS[mode][interaction].name if mode in LAWS else "OFF"
-            for interaction in InteractionMode
-        ]
-        asked = "yes" if mode in REQUESTABLE else "no"
-        rows.append(f"| {mode.name} | `{mode.code}` | {takes} | {laws[0]} | {laws[1]} | {asked} |")
-    return "\n".join(rows)
-
-
-def matrix() -> str:
-    """Every request in every mode: where it leads, or that it is refused."""
-    asked = [*SELECTABLE, ControlMode.FORCE_IDLE]
-    rows = ["| in \\ asked for | " + " | ".join(f"`{mode.code}`" for mode in asked) + " |"]
-    rows.append("|---" * (len(asked) + 1) + "|")
-    for mode in STATES:
-        cells = []
-        for wanted in asked:
-            trigger = Event.FORCE_IDLE if wanted is ControlMode.FORCE_IDLE else wanted
-            target = TRANSITIONS.get((mode, trigger))
-            cells.append(f"`{target.code}`" if isinstance(target, ControlMode) else "refused")
-        rows.append(f"| {mode.name} | " + " | ".join(cells) + " |")
-    return "\n".join(rows)
+        taken = ", ".join(str(kind) for kind in sorted(ACCEPTS.get(mode, ()))) or "none"
+        lines.append(f"| {mode.name} | `{mode.code}` | {taken} | {law_words(mode)} |")
+    return lines
 
 
 def page() -> str:
-    """docs/modes.md."""
-    return f"""# Modes
+    """The whole page."""
+    selectable = ", ".join(m.name for m in SELECTABLE if m is not ControlMode.IDLE)
+    diagram = ["```mermaid", "stateDiagram-v2", *arrows(), "```"]
+    introduction = INTRODUCTION.format(selectable=selectable)
+    return "\n".join([introduction, *diagram, "", "## Modes", "", *modes(), ""])
 
-Written by `make docs` from the tables of
-[modes.py](../control_board_ros/core/modes.py); a test fails when it is stale.
 
-```mermaid
-{mermaid()}
-```
+def main(arguments: list[str]) -> int:
+    if arguments == ["--check"]:
+        fresh = PAGE.is_file() and PAGE.read_text(encoding="utf-8") == page()
+        print(
+            "fresh" if fresh else f"{PAGE.name} is stale; run: python docs/{Path(__file__).name}"
+        )
+        return int(not fresh)
+    PAGE.write_text(page(), encoding="utf-8")
+    print(f"written: {PAGE}")
+    return 0
 
-Any mode of the box can be asked for from any other of it (M1). A power cycle leads from everywhere
-to NOT_CONFIGURED (N1). An arrow that is not there is refused, and changes nothing.
 
-## What is asked for, and what comes of it
-
-{matrix()}
-
-FORCE_IDLE clears a fault only when its cause is gone (F3). A mode that a joint does not implement
-puts it into HW_FAULT from every mode of the box (M5).
-
-## What each mode takes, and what it runs
-
-{table()}
-"""
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -87,18 +87,9 @@ class JointModel:
 
     def request(self, wanted: str, measured: float, cause: bool) -> str:
         """A control mode is asked for; ``cause``: the last reading still shows one (F3)."""
-        if self.mode == OFF:  # N4
+        leaves = wanted == "fidl" and not (self.mode == FAULT and cause)  # F2, F3, K2
+        if self.mode == OFF or (self.mode in (FAULT, CALIBRATING) and not leaves):  # N4
             return "refused"
-        if self.mode == FAULT:
-            if wanted != "fidl" or cause:  # F2, F3
-                return "refused"
-            self.enter("idl", measured)
-            return "accepted"
-        if self.mode == CALIBRATING:
-            if wanted != "fidl":  # K2
-                return "refused"
-            self.enter("idl", measured)
-            return "accepted"
         if wanted == "fidl":  # F4
             wanted = "idl"
         if wanted not in self.modes:  # M5
@@ -149,20 +140,15 @@ class JointModel:
 
     def takes(self, kind: str) -> bool:
         """M3."""
-        match self.mode:
-            case "pos":
-                return kind == "position"
-            case "posd":
-                return kind == "position direct"
-            case "vel":
-                return kind == "velocity"
-            case "mix":
-                return kind in ("position", "velocity")
-            case "torq":
-                return kind == "torque"
-            case "open":
-                return kind == "output"
-        return False
+        kinds = {
+            "pos": ("position",),
+            "posd": ("position direct",),
+            "vel": ("velocity",),
+            "mix": ("position", "velocity"),
+            "torq": ("torque",),
+            "open": ("output",),
+        }
+        return kind in kinds.get(self.mode, ())
 
     def command(self, kind: str, value: float, extra: float | None, limit: float) -> str:
         """A reference arrives; ``limit`` bounds torques and outputs."""

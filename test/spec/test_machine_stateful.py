@@ -10,7 +10,6 @@ import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
-    Bundle,
     RuleBasedStateMachine,
     initialize,
     invariant,
@@ -88,8 +87,6 @@ def models(period: float) -> list[JointModel]:
 
 class BoardMachine(RuleBasedStateMachine):
     """Everything a user and the world can do to a board, in any order."""
-
-    chosen = Bundle("chosen")
 
     @initialize()
     def start(self) -> None:
