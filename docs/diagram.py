@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draw TRANSITIONS as Mermaid into docs/modes.md: ``python docs/diagram.py``.
+"""The page docs/modes.md: TRANSITIONS as a Mermaid diagram, ACCEPTS and LAWS as a table.
 
-With ``--check`` nothing is written and the exit code is 1 when the page is stale.
+docs/generate.py writes it.
 """
 
 from __future__ import annotations
-
-import sys
-from pathlib import Path
 
 from control_board_ros.core.modes import (
     ACCEPTS,
@@ -22,8 +19,6 @@ from control_board_ros.core.modes import (
 )
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 
-PAGE = Path(__file__).with_name("modes.md")
-
 WORDS = {
     Event.FORCE_IDLE: "FORCE_IDLE",
     Event.UNSUPPORTED: "mode not implemented",
@@ -37,8 +32,8 @@ WORDS = {
 INTRODUCTION = """\
 # The mode machine
 
-Drawn from the tables of `control_board_ros/core/modes.py` by `docs/diagram.py`; a test fails
-when it is stale. A request that has no arrow is refused and changes nothing.
+Drawn from the tables of `control_board_ros/core/modes.py`; a test fails when it is stale. A request that has
+no arrow is refused and changes nothing.
 
 *Selectable* stands for {selectable}:
 a user goes from each of them to each other one by asking for it. Two triggers lead where the
@@ -105,19 +100,3 @@ def page() -> str:
     diagram = ["```mermaid", "stateDiagram-v2", *arrows(), "```"]
     introduction = INTRODUCTION.format(selectable=selectable)
     return "\n".join([introduction, *diagram, "", "## Modes", "", *modes(), ""])
-
-
-def main(arguments: list[str]) -> int:
-    if arguments == ["--check"]:
-        fresh = PAGE.is_file() and PAGE.read_text(encoding="utf-8") == page()
-        print(
-            "fresh" if fresh else f"{PAGE.name} is stale; run: python docs/{Path(__file__).name}"
-        )
-        return int(not fresh)
-    PAGE.write_text(page(), encoding="utf-8")
-    print(f"written: {PAGE}")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
