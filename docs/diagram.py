@@ -32,8 +32,8 @@ WORDS = {
 INTRODUCTION = """\
 # The mode machine
 
-Drawn from the tables of `control_board_ros/core/modes.py`; a test fails when it is stale. A request that has
-no arrow is refused and changes nothing.
+Drawn from the tables of `control_board_ros/core/modes.py`; a test fails when it is stale.
+A request that has no arrow is refused and changes nothing.
 
 *Selectable* stands for {selectable}:
 a user goes from each of them to each other one by asking for it. Two triggers lead where the
