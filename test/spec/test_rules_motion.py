@@ -91,6 +91,22 @@ def test_a_new_target_without_a_jump(when: int, target: float) -> None:
     assert shots[-1].motion_done[0]
 
 
+@pytest.mark.parametrize("speed", [0.05, 0.3, 2.0])
+def test_a_new_target_is_approached_from_its_side(speed: float) -> None:
+    """P1: led on, a move does not pass its new target; led back, it first brakes, no longer."""
+    for way, most in ((1.0, 0.0), (-1.0, 0.75 * 1.875**2 / LIMITS.acceleration)):
+        rig = moving("pos")
+        rig.board.position_move("left", 1.0, 1.0)
+        before = rig.tick(250)
+        assert before.velocity_reference[0] == pytest.approx(1.875, rel=1e-3)
+        here = float(before.position_reference[0])
+        assert rig.board.position_move("left", here + way * 0.3, speed)
+        reference = way * (column(rig.record(9.0), "position_reference") - here)
+        assert reference.max() <= 0.3 + 1e-9
+        assert reference.min() >= -most * 1.01 - 1e-9
+        assert reference[-1] == pytest.approx(0.3, abs=1e-9)
+
+
 def test_speeds_of_moves() -> None:
     """P2: the configured speed, else 10 deg/s; set_ref_speed; the speed that comes along."""
     ten = math.radians(10.0)
