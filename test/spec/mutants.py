@@ -66,7 +66,6 @@ FILES = [
     "test_conformance_motion",
     "test_conformance_faults",
 ]
-LOADED = "pytest.PytestAssertRewriteWarning"  # of what a worker has loaded before its forks
 MARKS = "not ros and not physics and not slow"
 
 
@@ -415,8 +414,9 @@ def attempt(mutant: Mutant | None) -> int:
         sys.meta_path.insert(0, Breaker)  # type: ignore[arg-type]
     first = HINTS[mutant.group] if mutant is not None else []
     options = ["-x", "-q", "-p", "no:cacheprovider", "--timeout=30", f"--rootdir={ROOT}"]
-    options += ["-m", MARKS, "--no-header", "--tb=no", "-W", f"ignore::{LOADED}"]
-    for files in (first, [name for name in FILES if name not in first]):
+    options += ["-m", MARKS, "--no-header", "--tb=no", "--assert=plain"]
+    others = [name for name in FILES if name not in first]
+    for files in (*([name] for name in first), others):
         if files:
             code = int(pytest.main([*options, *(str(HERE / f"{name}.py") for name in files)]))
             if code:
