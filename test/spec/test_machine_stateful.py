@@ -88,8 +88,8 @@ def models(period: float) -> list[JointModel]:
 class BoardMachine(RuleBasedStateMachine):
     """Everything a user and the world can do to a board, in any order."""
 
-    @initialize()
-    def start(self) -> None:
+    @initialize(configured=st.sampled_from([True, True, True, False]))
+    def start(self, configured: bool) -> None:
         self.rig = Rig(config(), home=[0.0, 0.5, -0.5, 0.1])
         self.board = self.rig.board
         self.models = models(self.rig.period)
@@ -100,6 +100,9 @@ class BoardMachine(RuleBasedStateMachine):
         self.configuring = False
         self.cycle = 0
         self.snapshot = self.board.snapshot()
+        if configured:
+            self.configure()
+            self.tick(3)
 
     def measured(self, name: str) -> float:
         return float(self.board.get_encoder(name)[0])
@@ -122,15 +125,26 @@ class BoardMachine(RuleBasedStateMachine):
         ]
         self.compare(self.board.set_control_mode(joints, modes), expected)
 
-    @rule(joints=SOME, mode=REFUSED)
-    def set_what_cannot_be_set(self, joints: list[str], mode: str) -> None:
-        assert not self.board.set_control_mode(joints, mode)
+    @rule(joints=SOME, mode=MODES, kind=st.sampled_from(list(COMMANDS)), data=st.data())
+    def use(self, joints: list[str], mode: str, kind: str, data: st.DataObject) -> None:
+        """What users do most: choose a mode, send what it takes, and let time pass."""
+        self.set_control_mode(joints, "fidl")
+        self.set_control_mode(joints, mode)
+        takes = [one for one in COMMANDS if self.byname[joints[0]].takes(one)] or [kind]
+        for _ in range(data.draw(st.integers(1, 3))):
+            self.command(joints, data.draw(st.sampled_from(takes)), data)
+            self.tick(data.draw(st.sampled_from([1, 3, 20, 60])))
 
-    @rule(joints=WRONG_JOINTS, mode=MODES)
-    def name_wrong_joints(self, joints: list[Any], mode: str) -> None:
+    @rule(joints=SOME, mode=REFUSED, wrong=WRONG_JOINTS, kind=st.sampled_from(list(COMMANDS)))
+    def talk_nonsense(self, joints: list[str], mode: str, wrong: list[Any], kind: str) -> None:
         assert not self.board.set_control_mode(joints, mode)
-        assert not self.board.set_interaction_mode(joints, "comp")
-        assert not self.board.calibrate(joints)
+        assert not self.board.set_control_mode(wrong, "pos")
+        assert not self.board.set_interaction_mode(wrong, "comp")
+        assert not self.board.calibrate(wrong)
+        method = getattr(self.board, COMMANDS[kind][0])
+        assert not method(["left", "bare"], [0.1, 0.1, 0.1])
+        for name in ("left", "bare"):
+            self.byname[name].rejected += 1
 
     @rule(joints=SOME, mode=st.sampled_from(["stif", "comp"]))
     def set_interaction_mode(self, joints: list[str], mode: str) -> None:
@@ -152,13 +166,6 @@ class BoardMachine(RuleBasedStateMachine):
         method = getattr(self.board, COMMANDS[kind][0])
         more = () if extra is None else ([extra] * len(joints),)
         self.compare(method(joints, values, *more), expected)
-
-    @rule(kind=st.sampled_from(list(COMMANDS)))
-    def command_of_wrong_length(self, kind: str) -> None:
-        method = getattr(self.board, COMMANDS[kind][0])
-        assert not method(["left", "bare"], [0.1, 0.1, 0.1])
-        for name in ("left", "bare"):
-            self.byname[name].rejected += 1
 
     @rule(joints=SOME)
     def stop(self, joints: list[str]) -> None:

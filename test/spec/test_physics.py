@@ -22,7 +22,8 @@ MASS, LENGTH, GRAVITY, INERTIA = 2.0, 0.5, 9.81, 0.02
 PENDULUM = f"""<robot name="pendulum">
 <link name="base"/>
 <link name="rod"><inertial><origin xyz="0 0 {LENGTH}"/><mass value="{MASS}"/>
-<inertia ixx="{INERTIA}" iyy="{INERTIA}" izz="{INERTIA}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<inertia ixx="{INERTIA}" iyy="{INERTIA}" izz="{INERTIA}" ixy="0" ixz="0" iyz="0"/></inertial>
+</link>
 <joint name="left" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
 <limit lower="-2.2" upper="2.2" effort="60" velocity="3"/></joint>
 </robot>"""
