@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -101,10 +102,13 @@ class ClientBase:
 
     # Joints
 
-    def _find(self, timeout: float | None = None) -> Steps[Selector]:
-        """The board's joints, once it is found."""
+    def _find(
+        self, timeout: float | None = None, also: Callable[[], bool] = lambda: True
+    ) -> Steps[Selector]:
+        """The board's joints, once it is found and what else is asked holds."""
         patience = self._link.find_timeout if timeout is None else timeout
-        if not (yield from self._link.until(self._view.known, patience)):
+        found = yield from self._link.until(lambda: self._view.known() and also(), patience)
+        if not found:
             raise self._link.not_found(patience)
         selector = self._view.selector
         assert selector is not None

@@ -87,12 +87,13 @@ class ControlBoardClient(GoalOperations, ModeShortcuts):
         Raises:
             BoardNotFound: it did not appear.
         """
-        return (yield from self._find(timeout)).names
+        yield from self._find(timeout, self._link.is_there)  # what is known may be gone since
+        return self._view.names
 
     @property
     def names(self) -> tuple[str, ...]:
         """Joint names in the board's order."""
-        return self.wait_until_found()
+        return self._view.names or self.wait_until_found()
 
     @operation
     def get_state(self) -> Steps[State]:

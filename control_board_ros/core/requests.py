@@ -20,7 +20,6 @@ from .modes import (
     REQUESTABLE,
     STORES_INTERACTION,
     Event,
-    Law,
     Trigger,
     law_of,
     next_mode,
@@ -348,6 +347,3 @@ def _parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
             "send one mode per named joint, or one for all"
         )
     return parsed
-
-
-__all__ = ["Law", "Requests"]

@@ -297,6 +297,7 @@ class Turn:
     def __exit__(self, *_error: Any) -> None:
         loop = self._loop
         try:
-            loop.records.note_changes()
+            if loop.paused:  # else the next cycle tells, when the request has its answer
+                loop.records.note_changes()
         finally:
             loop._lock.release()

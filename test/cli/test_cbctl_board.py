@@ -312,7 +312,7 @@ def test_completion_of_joints(cbctl: Any, ask: Any) -> None:
 def test_other_boards(cbctl: Any, ask: Any) -> None:
     """The name and the namespace of the board; what there is instead is named."""
     assert cbctl("modes", "--board", "/control_board", "--namespace", "x").code == 0
-    done = cbctl("modes", "--namespace", "left", "--timeout", "3")
+    done = cbctl("modes", "--namespace", "left")
     assert done.code == 1
     assert "as /left/control_board; boards there are: /control_board" in done.err
 

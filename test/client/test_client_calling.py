@@ -176,7 +176,7 @@ def test_a_board_that_comes_back() -> None:
     with (
         free_domain() as domain,
         ros_node(domain, "long", spin=False) as node,
-        ControlBoardClient(node, "control_board", find_timeout=1.0) as client,
+        ControlBoardClient(node, "control_board") as client,
     ):
         for _ in range(2):
             with board_process(domain=domain):
