@@ -19,7 +19,6 @@ from .config import BoardConfig, ConfigError
 from .faults import FaultCode
 from .machine import BoardEvent
 from .measurement import Actuation, Measurement, Row
-from .modes import Law
 from .requests import Requests
 from .state import Snapshot
 from .vocabs import CommandKind
@@ -101,11 +100,11 @@ class Board(Requests, Commands, ModeShortcuts):
         self.watch.reconfigure(config)
         self.references.reconfigure(config)
         for j in range(self.count):
-            joint = self.state.everyone[j : j + 1]
+            joint = slice(j, j + 1)
             self.watch.arm(joint, on=self.is_configured(j), calibrated=self.state.calibrated)
             if self.faults[j].active and self.faults[j].code == FaultCode.OVERHEATING:
                 self.watch.cool_down(j, config.joints[j], faulted=True)
-            if j not in self._calibrators and self.controller.laws[j] is not Law.OFF:
+            if j not in self._calibrators and self.state.powered[j]:
                 self.references.bound(joint)
 
     def _read(self, measurement: Measurement) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from .config import BoardConfig, JointConfig, Pid
 from .measurement import Array, Row
 from .modes import GUARDED, Law
-from .state import Indices, State
+from .state import Joints, State
 
 POSITION_LOOP, TORQUE_LOOP = 0, 1
 
@@ -59,8 +59,8 @@ class PidLoops:
         limit = pid.integral_limit if pid.ki > 0.0 else 0.0
         return [pid.kp, 1.0, pid.kd, pid.ki * period, alpha, limit, -limit]
 
-    def reset(self, joints: Indices, integral: Array) -> None:
-        """Start loops at given integral parts, shape (loops, k) (M9: without a jump)."""
+    def reset(self, joints: Joints, integral: Array | float) -> None:
+        """Start loops at given integral parts, shape (loops, k) or one (M9: without a jump)."""
         bound = self._limit[:, joints]
         self.integral[:, joints] = np.minimum(np.maximum(integral, -bound), bound)
         self._derivative[:, joints] = 0.0
@@ -109,6 +109,7 @@ class Gain(IntEnum):
     OUTPUT = auto()  # 1 where the output asked for acts
     OFFSET = auto()  # what u_ff in percent is worth
     IN_AMPS = auto()  # 1 where the output is a current reference
+    GUARDED = auto()  # 1 where the protection at the limits watches
 
 
 class Controller:
@@ -145,8 +146,7 @@ class Controller:
         self._guard_upper = np.full((Row.VELOCITY + 1, n), np.inf)
         self._above = np.ones((Row.VELOCITY + 1, n), dtype=bool)
         self._below = np.ones((Row.VELOCITY + 1, n), dtype=bool)
-        self.laws = [Law.OFF] * n
-        self._direct = [False] * n
+        self._armed = [(Law.OFF, False)] * n  # law, and whether with the direct gains
         self.on_limit = [False] * n
         self.reconfigure(config)
 
@@ -175,8 +175,8 @@ class Controller:
             for law in Law
             for direct in (False, True)
         }
-        for j, law in enumerate(self.laws):
-            self.arm(np.array([j]), law, direct=self._direct[j])
+        for j, (law, direct) in enumerate(self._armed):
+            self.arm(slice(j, j + 1), law, direct=direct)
 
     def _column(self, joint: JointConfig, law: Law, direct: bool) -> list[float]:
         """What a law makes of a joint: its gains there, none of the other laws'."""
@@ -210,20 +210,23 @@ class Controller:
             Gain.OUTPUT: law is Law.OUTPUT,
             Gain.OFFSET: (0.01 * limits.peak_current if amps else 1.0) * on,
             Gain.IN_AMPS: amps,
+            Gain.GUARDED: law in GUARDED,
         }
         return [*(gain for pair in loops for gain in pair), *(float(rows[row]) for row in Gain)]
 
-    def arm(self, joints: Indices, law: Law, *, direct: bool) -> None:
-        """Give joints, shape (k,), their law."""
-        self._gains[:, joints] = self._tables[law, direct][:, joints]
-        self._state.powered[:] = self._gains[Gain.POWERED]
-        for j in joints.tolist():
-            self.laws[j], self._direct[j] = law, direct
-        self._tracked = self._gains[Gain.TRACKED] > 0.0
+    def arm(self, joints: Joints, law: Law, *, direct: bool) -> None:
+        """Give joints their law."""
+        gains = self._gains
+        gains[:, joints] = self._tables[law, direct][:, joints]
+        self._state.powered[:] = gains[Gain.POWERED]
+        for j in self._state.numbers(joints):
+            self._armed[j] = law, direct
+        self._tracked = gains[Gain.TRACKED] > 0.0
         self._torque_used = True in self._tracked.tolist()
-        self._bypassed = np.flatnonzero(self._in_amps == 0.0)
-        self._guard_used = any(one in GUARDED for one in self.laws)
-        self._torque_rate_used = bool(self.loops.kd[TORQUE_LOOP].any())
+        self._torque_rate_used = self._torque_used and bool(self.loops.kd[TORQUE_LOOP].any())
+        self._guard_used = 1.0 in gains[Gain.GUARDED].tolist()
+        if self._current_loop:
+            self._bypassed = np.flatnonzero(self._in_amps == 0.0)
         self.refresh()
 
     def refresh(self) -> None:
@@ -236,15 +239,16 @@ class Controller:
         np.multiply(self.output_offset, gains[Gain.OFFSET], self._feed)
         np.add(self._feed, self.output_command * gains[Gain.OUTPUT], self._feed)
         # Adding zeros also turns -0.0, which the bounds of an unpowered joint mix up, into 0.0.
-        self._feeding = bool(self._feed.any()) or Law.OFF in self.laws
+        self._feeding = bool(self._feed.any()) or 0.0 in gains[Gain.POWERED].tolist()
 
-    def reset(self, joints: Indices) -> None:
-        """Start the loops of joints, shape (k,), without a jump of their torque (M9)."""
+    def reset(self, joints: Joints) -> None:
+        """Start the loops of joints without a jump of their torque (M9)."""
         measured = self._state.torque[joints]
         self.loops.reset(joints, np.array([measured, np.zeros_like(measured)]))
-        self.current.reset(joints, np.zeros((1, len(joints))))
+        if self._current_loop:
+            self.current.reset(joints, 0.0)
         self._last_torque_error[joints] = 0.0
-        for j in joints.tolist():
+        for j in self._state.numbers(joints):
             self.on_limit[j] = False
         self._state.output[joints] *= self._gains[Gain.POWERED, joints]
 
@@ -334,8 +338,8 @@ class Controller:
             position = self._state.position
             lower, upper = self._guard_lower[Row.POSITION], self._guard_upper[Row.POSITION]
             depth = position - np.clip(position, lower, upper)
-            for j, law in enumerate(self.laws):
-                if law in GUARDED and self._state.calibrated[j]:
+            for j, guarded in enumerate(self._gains[Gain.GUARDED].tolist()):
+                if guarded and self._state.calibrated[j]:
                     self._guard_joint(j, output, float(depth[j]))
         elif True in self.on_limit:
             self.on_limit = [False] * self._state.n

@@ -32,7 +32,7 @@ from .modes import (
     next_mode,
 )
 from .references import References
-from .state import Indices, State
+from .state import Joints, State, span
 from .vocabs import CommandKind, ControlMode, InteractionMode
 from .watch import Cause, Watch
 
@@ -128,7 +128,7 @@ class Machine:
     def enter(self, joints: Sequence[int], mode: ControlMode) -> None:
         """Put joints into a mode: references and controllers start afresh (M9)."""
         state, controller = self.state, self.controller
-        chosen = np.array(joints)
+        chosen = span(joints)
         for j in joints:
             state.control_modes[j] = mode
         state.mode_index[chosen] = INDEX[mode]
@@ -144,7 +144,7 @@ class Machine:
                     if not self._offset_set[j]:  # the load it carries: no drop
                         controller.torque_offset[j] = state.torque[j]
             law = Law.POSITION if calibrating else law
-            self.set_law(np.array(some), law, direct=mode in DIRECT_GAINS)
+            self.set_law(span(some), law, direct=mode in DIRECT_GAINS)
         self.references.reset(chosen, bounded=not calibrating)
         on = mode is not ControlMode.NOT_CONFIGURED
         self.watch.arm(chosen, on=on, calibrated=state.calibrated)
@@ -154,8 +154,8 @@ class Machine:
                 self._drop_calibrator(j)
         self.modes_version += 1
 
-    def set_law(self, joints: Indices, law: Law, *, direct: bool = False) -> None:
-        """Let a law of control run joints, shape (k,), from their present torque on."""
+    def set_law(self, joints: Joints, law: Law, *, direct: bool = False) -> None:
+        """Let a law of control run joints from their present torque on."""
         self.controller.arm(joints, law, direct=direct)
         self.controller.reset(joints)
         self.watch.power(joints, self.state.powered)
@@ -314,7 +314,7 @@ class JointHand:
     __slots__ = ("_j", "_joint", "_machine")
 
     def __init__(self, machine: Machine, j: int) -> None:
-        self._machine, self._j, self._joint = machine, j, np.array([j])
+        self._machine, self._j, self._joint = machine, j, slice(j, j + 1)
 
     @property
     def reading(self) -> float:

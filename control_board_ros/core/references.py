@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .config import BoardConfig
 from .measurement import Array
-from .state import Indices, State
+from .state import Indices, Joints, State
 from .trajectory import Trajectories, durations, ramp
 from .vocabs import CommandKind
 
@@ -63,8 +63,8 @@ class References:
             cycles = np.array([getattr(t, name) for t in timeouts]) / self._period
             self._timeouts[kind] = np.where(cycles > 0.0, np.ceil(cycles - 1e-9), np.inf)
 
-    def reset(self, joints: Indices, *, bounded: bool) -> None:
-        """Hold joints, shape (k,), where they are measured to be, at rest (M9).
+    def reset(self, joints: Joints, *, bounded: bool) -> None:
+        """Hold joints where they are measured to be, at rest (M9).
 
         A joint found outside its software limits may stay there or move inwards, never
         further out (P9); one that is not calibrated knows no limits.
@@ -75,13 +75,13 @@ class References:
             self.bound(joints)
         self._next_deadline = float(self._deadline.min())
 
-    def bound(self, joints: Indices) -> None:
+    def bound(self, joints: Joints) -> None:
         """Bound position references by the limits, from where they stand (P9)."""
         reference = self._state.position_reference[joints]
         self.lower[joints] = np.minimum(self.limit_lower[joints], reference)
         self.upper[joints] = np.maximum(self.limit_upper[joints], reference)
 
-    def hold(self, joints: Indices, positions: Array) -> None:
+    def hold(self, joints: Joints, positions: Array) -> None:
         """Set the position reference at once, at rest (P3, P4); shapes (k,)."""
         self.trajectories.hold(joints, positions)
         self._deadline[joints] = np.inf
@@ -93,7 +93,7 @@ class References:
         self._state.position_reference[joints] = positions
         self._state.velocity_reference[joints] = 0.0
 
-    def move(self, joints: Indices, targets: Array, speeds: Array) -> None:
+    def move(self, joints: Joints, targets: Array, speeds: Array) -> None:
         """Start minimum-jerk moves from the present reference (P1, P6); shapes (k,)."""
         start = self._state.position_reference[joints]
         self.integral[joints] = 0.0

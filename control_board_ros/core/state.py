@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,17 @@ from .modes import INDEX
 from .vocabs import ControlMode, InteractionMode
 
 Indices = NDArray[np.intp]
+
+#: Some joints, to index arrays by: neighbours as a slice, which costs numpy a third.
+Joints = Indices | slice
+
+
+def span(joints: Sequence[int]) -> Joints:
+    """Joints as a slice where they are neighbours in ascending order, else their indices."""
+    first, count = joints[0], len(joints)
+    if list(joints) == list(range(first, first + count)):
+        return slice(first, first + count)
+    return np.array(joints)
 
 
 class Reference(IntEnum):
@@ -115,3 +128,7 @@ class State:
         self.control_modes = [ControlMode.NOT_CONFIGURED] * n
         self.interaction_modes = [InteractionMode.STIFF] * n
         self.mode_index = np.full(n, INDEX[ControlMode.NOT_CONFIGURED], dtype=np.intp)
+
+    def numbers(self, joints: Joints) -> list[int]:
+        """The indices of joints, for loops."""
+        return cast(list[int], self.everyone[joints].tolist())

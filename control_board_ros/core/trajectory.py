@@ -88,11 +88,11 @@ class Trajectories:
         self.done: NDArray[np.bool_] = np.ones(n, dtype=bool)
         self.moving = False
 
-    def hold(self, joints: NDArray[np.intp], position: Array) -> None:
+    def hold(self, joints: NDArray[np.intp] | slice, position: Array) -> None:
         """Stay at a position, at once; done.
 
         Args:
-            joints: indices, shape (k,).
+            joints: indices, shape (k,), or a slice of k.
             position: shape (k,), rad.
         """
         self._coefficients[..., joints] = 0.0
@@ -105,12 +105,17 @@ class Trajectories:
         self._changed()
 
     def move(
-        self, joints: NDArray[np.intp], start: Array, target: Array, time: Array, brake: Array
+        self,
+        joints: NDArray[np.intp] | slice,
+        start: Array,
+        target: Array,
+        time: Array,
+        brake: Array,
     ) -> None:
         """Start moves from the present reference velocity (P1).
 
         Args:
-            joints: indices, shape (k,).
+            joints: indices, shape (k,), or a slice of k.
             start: position of the reference now, shape (k,), rad.
             target: shape (k,), rad.
             time: duration, shape (k,), s; a duration 0 (no distance at rest) ends in one cycle.
@@ -134,7 +139,9 @@ class Trajectories:
         self._end[joints] = self._cycle + np.ceil(last - 1e-9)
         self._changed()
 
-    def _set(self, part: int, joints: NDArray[np.intp], position: Array, time: Array) -> None:
+    def _set(
+        self, part: int, joints: NDArray[np.intp] | slice, position: Array, time: Array
+    ) -> None:
         """The polynomial of a part, shape (6, k), and its derivative."""
         powers = np.arange(5.0, 0.0, -1.0)[:, None]
         self._coefficients[:, part, 0, joints] = position

@@ -17,7 +17,7 @@ import numpy as np
 from .config import BoardConfig, JointConfig
 from .faults import FaultCode
 from .measurement import ROWS, Array, Row
-from .state import Indices, State
+from .state import Joints, State
 
 #: Cycles from one look at the slow checks to the next.
 SLOW = 8
@@ -123,8 +123,8 @@ class Watch:
         self._middle[j] = 0.5 * (low + high) if math.isfinite(high - low) else 0.0
         slow[Check.OVERRUN] = 0.5 * (high - low) + limits.hard_margin
 
-    def arm(self, joints: Indices, *, on: bool, calibrated: list[bool]) -> None:
-        """Set the limits of joints, shape (k,), or none while they are not configured (N1).
+    def arm(self, joints: Joints, *, on: bool, calibrated: list[bool]) -> None:
+        """Set the limits of joints, or none while they are not configured (N1).
 
         The hard limits are known of those only that are calibrated (a flag per joint).
         """
@@ -136,15 +136,15 @@ class Watch:
         self._upper[:, joints] = self._tables[1][:, joints]
         self._jump[joints] = self._jump_table[joints]
         self._slow_limit[:, joints] = self._slow_table[:, joints]
-        for j in joints.tolist():
-            if not calibrated[j]:
+        for j, known in enumerate(calibrated):
+            if not known:
                 self._slow_limit[Check.OVERRUN, j] = np.inf
 
-    def power(self, joints: Indices, powered: Array) -> None:
+    def power(self, joints: Joints, powered: Array) -> None:
         """Say which bridges are on: only then does a motor tell its speed.
 
         Args:
-            joints: whose power may have changed, shape (k,).
+            joints: whose power may have changed.
             powered: of all joints, shape (n,).
         """
         self._live[:] = powered
