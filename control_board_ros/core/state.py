@@ -31,11 +31,13 @@ def span(joints: Sequence[int]) -> Joints:
 
 
 class Reference(IntEnum):
-    """Rows of the state block below the measured ones; CURRENT and OUTPUT are neighbours."""
+    """Rows of the state block below the measured ones; CURRENT and OUTPUT are neighbours,
+    and so are POSITION and VELOCITY.
+    """
 
     OUTPUT = ROWS
-    POSITION = ROWS + 1
-    TORQUE = ROWS + 2
+    TORQUE = ROWS + 1
+    POSITION = ROWS + 2
     VELOCITY = ROWS + 3
 
 
@@ -120,6 +122,7 @@ class State:
         self.position_reference: Array = self.block[Reference.POSITION]
         self.torque_reference: Array = self.block[Reference.TORQUE]
         self.velocity_reference: Array = self.block[Reference.VELOCITY]
+        self.motion: Array = self.block[Reference.POSITION : Reference.VELOCITY + 1]
         self.output: Array = self.block[Reference.OUTPUT]
         self.offset: Array = np.zeros(n)
         self.powered: Array = np.zeros(n)

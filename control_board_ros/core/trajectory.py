@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from .measurement import Array
 
+#: Indices of joints, shape (k,), or a slice of k.
+Joints = NDArray[np.intp] | slice
+
 #: The longest move, s: keeps a denormal speed from making an infinite duration.
 LONGEST = 1e6
 
 #: Peak over mean speed of a minimum-jerk move from rest to rest.
 PEAK = 1.875
-
-#: Cycles whose profiles are computed in one go.
-AHEAD = 32
 
 #: A move that starts with velocity v0 towards its target does not overshoot while
 #: T ≤ 2.5 Δ/v0 (the factor (1−s)² of its velocity stays positive).
@@ -60,13 +60,9 @@ def durations(
 
 
 class Trajectories:
-    """The moves of n joints: position and velocity of the reference, cycle by cycle.
+    """The moves of n joints.
 
-    The profiles of the next AHEAD cycles are computed in one go, since the number of numpy
-    calls is what a cycle costs; whatever starts or ends a move computes them anew.
-
-    Attributes: position, velocity (shape (n,), rad and rad/s, of the present cycle), done
-    (shape (n,), bool), moving (whether any joint is on its way).
+    Attributes: done (shape (n,), bool), moving (whether any joint is on its way).
     """
 
     def __init__(self, n: int, period: float) -> None:
@@ -79,53 +75,45 @@ class Trajectories:
         self._next_end = np.inf
         self._target = np.zeros(n)
         self._cycle = 0
-        self._parts = np.zeros((AHEAD, 2, 2, n))
-        self._profiles = np.zeros((AHEAD, 2, n))
-        self._row = AHEAD
-        self._value = np.zeros((2, n))
-        self.position: Array = self._value[0]
-        self.velocity: Array = self._value[1]
         self.done: NDArray[np.bool_] = np.ones(n, dtype=bool)
         self.moving = False
 
-    def hold(self, joints: NDArray[np.intp] | slice, position: Array) -> None:
+    def hold(self, joints: Joints, position: Array) -> None:
         """Stay at a position, at once; done.
 
         Args:
-            joints: indices, shape (k,), or a slice of k.
+            joints: k of them.
             position: shape (k,), rad.
         """
         self._coefficients[..., joints] = 0.0
         self._coefficients[5, 0, 0, joints] = position
-        self._target[joints] = position
         self._step[:, joints] = 0.0
-        self.position[joints] = position
-        self.velocity[joints] = 0.0
         self._end[joints] = np.inf
         self._changed()
 
     def move(
         self,
-        joints: NDArray[np.intp] | slice,
+        joints: Joints,
         start: Array,
+        velocity: Array,
         target: Array,
         time: Array,
         brake: Array,
     ) -> None:
-        """Start moves from the present reference velocity (P1).
+        """Start moves (P1).
 
         Args:
-            joints: indices, shape (k,), or a slice of k.
+            joints: k of them.
             start: position of the reference now, shape (k,), rad.
+            velocity: of the reference now, shape (k,), rad/s.
             target: shape (k,), rad.
             time: duration, shape (k,), s; a duration 0 (no distance at rest) ends in one cycle.
             brake: time in which the velocity is braked, 0 where it goes on, shape (k,), s.
         """
         time = np.maximum(time, self._period)
         braking = brake > 0.0
-        now = self.velocity[joints]
-        run = np.where(braking, 0.0, now) * time  # v0 T
-        stop = now * brake  # v0 T_b, of which half is the way until standstill
+        run = np.where(braking, 0.0, velocity) * time  # v0 T
+        stop = velocity * brake  # v0 T_b, of which half is the way until standstill
         reach = target - start - 0.5 * stop
         none = 0.0 * run
         move = [6 * reach - 3 * run, 8 * run - 15 * reach, 10 * reach - 6 * run, none, run, start]
@@ -133,15 +121,12 @@ class Trajectories:
         stopping = [none, 0.5 * stop, -stop, none, stop, none]
         self._set(1, joints, np.array(stopping), np.where(braking, brake, np.inf))
         self._target[joints] = target
-        self.position[joints] = start
         self._start[joints] = self._cycle
         last = np.maximum(time, brake) / self._period
         self._end[joints] = self._cycle + np.ceil(last - 1e-9)
         self._changed()
 
-    def _set(
-        self, part: int, joints: NDArray[np.intp] | slice, position: Array, time: Array
-    ) -> None:
+    def _set(self, part: int, joints: Joints, position: Array, time: Array) -> None:
         """The polynomial of a part, shape (6, k), and its derivative."""
         powers = np.arange(5.0, 0.0, -1.0)[:, None]
         self._coefficients[:, part, 0, joints] = position
@@ -149,7 +134,7 @@ class Trajectories:
         self._coefficients[1:, part, 1, joints] = position[:5] * powers / time
         self._step[part, joints] = self._period / time
 
-    def remaining(self, joints: NDArray[np.intp]) -> Array:
+    def remaining(self, joints: Joints) -> Array:
         """Time until the moves end, shape (k,), s; 0 where there is none."""
         left = (self._end[joints] - self._cycle) * self._period
         result: Array = np.where(self.done[joints], 0.0, left)
@@ -161,47 +146,47 @@ class Trajectories:
         if self._cycle >= self._next_end:
             ended = np.flatnonzero(self._end <= self._cycle)
             self.hold(ended, self._target[ended])
-        if self._row >= AHEAD:
-            self._compute()
-        self._value = self._profiles[self._row]
-        self.position, self.velocity = self._value
-        self._row += 1
 
     def _changed(self) -> None:
         self._next_end = float(self._end.min())
         self.moving = self._next_end < np.inf
         np.isinf(self._end, out=self.done)
-        self._row = AHEAD
-        self._value = self._value.copy()  # out of the profiles, which are computed anew
-        self.position, self.velocity = self._value
 
-    def _compute(self) -> None:
-        """Evaluate the polynomials of this and the next cycles, by Horner's rule."""
-        elapsed = np.arange(self._cycle, self._cycle + AHEAD)[:, None] - self._start
-        s = np.minimum(elapsed[:, None, :] * self._step, 1.0)[:, :, None, :]
-        parts, coefficients = self._parts, self._coefficients
-        np.multiply(coefficients[0], s, out=parts)
+    def profiles(self, out: Array) -> None:
+        """Where the moves lead in the next cycles.
+
+        Args:
+            out: position and velocity of each cycle, shape (cycles, 2, n), rad and rad/s.
+        """
+        cycles = np.arange(self._cycle + 1, self._cycle + 1 + len(out))[:, None]
+        s = (cycles - self._start)[:, None, :] * self._step
+        s = np.minimum(s, 1.0)[:, :, None, :]
+        coefficients = self._coefficients
+        parts = coefficients[0] * s  # Horner's rule
         for k in range(1, 5):
             np.add(parts, coefficients[k], out=parts)
             np.multiply(parts, s, out=parts)
         np.add(parts, coefficients[5], out=parts)
-        np.add(parts[:, 0], parts[:, 1], out=self._profiles)
-        self._row = 0
+        np.add(parts[:, 0], parts[:, 1], out=out)
+        over = cycles >= self._end
+        np.copyto(out[:, 0], self._target, where=over)
+        np.copyto(out[:, 1], 0.0, where=over)
 
 
-def ramp(velocity: Array, target: Array, up: Array, down: Array, scratch: Array) -> None:
-    """Move velocities towards their targets by at most a step, in place (P5).
+def ramps(velocity: Array, target: Array, step: Array, cycles: int) -> Array:
+    """Velocities on their way to their targets in the next cycles, by at most a step each (P5).
 
-    v += clip(target − v, down, up)
+    v(k) = clip(target, v − k·step, v + k·step)
 
     Args:
-        velocity: v, shape (n,), rad/s, changed.
+        velocity: v, shape (n,), rad/s.
         target: shape (n,), rad/s.
-        up: largest step, acceleration times the control period, shape (n,), rad/s.
-        down: its negative, shape (n,).
-        scratch: shape (n,), overwritten.
+        step: acceleration times the control period, shape (n,), rad/s.
+        cycles: how many.
+
+    Returns:
+        Shape (cycles, n), rad/s.
     """
-    np.subtract(target, velocity, scratch)
-    np.minimum(scratch, up, out=scratch)
-    np.maximum(scratch, down, out=scratch)
-    np.add(velocity, scratch, velocity)
+    reach = np.arange(1, cycles + 1)[:, None] * step
+    result: Array = np.minimum(np.maximum(target, velocity - reach), velocity + reach)
+    return result

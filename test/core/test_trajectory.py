@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from control_board_ros.core.trajectory import PEAK, Trajectories, durations, ramp
+from control_board_ros.core.trajectory import PEAK, Trajectories, durations, ramps
 
 PERIOD = 0.01
 ALL = np.array([0])
@@ -27,25 +27,39 @@ def duration(distance: float, speed: float, velocity: float = 0.0) -> float:
     return both(distance, speed, velocity)[0]
 
 
-def follow(moves: Trajectories, cycles: int) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities of some cycles, shape (cycles, n) each."""
-    positions, velocities = [], []
-    for _ in range(cycles):
-        moves.advance()
-        positions.append(moves.position.copy())
-        velocities.append(moves.velocity.copy())
-    return np.array(positions), np.array(velocities)
+class Follower(Trajectories):
+    """Trajectories, and where they are now."""
+
+    def __init__(self, start: np.ndarray) -> None:
+        super().__init__(len(start), PERIOD)
+        self.position, self.velocity = start, np.zeros(len(start))
+        self.hold(np.arange(len(start)), start)
+
+    def go(self, target: np.ndarray, time: np.ndarray, brake: np.ndarray) -> None:
+        """Start moves from where the references are."""
+        everyone = np.arange(len(target))
+        self.move(everyone, self.position, self.velocity, target, time, brake)
+
+    def follow(self, cycles: int) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities of some cycles, shape (cycles, n) each."""
+        profile = np.zeros((cycles, 2, len(self.position)))
+        self.profiles(profile)
+        for now in profile:
+            self.advance()
+            self.position, self.velocity = now
+        return profile[:, 0], profile[:, 1]
 
 
-def go(moves: Trajectories, target: float, time: float, brake: float = 0.0) -> None:
-    """Start a move from where the reference is."""
-    arrays = (np.array([x]) for x in (target, time, brake))
-    moves.move(ALL, moves.position.copy(), *arrays)
+def follow(moves: Follower, cycles: int) -> tuple[np.ndarray, np.ndarray]:
+    return moves.follow(cycles)
 
 
-def started(start: float, target: float, time: float) -> Trajectories:
-    moves = Trajectories(1, PERIOD)
-    moves.hold(ALL, np.array([start]))
+def go(moves: Follower, target: float, time: float, brake: float = 0.0) -> None:
+    moves.go(*(np.array([x]) for x in (target, time, brake)))
+
+
+def started(start: float, target: float, time: float) -> Follower:
+    moves = Follower(np.array([start]))
     go(moves, target, time)
     return moves
 
@@ -151,37 +165,40 @@ def test_joints_move_on_their_own() -> None:
     """Joints given together move as each alone, in any order of the joints."""
     start, target = np.array([0.0, 1.0, -1.0]), np.array([1.0, 0.9, 2.0])
     time = np.array([0.1, 0.02, 0.3])
-    together = Trajectories(3, PERIOD)
-    together.hold(np.arange(3), start)
-    together.move(np.arange(3), start, target, time, np.zeros(3))
+    together = Follower(start)
+    together.go(target, time, np.zeros(3))
     order = np.array([2, 0, 1])
-    mixed = Trajectories(3, PERIOD)
-    mixed.hold(np.arange(3), start[order])
-    mixed.move(np.arange(3), start[order], target[order], time[order], np.zeros(3))
+    mixed = Follower(start[order])
+    mixed.go(target[order], time[order], np.zeros(3))
+    alone = started(1.0, 0.9, 0.02)
     for _ in range(200):
-        together.advance()
-        mixed.advance()
+        for moves in (together, mixed, alone):
+            moves.follow(1)
         assert np.array_equal(together.position[order], mixed.position)
         assert np.array_equal(together.velocity[order], mixed.velocity)
         assert np.array_equal(together.done[order], mixed.done)
-    alone = started(1.0, 0.9, 0.02)
-    again = Trajectories(3, PERIOD)
-    again.hold(np.arange(3), start)
-    again.move(np.arange(3), start, target, time, np.zeros(3))
-    for _ in range(20):
-        alone.advance()
-        again.advance()
-        assert alone.position[0] == again.position[1]
+        assert alone.position[0] == together.position[1]
+
+
+def test_looking_ahead_is_what_will_be() -> None:
+    """The profiles of many cycles are those of each cycle by itself, past the ends of moves."""
+    start, target = np.array([0.0, 1.0]), np.array([1.0, 0.9])
+    moves = Follower(start)
+    moves.go(target, np.array([0.3, 0.055]), np.zeros(2))
+    ahead = np.zeros((40, 2, 2))
+    moves.profiles(ahead)
+    for k in range(40):
+        moves.follow(1)
+        assert np.array_equal(ahead[k, 0], moves.position)
+        assert np.array_equal(ahead[k, 1], moves.velocity)
+    assert moves.position.tolist() == target.tolist()
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3), st.floats(0.001, 1))
 def test_ramp_arrives_and_never_passes(velocity: float, target: float, step: float) -> None:
     """P5: v moves towards its target by at most a step per cycle and stays there."""
-    now, scratch = np.array([velocity]), np.empty(1)
-    up, down, aim = np.array([step]), np.array([-step]), np.array([target])
-    for _ in range(int(abs(target - velocity) / step) + 2):
-        before = float(now[0])
-        ramp(now, aim, up, down, scratch)
-        assert abs(now[0] - before) <= step * (1 + 1e-12)
-        assert min(before, target) - 1e-12 <= now[0] <= max(before, target) + 1e-12
-    assert now[0] == pytest.approx(target, abs=1e-12)
+    cycles = int(abs(target - velocity) / step) + 2
+    way = ramps(np.array([velocity]), np.array([target]), np.array([step]), cycles)[:, 0]
+    assert np.all(np.abs(np.diff(way, prepend=velocity)) <= step * (1 + 1e-9) + 1e-12)
+    assert np.all((way >= min(velocity, target)) & (way <= max(velocity, target)))
+    assert way[-1] == target
