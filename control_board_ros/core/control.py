@@ -23,6 +23,9 @@ POSITION_LOOP, TORQUE_LOOP = 0, 1
 #: Where the protection at a software limit begins, rad inside it (P9).
 GUARD_ZONE = math.radians(1.0)
 
+#: Speeds over which it takes the torque away, as a part of the speed limit.
+GUARD_SPEEDS = 0.2
+
 
 class PidLoops:
     """PIDs with a clamped integral and a filtered derivative, for arrays of loops.
@@ -160,14 +163,17 @@ class Controller:
         self._emf = np.array([motor.back_emf for motor in motors])
         self._percent_per_speed = self._percent_per_volt * self._emf
         limits = [joint.limits for joint in config.joints]
+        self._lower = np.array([limit.lower for limit in limits])
+        self._upper = np.array([limit.upper for limit in limits])
         self.max_torque = np.array([limit.torque for limit in limits])
         self._min_torque = -self.max_torque
         self.max_percent = np.array([limit.output for limit in limits])
-        velocity = [limit.velocity for limit in limits]
-        self._guard_lower[Row.POSITION] = [limit.lower + GUARD_ZONE for limit in limits]
-        self._guard_upper[Row.POSITION] = [limit.upper - GUARD_ZONE for limit in limits]
-        self._guard_upper[Row.VELOCITY] = velocity
-        self._guard_lower[Row.VELOCITY] = np.negative(velocity)
+        velocity = np.array([limit.velocity for limit in limits])
+        braking = velocity**2 / np.array([2.0 * limit.acceleration for limit in limits])
+        self._guard_lower[Row.POSITION] = self._lower + GUARD_ZONE + braking
+        self._guard_upper[Row.POSITION] = self._upper - GUARD_ZONE - braking
+        self._guard_upper[Row.VELOCITY] = (1.0 - GUARD_SPEEDS) * velocity
+        self._guard_lower[Row.VELOCITY] = (GUARD_SPEEDS - 1.0) * velocity
         for j, joint in enumerate(config.joints):
             self._current_gains[:, 0, j] = PidLoops.column(joint.current_pid, config.period)
         self._tables = {
@@ -325,45 +331,42 @@ class Controller:
             self.current.integral[0, self._bypassed] = 0.0
 
     def _guard(self, output: Array) -> None:
-        """The protection at the limits, where no position loop keeps them (P9), in place.
-
-        Towards a software limit the torque that may drive the joint further out falls to zero
-        over GUARD_ZONE; beyond it a virtual spring and damper pushes the joint back. Beyond the
-        speed limit the output may not drive it faster.
-        """
+        """The protection at the limits, where no position loop keeps them (P9), in place."""
         watched = self._state.block[: Row.VELOCITY + 1]
         np.greater_equal(watched, self._guard_lower, self._above)
         np.less_equal(watched, self._guard_upper, self._below)
         if b"\0" in self._above.tobytes() or b"\0" in self._below.tobytes():
-            position = self._state.position
-            lower, upper = self._guard_lower[Row.POSITION], self._guard_upper[Row.POSITION]
-            depth = position - np.clip(position, lower, upper)
             for j, guarded in enumerate(self._gains[Gain.GUARDED].tolist()):
                 if guarded and self._state.calibrated[j]:
-                    self._guard_joint(j, output, float(depth[j]))
+                    output[j] = self._guarded(j, float(output[j]))
         elif True in self.on_limit:
             self.on_limit = [False] * self._state.n
 
-    def _guard_joint(self, j: int, output: Array, depth: float) -> None:
-        """One joint, ``depth`` rad past where the guard begins, positive above."""
+    def _guarded(self, j: int, output: float) -> float:
+        """What a joint may get of an output.
+
+        A joint may go towards a software limit as fast as it can still brake, and nowhere faster
+        than its speed limit: around that speed the torque that may drive it falls to zero, and
+        goes on to a full one against it, over GUARD_SPEEDS. It also falls to zero over
+        GUARD_ZONE; beyond the limit a spring and damper pushes the joint back.
+        """
         state, joint = self._state, self._joints[j]
         limits, bound = joint.limits, float(self._max_output[j])
-        velocity, per_torque = float(state.velocity[j]), float(self._per_torque[j])
+        position, velocity = float(state.position[j]), float(state.velocity[j])
         coasting = 0.0 if self._in_amps[j] else float(self._percent_per_speed[j]) * velocity
-        wanted = float(output[j])
-        if depth != 0.0:
-            way = math.copysign(1.0, depth)
-            past = abs(depth) - GUARD_ZONE
-            allowed = (
-                -joint.guard_stiffness * past if past > 0 else limits.torque * -past / GUARD_ZONE
-            )
-            allowed -= joint.guard_damping * max(0.0, velocity * way)
-            allowed = max(allowed, -limits.torque)
-            wanted = way * min(wanted * way, allowed * per_torque + coasting * way)
-            self.on_limit[j] = past > 0.0 or self.on_limit[j]
-        else:
-            self.on_limit[j] = False
-        if abs(velocity) > limits.velocity:
-            way = math.copysign(1.0, velocity)
-            wanted = way * min(wanted * way, coasting * way)
-        output[j] = max(-bound, min(bound, wanted))
+        beyond = False
+        for way, room in ((1.0, limits.upper - position), (-1.0, position - limits.lower)):
+            speed, top = velocity * way, limits.velocity
+            top = min(top, math.sqrt(2.0 * limits.acceleration * max(room, 0.0)))
+            allowed = limits.torque * (top - speed) / (GUARD_SPEEDS * limits.velocity)
+            if room < 0.0:
+                beyond, push = True, joint.guard_stiffness * room
+                allowed = min(allowed, push - joint.guard_damping * max(speed, 0.0))
+            elif room < GUARD_ZONE:
+                allowed = min(allowed, limits.torque * room / GUARD_ZONE)
+            if allowed < limits.torque:
+                allowed = max(allowed, -limits.torque) * float(self._per_torque[j])
+                output = way * min(output * way, allowed + coasting * way)
+        on_edge = min(limits.upper - position, position - limits.lower) < GUARD_ZONE
+        self.on_limit[j] = beyond or (on_edge and self.on_limit[j])
+        return max(-bound, min(bound, output))

@@ -85,6 +85,29 @@ def test_commands_cannot_drive_a_joint_out(mode, send, value):
         assert board.get_control_mode(J1)[0].code == mode
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("joint", "mode"), [(J2, "torq"), (J2, "open"), (J4, "torq")])
+def test_full_power_stops_at_the_limit(joint, mode, way):
+    """P9 (promise P7): all the torque there is, with gravity, from far away into the limit."""
+    with iiwa() as simulation:
+        board, j = simulation.board, simulation.board.names.index(joint)
+        enter(simulation, mode, joint)
+        limits = board.config.joints[j].limits
+        fastest = 0.0
+        for _ in range(3000):
+            if mode == "torq":
+                board.set_ref_torque(joint, way * limits.torque)
+            else:
+                board.set_output(joint, way * 100.0)
+            simulation.step()
+            state = board.snapshot()
+            assert limits.lower - DEGREE < state.position[j] < limits.upper + DEGREE
+            fastest = max(fastest, abs(float(state.velocity[j])))
+        assert 0.8 * limits.velocity < fastest < 1.1 * limits.velocity
+        assert min(state.position[j] - limits.lower, limits.upper - state.position[j]) < DEGREE
+        assert board.get_control_mode(joint)[0].code == mode
+
+
 def test_a_push_through_the_hard_margin_is_a_fault():
     """F1, F2: beyond the hard stop by more than the margin the joint loses its power."""
     narrow = {
