@@ -28,26 +28,26 @@ GUARD_SPEEDS = 0.2
 
 
 class PidLoops:
-    """PIDs with a clamped integral and a filtered derivative, for arrays of loops.
+    """PIDs with feed-forward, a clamped integral and a filtered derivative, for arrays of loops.
 
-    out = kp·e + I + kd·d;  I += ki·e·dt, clamped;  d += α(rate − d)
+    out = kff·r + kp·e + I + kd·d;  I += ki·e·dt, clamped;  d += α(rate − d)
 
-    All arrays have shape (loops, n); ``gains``, shape (8, loops, n), holds kp, 1, kd, ki·dt, α
-    and the bounds of I, so that the law is one product and one sum. Attributes: error and rate
-    (inputs), integral.
+    All arrays have shape (loops, n); ``gains``, shape (8, loops, n), holds kp, 1, kd, kff, ki·dt,
+    α and the bounds of I, so that the law is one product and one sum. Attributes: reference (r),
+    error (e) and rate (inputs), integral.
     """
 
-    GAINS = 7
+    GAINS = 8
 
     def __init__(self, gains: Array) -> None:
         _, loops, n = gains.shape
-        self._gains = gains[:3]
-        self.kd, self.ki_dt, self._alpha, self._limit, self._negative_limit = gains[2:]
-        self._terms = np.zeros((3, loops, n))
-        self._products = np.zeros((3, loops, n))
-        self._rows = self._products.reshape(3 * loops, n)
-        self._ones = np.ones(3 * loops)  # a product with ones is the cheapest sum of rows
-        self.error, self._integral_term, self._derivative = self._terms
+        self._gains = gains[:4]
+        self.kd, self.kff, self.ki_dt, self._alpha, self._limit, self._negative_limit = gains[2:]
+        self._terms = np.zeros((4, loops, n))
+        self._products = np.zeros((4, loops, n))
+        self._rows = self._products.reshape(4 * loops, n)
+        self._ones = np.ones(4 * loops)  # a product with ones is the cheapest sum of rows
+        self.error, self._integral_term, self._derivative, self.reference = self._terms
         shape = (loops, n)
         self.rate = np.zeros(shape)
         self.integral, self._previous = np.zeros(shape), np.zeros(shape)
@@ -57,10 +57,10 @@ class PidLoops:
     def column(pid: Pid | None, period: float) -> list[float]:
         """The gains of one loop, GAINS numbers; all zero but the unity of I for none."""
         if pid is None:
-            return [0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0]
+            return [0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0]
         alpha = 1.0 - math.exp(-2.0 * math.pi * pid.derivative_cutoff * period)
         limit = pid.integral_limit if pid.ki > 0.0 else 0.0
-        return [pid.kp, 1.0, pid.kd, pid.ki * period, alpha, limit, -limit]
+        return [pid.kp, 1.0, pid.kd, pid.kff, pid.ki * period, alpha, limit, -limit]
 
     def reset(self, joints: Joints, integral: Array | float) -> None:
         """Start loops at given integral parts, shape (loops, k) or one (M9: without a jump)."""
@@ -98,8 +98,7 @@ class PidLoops:
 class Gain(IntEnum):
     """Rows of what a law makes of a joint, below the gains of the position and torque loops."""
 
-    KFF = 2 * PidLoops.GAINS
-    PER_TORQUE = auto()  # output per N·m
+    PER_TORQUE = 2 * PidLoops.GAINS  # output per N·m
     COMPENSATION = auto()  # output per rad/s, against the back-EMF
     POWERED = auto()
     MAX_OUTPUT = auto()
@@ -131,16 +130,19 @@ class Controller:
         self.current = PidLoops(self._current_gains)
         self._position_error, self._torque_error = self.loops.error
         self._position_rate, self._torque_rate = self.loops.rate
+        self._position_wanted, self._torque_wanted = self.loops.reference
         self._last_torque_error = np.zeros(n)
         self._wanted, self._given = np.zeros(n), np.zeros(n)
         self._a, self._b, self._c = np.zeros(n), np.zeros(n), np.zeros(n)
         self.stiffness, self.damping = np.zeros(n), np.zeros(n)  # as set by the user (I6)
-        self._stiffness, self._damping = np.zeros(n), np.zeros(n)  # where they act
+        self._stiffness, self._negative_damping = np.zeros(n), np.zeros(n)  # where they act
         self.torque_command, self.torque_offset = np.zeros(n), np.zeros(n)
         self.output_command, self.output_offset = np.zeros(n), np.zeros(n)
-        self._torque_base, self._feed = np.zeros(n), np.zeros(n)
+        self._impedance = np.zeros((3, n))  # torque of the spring, the damper, and the rest
+        self._spring, self._damper, self._torque_base = self._impedance
+        self._feed, self._ones = np.zeros(n), np.ones(3)
         gains = self._gains
-        self._kff, self._per_torque = gains[Gain.KFF], gains[Gain.PER_TORQUE]
+        self._per_torque = gains[Gain.PER_TORQUE]
         self._compensation = gains[Gain.COMPENSATION]
         self._max_output, self._min_output = gains[Gain.MAX_OUTPUT], gains[Gain.MIN_OUTPUT]
         self._max_pwm, self._min_pwm = gains[Gain.MAX_PWM], gains[Gain.MIN_PWM]
@@ -202,7 +204,6 @@ class Controller:
         # A current reference stays below what would be an overcurrent.
         bound = 0.95 * limits.peak_current if amps else limits.output
         rows = {
-            Gain.KFF: joint.torque_pid.kff * torque,
             Gain.PER_TORQUE: per_ampere / motor.torque_per_ampere,
             Gain.COMPENSATION: emf * (stiff or torque),
             Gain.POWERED: on,
@@ -230,6 +231,7 @@ class Controller:
         self._tracked = gains[Gain.TRACKED] > 0.0
         self._torque_used = True in self._tracked.tolist()
         self._torque_rate_used = self._torque_used and bool(self.loops.kd[TORQUE_LOOP].any())
+        self._position_fed = bool(self.loops.kff[POSITION_LOOP].any())
         self._guard_used = 1.0 in gains[Gain.GUARDED].tolist()
         if self._current_loop:
             self._bypassed = np.flatnonzero(self._in_amps == 0.0)
@@ -239,7 +241,7 @@ class Controller:
         """Let the impedances, torques and outputs that users set act where they do."""
         gains = self._gains
         np.multiply(self.stiffness, gains[Gain.COMPLIANT], self._stiffness)
-        np.multiply(self.damping, gains[Gain.COMPLIANT], self._damping)
+        np.multiply(self.damping, -gains[Gain.COMPLIANT], self._negative_damping)
         np.multiply(self.torque_offset, gains[Gain.COMPLIANT], self._torque_base)
         np.add(self._torque_base, self.torque_command * gains[Gain.TORQUE], self._torque_base)
         np.multiply(self.output_offset, gains[Gain.OFFSET], self._feed)
@@ -249,8 +251,10 @@ class Controller:
 
     def reset(self, joints: Joints) -> None:
         """Start the loops of joints without a jump of their torque (M9)."""
-        measured = self._state.torque[joints]
-        self.loops.reset(joints, np.array([measured, np.zeros_like(measured)]))
+        state = self._state
+        measured = state.torque[joints]
+        fed = self.loops.kff[:, joints] * np.array([state.position[joints], measured])
+        self.loops.reset(joints, measured - fed)
         if self._current_loop:
             self.current.reset(joints, 0.0)
         self._last_torque_error[joints] = 0.0
@@ -265,10 +269,9 @@ class Controller:
         np.subtract(state.velocity_reference, state.velocity, self._position_rate)
         if self._torque_used:
             self._torque_reference()
+        if self._position_fed:
+            self._position_wanted[:] = state.position_reference
         self.loops.step(wanted)
-        if self._torque_used:
-            np.multiply(state.torque_reference, self._kff, a)
-            np.add(wanted, a, wanted)
         np.minimum(wanted, self.max_torque, out=given)
         np.maximum(given, self._min_torque, out=given)
         if wanted.tobytes() != given.tobytes():
@@ -295,15 +298,14 @@ class Controller:
         tau = tau_ff + k·(q_ref − q) − d·q̇, bounded by the joint's torque; where the law is
         TORQUE, k and d are zero and tau_ff is the torque asked for.
         """
-        state, a, tau = self._state, self._a, self._b
-        np.multiply(self._stiffness, self._position_error, tau)
-        np.multiply(self._damping, state.velocity, a)
-        np.subtract(tau, a, tau)
-        np.add(tau, self._torque_base, tau)
+        state, tau = self._state, self._torque_wanted
+        np.multiply(self._stiffness, self._position_error, self._spring)
+        np.multiply(self._negative_damping, state.velocity, self._damper)
+        np.dot(self._ones, self._impedance, tau)
         np.minimum(tau, self.max_torque, out=tau)
         np.maximum(tau, self._min_torque, out=tau)
         np.copyto(state.torque_reference, tau, where=self._tracked)
-        np.subtract(state.torque_reference, state.torque, self._torque_error)
+        np.subtract(tau, state.torque, self._torque_error)
         if self._torque_rate_used:
             np.subtract(self._torque_error, self._last_torque_error, self._torque_rate)
             np.divide(self._torque_rate, self._period, self._torque_rate)
@@ -312,10 +314,11 @@ class Controller:
     def _track_current(self, reference: Array) -> None:
         """The inner loop of a board with current output (P10).
 
-        v = R·i_ref + Ke·q̇ + PI(i_ref − i), as PWM in percent.
+        v = R·i_ref + Ke·q̇ + PI(i_ref, i), as PWM in percent.
         """
         state, b, c = self._state, self._b, self._c
         np.subtract(reference, state.current, self.current.error[0])
+        self.current.reference[0] = reference
         self.current.step(b)
         np.multiply(self._ohms, reference, c)
         np.add(b, c, b)

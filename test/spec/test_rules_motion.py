@@ -279,6 +279,32 @@ def test_torque_is_reached_without_feedforward() -> None:
     assert shown.torque[0] == pytest.approx(5.0, abs=0.1)
 
 
+def test_feedforward_of_the_references() -> None:
+    """P7, P10, M9: kff acts in every loop, and nothing jumps when the loop takes over."""
+    slow = {"integral_limit": 50.0, "ki": 1e-9}
+    rig = held(joint("left", position_pid=Pid(kp=100.0, kff=20.0, **slow)))
+    rig.plant.values[Row.POSITION], rig.plant.values[Row.TORQUE] = 0.1, 4.0
+    rig.tick(3)
+    rig.enter("posd")
+    assert rig.tick().output[0] == pytest.approx(4.0 * PER_TORQUE, rel=1e-6)
+    assert rig.board.set_position("left", 0.15)
+    assert rig.tick().output[0] == pytest.approx((4.0 + 120.0 * 0.05) * PER_TORQUE, rel=1e-6)
+    for kff in (0.0, 0.5, 1.0):
+        rig = held(joint("left", torque_pid=Pid(kp=2.0, kff=kff, **slow)))
+        rig.plant.values[Row.TORQUE] = 4.0
+        rig.tick(3)
+        rig.enter("torq")
+        assert rig.tick().output[0] == pytest.approx(4.0 * PER_TORQUE, rel=1e-6)
+        assert rig.board.set_ref_torque("left", 5.0)
+        assert rig.tick().output[0] == pytest.approx((6.0 + kff) * PER_TORQUE, rel=1e-6)
+    changes = {"position_pid": ONLY_P, "current_pid": Pid(kp=0.0, kff=2.0)}
+    rig = held(joint("left", **changes), output="current")
+    rig.enter("posd")
+    assert rig.board.set_position("left", 0.05)  # 5 N·m: 1 A
+    volts = 1.0 * MOTOR.resistance + 2.0 * 1.0
+    assert rig.tick().output[0] == pytest.approx(volts / 48.0 * 100.0)
+
+
 def test_torque_rate_term() -> None:
     """P7: kd acts on the rate of the torque error, once."""
     pid = Pid(kp=0.0, kd=0.01, derivative_cutoff=1e6)
