@@ -173,7 +173,7 @@ LINES: list[tuple[str, str, str]] = [
         "        self._rolled[0, joints] = 0.0\n        self._active",
         "        self._active",
     ),
-    ("references", "        rolls[:, 0] += self._rolled[0]\n", ""),
+    ("references", "            rolls[:, 0] += self._rolled[0]\n", ""),
     ("references", "            self._moved[:] = self._moves[self._row - 1]\n", ""),
     ("references", "            self._rolled[:] = self._rolls[self._row - 1]\n", ""),
     ("references", "np.clip(wanted, self.lower, self.upper", "np.clip(wanted, -9.0, self.upper"),

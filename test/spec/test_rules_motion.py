@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -504,9 +505,10 @@ def test_a_limit_ends_what_pushes_against_it() -> None:
     """P9, P5: held back by a limit, the velocity is zero; away from it the joint goes at once."""
     rig = moving("vel")
     rig.board.velocity_move("left", 3.0, 20.0)
-    shown = rig.run(3.0)
-    assert shown.position_reference[0] == 2.0
-    assert shown.velocity_reference[0] == 0.0
+    shots = rig.record(1.5)
+    reference, velocity = (column(shots, f"{what}_reference") for what in ("position", "velocity"))
+    assert reference[-1] == 2.0
+    assert np.all(velocity[reference == 2.0] == 0.0)
     rig.board.velocity_move("left", -1.0, 20.0)
     shown = rig.run(0.1)
     assert shown.position_reference[0] < 1.97
@@ -549,6 +551,64 @@ def test_protection_at_the_limits(
     assert way * rig.tick(3).output[0] < before
 
 
+#: Room to the limit, speed towards it, and the torque that may drive: full, or what is less.
+GUARDED = [
+    (1.00, 0.0, 60.0),
+    (1.00, 2.7, 60.0 * (3.0 - 2.7) / 0.6),  # near the speed limit
+    (1.00, 3.0, 0.0),
+    (1.00, 3.3, -30.0),
+    (1.00, 5.0, -60.0),  # never more than the joint has
+    (0.10, 2.0 - 0.3, 60.0 * 0.3 / 0.6),  # 2 rad/s = sqrt(2 * 20 * 0.1): what it can brake with
+    (0.10, 2.0 + 0.3, -30.0),
+    (0.10, -1.0, 60.0),
+    (0.01, 0.0, 60.0 * 0.01 / math.radians(1.0)),
+    (-0.02, 0.0, -300.0 * 0.02),
+    (-0.02, 0.01, -300.0 * 0.02 - 2000.0 * 0.01),
+    (-0.02, -0.1, -300.0 * 0.02),
+]
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("room", "speed", "allowed"), GUARDED)
+def test_what_may_drive_towards_a_limit(
+    way: float, room: float, speed: float, allowed: float
+) -> None:
+    """P9: less the nearer the limit and the faster the joint; beyond it, spring and damper."""
+    rig = held(
+        joint(
+            "left",
+            limits={"torque": 60.0, "peak_current": 1e3, "output": 100.0},
+            torque_pid=Pid(kp=0.0, kff=1.0),
+            back_emf_compensation=0.0,
+            guard_stiffness=300.0,
+            guard_damping=2000.0,
+        )
+    )
+    rig.plant.values[Row.POSITION] = way * (2.0 - room)
+    rig.board.power_cycle()
+    rig.tick(2)
+    rig.enter("torq")
+    rig.plant.values[Row.VELOCITY] = way * speed
+    rig.board.set_ref_torque("left", way * 100.0)
+    coasting = MOTOR.back_emf * speed * 100.0 / 48.0
+    full = 60.0 * PER_TORQUE
+    expected = min(full, allowed * PER_TORQUE + coasting) if allowed < 60.0 else full
+    assert way * rig.tick().output[0] == pytest.approx(expected)
+
+
+def test_one_warning_for_each_time_at_a_limit() -> None:
+    """P9: it repeats when the joint has left the limit, not while it trembles there."""
+    rig = held(joint("left"))
+    rig.enter("torq")
+    warnings = []
+    for start, end in pairwise((0.0, 1.9, 2.01, 1.995, 2.01, 1.9, 2.01)):
+        for position in np.linspace(start, end, 200):
+            rig.plant.values[Row.POSITION] = position
+            rig.tick()
+        warnings.append(len([text for text in rig.warnings() if "software limits" in text]))
+    assert warnings == [0, 1, 0, 0, 0, 1]
+
+
 @pytest.mark.parametrize("mode", ["torq", "open", "pos"])
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_driven_against_a_limit(mode: str, way: float) -> None:
@@ -569,22 +629,23 @@ def test_driven_against_a_limit(mode: str, way: float) -> None:
     assert any("software limits" in text for text in rig.warnings())
 
 
-def test_a_joint_found_outside() -> None:
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_joint_found_outside(way: float) -> None:
     """P9, M9: a joint found outside its limits may stay or go inwards, never further out."""
-    rig = ready(board_config(joint("left")), home=[2.1])
+    rig = ready(board_config(joint("left")), home=[2.1 * way])
     rig.enter("posd")
     shown = rig.run(0.5)
-    assert shown.position_reference[0] == pytest.approx(2.1)
-    assert shown.position[0] == pytest.approx(2.1, abs=1e-3)
-    rig.board.set_position("left", 2.15)
-    assert rig.tick().position_reference[0] == 2.0
+    assert shown.position_reference[0] == pytest.approx(2.1 * way)
+    assert shown.position[0] == pytest.approx(2.1 * way, abs=1e-3)
+    rig.board.set_position("left", 2.15 * way)
+    assert rig.tick().position_reference[0] == 2.0 * way
     rig.enter("vel")
-    rig.board.velocity_move("left", 1.0, 20.0)
+    rig.board.velocity_move("left", way, 20.0)
     here = rig.board.snapshot().position_reference[0]
     assert rig.run(0.1).position_reference[0] == pytest.approx(here, abs=1e-9)
-    rig.board.velocity_move("left", -1.0, 20.0)
+    rig.board.velocity_move("left", -way, 20.0)
     rig.run(0.15)
-    assert rig.board.snapshot().position_reference[0] < here
+    assert rig.board.snapshot().position_reference[0] * way < here * way
 
 
 def test_speed_limit_where_no_position_loop_is() -> None:
@@ -601,15 +662,17 @@ def test_speed_limit_where_no_position_loop_is() -> None:
 
 @pytest.mark.parametrize("mode", [*POSITION_MODES, M.TORQUE, M.OPENLOOP], ids=str)
 @pytest.mark.parametrize("output", ["pwm", "current"])
-def test_output_keeps_its_limit(mode: ControlMode, output: str) -> None:
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_output_keeps_its_limit(mode: ControlMode, output: str, way: float) -> None:
     """P10, N2: the output stays within the joint's maximum output."""
     rig = held(joint("left", limits={"output": 7.0}, back_emf_compensation=0.0), output=output)
     rig.enter(mode)
-    rig.board.set_ref_torque("left", 60.0)
-    rig.board.set_output("left", 50.0)
-    rig.plant.values[Row.POSITION] = -0.03
-    rig.plant.values[Row.VELOCITY] = -2.0
+    rig.board.set_ref_torque("left", way * 60.0)
+    rig.board.set_output("left", way * 50.0)
+    rig.plant.values[Row.POSITION] = -0.03 * way
+    rig.plant.values[Row.VELOCITY] = -2.0 * way
     shots = rig.record(0.2)
+    assert (way * column(shots, "output")).max() == pytest.approx(7.0)
     assert np.abs(column(shots, "output")).max() == pytest.approx(7.0)
 
 
