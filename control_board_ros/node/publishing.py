@@ -117,7 +117,7 @@ class StatePublisher:
             self._on_error(error, "state publisher")
 
     def publish(self) -> None:
-        """Publish every record that is new."""
+        """Publish every record that is new; a state that nobody would hear costs nothing."""
         records, done = self._records, self._done
         modes, faults = records.modes, records.faults
         if modes is not done[0]:
@@ -131,8 +131,10 @@ class StatePublisher:
         while records.states:
             state = records.states.popleft()
             snapshot, stamp = state.snapshot, state.stamp
-            self._joint_states.publish(fill_joint_state(self._joint_state, snapshot, stamp))
-            self._states.publish(fill_board_state(self._board_state, snapshot, stamp))
+            if self._joint_states.get_subscription_count():
+                self._joint_states.publish(fill_joint_state(self._joint_state, snapshot, stamp))
+            if self._states.get_subscription_count():
+                self._states.publish(fill_board_state(self._board_state, snapshot, stamp))
             if self._clock is not None and self._loop.simulated_time:
                 set_stamp(self._clock_message.clock, stamp)
                 self._clock.publish(self._clock_message)

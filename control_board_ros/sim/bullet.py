@@ -12,9 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from struct import Struct
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -28,7 +26,7 @@ from .errors import PlantError, PlantGone
 from .followers import Followers
 from .prepare import prepare
 from .rotor import Moments
-from .terminal import captured_output
+from .terminal import captured_output, file_in_memory
 
 with captured_output():
     import pybullet as bullet
@@ -300,12 +298,12 @@ def load(client: int, text: str, simulation: SimulationConfig, *, visuals: bool)
         physicsClientId=client,
     )
     looks = 0 if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
-    with TemporaryDirectory() as folder, captured_output() as lines:
-        path = Path(folder, "robot.urdf")
-        path.write_text(text, encoding="utf-8")
+    with file_in_memory("urdf") as file, captured_output() as lines:
+        file.write(text.encode())
+        file.flush()
         try:
             body = bullet.loadURDF(
-                str(path),
+                f"/proc/self/fd/{file.fileno()}",
                 useFixedBase=simulation.base_fixed,
                 flags=bullet.URDF_USE_INERTIA_FROM_FILE | looks,
                 physicsClientId=client,

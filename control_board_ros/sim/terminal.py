@@ -8,7 +8,12 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from tempfile import TemporaryFile
+from typing import BinaryIO
+
+
+def file_in_memory(name: str) -> BinaryIO:
+    """A file without a folder; others open it as ``/proc/self/fd/`` and its number."""
+    return os.fdopen(os.memfd_create(name), "w+b")
 
 
 @contextmanager
@@ -19,7 +24,7 @@ def captured_output() -> Iterator[Callable[[], list[str]]]:
         A function that returns the lines caught so far; show them where something failed.
     """
     library = ctypes.CDLL(None)
-    with TemporaryFile() as file:
+    with file_in_memory("output") as file:
 
         def flush() -> None:
             for stream in (sys.stdout, sys.stderr):
