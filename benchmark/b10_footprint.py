@@ -9,6 +9,7 @@ import time
 from statistics import median
 
 from common import Effort, Figure, at_most, number
+from control_board_msgs.msg import BoardState
 from processes import BOARD, board, cpu_share, resident_megabytes
 from sensor_msgs.msg import JointState
 
@@ -25,7 +26,12 @@ def run(effort: Effort) -> list[Figure]:
             time.sleep(effort.of(3.0, 1.0, 0.0))
             pid = running.process.pid
             seconds, runs = effort.of(20.0, 2.0, 0.3), effort.of(2, 1, 1)
-            shares = [cpu_share([pid], seconds) for _ in range(runs)]
+            alone = [cpu_share([pid], seconds) for _ in range(runs)]
+            with ros_node(domain, "listening") as node:
+                for kind, name in ((JointState, "/joint_states"), (BoardState, f"{BOARD}/state")):
+                    node.create_subscription(kind, name, lambda _: None, 10)
+                time.sleep(effort.of(3.0, 1.0, 0.0))
+                shares = [cpu_share([pid], seconds) for _ in range(runs)]
             memory = resident_megabytes(pid)
     return [
         Figure(
@@ -34,6 +40,7 @@ def run(effort: Effort) -> list[Figure]:
             median(shares),
             "%",
             at_most(15.0),
+            f"{number(median(alone))} % while nobody listens to the state",
             headline=True,
         ),
         Figure("B10", "resident memory", memory, "MB", at_most(120.0), headline=True),
