@@ -377,14 +377,16 @@ SELECTABLE = ("pos", "posd", "vel", "mix", "torq", "open", "idl")
 
 @pytest.mark.parametrize("start", [*SELECTABLE, M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED])
 def test_power_cycle_from_everywhere(start: Any) -> None:
-    """N1: whatever a joint is in, power-on is NOT_CONFIGURED and without power."""
+    """N1: whatever a joint is in, power-on is NOT_CONFIGURED and without power; ~/modes tells."""
     rig = in_status(M.IDLE if isinstance(start, str) else start)
     if isinstance(start, str):
         rig.enter(start)
         rig.board.set_output("left", 3.0)
         rig.tick()
+    before = rig.board.modes_version
     rig.board.power_cycle()
     assert rig.modes() == [M.NOT_CONFIGURED]
+    assert rig.board.modes_version > before
     assert rig.board.snapshot().output[0] == 0.0
     assert not rig.board.state.powered.any()
 
