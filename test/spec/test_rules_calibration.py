@@ -194,6 +194,18 @@ def test_a_fault_while_calibrating() -> None:
     assert rig.board.snapshot().output[0] == 0.0
 
 
+def test_a_joint_that_seems_to_stand_while_its_motor_runs_has_not_stalled() -> None:
+    """K5, K4: with no check of the encoder either, a frozen one does not give a false zero."""
+    near = replace(STOP, stop=-1.9, start=-1.895, timeout=0.7)
+    rig = calibrating(near, max_travel_error=float("inf"))
+    rig.run(0.2)
+    rig.plant.inject("left", "encoder_frozen", persistent=True)
+    rig.run(1.0)
+    assert rig.modes() == [M.HW_FAULT]
+    assert "calibration" in rig.board.get_faults("left")[0].text
+    assert not rig.board.get_calibration("left")[0].done
+
+
 @pytest.mark.parametrize("cause", ["encoder_frozen", "encoder"])
 def test_a_dead_encoder_is_no_hard_stop(cause: str) -> None:
     """K5, K4: a stall needs the motor to stand still too: a frozen encoder is a fault."""
