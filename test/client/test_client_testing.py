@@ -37,11 +37,11 @@ def test_params_as_yaml() -> None:
 
 def test_domains_are_held_and_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two at a time never get the same; a domain in use on the host is passed over."""
-    monkeypatch.setenv("CONTROL_BOARD_TEST_DOMAINS", "94-95")
+    monkeypatch.setenv("CONTROL_BOARD_TEST_DOMAINS", "100-101")
     with free_domain() as first:
         with free_domain() as second:
-            assert {first, second} == {94, 95}
-            match = "no free ROS domain in 94-95"
+            assert {first, second} == {100, 101}
+            match = "no free ROS domain in 100-101"
             with pytest.raises(AssertionError, match=match), free_domain():
                 pass
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
