@@ -14,6 +14,7 @@ from __future__ import annotations
 import contextlib
 import gc
 import threading
+from collections import deque
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -72,6 +73,7 @@ class ControlLoop:
         self._stopping = self._paused = False
         self._steps = 0
         self._on_steps: Callable[[str], None] | None = None
+        self._on_cycle: deque[Callable[[], None]] = deque()
         self._until_state = 1
         self.state_every = 1
         self.set_state_rate(state_rate)
@@ -146,7 +148,15 @@ class ControlLoop:
         with self.exclusive():
             self._paused = paused
             self._finish_steps("the simulation was resumed before all steps had run")
+            self._tell_cycled()
         self._wake.set()
+
+    def after_cycle(self, done: Callable[[], None]) -> None:
+        """Call ``done`` when a whole cycle has run from now on; at once if time stands still."""
+        with self.exclusive():
+            self._on_cycle.append(done)
+            if self._paused or self._stopping:
+                self._tell_cycled()
 
     def step(self, cycles: int, on_done: Callable[[str], None]) -> str:
         """Run exactly this many cycles while paused.
@@ -222,6 +232,7 @@ class ControlLoop:
             if self._until_state <= 0:
                 self._until_state = self.state_every
                 self.records.note_state()
+            self._tell_cycled()
             if self._paused:
                 self._count_step()
         finally:
@@ -247,6 +258,10 @@ class ControlLoop:
             self.records.note_state()
             self._finish_steps("")
 
+    def _tell_cycled(self) -> None:
+        while self._on_cycle:
+            self._on_cycle.popleft()()
+
     def _finish_steps(self, message: str) -> None:
         done, self._on_steps, self._steps = self._on_steps, None, 0
         if done is not None:
@@ -265,7 +280,9 @@ class ControlLoop:
             self._note_time(measurement.time)
             board.tick(measurement)
             self._cut_power()
+            self.records.note_changes()
             self.records.note_state()
+            self._tell_cycled()
             self._finish_steps("the board is shutting down")
 
     def _cut_power(self) -> None:

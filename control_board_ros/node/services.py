@@ -165,7 +165,9 @@ class Services:
         self._require_injection()
         with self._loop.exclusive():
             self._plant.clear_injected()
-        return fine(response)
+        seen = Future()  # with the next reading, so that FORCE_IDLE is not refused any more
+        self._loop.after_cycle(lambda: self._later(lambda: seen.set_result("")))
+        return told(response, seen)
 
     def pause(self, request: Any, response: Any) -> Any:
         self._loop.pause(request.data)

@@ -35,6 +35,7 @@ class Talker:
         self.hear("modes", msg.JointModes, f"{board}/modes", LATCHED)
         self.hear("faults", msg.JointFaults, f"{board}/faults", LATCHED)
         self.names = list(self.wait("state", lambda _: True).names)
+        self.wait("modes", lambda _: True)
 
     def hear(self, key: str, kind: Any, topic: str, qos: QoSProfile = STREAM) -> None:
         """Keep what comes on a topic in ``seen[key]``."""

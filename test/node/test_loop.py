@@ -305,3 +305,19 @@ def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     status = told.message(Time()).status[1]
     assert status.level == DiagnosticStatus.WARN
     assert "1 commands rejected" in status.message
+
+
+def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:
+    """While it runs, after the next tick; at once while time stands still."""
+    rig.loop.start()
+    rig.run_to(10)
+    cycles: list[int] = []
+    with rig.loop.exclusive() as board:
+        before = board.cycle
+    rig.loop.after_cycle(lambda: cycles.append(rig.board.cycle))
+    rig.run_to(before + 5)
+    assert len(cycles) == 1
+    assert cycles[0] > before
+    rig.loop.pause(True)
+    rig.loop.after_cycle(lambda: cycles.append(0))
+    assert cycles[1:] == [0]
