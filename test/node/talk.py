@@ -73,6 +73,18 @@ class Talker:
         """The state from now on that is good."""
         return self.wait("state", good, fresh=True, **rest)
 
+    def until_state(self, send: Callable[[], None], good: Callable[[Any], bool]) -> None:
+        """Send until the state is good: the first best-effort messages may be lost."""
+        deadline = time.monotonic() + TIMEOUT
+        while True:
+            send()
+            try:
+                self.state(good, timeout=0.1)
+                return
+            except AssertionError:
+                if time.monotonic() > deadline:
+                    raise
+
     def call(self, name: str, kind: Any, timeout: float = TIMEOUT, **request: Any) -> Any:
         """Call ``~/name`` and return its response."""
         return self.answer(self.ask(name, kind, **request), timeout)

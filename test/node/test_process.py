@@ -269,8 +269,10 @@ def test_every_publisher_is_heard_once(peer: Talker, qos: QoSProfile) -> None:
     while not publisher.get_subscription_count():
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    publisher.publish(msg.PositionDirectCommand(names=[name], positions=[0.1]))
-    peer.state(lambda s: s.position_reference[6] == pytest.approx(0.1))
+    step = msg.PositionDirectCommand(names=[name], positions=[0.1])
+    peer.until_state(
+        lambda: publisher.publish(step), lambda s: s.position_reference[6] == pytest.approx(0.1)
+    )
     # Wrong commands count once each, by whichever way they came.
     before = peer.state().rejected_commands[6]
     for count in range(1, 11):
@@ -299,9 +301,11 @@ def test_qos_overrides_act_on_their_topic_only() -> None:
             return policy
 
         name = talker.names[6]
-        talker.command("command/position", msg.PositionCommand(names=[name], positions=[0.1]))
+        move = msg.PositionCommand(names=[name], positions=[0.1])
+        talker.until_state(
+            lambda: talker.command("command/position", move), lambda s: not s.motion_done[6]
+        )
         talker.command("command/velocity", msg.VelocityCommand(names=[name], velocities=[0.1]))
-        talker.state(lambda s: not s.motion_done[6])
         assert reliability("position") is ReliabilityPolicy.BEST_EFFORT
         assert reliability("velocity") is ReliabilityPolicy.RELIABLE
 

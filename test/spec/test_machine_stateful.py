@@ -25,7 +25,8 @@ from .rig import COMMANDS, LIMITS, STIFF, M, Rig, board_config, joint, plain
 NAMES = ("left", "right", "bare", "late")
 SENSOR = Calibration(type=12, required=False)
 MOVE = Calibration(type=3, start=0.2, speed=1.0, timeout=5.0)
-WIDE = {"nominal_current": 24.0, "overload_time": 100.0}
+#: So wide that braking a fast joint by short-circuiting it (OPENLOOP at 0 %) is no fault.
+WIDE = {"nominal_current": 24.0, "peak_current": 100.0, "overload_time": 100.0}
 NO_TORQUE = tuple(mode for mode in USUAL if mode != "torq")
 
 #: What the board must find at its next reading, and for how long it lasts.
