@@ -46,10 +46,10 @@ class Board(Requests, Commands, ModeShortcuts):
             The PWM and the bridges; the arrays are the board's own, valid until the next tick.
         """
         self._read(measurement)
-        if not self.watch.healthy(self.state, measurement.values):
-            self._raise_faults(self._last)
         if self.configure_next:
             self.complete_configuration()
+        if not self.watch.healthy(self.state, measurement.values):
+            self._raise_faults(self._last)
         if self._calibrators:
             self._calibrate()
         self._expire()

@@ -140,15 +140,15 @@ class Watch:
             if not known:
                 self._slow_limit[Check.OVERRUN, j] = np.inf
 
-    def power(self, joints: Joints, powered: Array) -> None:
-        """Say which bridges are on: only then does a motor tell its speed.
+    def power(self, joints: Joints, state: State) -> None:
+        """Take over which bridges are on: only then does a motor tell its speed.
 
         Args:
             joints: whose power may have changed.
-            powered: of all joints, shape (n,).
+            state: with the power of all joints, and readings that are numbers (see ``mend``).
         """
-        self._live[:] = powered
-        self._mark[joints] = self._values[Row.POSITION, joints]
+        self._live[:] = state.powered
+        self._mark[joints] = state.position[joints] + state.offset[joints]
         self._driven[:, joints] = 0.0
 
     def cool_down(self, j: int, joint: JointConfig, *, faulted: bool) -> None:
@@ -233,7 +233,8 @@ class Watch:
         for bound in (self._lower[Row.POSITION], self._upper[Row.POSITION], self._mark):
             lost = np.isnan(bound)
             bound[lost] = position[lost]
-        self._slow[~np.isfinite(self._slow)] = 0.0
+        lost = ~np.isfinite(self._slow)
+        self._slow[lost], self._slow_good[lost] = 0.0, True
         self._driven[~np.isfinite(self._driven)] = 0.0
 
     def _describe_bound(self, row: Row, code: FaultCode, j: int) -> Cause:

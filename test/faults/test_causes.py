@@ -97,6 +97,42 @@ def test_a_cause_that_persists_survives_force_idle_and_says_so(kind):
     assert rig.modes()[0] is M.POSITION
 
 
+AT_REST = [kind for kind in CAUSES if kind not in (*MOVING, "diverged")]
+
+
+@pytest.mark.parametrize("kind", AT_REST)
+def test_a_cause_that_is_there_at_power_on_lets_no_power_through(kind):
+    """F1, N2: found in the cycle that configures the joint; afterwards the joint is as before."""
+    rig = Rig(board_config(joint("left", startup_mode=M.POSITION), autoconfigure=False))
+    rig.plant.inject("left", kind, persistent=True)
+    rig.run(0.1)
+    assert rig.modes() == [M.NOT_CONFIGURED]
+    rig.board.power_cycle()  # blind: the next reading configures
+    rig.board.configure()
+    rig.tick(2 if kind == "encoder_spike" else 1)
+    assert rig.modes() == [M.HW_FAULT]
+    assert rig.board.get_faults("left")[0].code == CAUSES[kind][0]
+    assert not rig.board.set_control_mode("left", "fidl")
+    rig.plant.clear_injected()
+    rig.tick()
+    assert rig.board.set_control_mode("left", "fidl")
+    assert rig.board.set_control_mode("left", "pos")
+    rig.run(0.5)
+    assert rig.modes() == [M.POSITION]
+    assert abs(rig.board.get_encoder()[0]) < 1e-3
+
+
+def test_a_reading_that_is_not_a_number_leaves_nothing_behind():
+    """F1: where a joint was configured on such a reading, no other fault follows from it."""
+    rig = Rig(board_config(joint("left", startup_mode=M.POSITION), autoconfigure=False))
+    rig.plant.inject("left", "encoder_nan", persistent=True)
+    rig.tick(3)
+    assert rig.board.configure()
+    rig.plant.clear_injected()
+    rig.run(0.1)
+    assert rig.modes() == [M.POSITION]
+
+
 @pytest.mark.parametrize("kind", MOVING)
 def test_a_broken_encoder_is_found_again_when_the_motor_runs(kind):
     """F3: at rest nobody can tell; the next move does."""

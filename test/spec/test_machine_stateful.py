@@ -253,11 +253,11 @@ class BoardMachine(RuleBasedStateMachine):
         self.shown = {name for (name, _), end in self.causes.items() if end > self.cycle}
         self.cycle += 1
         self.read = True
-        for name in self.shown:
-            self.byname[name].raise_fault("hardware", reading[name])
         if self.configuring:
             self.configuring = False
             self.configured()
+        for name in self.shown:
+            self.byname[name].raise_fault("hardware", reading[name])
         real = [mode.code for mode in self.board.get_control_mode()]
         for j, (name, one) in enumerate(self.byname.items()):
             if one.mode == CALIBRATING:  # how long it takes is not the model's to know
