@@ -47,6 +47,7 @@ class Board(Requests, Commands, ModeShortcuts):
         """
         self._read(measurement)
         if self.configure_next:
+            self.watch.mend(self.state, self._last)
             self.complete_configuration()
         if not self.watch.healthy(self.state, measurement.values):
             self._raise_faults(self._last)

@@ -158,7 +158,7 @@ class Machine:
         """Let a law of control run joints from their present torque on."""
         self.controller.arm(joints, law, direct=direct)
         self.controller.reset(joints)
-        self.watch.power(joints, self.state)
+        self.watch.power(joints, self.state.powered)
 
     def tell(self, level: str, key: str, j: int, text: str) -> None:
         """Emit an event."""

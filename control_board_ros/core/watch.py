@@ -78,9 +78,10 @@ class Watch:
         self._slow_limit = np.full((len(Check), n), np.inf)
         self._slow_good = np.ones((len(Check), n), dtype=bool)
         self._driven = np.zeros((2, n))  # sums of current and output since the last slow look
-        self._mark = np.zeros(n)  # encoder reading at the last slow look
+        self._mark = np.zeros(n)  # encoder reading where the sums begin
         self._middle = np.zeros(n)
         self._live = np.zeros(n)
+        self._switched, self._any_switched = np.zeros(n, dtype=bool), False
         self._countdown = SLOW
         self._forget = math.exp(-SLOW * config.period / TRAVEL_MEMORY)
         self._values = np.zeros((ROWS, n))
@@ -140,16 +141,17 @@ class Watch:
             if not known:
                 self._slow_limit[Check.OVERRUN, j] = np.inf
 
-    def power(self, joints: Joints, state: State) -> None:
-        """Take over which bridges are on: only then does a motor tell its speed.
+    def power(self, joints: Joints, powered: Array) -> None:
+        """Say which bridges are on: only then does a motor tell its speed.
+
+        Until the next reading, the motors still run with what they were given before.
 
         Args:
             joints: whose power may have changed.
-            state: with the power of all joints, and readings that are numbers (see ``mend``).
+            powered: of all joints, shape (n,).
         """
-        self._live[:] = state.powered
-        self._mark[joints] = state.position[joints] + state.offset[joints]
-        self._driven[:, joints] = 0.0
+        self._live[:] = powered
+        self._switched[joints] = self._any_switched = True
 
     def cool_down(self, j: int, joint: JointConfig, *, faulted: bool) -> None:
         """After an over-temperature fault the winding must cool by the hysteresis."""
@@ -171,11 +173,19 @@ class Watch:
         np.subtract(values[0], self._jump, self._lower[0])
         np.add(values[0], self._jump, self._upper[0])
         np.add(self._driven, state.drive, self._driven)
+        if self._any_switched:
+            self._restart(values[Row.POSITION])
         self._countdown -= 1
         if self._countdown == 0:
             self._countdown = SLOW
             self._look(state, values)
         return fine and b"\0" not in self._slow_good.tobytes()
+
+    def _restart(self, position: Array) -> None:
+        """Compare motor and encoder of joints that were switched from this reading on."""
+        np.copyto(self._mark, position, where=self._switched)
+        self._driven[:, self._switched] = 0.0
+        self._switched[:] = self._any_switched = False
 
     def _look(self, state: State, values: Array) -> None:
         """The slow checks."""
@@ -229,10 +239,10 @@ class Watch:
         """
         broken = ~np.isfinite(state.measured)
         state.measured[broken] = last[broken]
-        position = state.position + state.offset
-        for bound in (self._lower[Row.POSITION], self._upper[Row.POSITION], self._mark):
-            lost = np.isnan(bound)
-            bound[lost] = position[lost]
+        lost = ~np.isfinite(self._values[Row.POSITION])
+        self._lower[Row.POSITION, lost], self._upper[Row.POSITION, lost] = -np.inf, np.inf
+        lost = ~np.isfinite(self._mark)
+        self._mark[lost] = (state.position + state.offset)[lost]
         lost = ~np.isfinite(self._slow)
         self._slow[lost], self._slow_good[lost] = 0.0, True
         self._driven[~np.isfinite(self._driven)] = 0.0

@@ -128,9 +128,39 @@ def test_a_reading_that_is_not_a_number_leaves_nothing_behind():
     rig.plant.inject("left", "encoder_nan", persistent=True)
     rig.tick(3)
     assert rig.board.configure()
+    assert rig.board.get_target_position().tolist() == [0.0]
     rig.plant.clear_injected()
     rig.run(0.1)
     assert rig.modes() == [M.POSITION]
+
+
+def test_the_first_reading_after_those_that_are_none_is_no_spike():
+    """F2: nobody knows how far the joint went meanwhile; FORCE_IDLE clears the fault at once."""
+    rig = ready(board_config(joint("left")))
+    rig.plant.push("left", 10.0)
+    rig.run(0.3)
+    rig.plant.inject("left", "encoder_nan", persistent=True)
+    rig.run(0.2)
+    rig.plant.clear_injected()
+    rig.tick()
+    assert rig.board.set_control_mode("left", "fidl")
+
+
+@pytest.mark.parametrize("rate", [100.0, 200.0, 1000.0])
+@pytest.mark.parametrize("mode", ["pos", "posd", "vel", "mix", "torq"])
+def test_a_fast_joint_may_be_switched_between_two_cycles(rate, mode):
+    """F1: until the next reading the motor runs with what it had; that is no broken encoder."""
+    wide = {"peak_current": 100.0, "overload_time": 100.0}
+    rig = ready(board_config(joint("left", limits=wide), control_rate=rate))
+    for wait in range(1, 10):
+        rig.enter(M.POSITION_DIRECT)
+        rig.board.set_position("left", 1.5 * (-1.0) ** wait)
+        rig.run(0.15)
+        rig.tick(wait)
+        assert rig.board.set_control_mode("left", "fidl")
+        assert rig.board.set_control_mode("left", mode)
+        rig.run(0.02)
+        assert rig.modes()[0].code == mode, rig.board.get_faults()[0].text
 
 
 @pytest.mark.parametrize("kind", MOVING)

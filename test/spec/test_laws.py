@@ -164,9 +164,10 @@ def test_moves_start_and_end_at_rest_without_a_jump(
     assert reference[-1] == moves[-1][0]
     assert shots[-1].motion_done[0]
     assert np.all(np.abs(reference) <= 2.0)
-    # What changed from cycle to cycle is what the velocity says: no jump in position.
+    # What changed from cycle to cycle is what the velocity says: no jump in position. A move
+    # as short as one cycle is a step of its mean speed.
     middle = 0.5 * (velocity[1:] + velocity[:-1]) * rig.period
-    assert np.abs(np.diff(reference) - middle).max() < 0.01
+    assert np.abs(np.diff(reference) - middle).max() < 1.5 * rig.period + 1e-9
 
 
 @given(st.floats(-1.9, 1.9), st.floats(-1.9, 1.9), st.floats(0.1, 3.0))
