@@ -12,6 +12,7 @@ from ..core.faults import FaultRecord
 from ..core.vocabs import ControlMode, InteractionMode
 from .loop import ControlLoop
 from .pacing import Statistics
+from .scheduling import scheduling
 
 PREFIX = "control_board"
 
@@ -77,6 +78,7 @@ class Diagnostics:
             "p99 latency (ms)": f"{found.p99 * 1e3:.3f}",
             "median latency (ms)": f"{found.median * 1e3:.3f}",
             "rejected commands": rejected,
+            "scheduling": scheduling(),
             "joints in fault": sum(r.active for r in self._loop.records.faults.records),
         }
         return self._status("loop", level, text, values.items())

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from ..core.vocabs import ControlMode
 from .lock import NameTakenError, lock_name, temporary_folder
+from .scheduling import take_priority
 
 if TYPE_CHECKING:
     from .node import BoardNode
@@ -95,7 +96,8 @@ def run(arguments: list[str], ended: threading.Event) -> int:
         raise KnownError(4, str(error)) from None
     except (PlantError, ValueError) as error:
         raise KnownError(2, str(error)) from None
-    take_priority(int(start.settings.values["realtime_priority"]))
+    if refused := take_priority(start.settings.values):
+        complain(refused)
     failure = serve(start, plant, ended)
     plant.close()
     os.close(lock)
@@ -114,19 +116,6 @@ def check_name(name: str, namespace: str) -> None:
     if not re.fullmatch(rf"/|(/{word})+", namespace):
         raise KnownError(
             2, f"namespace {namespace!r} is not allowed; words after slashes are, as in /left/arm"
-        )
-
-
-def take_priority(priority: int) -> None:
-    """Run under SCHED_FIFO, threads started from now on included; go on without where refused."""
-    if priority == 0:
-        return
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except OSError as error:
-        complain(
-            f"realtime_priority {priority} is not granted ({error.strerror}); the board goes on "
-            "without: run it with CAP_SYS_NICE, or raise rtprio in /etc/security/limits.conf"
         )
 
 

@@ -26,6 +26,7 @@ from .hearing import CommandTopic
 from .loop import ControlLoop
 from .parameters import Parameters, Start
 from .publishing import QUIET, STREAM, StatePublisher
+from .scheduling import take_priority
 from .services import DEEP, SERVICES, Services
 from .throttle import PERIOD, ThrottledLog, writers
 from .topics import COMMANDS, Commands
@@ -187,6 +188,7 @@ class BoardNode:
             self.loop.set_state_rate(value)
         elif name == "real_time_factor":
             self.loop.set_real_time_factor(value)
+            take_priority(self.parameters.settings.values)
             if self.loop.simulated_time:
                 self.publisher.announce_clock()
 

@@ -56,6 +56,15 @@ BOARD = (
         low=0,
         high=98,
     ),
+    Parameter(
+        name="niceness",
+        kind=Kind.INTEGER,
+        default=-20,
+        description="Niceness of the node where it is granted, as to root; not at "
+        "real_time_factor 0.",
+        low=-20,
+        high=19,
+    ),
     flag("gui", False, "Show the arm in pybullet's window."),
     flag("autoconfigure", True, "Leave NOT_CONFIGURED at start (N2); else by ~/configure."),
     string(

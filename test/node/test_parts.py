@@ -28,6 +28,7 @@ from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.node import messages
 from control_board_ros.node.executor import KeptWaitSetExecutor
 from control_board_ros.node.lock import NameTakenError, lock_name
+from control_board_ros.node.scheduling import NICENESS, take_priority
 from control_board_ros.node.throttle import ThrottledLog
 from control_board_ros.node.trajectory import Path
 from control_board_ros.testing import free_domain
@@ -272,19 +273,35 @@ def test_paths_interpolate() -> None:
         assert slope == pytest.approx(velocity, abs=1e-4)
 
 
-def test_a_refused_priority_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """realtime_priority: the board goes on without, and says what would grant it."""
-    from control_board_ros.node.main import take_priority
+def test_a_refused_priority_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """realtime_priority, niceness: the board goes on without, and says what would grant it."""
 
     def refuse(*_: object) -> None:
         raise PermissionError(1, "Operation not permitted")
 
+    def take(priority: int, niceness: int) -> str:
+        return take_priority(
+            {"realtime_priority": priority, "niceness": niceness, "real_time_factor": 1.0}
+        )
+
     monkeypatch.setattr("os.sched_setscheduler", refuse)
-    take_priority(20)
-    err = capsys.readouterr().err
-    assert err.count("\n") == 1
-    assert "realtime_priority 20 is not granted (Operation not permitted)" in err
-    take_priority(0)
-    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("os.setpriority", refuse)
+    assert "realtime_priority 20 is not granted (Operation not permitted)" in take(20, 0)
+    assert "niceness -5 is not granted (Operation not permitted)" in take(0, -5)
+    assert "\n" not in take(20, 0) + take(0, -5)
+    assert not take(0, NICENESS)  # nobody asked for it
+
+
+@pytest.mark.parametrize(
+    ("niceness", "factor", "given"), [(-20, 1.0, -20), (5, 1.0, 5), (-20, 0.0, 0), (5, 0.0, 5)]
+)
+def test_niceness_is_given_to_every_thread(
+    monkeypatch: pytest.MonkeyPatch, niceness: int, factor: float, given: int
+) -> None:
+    """niceness: a simulation that runs as fast as it can is not preferred."""
+    threads: dict[int, int] = {}
+    monkeypatch.setattr("os.setpriority", lambda _, thread, value: threads.update({thread: value}))
+    values = {"realtime_priority": 0, "niceness": niceness, "real_time_factor": factor}
+    assert not take_priority(values)
+    assert threading.get_native_id() in threads
+    assert set(threads.values()) == {given}
