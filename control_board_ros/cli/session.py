@@ -42,8 +42,10 @@ class Session:
         from rclpy.node import Node
 
         from control_board_ros.client import ControlBoardClient
+        from control_board_ros.discovery import announce_often
 
         options = self.options
+        announce_often()
         context = Context()  # of its own: without rclpy's signal handlers, Ctrl-C is ours
         try:
             context.init(args=options.ros_arguments or None, domain_id=options.domain)

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ..core.vocabs import ControlMode
+from ..discovery import announce_often
 from .lock import NameTakenError, lock_name, temporary_folder
 from .scheduling import take_priority
 
@@ -54,6 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     sys.setswitchinterval(SWITCH_INTERVAL)
     leave_out_the_generator()
     provide_log_folder()
+    announce_often()
     try:
         return run(arguments, ended)
     except KnownError as error:

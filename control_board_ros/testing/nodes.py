@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
+from ..discovery import announce_often
 from .domains import DISCOVERY
 
 
@@ -25,6 +26,7 @@ def ros_node(
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rclpy.node import Node
 
+    announce_often()
     context = Context()
     with _localhost_only():  # read once, when the context is made
         context.init(args=[], domain_id=domain)

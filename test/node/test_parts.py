@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Iterator
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from control_board_ros import discovery
 from control_board_ros.core.config import BoardConfig
 from control_board_ros.core.faults import FaultRecord
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
@@ -305,3 +307,13 @@ def test_niceness_is_given_to_every_thread(
     assert not take_priority(values)
     assert threading.get_native_id() in threads
     assert set(threads.values()) == {given}
+
+
+def test_a_users_own_dds_profiles_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The profile that shortens discovery is one of the product, and only where there is none."""
+    monkeypatch.delenv(discovery.VARIABLE, raising=False)
+    discovery.announce_often()
+    assert ElementTree.parse(os.environ[discovery.VARIABLE]).getroot().tag.endswith("dds")
+    monkeypatch.setenv(discovery.VARIABLE, "mine.xml")
+    discovery.announce_often()
+    assert os.environ[discovery.VARIABLE] == "mine.xml"

@@ -34,6 +34,7 @@ def test_both_packages_are_in_the_ament_index() -> None:
 
 def test_package_says_that_it_is_typed() -> None:
     assert (Path(control_board_ros.__file__).parent / "py.typed").is_file()
+    assert (Path(control_board_ros.__file__).parent / "discovery.xml").is_file()
 
 
 @pytest.mark.parametrize(("command", "module"), COMMANDS.items())
