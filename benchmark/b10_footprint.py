@@ -10,7 +10,7 @@ from statistics import median
 
 from common import Effort, Figure, at_most, number
 from control_board_msgs.msg import BoardState
-from processes import BOARD, board, cpu_share, resident_megabytes
+from processes import BOARD, board, cpu_share, helper, resident_megabytes
 from sensor_msgs.msg import JointState
 
 from control_board_ros.testing import BoardProcess, child_environment, free_domain, ros_node
@@ -33,6 +33,8 @@ def run(effort: Effort) -> list[Figure]:
                 time.sleep(effort.of(3.0, 1.0, 0.0))
                 shares = [cpu_share([pid], seconds) for _ in range(runs)]
             memory = resident_megabytes(pid)
+        with helper(domain, "bare", "physics") as bare:
+            physics = cpu_share([bare.process.pid], seconds)
     return [
         Figure(
             "B10",
@@ -40,7 +42,8 @@ def run(effort: Effort) -> list[Figure]:
             median(shares),
             "%",
             at_most(15.0),
-            f"{number(median(alone))} % while nobody listens to the state",
+            f"{number(median(alone))} % while nobody listens to the state; "
+            f"bare pybullet at 1 kHz: {number(physics)} %",
             headline=True,
         ),
         Figure("B10", "resident memory", memory, "MB", at_most(120.0), headline=True),

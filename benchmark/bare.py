@@ -2,6 +2,7 @@
 """The bare references, each run as a process: ``python bare.py ROLE``.
 
 ``loop SECONDS``  a 1 kHz loop of absolute deadlines, and nothing else
+``physics``       a 1 kHz loop around a bare pybullet cycle of the default arm
 ``service``       an rclpy node that echoes SetControlMode
 ``state``         an rclpy node that publishes BoardState at 1 kHz and shows in it the last
                   PositionDirectCommand that it heard
@@ -48,6 +49,22 @@ def loop(seconds: str) -> None:
     lateness = [late for late, _ in zip(deadlines(), range(count), strict=False)]
     rate = count / (time.monotonic() - begin)
     print(json.dumps({"rate": rate, "lateness": lateness}))
+
+
+def physics() -> None:
+    """Read, command and step pybullet at 1 kHz until the input ends."""
+    from cycles import BareCycles
+
+    from control_board_ros.sim import settings
+
+    arm = settings.load("iiwa")
+    cycles = BareCycles(arm, [[0.0] * len(arm.board.joints)])
+    ready()
+    threading.Thread(target=sys.stdin.read).start()
+    for _ in deadlines():
+        cycles.one()
+        if threading.active_count() == 1:
+            return
 
 
 def start(node_name: str) -> Any:
@@ -120,4 +137,5 @@ def state() -> None:
 
 if __name__ == "__main__":
     sys.setswitchinterval(5e-5)
-    {"loop": loop, "service": service, "state": state}[sys.argv[1]](*sys.argv[2:])
+    roles = {"loop": loop, "physics": physics, "service": service, "state": state}
+    roles[sys.argv[1]](*sys.argv[2:])

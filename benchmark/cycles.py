@@ -152,6 +152,19 @@ class BareCycles:
             step(client)
         return perf_counter() - start
 
+    def one(self) -> None:
+        """Run one cycle with the first torques."""
+        body, joints, client = self._world._body, self._world._joints, self._world._client
+        bullet.getJointStates(body, joints, client)
+        bullet.setJointMotorControlArray(
+            body,
+            joints,
+            bullet.TORQUE_CONTROL,
+            forces=self._torques[0],
+            physicsClientId=client,
+        )
+        bullet.stepSimulation(client)
+
     def close(self) -> None:
         self._world.close()
 
