@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
+from bare import PERIOD
 from common import Effort, Figure, Goal, exactly, number, percentile
 from processes import board, cpu_share, helper
 from tap import Fared, Tap, tap
@@ -17,6 +18,11 @@ MUST_KEEP_UP = 4  # boards
 def run(effort: Effort) -> list[Figure]:
     """Measure 1, 4 and 10 boards in both arrangements."""
     figures = []
+    with (
+        free_domain() as domain,
+        helper(domain, "bare", "loop", effort.of(10.0, 1.0, 0.2)) as bare,
+    ):
+        missed = sum(late > PERIOD for late in bare.result()["lateness"])
     for boards in effort.of((1, 4, 10), (4,), (1,)):
         for arrangement in ("one process", "one process each"):
             with ExitStack() as stack:
@@ -30,7 +36,7 @@ def run(effort: Effort) -> list[Figure]:
                     tapped.window(2.0, boards)  # until all have met
                 fared = tapped.window(effort.of(10.0, 2.0, 0.0), boards)
                 share = cpu_share(pids, effort.of(4.0, 0.5, 0.1))
-            figures.append(_figure(boards, arrangement, fared, share))
+            figures.append(_figure(boards, arrangement, fared, share, missed))
     return figures
 
 
@@ -41,7 +47,9 @@ def _start_each(stack: ExitStack, domain: int, tapped: Tap, boards: int) -> list
     return [one.process.pid for one in started]
 
 
-def _figure(boards: int, arrangement: str, fared: list[Fared], share: float) -> Figure:
+def _figure(
+    boards: int, arrangement: str, fared: list[Fared], share: float, missed: int
+) -> Figure:
     overruns = sum(one.overruns for one in fared)
     late = 1e3 * percentile([late for one in fared for late in one.lateness], 99)
     cycles = sum(len(one.lateness) for one in fared)
@@ -53,6 +61,7 @@ def _figure(boards: int, arrangement: str, fared: list[Fared], share: float) -> 
         "",
         goal,
         f"of {cycles} cycles; slowest {min(one.rate for one in fared):.1f} Hz, "
-        f"lateness p99 {number(late)} ms, {share:.0f} % of one core",
+        f"lateness p99 {number(late)} ms, {share:.0f} % of one core; "
+        f"a bare loop: {missed} cycles a period late",
         {"p99": late, "cycles": float(cycles), "cpu": share},
     )

@@ -14,6 +14,7 @@ from control_board_ros.node.executor import KeptWaitSetExecutor
 from control_board_ros.node.main import SWITCH_INTERVAL
 from control_board_ros.node.node import BoardNode
 from control_board_ros.node.parameters import settings_from_arguments
+from control_board_ros.node.scheduling import take_priority
 from control_board_ros.sim.plant import SimulatedPlant
 
 
@@ -24,6 +25,7 @@ def main(count: int) -> None:
     boards = []
     for k in range(count):
         start = settings_from_arguments(["--ros-args", "-r", f"__ns:=/arm_{k}"])
+        take_priority(start.settings.values)
         plant = SimulatedPlant(start.settings.board, start.settings.simulation)
         context = Context()
         context.init(args=start.arguments)
