@@ -205,7 +205,6 @@ class ControlLoop:
                 else:
                     self._pacer.wait()
                     self._cycle()
-                    self._pacer.finished()
             self._unpower()
         except Exception as error:  # noqa: BLE001 - main tells, and chooses the exit code
             self.failure = error

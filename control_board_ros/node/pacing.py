@@ -52,37 +52,35 @@ class Pacer:
         self._deadline = self._since
 
     def restart(self) -> None:
-        """The next cycle is due now: after a start, a pause or a change of the period."""
-        self._deadline = time.monotonic()
+        """The next cycle is due in a period: after a start, a pause or a change of the period."""
+        self._deadline = time.monotonic() + self.period
 
     def wait(self) -> None:
         """Sleep until the next cycle is due, and note how late it starts."""
-        if self.period <= 0.0:
-            self.cycles += 1
+        self.cycles += 1
+        period = self.period  # another thread may set it meanwhile, to 0 even
+        if period <= 0.0:
             return
-        deadline = self._deadline
-        ahead = deadline - time.monotonic()
+        ahead = self._deadline - time.monotonic()
         if ahead > 0.0:
             time.sleep(ahead)
-        late = time.monotonic() - deadline
+            late = time.monotonic() - self._deadline
+        else:
+            late = self._overrun(-ahead, period)
         kept = self._kept
         self._lateness[kept % KEPT] = late
         self._kept = kept + 1
-        self.cycles += 1
-        self._deadline = deadline + self.period
+        self._deadline += period
 
-    def finished(self) -> None:
-        """A cycle is over: count it if it took too long, and skip what cannot be caught up."""
-        period = self.period
-        if period <= 0.0:
-            return
-        lag = time.monotonic() - self._deadline
-        if lag > 0.0:
-            self.overruns += 1
-            if lag > MAX_LAG * period:
-                lost = int(lag / period)
-                self.skipped += lost
-                self._deadline += lost * period
+    def _overrun(self, late: float, period: float) -> float:
+        """Count a cycle that took too long, and skip what cannot be caught up; what is left, s."""
+        self.overruns += 1
+        if late > MAX_LAG * period:
+            lost = int(late / period)
+            self.skipped += lost
+            self._deadline += lost * period
+            late -= lost * period
+        return late
 
     def take(self) -> Statistics:
         """The statistics; starts the next window."""
