@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from ..startup import announce_often, leave_out_the_generator
 from .options import Options
 from .robot import JointDescription, describe
 from .words import Quantity, Refused, UsageError, assigned, find_joints
@@ -38,14 +39,14 @@ class Session:
     @cached_property
     def client(self) -> ControlBoardClient:
         """The client; made on first use."""
+        announce_often()
+        leave_out_the_generator()
         from rclpy.context import Context
         from rclpy.node import Node
 
         from control_board_ros.client import ControlBoardClient
-        from control_board_ros.discovery import announce_often
 
         options = self.options
-        announce_often()
         context = Context()  # of its own: without rclpy's signal handlers, Ctrl-C is ours
         try:
             context.init(args=options.ros_arguments or None, domain_id=options.domain)

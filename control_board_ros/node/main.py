@@ -16,10 +16,10 @@ import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from ..core.vocabs import ControlMode
-from ..discovery import announce_often
+from ..startup import announce_often, leave_out_the_generator
 from .lock import NameTakenError, lock_name, temporary_folder
 from .scheduling import take_priority
 
@@ -229,16 +229,6 @@ def settle_stdout() -> None:
         except (OSError, ValueError):
             with contextlib.suppress(OSError, ValueError):
                 os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def leave_out_the_generator() -> None:
-    """Keep the code generator of messages out of a process that only uses messages.
-
-    Loading the type support of a message imports its package, and with it a parser and a
-    template engine: 90 ms and 7 MB. The package itself expects that they may be missing.
-    """
-    modules = cast(dict[str, Any], sys.modules)
-    modules.setdefault("rosidl_generator_py.generate_py_impl", None)
 
 
 def provide_log_folder() -> None:

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any
 
-from ..discovery import announce_often
+from ..startup import announce_often
 from .domains import DISCOVERY
 
 

@@ -23,7 +23,7 @@ from rclpy.task import Future
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from control_board_ros import discovery
+from control_board_ros import startup
 from control_board_ros.core.config import BoardConfig
 from control_board_ros.core.faults import FaultRecord
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
@@ -311,9 +311,9 @@ def test_niceness_is_given_to_every_thread(
 
 def test_a_users_own_dds_profiles_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     """The profile that shortens discovery is one of the product, and only where there is none."""
-    monkeypatch.delenv(discovery.VARIABLE, raising=False)
-    discovery.announce_often()
-    assert ElementTree.parse(os.environ[discovery.VARIABLE]).getroot().tag.endswith("dds")
-    monkeypatch.setenv(discovery.VARIABLE, "mine.xml")
-    discovery.announce_often()
-    assert os.environ[discovery.VARIABLE] == "mine.xml"
+    monkeypatch.delenv(startup.VARIABLE, raising=False)
+    startup.announce_often()
+    assert ElementTree.parse(os.environ[startup.VARIABLE]).getroot().tag.endswith("dds")
+    monkeypatch.setenv(startup.VARIABLE, "mine.xml")
+    startup.announce_often()
+    assert os.environ[startup.VARIABLE] == "mine.xml"
