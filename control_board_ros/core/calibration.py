@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from .config import CALIBRATION_TYPES, Calibration
+from .parts import CALIBRATION_TYPES, Calibration
 
 #: How close to the start position a joint must come, rad.
 ARRIVED = 0.02

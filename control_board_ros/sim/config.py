@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from ..core.config import HUGE, BoardConfig, ConfigError, check_number
+from ..core.checks import HUGE, ConfigError, check_number
+from ..core.config import BoardConfig
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from typing import Any
 
-from ..core.config import DEGREE
+from ..core.parts import DEGREE
 from .urdf import Urdf, UrdfJoint
 
 GRAVITY = 9.81

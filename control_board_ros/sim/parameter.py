@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import Any
 
-from ..core.config import HUGE
+from ..core.checks import HUGE
 
 JOINT_DEFAULTS = "joint_defaults"
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from ..core.checks import HUGE
 from ..core.config import (
     CONTROL_MODES,
-    HUGE,
     STARTUP_MODES,
     Calibration,
     JointConfig,

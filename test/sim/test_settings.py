@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.core.config import DEGREE
+from control_board_ros.core.parts import DEGREE
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim import params_file, schema, yaml_tree
 from control_board_ros.sim.robots import ROBOTS

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import DEGREE
+from control_board_ros.core.parts import DEGREE
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.robots import ROBOTS
 from control_board_ros.sim.settings import load
