@@ -70,14 +70,20 @@ class GoalRun:
 
     def send(self, name: str, goal: Any) -> Steps[bool]:
         """Send the goal; whether it was accepted."""
-        sending = self._client.send_goal_async(goal, feedback_callback=self._hear)
+        sending = yield from self._link.run(
+            lambda: self._client.send_goal_async(goal, feedback_callback=self._hear)
+        )
         if not (yield from self._link.outcome(sending, self._link.answer_timeout)):
             raise self._link.timed_out(name)
         self.handle = sending.result()
         if self.handle.accepted:
-            self.result = self.handle.get_result_async()
+            self.result = yield from self._link.run(self.handle.get_result_async)
             self.result.add_done_callback(self._end)
         return bool(self.handle.accepted)
+
+    def cancel(self) -> None:
+        """Ask for the end of the goal."""
+        self._link.later(self.handle.cancel_goal_async)
 
     def next_sign(self, name: str) -> Steps[None]:
         """Wait for feedback or the result.
@@ -228,10 +234,10 @@ class GoalOperations(ReferenceOperations):
                     if not to_the_end:
                         return accepted(tuple(names))
         except GeneratorExit:
-            run.handle.cancel_goal_async()
+            run.cancel()
             raise
         except BaseException:
-            run.handle.cancel_goal_async()
+            run.cancel()
             yield from self._link.outcome(run.result, self._link.answer_timeout)
             self._changed()
             raise

@@ -165,6 +165,20 @@ class Link:
             yield wait
         return bool(future.done())
 
+    def later(self, function: Callable[[], Any]) -> Any:
+        """Let the thread run a function; its future.
+
+        Requests of actions go out this way: rclpy forgets an answer that the thread takes before
+        the asking thread has noted the question. Its service clients have a lock for that.
+        """
+        return self._executor.create_task(function)
+
+    def run(self, function: Callable[[], Any]) -> Steps[Any]:
+        """What a function gives that the thread runs."""
+        task = self.later(function)
+        yield from self.outcome(task, None)
+        return task.result()
+
     # What goes out
 
     def _entity(self, name: str, make: Callable[[str], Any]) -> Any:

@@ -129,7 +129,8 @@ def test_all_callbacks_raising() -> None:
             talker.command(f"command/{topic}", kind())
         board.wait_for_output("internal error in command/feedforward")
         for name, kind in (("move", Move), ("calibrate", Calibrate)):
-            result = talker.answer(talker.goal(name, kind).get_result_async())
+            handle = talker.goal(name, kind)
+            result = talker.answer(talker.within(handle.get_result_async))
             assert result.status == GOAL_ABORTED, name
             assert not result.result.success, name
         first, second = talker.state(), talker.state()

@@ -136,9 +136,15 @@ class Talker:
         client = ActionClient(self.node, kind, f"{self.board}/{name}")
         assert client.wait_for_server(TIMEOUT), f"no action {name}"
         keep = None if feedback is None else (lambda message: feedback.append(message.feedback))
-        handle = self.answer(client.send_goal_async(kind.Goal(**goal), feedback_callback=keep))
+        handle = self.answer(
+            self.within(lambda: client.send_goal_async(kind.Goal(**goal), feedback_callback=keep))
+        )
         assert handle.accepted
         return handle
+
+    def within(self, function: Callable[[], Any]) -> Any:
+        """What a function gives in the thread that takes answers: so none comes too early."""
+        return self.answer(self.node.executor.create_task(function))
 
     def rest(self) -> None:
         """Back to power-on and the initial pose, all joints configured and not faulted."""

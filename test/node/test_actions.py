@@ -34,7 +34,7 @@ def params() -> dict[str, Any]:
 
 
 def result(talker: Talker, handle: Any) -> tuple[int, Any]:
-    answer = talker.answer(handle.get_result_async())
+    answer = talker.answer(talker.within(handle.get_result_async))
     return answer.status, answer.result
 
 
@@ -70,7 +70,7 @@ def test_cancelling_a_move_stops_the_joints(talker: Talker) -> None:
     goal = {"names": [name], "positions": [start + 1.0], "speeds": [0.3]}
     handle = talker.goal("move", Move, **goal)
     talker.state(lambda s: s.position[3] > start + 0.02)
-    assert talker.answer(handle.cancel_goal_async()).goals_canceling
+    assert talker.answer(talker.within(handle.cancel_goal_async)).goals_canceling
     status, answer = result(talker, handle)
     assert status == GoalStatus.STATUS_CANCELED
     assert not answer.success
@@ -132,7 +132,7 @@ def test_a_paused_move_waits(talker: Talker) -> None:
     """Time that stands still ends no move."""
     handle = talker.goal("move", Move, names=talker.names[6:], positions=[0.3], speeds=[0.5])
     assert talker.call("pause", SetBool, data=True).success
-    waiting = handle.get_result_async()
+    waiting = talker.within(handle.get_result_async)
     for _ in range(10):
         talker.state()
     assert not waiting.done()
@@ -158,7 +158,7 @@ def test_calibrate_with_feedback(talker: Talker) -> None:
 def test_cancelling_a_calibration_idles_the_joint(talker: Talker) -> None:
     """K2: FORCE_IDLE aborts it, to IDLE."""
     handle = talker.goal("calibrate", Calibrate, names=[CALIBRATED])
-    assert talker.answer(handle.cancel_goal_async()).goals_canceling
+    assert talker.answer(talker.within(handle.cancel_goal_async)).goals_canceling
     status, answer = result(talker, handle)
     assert status == GoalStatus.STATUS_CANCELED
     assert "IDLE" in answer.message
