@@ -12,12 +12,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from control_board_msgs.msg import BoardState, JointFault, JointFaults, JointModes
-from sensor_msgs.msg import JointState
+from control_board_msgs.msg import JointFault, JointFaults, JointModes
 
 from ..core.faults import FaultRecord
 from ..core.reply import Reply
-from ..core.state import Snapshot
 from ..core.vocabs import ControlMode, InteractionMode, Vocab
 
 NANOSECONDS = 1_000_000_000
@@ -66,41 +64,21 @@ def doubles(values: Any) -> array[float]:
     return array("d", np.ascontiguousarray(values, dtype=np.float64).tobytes())
 
 
-def stamp(nanoseconds: int) -> Time:
-    """A time since the epoch, or of the simulation, as a message; not before 0."""
+def split_time(nanoseconds: int) -> tuple[int, int]:
+    """Seconds and nanoseconds of a time since the epoch or of the simulation; not before 0."""
     seconds, rest = divmod(max(nanoseconds, 0), NANOSECONDS)
-    return Time(sec=seconds & 0x7FFFFFFF, nanosec=rest)
+    return seconds & 0x7FFFFFFF, rest
+
+
+def stamp(nanoseconds: int) -> Time:
+    """A time as a message."""
+    seconds, rest = split_time(nanoseconds)
+    return Time(sec=seconds, nanosec=rest)
 
 
 def set_stamp(time: Time, nanoseconds: int) -> None:
     """Write a time into a message that is used again."""
-    seconds, time.nanosec = divmod(max(nanoseconds, 0), NANOSECONDS)
-    time.sec = seconds & 0x7FFFFFFF
-
-
-def fill_joint_state(message: JointState, state: Snapshot, nanoseconds: int) -> JointState:
-    """Write a snapshot into a JointState whose names are set."""
-    set_stamp(message.header.stamp, nanoseconds)
-    message.position = array("d", state.position.tobytes())
-    message.velocity = array("d", state.velocity.tobytes())
-    message.effort = array("d", state.torque.tobytes())
-    return message
-
-
-def fill_board_state(message: BoardState, state: Snapshot, nanoseconds: int) -> BoardState:
-    """Write a snapshot into a BoardState whose names are set."""
-    set_stamp(message.header.stamp, nanoseconds)
-    message.position = array("d", state.position.tobytes())
-    message.velocity = array("d", state.velocity.tobytes())
-    message.torque = array("d", state.torque.tobytes())
-    message.position_reference = array("d", state.position_reference.tobytes())
-    message.velocity_reference = array("d", state.velocity_reference.tobytes())
-    message.torque_reference = array("d", state.torque_reference.tobytes())
-    message.output = array("d", state.output.tobytes())
-    message.current = array("d", state.current.tobytes())
-    message.motion_done = state.motion_done.tolist()
-    message.rejected_commands = array("Q", state.rejected_commands.tobytes())
-    return message
+    time.sec, time.nanosec = split_time(nanoseconds)
 
 
 def joint_modes(

@@ -2,8 +2,7 @@
 """State out: a thread of its own that publishes what the control loop has noted.
 
 It takes the loop's frozen records and never its lock, and keeps the middleware out of the
-control thread: a slow network delays a message, not a control cycle. Message objects are used
-again, their arrays are assigned whole.
+control thread: a slow network delays a message, not a control cycle.
 """
 
 from __future__ import annotations
@@ -21,8 +20,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from .loop import ControlLoop
-from .messages import fill_board_state, fill_joint_state, joint_faults, joint_modes, set_stamp
+from .messages import joint_faults, joint_modes, set_stamp
 from .pacing import sharpen_timers
+from .wire import Template
 
 STREAM = QoSProfile(depth=10)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -30,6 +30,24 @@ CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 #: Without these, every publisher adds two entities to each wait of the executor.
 QUIET = PublisherEventCallbacks(use_default_callbacks=False)
+
+#: Fields of numbers, and the snapshot's attribute for each.
+JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
+BOARD_STATE = {
+    name: name
+    for name in (
+        "position",
+        "velocity",
+        "torque",
+        "position_reference",
+        "velocity_reference",
+        "torque_reference",
+        "output",
+        "current",
+        "motion_done",
+        "rejected_commands",
+    )
+}
 
 
 class StatePublisher:
@@ -61,8 +79,8 @@ class StatePublisher:
         self._faults = self._publisher(JointFaults, "~/faults", LATCHED)
         self._description = self._publisher(String, "robot_description", LATCHED)
         self._clock: Any = None
-        self._joint_state = JointState(name=list(names))
-        self._board_state = BoardState(names=list(names))
+        self._joint_state = Template(JointState(name=list(names)), JOINT_STATE, len(names))
+        self._board_state = Template(BoardState(names=list(names)), BOARD_STATE, len(names))
         self._clock_message = Clock()
         self._done: list[object] = [None, None]
         self._due = threading.Lock()  # held while there is nothing to do
@@ -132,9 +150,9 @@ class StatePublisher:
             state = records.states.popleft()
             snapshot, stamp = state.snapshot, state.stamp
             if self._joint_states.get_subscription_count():
-                self._joint_states.publish(fill_joint_state(self._joint_state, snapshot, stamp))
+                self._joint_states.publish(self._joint_state.of(snapshot, stamp))
             if self._states.get_subscription_count():
-                self._states.publish(fill_board_state(self._board_state, snapshot, stamp))
+                self._states.publish(self._board_state.of(snapshot, stamp))
             if self._clock is not None and self._loop.simulated_time:
                 set_stamp(self._clock_message.clock, stamp)
                 self._clock.publish(self._clock_message)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -19,13 +20,16 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from rclpy.task import Future
+from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from control_board_ros import startup
-from control_board_ros.core.config import BoardConfig
 from control_board_ros.core.faults import FaultRecord
+from control_board_ros.core.measurement import Row
+from control_board_ros.core.state import Reference, Snapshot
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.node import messages
 from control_board_ros.node.executor import KeptWaitSetExecutor
@@ -33,6 +37,7 @@ from control_board_ros.node.lock import NameTakenError, lock_name
 from control_board_ros.node.scheduling import NICENESS, take_priority
 from control_board_ros.node.throttle import ThrottledLog
 from control_board_ros.node.trajectory import Path
+from control_board_ros.node.wire import Template, place
 from control_board_ros.testing import free_domain
 
 pytestmark = pytest.mark.timeout(30)
@@ -235,29 +240,37 @@ def test_faults_as_messages() -> None:
     assert messages.joint_fault(records[0], 0).code == -1
 
 
-def test_board_state_message_holds_the_snapshot() -> None:
-    """Every field has one entry per joint, from its own row."""
-    from test_loop import config
+@pytest.mark.parametrize("names", [("a",), ("a", "b", "c"), ("joint_1", "", "jöint", "x" * 99)])
+@pytest.mark.parametrize("kind", [JointState, BoardState])
+def test_states_hold_the_snapshot(kind: type, names: tuple[str, ...]) -> None:
+    """Whatever the names: every field has one entry per joint, from its own row."""
+    from control_board_ros.node.publishing import BOARD_STATE, JOINT_STATE
 
-    from control_board_ros.core.board import Board
+    sources, count = {JointState: JOINT_STATE, BoardState: BOARD_STATE}[kind], len(names)
+    field_of_names = "name" if kind is JointState else "names"
+    template = Template(kind(**{field_of_names: list(names)}), sources, count)
+    rows = len(Row) + len(Reference)
+    for first in (0.0, -1e300, math.nan):
+        block = np.arange(1.0, 1.0 + rows * count).reshape(rows, count)
+        block[1] = first
+        done = np.arange(count) % 2 == 0
+        rejected = np.arange(count, dtype=np.uint64) + np.uint64(2**63)
+        snapshot = Snapshot(1.5, 7, block, done, rejected)
+        message = deserialize_message(template.of(snapshot, 3_000_000_007), kind)
+        assert (message.header.stamp.sec, message.header.stamp.nanosec) == (3, 7)
+        assert message.header.frame_id == ""
+        assert list(getattr(message, field_of_names)) == list(names)
+        for field, source in sources.items():
+            assert np.array_equal(
+                getattr(message, field), getattr(snapshot, source), equal_nan=True
+            ), field
 
-    made: BoardConfig = config(("a", "b", "c"))
-    snapshot = Board(made).snapshot()
-    snapshot.block[:] = np.arange(snapshot.block.size).reshape(snapshot.block.shape)
-    message = messages.fill_board_state(BoardState(names=["a", "b", "c"]), snapshot, 1_000_000_000)
-    for field in (
-        "position",
-        "velocity",
-        "torque",
-        "position_reference",
-        "velocity_reference",
-        "torque_reference",
-        "output",
-        "current",
-    ):
-        assert list(getattr(message, field)) == list(getattr(snapshot, field)), field
-    assert list(message.motion_done) == [True] * 3
-    assert list(message.rejected_commands) == [0] * 3
+
+def test_a_message_without_a_fixed_layout_is_found_out() -> None:
+    """Better no node than wrong numbers."""
+    with pytest.raises(RuntimeError, match="no fixed layout"):
+        place(b"abcdef", b"aXcXef", 2)
+    assert place(b"abcdef", b"abXXef", 2) == slice(2, 4)
 
 
 def test_paths_interpolate() -> None:
