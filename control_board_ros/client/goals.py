@@ -241,6 +241,9 @@ class GoalOperations(ReferenceOperations):
             yield from self._link.outcome(run.result, self._link.answer_timeout)
             self._changed()
             raise
+        yield from self._link.run(lambda: None)  # the thread takes a result before feedback
+        while run.heard:
+            show(run.heard.popleft())
         self._changed()
         return self._result(name, run.result.result(), names)
 

@@ -33,10 +33,12 @@ def ros_node(
     node = Node(name, namespace=namespace or None, context=context, use_global_arguments=False)
     executor = SingleThreadedExecutor(context=context)
     thread: threading.Thread | None = None
+    ended = threading.Event()
 
     def run() -> None:
         with contextlib.suppress(ExternalShutdownException):
-            executor.spin()
+            while not ended.is_set():
+                executor.spin_once()
 
     try:
         if spin:
@@ -45,9 +47,11 @@ def ros_node(
             thread.start()
         yield node
     finally:
-        executor.shutdown(timeout_sec=5.0)
+        ended.set()
         if thread is not None:
+            executor.create_task(lambda: None)  # only work makes spin_once return
             thread.join(timeout=5.0)
+        executor.shutdown(timeout_sec=5.0)
         node.destroy_node()
         context.try_shutdown()
 
