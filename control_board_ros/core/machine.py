@@ -186,8 +186,7 @@ class Machine:
             )
         if code is FaultCode.OVERHEATING:
             self.watch.cool_down(j, self.config.joints[j], faulted=True)
-        if code is FaultCode.ENCODER_MISMATCH:
-            self.watch.forget(j)
+        self.watch.forget(j)
         self.tell(
             "error", f"fault {int(code)}", j, f"{self.names[j]}: fault, {code.title}: {text}"
         )

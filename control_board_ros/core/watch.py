@@ -226,7 +226,10 @@ class Watch:
         return None
 
     def forget(self, j: int) -> None:
-        """Start the watching of a joint's encoder afresh, as when its fault is told or cleared."""
+        """Start the watching of a joint's encoder afresh: without power nothing can be told of it.
+
+        The reading that raised a fault may have been wrong in what the motor's travel is made of.
+        """
         self._slow[Check.TRAVEL, j] = 0.0
         self._slow_good[Check.TRAVEL, j] = True
 

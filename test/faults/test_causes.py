@@ -134,6 +134,20 @@ def test_a_reading_that_is_not_a_number_leaves_nothing_behind():
     assert rig.modes() == [M.POSITION]
 
 
+@pytest.mark.parametrize("cycles", range(1, 10))
+def test_a_wrong_current_leaves_no_wrong_encoder_behind(cycles):
+    """F3: an overcurrent reading is no travel of the motor; FORCE_IDLE clears it at once."""
+    rig = ready(board_config(joint("left"), control_rate=200.0))
+    rig.enter(M.POSITION)
+    rig.tick(cycles)
+    rig.plant.inject("left", "overcurrent", persistent=True)
+    rig.tick(20)
+    rig.plant.clear_injected()
+    rig.tick()
+    reply = rig.board.set_control_mode("left", "fidl")
+    assert reply, reply.message
+
+
 def test_the_first_reading_after_those_that_are_none_is_no_spike():
     """F2: nobody knows how far the joint went meanwhile; FORCE_IDLE clears the fault at once."""
     rig = ready(board_config(joint("left")))
