@@ -24,16 +24,11 @@ from .waiting import Steps
 SETTLING = 2
 
 
-FLOAT_FIELDS = (
-    "position",
-    "velocity",
-    "torque",
-    "position_reference",
-    "velocity_reference",
-    "torque_reference",
-    "output",
-    "current",
-)
+FLOAT_FIELDS = [
+    name
+    for name, kind in BoardState.get_fields_and_field_types().items()
+    if kind == "sequence<double>"
+]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -35,18 +35,8 @@ QUIET = PublisherEventCallbacks(use_default_callbacks=False)
 JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 BOARD_STATE = {
     name: name
-    for name in (
-        "position",
-        "velocity",
-        "torque",
-        "position_reference",
-        "velocity_reference",
-        "torque_reference",
-        "output",
-        "current",
-        "motion_done",
-        "rejected_commands",
-    )
+    for name in BoardState.get_fields_and_field_types()
+    if name not in ("header", "names")
 }
 
 

@@ -11,9 +11,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-#: What is asked for unless the user chooses; most users are not granted it, and need not know.
-NICENESS = -20
-GRANT = "run it with CAP_SYS_NICE, or raise {limit} in /etc/security/limits.conf"
+from ..sim.schema import BOARD_BY_NAME
 
 
 def take_priority(values: Mapping[str, Any]) -> str:
@@ -29,24 +27,24 @@ def take_priority(values: Mapping[str, Any]) -> str:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
         except OSError as error:
-            grant = GRANT.format(limit="rtprio")
-            return (
-                f"realtime_priority {priority} is not granted ({error.strerror}); the board goes "
-                f"on without: {grant}"
-            )
+            return refusal(f"realtime_priority {priority}", error, "rtprio")
         return ""
     given = niceness if values["real_time_factor"] else max(niceness, 0)
     try:
         for thread in map(int, os.listdir("/proc/self/task")):
             os.setpriority(os.PRIO_PROCESS, thread, given)
     except OSError as error:
-        if niceness != NICENESS:
-            grant = GRANT.format(limit="nice")
-            return (
-                f"niceness {niceness} is not granted ({error.strerror}); the board goes on "
-                f"without: {grant}"
-            )
+        if niceness != BOARD_BY_NAME["niceness"].default:  # else nobody asked for it
+            return refusal(f"niceness {niceness}", error, "nice")
     return ""
+
+
+def refusal(asked: str, error: OSError, limit: str) -> str:
+    """What was refused, and what would grant it."""
+    return (
+        f"{asked} is not granted ({error.strerror}); the board goes on without: run it with "
+        f"CAP_SYS_NICE, or raise {limit} in /etc/security/limits.conf"
+    )
 
 
 def scheduling() -> str:

@@ -34,7 +34,7 @@ from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.node import messages
 from control_board_ros.node.executor import KeptWaitSetExecutor
 from control_board_ros.node.lock import NameTakenError, lock_name
-from control_board_ros.node.scheduling import NICENESS, take_priority
+from control_board_ros.node.scheduling import take_priority
 from control_board_ros.node.throttle import ThrottledLog
 from control_board_ros.node.trajectory import Path
 from control_board_ros.node.wire import Template, place
@@ -304,7 +304,7 @@ def test_a_refused_priority_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None
     assert "realtime_priority 20 is not granted (Operation not permitted)" in take(20, 0)
     assert "niceness -5 is not granted (Operation not permitted)" in take(0, -5)
     assert "\n" not in take(20, 0) + take(0, -5)
-    assert not take(0, NICENESS)  # nobody asked for it
+    assert not take(0, -20)  # the default: nobody asked for it
 
 
 @pytest.mark.parametrize(
