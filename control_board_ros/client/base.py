@@ -37,7 +37,7 @@ class State:
 
     Attributes: stamp (s, time of the reading), names, position, velocity, torque (measured),
     position_reference, velocity_reference, torque_reference (in force), output (PWM percent),
-    current (A), motion_done, rejected_commands.
+    current (A), motion_done, rejected_commands, calibrated, temperature (°C, of the winding).
     """
 
     stamp: float
@@ -52,6 +52,8 @@ class State:
     current: Floats
     motion_done: NDArray[np.bool_]
     rejected_commands: NDArray[np.uint64]
+    calibrated: NDArray[np.bool_]
+    temperature: Floats
 
     @classmethod
     def of(cls, message: Any) -> State:
@@ -64,6 +66,7 @@ class State:
             names=tuple(message.names),
             motion_done=np.array(message.motion_done, dtype=np.bool_),
             rejected_commands=np.array(message.rejected_commands, dtype=np.uint64),
+            calibrated=np.array(message.calibrated, dtype=np.bool_),
             **floats,
         )
 

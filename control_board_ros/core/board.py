@@ -69,6 +69,7 @@ class Board(Requests, Commands, ModeShortcuts):
             self.state.block.copy(),
             self.references.trajectories.done.copy(),
             self.state.rejected.copy(),
+            self.state.calibrated.copy(),
         )
 
     @property

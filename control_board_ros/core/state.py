@@ -50,7 +50,8 @@ class Snapshot:
 
     position, velocity, torque, current, temperature are measured (rad, rad/s, N·m, A, °C);
     position_reference, velocity_reference, torque_reference are in force; output is the PWM in
-    percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored.
+    percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
+    false where a joint's angle is not known (K7).
     """
 
     time: float
@@ -58,6 +59,7 @@ class Snapshot:
     block: Array
     motion_done: NDArray[np.bool_]
     rejected_commands: NDArray[np.uint64]
+    calibrated: NDArray[np.bool_]
 
     @property
     def position(self) -> Array:
@@ -127,7 +129,7 @@ class State:
         self.offset: Array = np.zeros(n)
         self.powered: Array = np.zeros(n)
         self.rejected: NDArray[np.uint64] = np.zeros(n, dtype=np.uint64)
-        self.calibrated = [False] * n
+        self.calibrated: NDArray[np.bool_] = np.zeros(n, dtype=np.bool_)
         self.control_modes = [ControlMode.NOT_CONFIGURED] * n
         self.interaction_modes = [InteractionMode.STIFF] * n
         self.mode_index = np.full(n, INDEX[ControlMode.NOT_CONFIGURED], dtype=np.intp)

@@ -13,6 +13,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .config import BoardConfig, JointConfig
 from .faults import FaultCode
@@ -124,7 +125,7 @@ class Watch:
         self._middle[j] = 0.5 * (low + high) if math.isfinite(high - low) else 0.0
         slow[Check.OVERRUN] = 0.5 * (high - low) + limits.hard_margin
 
-    def arm(self, joints: Joints, *, on: bool, calibrated: list[bool]) -> None:
+    def arm(self, joints: Joints, *, on: bool, calibrated: NDArray[np.bool_]) -> None:
         """Set the limits of joints, or none while they are not configured (N1).
 
         The hard limits are known of those only that are calibrated (a flag per joint).

@@ -51,6 +51,9 @@ def answered(response: Response, reply: Reply) -> Response:
     """A response that says what the reply says."""
     response.success = bool(reply)  # type: ignore[attr-defined]
     response.message = reply.message  # type: ignore[attr-defined]
+    if hasattr(response, "answers"):
+        response.answers = [str(answer) for answer in reply.answers]
+        response.reasons = list(reply.reasons) or [""] * len(reply.answers)  # type: ignore[attr-defined]
     return response
 
 
