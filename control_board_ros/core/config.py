@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from .checks import ConfigError, check_number
+from .checks import HUGE, ConfigError, check_number
 from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Pid, Timeouts
 from .vocabs import ControlMode, InteractionMode
 
@@ -50,7 +50,10 @@ class JointConfig:
     ``current``), back_emf_compensation (0..1), torque_sensor (without one neither TORQUE nor
     COMPLIANT is offered), startup_mode and startup_interaction (N3), max_travel_error
     (rad by which encoder and motor may disagree before the encoder is at fault),
-    guard_stiffness and guard_damping (the push-back of P9, N·m/rad and N·m·s/rad).
+    guard_stiffness and guard_damping (the push-back of P9, N·m/rad and N·m·s/rad), inertia_min
+    and inertia_max (the least and greatest total inertia that the motor moves in any pose, rotor
+    included, kg·m²; kg where it slides: what feed-forward, damping and the speed protection
+    reckon with).
     """
 
     name: str
@@ -75,6 +78,8 @@ class JointConfig:
     max_travel_error: float = 2.0 * DEGREE
     guard_stiffness: float = 500.0
     guard_damping: float = 20.0
+    inertia_min: float = 1.0
+    inertia_max: float = 1.0
 
     def __post_init__(self) -> None:
         if not self.name or not isinstance(self.name, str):
@@ -101,6 +106,8 @@ class JointConfig:
         )
         for name in ("max_travel_error", "guard_stiffness", "guard_damping"):
             check_number(f"{key}.{name}", getattr(self, name), above=0.0)
+        check_number(f"{key}.inertia_min", self.inertia_min, above=0.0, high=HUGE)
+        check_number(f"{key}.inertia_max", self.inertia_max, self.inertia_min, HUGE)
         self._check_modes(key)
         if self.calibration is not None:
             self.calibration.check(f"{key}.calibration", self.limits)

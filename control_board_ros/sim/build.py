@@ -33,6 +33,8 @@ PLAIN = (
     "max_travel_error",
     "guard_stiffness",
     "guard_damping",
+    "inertia_min",
+    "inertia_max",
 )
 
 

@@ -2,20 +2,19 @@
 """What a joint's parameters are where nobody gives them: derived from the URDF.
 
 Good enough to hold and move any sane robot; a tuned robot has its own YAML. A joint is sized
-by what hangs on it: an inertia and a gravity torque that the stretched-out arm would have.
+by what hangs on it: the inertia and the gravity torque of its worst pose (see ``loads``).
 """
 
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 from ..core.parts import DEGREE
+from .loads import Load, loads
 from .urdf import Urdf, UrdfJoint
 
-GRAVITY = 9.81
 BANDWIDTH = 2.0 * math.pi * 3.0  # rad/s, of the position loop
 DAMPING_RATIO = 0.9
 FAR = 1e6  # rad, where a continuous joint's travel ends
@@ -23,54 +22,47 @@ FASTEST = 20.0  # rad/s or m/s; more in a URDF is a placeholder
 STRONGEST = 1000.0  # N·m or N; likewise
 EMF_SHARE = 0.6  # of the supply, at the speed limit
 ROTOR_SHARE = 0.15  # of the load's inertia, that the rotor has at the joint at least
+LIGHTEST = 1e-4  # kg·m² or kg; less is the URDF's idea of nothing
 CURRENT_MARGIN = 1.2  # peak current over the current of the torque limit
 
 
-@dataclass(frozen=True, slots=True)
-class Load:
-    """What a joint carries at most: inertia (kg·m²; kg) and gravity torque (N·m; N)."""
-
-    inertia: float
-    gravity: float
-
-
-def loads(urdf: Urdf) -> dict[str, Load]:
-    """The load of each joint of a URDF, with every link beyond it stretched out."""
-    root = ET.fromstring(urdf.text)
-    masses = {link.get("name", ""): _mass(link) for link in root.findall("link")}
-    beyond: dict[str, list[tuple[str, float]]] = {}
-    for joint in root.findall("joint"):
-        parent, child = _end(joint, "parent"), _end(joint, "child")
-        beyond.setdefault(parent, []).append((child, _reach(joint)))
-    found = {}
-    for moving in urdf.joints:
-        inertia = weight = 0.0
-        stack = [(moving.child, 0.0)]
-        while stack:
-            link, distance = stack.pop()
-            mass, offset, moment = masses[link]
-            arm = 1.0 if moving.kind == "prismatic" else distance + offset
-            inertia += mass * arm**2 + moment * (moving.kind != "prismatic")
-            weight += mass * GRAVITY * arm
-            stack += [(child, distance + reach) for child, reach in beyond.get(link, [])]
-        found[moving.name] = Load(max(inertia, 1e-4), weight)
-    return found
-
-
-def complete(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
-    """Add what is missing to the parameters of one joint, in place.
+def complete(
+    values: Mapping[str, dict[str, Any]], urdf: Urdf, gravity: tuple[float, float, float]
+) -> None:
+    """Add what is missing to the parameters of all joints of a board, in place.
 
     Args:
-        values: Parameters of the joint by schema name; those given stay as they are.
-        joint: The joint in the URDF.
-        load: What it carries.
+        values: Parameters by schema name, for each joint; those given stay as they are.
+        urdf: The robot.
+        gravity: In world axes, m/s².
     """
-    _limits(values, joint, load)
-    values.setdefault("inertia", load.inertia)
-    _motor(values, sliding=joint.kind == "prismatic")
+    joints = {joint.name: joint for joint in urdf.joints}
+    for name, given in values.items():
+        _range(given, joints[name])
+    ranges = {
+        name: (given["limits.lower"], given["limits.upper"]) for name, given in values.items()
+    }
+    carried = loads(urdf, ranges, gravity)
+    for name, given in values.items():
+        sliding, load = joints[name].kind == "prismatic", carried.by_name[name]
+        _limits(given, joints[name], load)
+        given.setdefault("inertia", max(load.inertia_max, LIGHTEST))
+        _motor(given, sliding=sliding)
+    reflected = {
+        name: given["motor.inertia"] * given["motor.gear_ratio"] ** 2
+        for name, given in values.items()
+    }
+    for name, (least, greatest) in carried.with_rotors(reflected).items():
+        given = values[name]
+        given.setdefault("inertia_min", max(least, LIGHTEST))
+        given.setdefault("inertia_max", max(greatest, given["inertia_min"]))
+        _gains(given)
+        _rest(given, sliding=joints[name].kind == "prismatic")
+
+
+def _gains(values: dict[str, Any]) -> None:
     give = values.setdefault
-    total = values["inertia"] + values["motor.inertia"] * values["motor.gear_ratio"] ** 2
-    torque = values["limits.torque"]
+    total, torque = values["inertia_max"], values["limits.torque"]
     give("position_pid.kp", total * BANDWIDTH**2)
     give("position_pid.kd", 2.0 * DAMPING_RATIO * math.sqrt(values["position_pid.kp"] * total))
     give("position_pid.ki", values["position_pid.kp"] * 3.0)
@@ -87,7 +79,12 @@ def complete(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     give("impedance.max_damping", max(10.0 * damping, values["position_pid.kd"]))
     give("guard_stiffness", values["position_pid.kp"])
     give("guard_damping", values["position_pid.kd"])
-    slow = 0.05 if joint.kind == "prismatic" else 10.0 * DEGREE
+
+
+def _rest(values: dict[str, Any], *, sliding: bool) -> None:
+    """Speeds at start, home and the calibration's way there."""
+    give = values.setdefault
+    slow = 0.05 if sliding else 10.0 * DEGREE
     give("reference_speed", min(slow, 0.5 * values["limits.velocity"]))
     give("reference_acceleration", min(slow, 0.5 * values["limits.acceleration"]))
     home = give("home", min(max(0.0, values["limits.lower"]), values["limits.upper"]))
@@ -95,7 +92,7 @@ def complete(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     give("calibration.speed", values["reference_speed"])
 
 
-def _limits(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
+def _range(values: dict[str, Any], joint: UrdfJoint) -> None:
     give = values.setdefault
     low = give("limits.hard_lower", -FAR if joint.lower is None else joint.lower)
     high = give("limits.hard_upper", FAR if joint.upper is None else joint.upper)
@@ -104,9 +101,13 @@ def _limits(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
         inside = min(inside, 2.0 * DEGREE)
     give("limits.lower", low + inside)
     give("limits.upper", high - inside)
+
+
+def _limits(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
+    give = values.setdefault
     velocity = give("limits.velocity", min(joint.velocity or math.pi, FASTEST))
     give("limits.acceleration", 10.0 * velocity)
-    enough = max(3.0 * load.gravity, 10.0 * load.inertia)
+    enough = max(3.0 * load.gravity, 10.0 * load.inertia_max)
     give("limits.torque", min(joint.effort or enough, STRONGEST))
     tolerance = 0.005 if joint.kind == "prismatic" else 2.0 * DEGREE
     give("limits.hard_margin", tolerance)
@@ -131,30 +132,3 @@ def _motor(values: dict[str, Any], *, sliding: bool) -> None:
     drag = emf * per_ampere / values["motor.resistance"] + values["motor.viscous"]
     heavy = max(4e-3 * drag, ROTOR_SHARE * values["inertia"])
     give("motor.inertia", 0.0 if sliding else heavy / gear**2)
-
-
-def _mass(link: ET.Element) -> tuple[float, float, float]:
-    """Mass, distance of its centre from the link's frame, largest moment of inertia."""
-    inertial = link.find("inertial")
-    if inertial is None:
-        return 0.0, 0.0, 0.0
-    mass, inertia = inertial.find("mass"), inertial.find("inertia")
-    moments = (
-        [] if inertia is None else [float(inertia.get(m, "0")) for m in ("ixx", "iyy", "izz")]
-    )
-    return (
-        0.0 if mass is None else float(mass.get("value", "0")),
-        _reach(inertial),
-        max(moments, default=0.0),
-    )
-
-
-def _reach(element: ET.Element) -> float:
-    origin = element.find("origin")
-    xyz = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
-    return math.hypot(*map(float, xyz.split()))
-
-
-def _end(joint: ET.Element, tag: str) -> str:
-    element = joint.find(tag)
-    return "" if element is None else element.get("link", "")

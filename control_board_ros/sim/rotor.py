@@ -56,8 +56,8 @@ def with_rotor_inertia(text: str, reflected: Mapping[str, float]) -> tuple[str, 
             )
         child = joint.find("child")
         name = "" if child is None else child.get("link", "")
-        link, axis = links[name], _axis(joint)
-        tensor = _inertia(link) + inertia * np.outer(axis, axis)
+        link, axis = links[name], axis_of(joint)
+        tensor = inertia_of(link) + inertia * np.outer(axis, axis)
         values, axes = np.linalg.eigh(tensor)
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         _write(link, axes)
@@ -70,19 +70,20 @@ def normalise_axis(joint: ET.Element) -> None:
     """Make the axis of a joint one long: pybullet takes its length for a lever."""
     element = joint.find("axis")
     if element is not None and joint.get("type") != "fixed":
-        element.set("xyz", " ".join(repr(float(part)) for part in _axis(joint)))
+        element.set("xyz", " ".join(repr(float(part)) for part in axis_of(joint)))
 
 
-def _axis(joint: ET.Element) -> Array:
+def axis_of(joint: ET.Element) -> Array:
+    """The unit axis of a joint in its own frame, shape (3,)."""
     element = joint.find("axis")
-    axis = _numbers(element, "xyz", (1.0, 0.0, 0.0))
+    axis = numbers_of(element, "xyz", (1.0, 0.0, 0.0))
     length = float(np.linalg.norm(axis))
     if length == 0.0:
         raise ConfigError(f"{joint.get('name')}.axis", "0 0 0", "one that is not zero")
     return np.array(axis / length)
 
 
-def _inertia(link: ET.Element) -> Array:
+def inertia_of(link: ET.Element) -> Array:
     """Inertia tensor about the centre of mass in the link's axes, shape (3, 3), kg·m²."""
     element = link.find("inertial/inertia")
     if element is None:
@@ -90,7 +91,7 @@ def _inertia(link: ET.Element) -> Array:
     xx, xy, xz, yy, yz, zz = (
         float(element.get(name, "0")) for name in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     )
-    rotation = rotation_of(_numbers(link.find("inertial/origin"), "rpy", (0.0, 0.0, 0.0)))
+    rotation = rotation_of(numbers_of(link.find("inertial/origin"), "rpy", (0.0, 0.0, 0.0)))
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return np.array(rotation @ tensor @ rotation.T)
 
@@ -114,7 +115,8 @@ def _write(link: ET.Element, axes: Array) -> None:
         tensor.set(name, "0")
 
 
-def _numbers(element: ET.Element | None, key: str, default: tuple[float, ...]) -> Array:
+def numbers_of(element: ET.Element | None, key: str, default: tuple[float, ...]) -> Array:
+    """The numbers of an attribute, as many as it has; the default where it is missing."""
     text = None if element is None else element.get(key)
     return np.array(default if text is None else [float(word) for word in text.split()])
 

@@ -276,5 +276,19 @@ JOINT = (
         derived="position_pid",
     ),
     number("guard_damping", None, "Its damping, N·m·s/rad (P9).", 1e-9, derived="position_pid"),
+    number(
+        "inertia_min",
+        None,
+        "Least inertia that the motor moves in any pose, rotor included, kg·m² or kg.",
+        1e-9,
+        derived="URDF and motor.inertia",
+    ),
+    number(
+        "inertia_max",
+        None,
+        "Greatest inertia that the motor moves in any pose, rotor included, kg·m² or kg.",
+        1e-9,
+        derived="URDF and motor.inertia",
+    ),
     *_SIMULATION,
 )

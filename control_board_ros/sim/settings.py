@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -22,7 +22,7 @@ from typing import Any
 from ..core.config import BoardConfig, ConfigError
 from . import build
 from .config import SimulationConfig
-from .derive import complete, loads
+from .derive import complete
 from .params_file import Entry, Layer, SettingsError, read_file, shown
 from .robots import ROBOTS, load_robot
 from .schema import BOARD, BOARD_BY_NAME, JOINT, JOINT_BY_NAME, JOINT_DEFAULTS, find_row
@@ -130,7 +130,8 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
     names = _joint_names(board, urdf, _last(given, "joints"))
     values, where = dict(board), _origins(given)
     try:
-        for name, joint_values in _joint_values(given, names, urdf, where).items():
+        found = _joint_values(given, names, urdf, board["gravity"], where)
+        for name, joint_values in found.items():
             values.update({f"{name}.{key}": value for key, value in joint_values.items()})
         made = build.board(values, urdf, names)
         simulation = build.simulation(values, urdf, names)
@@ -236,7 +237,11 @@ def _joint_names(board: Mapping[str, Any], urdf: Urdf, entry: Entry | None) -> t
 
 
 def _joint_values(
-    layers: list[Layer], names: tuple[str, ...], urdf: Urdf, where: dict[str, str]
+    layers: list[Layer],
+    names: tuple[str, ...],
+    urdf: Urdf,
+    gravity: Sequence[float],
+    where: dict[str, str],
 ) -> dict[str, dict[str, Any]]:
     """The complete parameters of every joint of the board; notes where each came from."""
     found: dict[str, dict[str, Any]] = {name: {} for name in names}
@@ -253,13 +258,13 @@ def _joint_values(
                 if _owned(name, joint) and (row := JOINT_BY_NAME.get(name[len(joint) + 1 :])):
                     found[joint][row.name] = convert(row, name, entry)
                     where[name] = entry.where
-    carried = loads(urdf)
-    by_name = {joint.name: joint for joint in urdf.joints}
     plain = {row.name: row.default for row in JOINT if row.default is not None}
-    for name, values in found.items():
+    for values in found.values():
         for key, default in plain.items():
             values.setdefault(key, default)
-        complete(values, by_name[name], carried[name])
+    x, y, z = gravity
+    complete(found, urdf, (x, y, z))
+    for values in found.values():
         if not values["torque_sensor"]:  # I7
             values["control_modes"] = [m for m in values["control_modes"] if m != "torq"]
             values["interaction_modes"] = [m for m in values["interaction_modes"] if m != "comp"]

@@ -155,7 +155,9 @@ def test_any_urdf_by_its_path(tmp_path: Path) -> None:
     assert (limits.velocity, limits.torque) == (10.0, 300.0)
     assert len(made.warnings) == 16  # its meshes are not there: two shapes of eight links
     kp = [joint.position_pid.kp for joint in made.board.joints]
-    assert kp == sorted(kp, reverse=True)
+    moved = [joint.inertia_max for joint in made.board.joints]
+    assert sorted(range(7), key=kp.__getitem__) == sorted(range(7), key=moved.__getitem__)
+    assert moved[1] > moved[3] > moved[5]
 
 
 def test_modes_by_code_or_name_and_joints_without_torque_sensor() -> None:
