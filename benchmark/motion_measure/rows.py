@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rows of the table: what is measured, in which unit, and what is to be reached."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from . import force_rows, position_rows
+from .rig import Rig
+
+Measure = Callable[[Rig, int], dict[str, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One line of the table.
+
+    Attributes: key (of the figure), text, unit, shipped and derived (the largest magnitude to
+    reach with a tuned configuration and with derived values).
+    """
+
+    key: str
+    text: str
+    unit: str
+    shipped: float
+    derived: float
+
+    def reach(self, derived: bool) -> float:
+        return self.derived if derived else self.shipped
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A test and the lines of the table that it gives.
+
+    Attributes: key, measure, quantities, and every_pose (else in the first pose only).
+    """
+
+    key: str
+    measure: Measure
+    quantities: tuple[Quantity, ...]
+    every_pose: bool = True
+
+
+ROWS = {
+    row.key: row
+    for row in (
+        Row(
+            "step",
+            position_rows.step,
+            (Quantity("overshoot", "direct step of 50 mrad: overshoot", "%", 5.0, 15.0),),
+        ),
+        Row(
+            "fullstep",
+            position_rows.full_step,
+            (Quantity("speed", "direct full step: top speed over limit", "×", 1.05, 1.05),),
+            every_pose=False,
+        ),
+        Row(
+            "move",
+            position_rows.move,
+            (
+                Quantity("default", "move error at default speed", "mrad", 0.5, 3.0),
+                Quantity("top", "move error at top speed", "mrad", 4.0, 15.0),
+            ),
+        ),
+        Row(
+            "sine",
+            position_rows.sine,
+            (
+                Quantity("at_1000", "1 Hz sine at 1 kHz: error of amplitude", "%", 3.0, 10.0),
+                Quantity("at_100", "1 Hz sine at 100 Hz: error of amplitude", "%", 3.0, 10.0),
+            ),
+        ),
+        Row(
+            "velocity",
+            position_rows.velocity,
+            (Quantity("overshoot", "velocity overshoot", "%", 5.0, 10.0),),
+        ),
+        Row(
+            "torque",
+            force_rows.torque,
+            (
+                Quantity("rise", "torque step of 10 %: rise", "ms", 3.0, 3.0),
+                Quantity("overshoot", "torque step of 10 %: overshoot", "%", 5.0, 5.0),
+            ),
+        ),
+        Row(
+            "stiffness",
+            force_rows.stiffness,
+            (
+                Quantity("deviation", "stiffness measured over asked", "%", 5.0, 5.0),
+                Quantity("with_gravity", "the same as a hand feels it", "%", 0.0, 0.0),
+            ),
+        ),
+        Row(
+            "release",
+            force_rows.release,
+            (Quantity("overshoot", "release at greatest k: overshoot", "%", 10.0, 10.0),),
+        ),
+        Row(
+            "push",
+            force_rows.push,
+            (Quantity("deflection", "push of half the torque limit", "mrad", 10.0, 30.0),),
+        ),
+    )
+}
