@@ -54,10 +54,10 @@ class Board(Requests, Commands, ModeShortcuts):
         if self._calibrators:
             self._calibrate()
         self._expire()
-        self.references.advance()
         self.controller.step()
-        if self.controller.on_limit != self._on_limit:
-            self._tell_limits()
+        on_limit = [joint.on_limit for joint in self.controller.joints]
+        if on_limit != self._on_limit:
+            self._tell_limits(on_limit)
         self.cycle += 1
         return self._actuation
 
@@ -67,7 +67,7 @@ class Board(Requests, Commands, ModeShortcuts):
             self.time,
             self.cycle,
             self.state.block.copy(),
-            self.references.trajectories.done.copy(),
+            self.state.done.copy(),
             self.state.rejected.copy(),
             self.state.calibrated.copy(),
         )
@@ -118,8 +118,7 @@ class Board(Requests, Commands, ModeShortcuts):
         if self._shifted:
             state.position -= state.offset
 
-    def _tell_limits(self) -> None:
-        on_limit = self.controller.on_limit
+    def _tell_limits(self, on_limit: list[bool]) -> None:
         for j, (now, before) in enumerate(zip(on_limit, self._on_limit, strict=True)):
             if now and not before:
                 position = float(self.state.measured[Row.POSITION, j])
@@ -131,7 +130,7 @@ class Board(Requests, Commands, ModeShortcuts):
                     f"{self.names[j]}: at {position:.4g}, beyond its software limits "
                     f"{limits.lower:.4g} to {limits.upper:.4g}; the protection pushes it back",
                 )
-        self._on_limit = list(on_limit)
+        self._on_limit = on_limit
 
 
 __all__ = ["Board", "BoardEvent", "CommandKind"]

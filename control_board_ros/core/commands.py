@@ -7,22 +7,36 @@ counted; the other joints of the same command are served.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..interfaces import Floats, Joints, Values
+from .laws import Joint
 from .machine import Machine
-from .modes import AT_REST, STOPPABLE, Event, modes_accepting, next_mode
-from .reply import Answer, Reply, accepted, decided, refused
+from .modes import (
+    AT_REST,
+    DIRECT_GAINS,
+    NO_FEEDFORWARD,
+    STOPPABLE,
+    Event,
+    Law,
+    law_of,
+    modes_accepting,
+    next_mode,
+)
+from .reply import Answer, Reply, accepted, decided, quantity, refused
 from .selection import RequestError, Selection, Selector, spread
 from .state import Indices
 from .vocabs import CommandKind, ControlMode
 
 K = CommandKind
 Bools = NDArray[np.bool_]
+Verdict = tuple[Answer, str]
+#: What will be done instead of what was asked for, by joint.
+Notes = dict[int, str]
 
 
 class Commands(Machine):
@@ -35,8 +49,10 @@ class Commands(Machine):
     ) -> Reply:
         """Start minimum-jerk moves at the set reference speeds, or at the speeds given (P1)."""
 
-        def apply(chosen: Indices, values: Floats, extra: Floats) -> None:
-            self.references.move(chosen, values, extra)
+        def apply(chosen: Indices, values: Floats, extra: Floats) -> Notes:
+            way = np.abs(values - self.state.position_reference[chosen])
+            times = self.references.move(chosen, values, extra)
+            return self._slower(chosen, way, extra, times)
 
         limits = self.references
         return self._command(
@@ -48,15 +64,29 @@ class Commands(Machine):
             ("speeds", speeds, limits.speed, limits.limit_velocity),
         )
 
-    def set_position(self, joints: Joints, positions: Values) -> Reply:
-        """Step the position reference (P4)."""
+    def set_position(
+        self, joints: Joints, positions: Values, velocities: Values | None = None
+    ) -> Reply:
+        """Step the position reference (P4).
 
-        def apply(chosen: Indices, values: Floats, _: Floats) -> None:
-            self.references.hold(chosen, values)
+        Args:
+            joints: whose reference it is.
+            positions: rad.
+            velocities: the references' own velocities, rad/s; None: the board takes the mean of
+                those that follow each other closely, and 0 for a single step.
+        """
+
+        def apply(chosen: Indices, values: Floats, along: Floats) -> None:
+            own = None
+            if velocities is not None:
+                own = np.clip(along, -limits.limit_velocity[chosen], limits.limit_velocity[chosen])
+            self.references.step(chosen, values, own)
 
         limits = self.references
         bounds = (limits.limit_lower, limits.limit_upper)
-        return self._command(K.POSITION_DIRECT, joints, positions, bounds, apply)
+        reach = limits.limit_velocity
+        extra = None if velocities is None else ("velocities", velocities, reach, reach)
+        return self._command(K.POSITION_DIRECT, joints, positions, bounds, apply, extra)
 
     def velocity_move(
         self, joints: Joints, velocities: Values, accelerations: Values | None = None
@@ -80,8 +110,8 @@ class Commands(Machine):
         """Set the reference torque (P7)."""
 
         def apply(chosen: Indices, values: Floats, _: Floats) -> None:
-            self.controller.torque_command[chosen] = values
-            self.controller.refresh()
+            for j, value in zip(chosen.tolist(), values.tolist(), strict=True):
+                self.controller.joints[j].command_torque(value)
 
         limit = self.controller.max_torque
         return self._command(K.TORQUE, joints, torques, (-limit, limit), apply)
@@ -90,8 +120,8 @@ class Commands(Machine):
         """Set the PWM in percent (P8)."""
 
         def apply(chosen: Indices, values: Floats, _: Floats) -> None:
-            self.controller.output_command[chosen] = values
-            self.controller.refresh()
+            for j, value in zip(chosen.tolist(), values.tolist(), strict=True):
+                self.controller.joints[j].output_command = value
 
         limit = self.controller.max_percent
         return self._command(K.OUTPUT, joints, outputs, (-limit, limit), apply)
@@ -105,10 +135,10 @@ class Commands(Machine):
             selection = self.selector.select(joints)
             count = len(selection.names)
             given = [
-                (target, spread(values, count, what), limit)
-                for target, values, what, limit in (
-                    (controller.output_offset, outputs, "outputs", controller.max_percent),
-                    (controller.torque_offset, torques, "torques", controller.max_torque),
+                (act, spread(values, count, what), limit)
+                for act, values, what, limit in (
+                    (feed_output, outputs, "outputs", controller.max_percent),
+                    (feed_torque, torques, "torques", controller.max_torque),
                 )
                 if values is not None
             ]
@@ -118,19 +148,22 @@ class Commands(Machine):
             return self._malformed(
                 joints, "feedforward ignored: neither outputs nor torques given"
             )
-        good = np.ones(count, dtype=bool)
+        modes = [self.state.control_modes[j] for j in selection.joints]
+        taken = np.array([mode not in NO_FEEDFORWARD for mode in modes])
+        good = taken.copy()
         for _, values, _ in given:
             good &= np.isfinite(values)
         chosen = selection.joints[good]
-        for target, values, limit in given:
-            target[chosen] = np.clip(values[good], -limit[chosen], limit[chosen])
-        if torques is not None:
-            for j in chosen:
-                self._offset_set[j] = True
-        self.controller.refresh()
+        for act, values, limit in given:
+            bounded = np.clip(values[good], -limit[chosen], limit[chosen])
+            for j, value in zip(chosen.tolist(), bounded.tolist(), strict=True):
+                act(controller.joints[j], value)
         if good.all():
             return accepted(selection.names)
-        reasons = ["not a finite number"] * count
+        reasons = [
+            "not a finite number" if fine else f"mode is {mode.name}, where none acts"
+            for fine, mode in zip(taken, modes, strict=True)
+        ]
         return self._ignore("feedforward", selection, good, reasons)
 
     def stop(self, joints: Joints = None) -> Reply:
@@ -143,10 +176,14 @@ class Commands(Machine):
         moving = np.array([mode in STOPPABLE for mode in modes])
         chosen = selection.joints[moving]
         if chosen.size:
-            references = self.references
+            joints_ = [self.controller.joints[j] for j in chosen]
             position = self.state.position[chosen]
-            inside = np.clip(position, references.lower[chosen], references.upper[chosen])
-            references.hold(chosen, inside)
+            inside = np.clip(position, [j.lower for j in joints_], [j.upper for j in joints_])
+            self.references.hold(chosen, inside)
+            for j in chosen.tolist():
+                mode, interaction = self.state.control_modes[j], self.state.interaction_modes[j]
+                if (law := law_of(mode, interaction)) is Law.IMPEDANCE:  # I10
+                    self.set_law(slice(j, j + 1), law, direct=mode in DIRECT_GAINS)
         verdicts = []
         for name, mode in zip(selection.names, modes, strict=True):
             if mode in STOPPABLE or mode in AT_REST:
@@ -180,8 +217,7 @@ class Commands(Machine):
 
     def check_motion_done(self, joints: Joints = None) -> list[bool]:
         """False from the cycle that accepts a move until its profile ends (P3)."""
-        done = self.references.trajectories.done
-        return [bool(done[j]) for j in self.selector.select(joints).joints]
+        return [bool(self.state.done[j]) for j in self.selector.select(joints).joints]
 
     def get_encoder(self, joints: Joints = None) -> Floats:
         """Measured positions."""
@@ -197,7 +233,7 @@ class Commands(Machine):
 
     def get_remaining_time(self, joints: Joints = None) -> Floats:
         """Time until the position moves end, s."""
-        return self.references.trajectories.remaining(self.selector.select(joints).joints)
+        return self.references.remaining(self.selector.select(joints).joints)
 
     # --- the one way in ---------------------------------------------------------------------
 
@@ -207,7 +243,7 @@ class Commands(Machine):
         joints: Joints,
         values: Values,
         bounds: tuple[Floats, Floats],
-        apply: Callable[[Indices, Floats, Floats], None],
+        apply: Callable[[Indices, Floats, Floats], Notes | None],
         extra: tuple[str, Values | None, Floats, Floats] | None = None,
     ) -> Reply:
         """Check a command joint by joint, apply what is good, count the rest.
@@ -225,23 +261,63 @@ class Commands(Machine):
                 what, given, standing, highest = extra
                 along = standing[chosen] if given is None else spread(given, count, what)
                 if given is not None:
-                    good &= (along > 0.0) & (along <= highest[chosen])
+                    if kind is K.POSITION_DIRECT:
+                        good &= np.isfinite(along)
+                    else:
+                        good &= (along > 0.0) & (along <= highest[chosen])
         except RequestError as error:
             return self._malformed(joints, f"{kind} reference ignored: {error}")
+        verdicts: list[Verdict] = []
         if b"\0" in good.tobytes():
             reasons = self._reasons(kind, selection, array, along, extra)
-            reply = self._ignore(f"{kind} reference", selection, good, reasons)
+            verdicts = self._ignored(f"{kind} reference", selection, good, reasons)
             chosen, array, along = chosen[good], array[good], along[good]
             if not chosen.size:
-                return reply
-        else:
-            reply = accepted(selection.names)
+                return decided(selection.names, verdicts)
         low, high = bounds
-        array = np.minimum(np.maximum(array, low[chosen]), high[chosen])
-        apply(chosen, array, along)
-        self.references.last[kind, chosen] = array
+        bounded = np.minimum(np.maximum(array, low[chosen]), high[chosen])
+        notes = apply(chosen, bounded, along) or {}
+        if array.tobytes() != bounded.tobytes():
+            notes |= self._cut(kind, chosen, array, bounded)
+        self.references.last[kind, chosen] = bounded
         self.references.renew(kind, chosen, self.cycle)
-        return reply
+        if not (verdicts or notes):
+            return accepted(selection.names)
+        verdicts = verdicts or [(Answer.ACCEPTED, "")] * len(selection.names)
+        for k, j in enumerate(selection.joints.tolist()):
+            if j in notes:
+                verdicts[k] = (Answer.ACCEPTED, notes[j])
+        return decided(selection.names, verdicts)
+
+    def _cut(self, kind: CommandKind, chosen: Indices, asked: Floats, taken: Floats) -> Notes:
+        """What a limit made of references (P1, P9, P14)."""
+        notes = {}
+        for j, one, other in zip(chosen.tolist(), asked.tolist(), taken.tolist(), strict=True):
+            if one != other:
+                sliding = self.config.joints[j].kind == "prismatic"
+                text = [quantity(kind, value, sliding) for value in (other, one)]
+                notes[j] = (
+                    f"{self.names[j]}: {kind} bounded to {text[0]} ({text[1]} was asked for)"
+                )
+        return notes
+
+    def _slower(
+        self, chosen: Indices, way: Floats, speeds: Floats, times: Sequence[float]
+    ) -> Notes:
+        """Where speed and acceleration limits make a move slower than asked for (P1)."""
+        notes = {}
+        for j, distance, speed, time in zip(
+            chosen.tolist(), way.tolist(), speeds.tolist(), times, strict=True
+        ):
+            if distance < 0.99 * speed * time and time > 2.0 * self.period:
+                sliding = self.config.joints[j].kind == "prismatic"
+                notes[j] = (
+                    f"{self.names[j]}: takes {time:.3g} s, at a mean speed of "
+                    f"{quantity(K.VELOCITY, distance / time, sliding)} "
+                    f"({quantity(K.VELOCITY, speed, sliding)} was asked for), "
+                    "by its limits of speed and acceleration"
+                )
+        return notes
 
     def _reasons(
         self, kind: CommandKind, selection: Selection, array: Floats, along: Floats, extra: Any
@@ -253,10 +329,12 @@ class Commands(Machine):
                 reasons.append(self._wrong_mode(kind, int(j)))
             elif not np.isfinite(array[k]):
                 reasons.append(f"{array[k]} is not a finite number")
+            elif not np.isfinite(along[k]):
+                reasons.append(f"{along[k]} is not a finite number")
             elif extra is not None:
                 high = extra[3][j]
                 reasons.append(
-                    f"{extra[0]} must be above 0 and up to {high:.6g}, not {along[k]:.6g}"
+                    f"{extra[0]} must be above 0 and up to {high:.6g}, not {along[k]:.10g}"
                 )
             else:
                 reasons.append("")
@@ -278,8 +356,14 @@ class Commands(Machine):
 
     def _ignore(self, what: str, selection: Selection, good: Bools, reasons: list[str]) -> Reply:
         """Count what is ignored (M4) and say why."""
+        return decided(selection.names, self._ignored(what, selection, good, reasons))
+
+    def _ignored(
+        self, what: str, selection: Selection, good: Bools, reasons: list[str]
+    ) -> list[Verdict]:
+        """Count what is ignored (M4); a verdict for each joint."""
         self.state.rejected[selection.joints[~good]] += np.uint64(1)
-        verdicts = []
+        verdicts: list[Verdict] = []
         for name, j, fine, reason in zip(
             selection.names, selection.joints, good, reasons, strict=True
         ):
@@ -289,7 +373,7 @@ class Commands(Machine):
             unconfigured = next_mode(self.state.control_modes[j], Event.CONFIGURED) is not None
             answer = Answer.REFUSED if unconfigured else Answer.IGNORED  # N4, M4
             verdicts.append((answer, f"{what} for {name} ignored: {reason}"))
-        return decided(selection.names, verdicts)
+        return verdicts
 
     def _malformed(self, joints: Joints, message: str) -> Reply:
         """A command that is wrong as a whole; the joints it does name count it (P13)."""
@@ -307,3 +391,13 @@ class Commands(Machine):
     def _last_of(self, kind: CommandKind, joints: Joints) -> Floats:
         values: Floats = self.references.last[kind, self.selector.select(joints).joints]
         return values
+
+
+def feed_output(joint: Joint, output: float) -> None:
+    """Set u_ff, percent (P11)."""
+    joint.output_offset = output
+
+
+def feed_torque(joint: Joint, torque: float) -> None:
+    """Set τ_ff, N·m (P11)."""
+    joint.offer_torque(torque)

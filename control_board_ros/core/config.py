@@ -8,6 +8,7 @@ joints.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from .checks import HUGE, ConfigError, check_number
@@ -37,6 +38,8 @@ CONTROL_MODES = (
     ControlMode.OPENLOOP,
     ControlMode.IDLE,
 )
+#: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
+DAMPING_RATIO, FASTEST_DAMPING = 0.75, 200.0
 STARTUP_MODES = (ControlMode.IDLE, ControlMode.POSITION)
 
 
@@ -148,6 +151,17 @@ class JointConfig:
 
     def _codes(self) -> list[str]:
         return [m.code for m in self.control_modes]
+
+
+def damping_for(stiffness: float, joint: JointConfig) -> float:
+    """The damping that goes with a stiffness, N·m·s/rad.
+
+    d = 2 ζ √(k J), ζ = DAMPING_RATIO, J = inertia_max: released, the joint passes its place by no
+    more than a tenth in any pose. At most max_damping, and what the torque loop bears at
+    inertia_min.
+    """
+    best = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * joint.inertia_max)
+    return min(best, FASTEST_DAMPING * joint.inertia_min, joint.impedance.max_damping)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

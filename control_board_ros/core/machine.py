@@ -21,7 +21,6 @@ from .faults import FaultCode, FaultRecord
 from .modes import (
     ACCEPTS,
     DIRECT_GAINS,
-    INDEX,
     LAWS,
     STATES,
     Choice,
@@ -80,23 +79,20 @@ class Machine:
         """Everything that a power-on makes anew (N1)."""
         config, state = self.config, self.state
         self.controller = Controller(config, state)
-        self.references = References(config, state)
+        self.references = References(config, state, self.controller.joints)
         self.watch = Watch(config, state)
         self.accepts = np.zeros((len(CommandKind), self.count), dtype=bool)
         self.calibration = [CalibrationStatus(name) for name in self.names]
         self._calibrators: dict[int, Calibrator] = {}
-        self._offset_set = [False] * self.count  # torque offsets that a user has set
         self._shifted = False
         group = {name: i for i, names in enumerate(config.calibration_groups) for name in names}
         self._groups = [group.get(name, len(group)) for name in self.names]
         state.offset[:] = 0.0
         self.configure_next = config.autoconfigure
         self.blind = True  # no reading since power-on
-        for j, joint in enumerate(config.joints):
+        for j in range(self.count):
             state.calibrated[j] = False
             state.interaction_modes[j] = InteractionMode.STIFF
-            self.controller.stiffness[j] = joint.impedance.stiffness
-            self.controller.damping[j] = joint.impedance.damping
         for j in range(self.count):
             self.go(j, Event.POWER_ON)
 
@@ -131,21 +127,14 @@ class Machine:
         chosen = span(joints)
         for j in joints:
             state.control_modes[j] = mode
-        state.mode_index[chosen] = INDEX[mode]
-        measured = state.torque[chosen]
-        controller.torque_command[chosen] = state.torque_reference[chosen] = measured
-        controller.output_command[chosen] = 0.0
+        for j in joints:
+            controller.joints[j].output_command = 0.0
         calibrating = Law.CALIBRATOR in LAWS.get(mode, {}).values()
+        self.references.reset(chosen, bounded=not calibrating)
         for interaction in {state.interaction_modes[j] for j in joints}:
             some = [j for j in joints if state.interaction_modes[j] is interaction]
-            law = law_of(mode, interaction)
-            if law is Law.IMPEDANCE:
-                for j in some:
-                    if not self._offset_set[j]:  # the load it carries: no drop
-                        controller.torque_offset[j] = state.torque[j]
-            law = Law.POSITION if calibrating else law
-            self.set_law(span(some), law, direct=mode in DIRECT_GAINS)
-        self.references.reset(chosen, bounded=not calibrating)
+            law = Law.POSITION if calibrating else law_of(mode, interaction)
+            self.set_law(span(some), law, direct=mode in DIRECT_GAINS, feeds=not calibrating)
         on = mode is not ControlMode.NOT_CONFIGURED
         self.watch.arm(chosen, on=on, calibrated=state.calibrated)
         self.accepts[:, chosen] = ACCEPTED[mode]
@@ -154,10 +143,11 @@ class Machine:
                 self._drop_calibrator(j)
         self.modes_version += 1
 
-    def set_law(self, joints: Joints, law: Law, *, direct: bool = False) -> None:
+    def set_law(
+        self, joints: Joints, law: Law, *, direct: bool = False, feeds: bool = True
+    ) -> None:
         """Let a law of control run joints from their present torque on."""
-        self.controller.arm(joints, law, direct=direct)
-        self.controller.reset(joints)
+        self.controller.arm(joints, law, direct=direct, feeds=feeds)
         self.watch.power(joints, self.state.powered)
 
     def tell(self, level: str, key: str, j: int, text: str) -> None:
@@ -330,11 +320,11 @@ class JointHand:
 
     def hold(self) -> None:
         self._machine.references.reset(self._joint, bounded=False)
-        self._machine.set_law(self._joint, Law.POSITION)
+        self._machine.set_law(self._joint, Law.POSITION, feeds=False)
 
     def drive(self, output: float) -> None:
-        self._machine.controller.output_command[self._j] = output
-        self._machine.set_law(self._joint, Law.OUTPUT)
+        self._machine.controller.joints[self._j].output_command = output
+        self._machine.set_law(self._joint, Law.OUTPUT, feeds=False)
 
     def set_offset(self, offset: float) -> None:
         self._machine.set_offset(self._j, offset)
@@ -344,4 +334,4 @@ class JointHand:
         self._machine.references.move(self._joint, np.array([target]), np.array([speed]))
 
     def moving(self) -> bool:
-        return not self._machine.references.trajectories.done[self._j]
+        return not self._machine.state.done[self._j]

@@ -119,6 +119,9 @@ GUARDED = frozenset({Law.IMPEDANCE, Law.TORQUE, Law.OUTPUT})
 #: Modes in which an interaction mode can be asked for and is stored (I1, I2).
 STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})
 
+#: Modes in which no feed-forward acts, and offering one is ignored (K6, M4).
+NO_FEEDFORWARD = frozenset({M.CALIBRATING})
+
 #: Modes in which a stop does something, and those that are at rest by themselves (P3).
 STOPPABLE = frozenset({M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED})
 AT_REST = frozenset({M.IDLE, M.HW_FAULT})

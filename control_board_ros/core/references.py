@@ -1,24 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The references in force and the last accepted ones (SPEC P1 to P6, P9, P12, M11).
+"""The references that users set: what runs, the last accepted ones, timeouts (SPEC P, M11).
 
 The position reference of a joint is its trajectory plus the integral of its velocity:
 q_ref = trajectory + ∫v dt, in every mode. POSITION leaves the second at zero, VELOCITY the
-first still, MIXED uses both, POSITION_DIRECT sets the first at a step.
+first still, MIXED uses both, POSITION_DIRECT sets the first. ``laws.advance`` runs them.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .config import BoardConfig
+from .laws import Joint
 from .measurement import Array
 from .state import Indices, Joints, State
-from .trajectory import Trajectories, durations, ramps
+from .trajectory import durations
 from .vocabs import CommandKind
-
-#: Cycles that are planned in one go.
-AHEAD = 32
 
 #: Kinds of references that expire, and the timeout of each in the configuration (P12).
 TIMED = {
@@ -31,35 +31,22 @@ TIMED = {
 class References:
     """References of n joints.
 
-    What is to come is known until a user sends something new: the references of the next AHEAD
-    cycles are planned in one go, since the number of numpy calls is what a cycle costs.
-
-    Attributes: trajectories, last (shape (kinds, n): the last accepted of each kind, M11),
-    speed and acceleration (set by the user, rad/s and rad/s²), lower and upper (bounds of the
-    position reference, rad).
+    Attributes: last (shape (kinds, n): the last accepted of each kind, M11), speed and
+    acceleration (set by the user, rad/s and rad/s²), limit_lower, limit_upper (software limits,
+    rad), limit_velocity (rad/s), limit_acceleration (rad/s²).
     """
 
-    def __init__(self, config: BoardConfig, state: State) -> None:
+    def __init__(self, config: BoardConfig, state: State, joints: list[Joint]) -> None:
         n = state.n
-        self._state = state
+        self._state, self._joints = state, joints
         self._period = config.period
-        self.trajectories = Trajectories(n, config.period)
         self.last: Array = np.zeros((len(CommandKind), n))
         self.speed = np.array([joint.reference_speed for joint in config.joints])
         self.acceleration = np.array([joint.reference_acceleration for joint in config.joints])
-        self.lower, self.upper = np.full(n, -np.inf), np.full(n, np.inf)
-        # Position and velocity, shape (…, 2, n): of the trajectory, of the velocity reference
-        # (∫v dt and v), and their sum; now, and planned.
-        self._moved, self._rolled = np.zeros((2, n)), np.zeros((2, n))
-        self._moves, self._rolls = np.zeros((AHEAD, 2, n)), np.zeros((AHEAD, 2, n))
-        self._plan = np.zeros((AHEAD, 2, n))
-        self._row = self._rows = 0  # of the plan: how many are past, how many there are
-        self._active = False  # something moves
-        self._cut = False  # by a limit
-        self._target, self._step = np.zeros(n), np.zeros(n)  # of v: rad/s, rad/s per cycle
-        self._driven = False  # any velocity asked for
+        self._renewed = np.zeros(n)  # cycle of the last reference that expires …
+        self._kind = np.full(n, -1)  # … and its kind; -1: none
         self._deadline = np.full(n, np.inf)
-        self._next_deadline = np.inf
+        self._next_deadline = math.inf
         self.reconfigure(config)
 
     def reconfigure(self, config: BoardConfig) -> None:
@@ -74,6 +61,9 @@ class References:
         for kind, name in TIMED.items():
             cycles = np.array([getattr(t, name) for t in timeouts]) / self._period
             self._timeouts[kind] = np.where(cycles > 0.0, np.ceil(cycles - 1e-9), np.inf)
+        for j in np.flatnonzero(self._kind >= 0):
+            self._deadline[j] = self._renewed[j] + self._timeouts[self._kind[j], j]
+        self._next_deadline = float(self._deadline.min())
 
     def reset(self, joints: Joints, *, bounded: bool) -> None:
         """Hold joints where they are measured to be, at rest (M9).
@@ -81,7 +71,8 @@ class References:
         A joint found outside its software limits may stay there or move inwards, never
         further out (P9); one that is not calibrated knows no limits.
         """
-        self.lower[joints], self.upper[joints] = -np.inf, np.inf
+        for j in self._state.numbers(joints):
+            self._joints[j].lower, self._joints[j].upper = -math.inf, math.inf
         self.hold(joints, self._state.position[joints])
         if bounded:
             self.bound(joints)
@@ -89,49 +80,67 @@ class References:
 
     def bound(self, joints: Joints) -> None:
         """Bound position references by the limits, from where they stand (P9)."""
-        self._land()
-        reference = self._state.position_reference[joints]
-        self.lower[joints] = np.minimum(self.limit_lower[joints], reference)
-        self.upper[joints] = np.maximum(self.limit_upper[joints], reference)
+        for j in self._state.numbers(joints):
+            joint = self._joints[j]
+            joint.lower = min(joint.limit_lower, joint.reference)
+            joint.upper = max(joint.limit_upper, joint.reference)
 
     def hold(self, joints: Joints, positions: Array) -> None:
-        """Set the position reference at once, at rest (P3, P4); shapes (k,)."""
-        self._land()
-        self.trajectories.hold(joints, positions)
-        self._deadline[joints] = np.inf
-        self._moved[0, joints] = self._state.position_reference[joints] = positions
-        self._moved[1, joints] = self._state.velocity_reference[joints] = 0.0
-        self._rolled[:, joints] = 0.0
-        if self._driven:
-            self._target[joints] = 0.0
-            self._driven = bool(self._target.any())
+        """Set the position reference at once, at rest (P3, M9); shapes (k,)."""
+        state = self._state
+        self._deadline[joints], self._kind[joints] = np.inf, -1
+        state.position_reference[joints], state.velocity_reference[joints] = positions, 0.0
+        state.done[joints] = True
+        for j, position in zip(state.numbers(joints), positions.tolist(), strict=True):
+            self._joints[j].hold(position)
 
-    def move(self, joints: Joints, targets: Array, speeds: Array) -> None:
-        """Start minimum-jerk moves from the present reference (P1, P6); shapes (k,)."""
-        self._land()
-        start, velocity = self._state.position_reference[joints], self._moved[1, joints]
-        time, brake = durations(
-            targets - start,
-            speeds,
-            velocity,
-            self.limit_velocity[joints],
-            self.limit_acceleration[joints],
-        )
-        self.trajectories.move(joints, start, velocity, targets, time, brake)
-        self._moved[0, joints] = start
-        self._rolled[0, joints] = 0.0
-        self._active = True
+    def move(self, joints: Joints, targets: Array, speeds: Array) -> list[float]:
+        """Start minimum-jerk moves from the present reference (P1, P6); shapes (k,).
+
+        Returns:
+            How long they take, s.
+        """
+        self._state.done[joints] = False
+        times = []
+        for j, target, speed in zip(
+            self._state.numbers(joints), targets.tolist(), speeds.tolist(), strict=True
+        ):
+            joint = self._joints[j]
+            time, brake = durations(
+                target - joint.reference,
+                speed,
+                joint.moved_velocity,
+                joint.max_velocity,
+                joint.max_acceleration,
+            )
+            joint.move(target, time, brake)
+            times.append(max(time, brake))
+        return times
+
+    def step(self, joints: Indices, positions: Array, velocities: Array | None) -> None:
+        """Step the position reference (P4); velocities are its own, where it has them."""
+        state = self._state
+        state.position_reference[joints] = positions
+        state.done[joints] = True
+        if velocities is None:
+            for j, position in zip(joints.tolist(), positions.tolist(), strict=True):
+                self._joints[j].step_to(position)
+            return
+        for j, position, velocity in zip(
+            joints.tolist(), positions.tolist(), velocities.tolist(), strict=True
+        ):
+            self._joints[j].step_with(position, velocity)
 
     def roll(self, joints: Indices, velocities: Array, accelerations: Array) -> None:
         """Ramp the velocity references to new values (P5); shapes (k,)."""
-        self._land()
-        self._target[joints] = velocities
-        self._step[joints] = accelerations * self._period
-        self._active, self._driven = True, bool(self._target.any())
+        for j, velocity, acceleration in zip(
+            joints.tolist(), velocities.tolist(), accelerations.tolist(), strict=True
+        ):
+            self._joints[j].roll(velocity, acceleration)
 
     def rolls(self, j: int) -> bool:
         """Whether a joint has a velocity reference other than zero."""
-        return bool(self._target[j] != 0.0)
+        return bool(self._joints[j].roll_target != 0.0)
 
     def halt(self, joints: Indices) -> None:
         """Stop the velocity references as hard as the joints may (P12)."""
@@ -141,6 +150,7 @@ class References:
         """Let the timeouts of a kind run from now, if it has any (P12)."""
         if kind not in TIMED:
             return
+        self._renewed[joints], self._kind[joints] = cycle, kind
         self._deadline[joints] = cycle + self._timeouts[kind, joints]
         self._next_deadline = float(self._deadline.min())
 
@@ -149,63 +159,14 @@ class References:
         if cycle < self._next_deadline:
             return None
         late = np.flatnonzero(self._deadline <= cycle)
-        self._deadline[late] = np.inf
+        self._deadline[late], self._kind[late] = np.inf, -1
         self._next_deadline = float(self._deadline.min())
         return late
 
-    def advance(self) -> None:
-        """One control period: the position and velocity references of now."""
-        if not self._active:
-            return
-        if self._row == self._rows and not self._look_ahead():
-            return
-        self._state.motion[:] = self._plan[self._row]
-        self._row += 1
-        self.trajectories.advance()
-
-    def _land(self) -> None:
-        """Leave the plan: what is now becomes the start of the next one."""
-        if self._row:
-            self._moved[:] = self._moves[self._row - 1]
-            self._rolled[:] = self._rolls[self._row - 1]
-        self._row = self._rows = 0
-
-    def _look_ahead(self) -> bool:
-        """Plan the next cycles, up to where a limit cuts (P9); false when nothing moves."""
-        self._land()
-        moving, rolling = self.trajectories.moving, self._driven or bool(self._rolled[1].any())
-        self._active = moving or rolling
-        if not self._active:
-            return False
-        rows = 1 if self._cut else AHEAD  # where a limit cuts, it mostly does so again
-        moves, rolls, plan = self._moves[:rows], self._rolls[:rows], self._plan[:rows]
-        if moving:
-            self.trajectories.profiles(moves)
-        else:
-            moves[:] = self._moved
-        if rolling:
-            velocities = ramps(self._rolled[1], self._target, self._step, rows)
-            np.cumsum(velocities * self._period, axis=0, out=rolls[:, 0])
-            rolls[:, 0] += self._rolled[0]
-            rolls[:, 1] = velocities
-        else:
-            rolls[:] = self._rolled
-        np.add(moves, rolls, out=plan)
-        wanted = plan[:, 0].copy()
-        np.clip(wanted, self.lower, self.upper, out=plan[:, 0])
-        cut = wanted != plan[:, 0]
-        self._rows, self._cut = rows, bool(cut[0].any())
-        if self._cut:
-            self._stop_at_limits(np.flatnonzero(cut[0]))
-            self._rows = 1
-        elif cut.any():
-            self._rows = int(cut.any(axis=1).argmax())
-        return True
-
-    def _stop_at_limits(self, cut: Indices) -> None:
-        """Where a limit cuts the next reference, what pushed it there ends (P9)."""
-        # A move that leads beyond a limit for a while still ends on its target.
-        move = np.clip(self._moves[0, 0, cut], self.lower[cut], self.upper[cut])
-        self._rolls[0, 0, cut] = self._plan[0, 0, cut] - move
-        self._rolls[0, 1, cut] = 0.0
-        self._plan[0, 1, cut] = 0.0
+    def remaining(self, joints: Joints) -> Array:
+        """Time until the moves end, shape (k,), s; 0 where there is none."""
+        left = []
+        for joint in (self._joints[j] for j in self._state.numbers(joints)):
+            whole = max(joint.move_time, joint.brake_time)
+            left.append(max(0.0, whole - joint.move_cycles * joint.period) if joint.moving else 0.0)
+        return np.array(left)

@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
+
+from .vocabs import CommandKind
 
 
 class Answer(StrEnum):
@@ -32,6 +35,18 @@ class Reply:
 
     def __bool__(self) -> bool:
         return bool(self.answers) and all(a is Answer.ACCEPTED for a in self.answers)
+
+
+def quantity(kind: CommandKind, value: float, sliding: bool) -> str:
+    """A reference with its unit, for people: degrees where the joint turns."""
+    if kind is CommandKind.OUTPUT:
+        return f"{value:.6g} %"
+    if kind is CommandKind.TORQUE:
+        return f"{value:.6g} {'N' if sliding else 'N·m'}"
+    rate = "/s" if kind is CommandKind.VELOCITY else ""
+    if sliding:
+        return f"{value:.6g} m{rate}"
+    return f"{math.degrees(value):.4g}°{rate}"
 
 
 def accepted(joints: tuple[str, ...]) -> Reply:

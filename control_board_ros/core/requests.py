@@ -13,7 +13,7 @@ import numpy as np
 
 from ..interfaces import Floats, Interaction, Joints, Mode, Values
 from .calibration import CalibrationStatus
-from .config import BoardConfig
+from .config import BoardConfig, damping_for
 from .faults import FaultCode, FaultRecord
 from .machine import Machine
 from .modes import (
@@ -172,28 +172,37 @@ class Requests(Machine):
 
     # --- impedance, speeds ----------------------------------------------------------------
 
-    def set_impedance(self, joints: Joints, stiffness: Values, damping: Values) -> Reply:
-        """Set spring and damper, at any time; they act in the next cycle (I6)."""
+    def set_impedance(
+        self, joints: Joints, stiffness: Values, damping: Values | None = None
+    ) -> Reply:
+        """Set spring and damper, at any time; they act in the next cycle (I6).
+
+        Args:
+            joints: whose they are.
+            stiffness: N·m/rad.
+            damping: N·m·s/rad; None: what goes with the stiffness (``damping_for``).
+        """
 
         def apply(selection: Selection, values: list[Floats]) -> None:
-            self.controller.stiffness[selection.joints] = values[0]
-            self.controller.damping[selection.joints] = values[1]
-            self.controller.refresh()
+            for k, j in enumerate(selection.joints.tolist()):
+                joint = self.controller.joints[j]
+                joint.stiffness = float(values[0][k])
+                if damping is None:
+                    joint.damping = damping_for(joint.stiffness, self.config.joints[j])
+                else:
+                    joint.damping = float(values[1][k])
 
         bounds = [joint.impedance for joint in self.config.joints]
-        return self._set(
-            joints,
-            [
-                ("stiffness", stiffness, [b.max_stiffness for b in bounds], True),
-                ("damping", damping, [b.max_damping for b in bounds], True),
-            ],
-            apply,
-        )
+        values = [("stiffness", stiffness, [b.max_stiffness for b in bounds], True)]
+        if damping is not None:
+            values.append(("damping", damping, [b.max_damping for b in bounds], True))
+        return self._set(joints, values, apply)
 
     def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """Stiffness and damping, two arrays."""
         chosen = self.selector.select(joints).joints
-        return self.controller.stiffness[chosen], self.controller.damping[chosen]
+        own = [self.controller.joints[j] for j in chosen]
+        return np.array([j.stiffness for j in own]), np.array([j.damping for j in own])
 
     def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """The largest stiffness and damping that a joint takes, two arrays."""
@@ -204,7 +213,8 @@ class Requests(Machine):
 
     def get_torque_offset(self, joints: Joints = None) -> Floats:
         """τ_ff of the impedance law: as a user set it, else the load on entering COMPLIANT."""
-        return self.controller.torque_offset[self.selector.select(joints).joints]
+        own = [self.controller.joints[j] for j in self.selector.select(joints).joints]
+        return np.array([j.torque_offset if j.offset_given else j.load_taken for j in own])
 
     def set_ref_speed(self, joints: Joints, speeds: Values) -> Reply:
         """Set the mean speed of later position moves (P2)."""

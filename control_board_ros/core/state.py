@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from .config import BoardConfig
 from .measurement import ROWS, Array, Row
-from .modes import INDEX
 from .vocabs import ControlMode, InteractionMode
 
 Indices = NDArray[np.intp]
@@ -106,8 +105,8 @@ class State:
     """The arrays that the parts of a board share.
 
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
-    joint angle), calibrated, powered (1.0 where the bridge is on), mode_index and interaction
-    (numbers in modes.STATES and in InteractionMode), rejected.
+    joint angle), calibrated, powered (1.0 where the bridge is on), done (no position move runs),
+    control_modes and interaction_modes, rejected.
     """
 
     def __init__(self, config: BoardConfig) -> None:
@@ -124,15 +123,14 @@ class State:
         self.position_reference: Array = self.block[Reference.POSITION]
         self.torque_reference: Array = self.block[Reference.TORQUE]
         self.velocity_reference: Array = self.block[Reference.VELOCITY]
-        self.motion: Array = self.block[Reference.POSITION : Reference.VELOCITY + 1]
         self.output: Array = self.block[Reference.OUTPUT]
         self.offset: Array = np.zeros(n)
         self.powered: Array = np.zeros(n)
         self.rejected: NDArray[np.uint64] = np.zeros(n, dtype=np.uint64)
         self.calibrated: NDArray[np.bool_] = np.zeros(n, dtype=np.bool_)
+        self.done: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)  # no position move runs
         self.control_modes = [ControlMode.NOT_CONFIGURED] * n
         self.interaction_modes = [InteractionMode.STIFF] * n
-        self.mode_index = np.full(n, INDEX[ControlMode.NOT_CONFIGURED], dtype=np.intp)
 
     def numbers(self, joints: Joints) -> list[int]:
         """The indices of joints, for loops."""
