@@ -52,11 +52,10 @@ class JointConfig:
     position_pid), torque_pid, current_pid (V per A; used where the board's output is
     ``current``), back_emf_compensation (0..1), torque_sensor (without one neither TORQUE nor
     COMPLIANT is offered), startup_mode and startup_interaction (N3), max_travel_error
-    (rad by which encoder and motor may disagree before the encoder is at fault),
-    guard_stiffness and guard_damping (the push-back of P9, N·m/rad and N·m·s/rad), inertia_min
-    and inertia_max (the least and greatest total inertia that the motor moves in any pose, rotor
-    included, kg·m²; kg where it slides: what feed-forward, damping and the speed protection
-    reckon with).
+    (rad by which encoder and motor may disagree before the encoder is at fault), inertia_min,
+    inertia_mean and inertia_max (what the motor moves over all poses, rotor included, kg·m²; kg
+    where it slides: the least with the other joints free to give way, for protection and gains;
+    mean and greatest with the other joints standing, for feed-forward and damping).
     """
 
     name: str
@@ -79,9 +78,8 @@ class JointConfig:
     startup_interaction: InteractionMode = InteractionMode.STIFF
     calibration: Calibration | None = None
     max_travel_error: float = 2.0 * DEGREE
-    guard_stiffness: float = 500.0
-    guard_damping: float = 20.0
     inertia_min: float = 1.0
+    inertia_mean: float = 1.0
     inertia_max: float = 1.0
 
     def __post_init__(self) -> None:
@@ -107,10 +105,10 @@ class JointConfig:
             above=0.0,
             high=self.limits.acceleration,
         )
-        for name in ("max_travel_error", "guard_stiffness", "guard_damping"):
-            check_number(f"{key}.{name}", getattr(self, name), above=0.0)
+        check_number(f"{key}.max_travel_error", self.max_travel_error, above=0.0)
         check_number(f"{key}.inertia_min", self.inertia_min, above=0.0, high=HUGE)
-        check_number(f"{key}.inertia_max", self.inertia_max, self.inertia_min, HUGE)
+        check_number(f"{key}.inertia_mean", self.inertia_mean, self.inertia_min, HUGE)
+        check_number(f"{key}.inertia_max", self.inertia_max, self.inertia_mean, HUGE)
         self._check_modes(key)
         if self.calibration is not None:
             self.calibration.check(f"{key}.calibration", self.limits)

@@ -115,7 +115,7 @@ def set_constants(joint: Joint, own: JointConfig, period: float) -> None:
     joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
     joint.max_torque, joint.max_output = limits.torque, limits.output
     joint.inertia_min = own.inertia_min
-    joint.inertia = 0.5 * (own.inertia_min + own.inertia_max)
+    joint.inertia = own.inertia_mean
     joint.torque_per_ampere = motor.torque_per_ampere
     joint.has_torque_sensor = own.torque_sensor
     joint.compensation = own.back_emf_compensation

@@ -137,7 +137,7 @@ class Joint:
     max_output = cython.declare(cython.double, visibility="public")  # PWM, percent
     max_drive = cython.declare(cython.double, visibility="public")  # PWM or A, as the laws give
     inertia_min = cython.declare(cython.double, visibility="public")
-    inertia = cython.declare(cython.double, visibility="public")  # mean of least and greatest
+    inertia = cython.declare(cython.double, visibility="public")
     torque_per_ampere = cython.declare(cython.double, visibility="public")
     has_torque_sensor = cython.declare(cython.bint, visibility="public")
     per_torque = cython.declare(cython.double, visibility="public")  # drive per N·m

@@ -9,11 +9,18 @@ moment h = Σ m c and the inertia tensor about the origin I = Σ R I_c Rᵀ + m 
 
 M_jj is the diagonal of the joint-space inertia matrix: what the motor accelerates while the
 other joints stand still (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6: composite
-rigid bodies). The base is taken as fixed. Joints that follow the joint do not load it, as in
-the physics, unless they lie beyond it.
+rigid bodies). Beside it, the momentum of the bodies beyond joint k, moving at unit speed about
+its axis, gives M_jk at each joint j on the way to the base::
+
+    L = I a_k − h × (a_k × p_k),  P = a_k × (h − M p_k)             M_jk = a_j · (L − p_j × P)
+
+1/(M⁻¹)_jj is what the motor feels while the other joints give way: less, the more they are
+coupled. The base is taken as fixed. Joints that follow the joint do not load it, as in the
+physics, unless they lie beyond it.
 
 A rotor behind a gear adds J N² at its own joint. The simulation gives it to the child link's
-tensor (see ``rotor``), so a joint j nearer to the base feels J N² (a_k · a_j)² of a rotor k.
+tensor (see ``rotor``): a rotor k adds J N² (a_k · a_i) (a_k · a_j) to M_ij of the joints i and j
+from the base up to its own.
 """
 
 from __future__ import annotations
@@ -34,6 +41,10 @@ POSES = 128
 #: Sampled travel of a sliding joint whose limits are placeholders, m.
 REACH = 10.0
 
+#: Robots of more joints are looked at in every FEWER-th pose where matrices are inverted, and
+#: what is added to their diagonals, kg·m²: links may be without mass.
+MANY, FEWER, TINY = 32, 8, 1e-9
+
 Range = tuple[float, float]
 
 
@@ -52,20 +63,38 @@ class Load:
 
 
 @dataclass(frozen=True, slots=True)
+class Felt:
+    """The inertia that a motor moves, rotors included, kg·m²; kg where the joint slides.
+
+    Attributes: least (over the poses, with the other joints free to give way), mean and greatest
+    (with the other joints standing).
+    """
+
+    least: float
+    mean: float
+    greatest: float
+
+
+@dataclass(frozen=True, slots=True)
 class Loads:
     """The loads of the joints that move, n of them, in P poses.
 
-    Attributes: names, sliding (flags, shape (n,)), inertia (M_jj, shape (n, P)), gravity (τ_j,
+    Attributes: names, sliding (flags, shape (n,)), matrix (M, shape (P, n, n)), gravity (τ_j,
     shape (n, P)), axes (world axes of the joints, shape (n, P, 3)), inside (the joint on whose
     child side a joint hangs next, −1: none, shape (n,); from the base outwards).
     """
 
     names: tuple[str, ...]
     sliding: Array
-    inertia: Array
+    matrix: Array
     gravity: Array
     axes: Array
     inside: tuple[int, ...]
+
+    @property
+    def inertia(self) -> Array:
+        """M_jj, shape (n, P)."""
+        return np.einsum("pnn->np", self.matrix)
 
     @property
     def by_name(self) -> dict[str, Load]:
@@ -77,24 +106,37 @@ class Loads:
             )
         }
 
-    def with_rotors(self, reflected: Mapping[str, float]) -> dict[str, Range]:
-        """The least and greatest inertia that each motor moves, rotors included.
+    def chain(self, k: int) -> list[int]:
+        """A joint and those between it and the base."""
+        found = [k]
+        while self.inside[found[-1]] >= 0:
+            found.append(self.inside[found[-1]])
+        return found
+
+    def with_rotors(self, reflected: Mapping[str, float]) -> dict[str, Felt]:
+        """The inertia that each motor moves, rotors included.
 
         Args:
             reflected: J N² by joint name, kg·m² (kg where it slides); missing ones have none.
         """
-        own = np.array([reflected.get(name, 0.0) for name in self.names])
-        turning = own * (1.0 - self.sliding)
-        # A = Σ J N² a aᵀ of the joint and those beyond it, shape (n, P, 3, 3).
-        tensors = np.einsum("n,npi,npj->npij", turning, self.axes, self.axes)
-        for k in range(len(self.names) - 1, -1, -1):
-            if self.inside[k] >= 0:
-                tensors[self.inside[k]] += tensors[k]
-        felt = np.einsum("npi,npij,npj->np", self.axes, tensors, self.axes)
-        total = self.inertia + np.where(self.sliding[:, None] > 0.0, own[:, None], felt)
+        matrix = self.matrix.copy()
+        for k, name in enumerate(self.names):
+            own = reflected.get(name, 0.0)
+            if self.sliding[k]:
+                matrix[:, k, k] += own
+            elif own:
+                chain = self.chain(k)
+                along = np.einsum("cpi,pi->pc", self.axes[chain], self.axes[k])
+                along *= 1.0 - self.sliding[chain]
+                matrix[np.ix_(range(len(matrix)), chain, chain)] += own * (
+                    along[:, :, None] * along[:, None, :]
+                )
+        whole = np.einsum("pnn->np", matrix)
+        few = matrix if len(self.names) <= MANY else matrix[::FEWER]
+        free = 1.0 / np.einsum("pnn->np", np.linalg.inv(few + TINY * np.eye(len(self.names))))
         return {
-            name: (float(row.min()), float(row.max()))
-            for name, row in zip(self.names, total, strict=True)
+            name: Felt(float(gives.min()), float(stands.mean()), float(stands.max()))
+            for name, gives, stands in zip(self.names, free, whole, strict=True)
         }
 
 
@@ -151,18 +193,20 @@ class _Sampler:
         """Walk the tree once outwards, once inwards."""
         order = self._outwards()
         names = tuple(joint for joint, _, _ in order if joint in self._names)
-        rows: dict[str, tuple[Array, Array]] = {}
+        pulls: dict[str, Array] = {}
+        matrix = np.zeros((POSES, len(names), len(names)))
         for joint, parent, child in reversed(order):
             if joint in self._axes:
-                rows[joint] = self._row(joint, child)
+                pulls[joint] = self._pull(joint, child)
+                self._couple(matrix, names, joint, child)
             mass, first, tensor = self._bodies.pop(child)
             total, moment, inertia = self._bodies[parent]
             self._bodies[parent] = total + mass, moment + first, inertia + tensor
         return Loads(
             names,
             np.array([float(self._moving[name].kind == "prismatic") for name in names]),
-            np.array([rows[name][0] for name in names]),
-            np.array([rows[name][1] for name in names]),
+            matrix,
+            np.array([pulls[name] for name in names]),
             np.array([self._axes[name] for name in names]),
             tuple(names.index(self._inside[name]) if self._inside[name] else -1 for name in names),
         )
@@ -217,17 +261,33 @@ class _Sampler:
         tensor += mass * (square - centre[:, :, None] * centre[:, None, :])
         return mass, mass * centre, tensor
 
-    def _row(self, name: str, child: str) -> tuple[Array, Array]:
-        """Inertia and gravity torque of a joint, shape (P,) each."""
+    def _pull(self, name: str, child: str) -> Array:
+        """Gravity torque of a joint, shape (P,)."""
+        axis, point = self._axes[name], self._points[name]
+        mass, first, _ = self._bodies[child]
+        if self._moving[name].kind == "prismatic":
+            return np.array(mass * (axis @ self._gravity))
+        return _dot(axis, np.cross(first - mass * point, self._gravity))
+
+    def _couple(self, matrix: Array, names: tuple[str, ...], name: str, child: str) -> None:
+        """Fill a joint's column, from itself to the base, and its row."""
         axis, point = self._axes[name], self._points[name]
         mass, first, tensor = self._bodies[child]
         if self._moving[name].kind == "prismatic":
-            return np.full(POSES, mass), mass * (axis @ self._gravity)
-        along, across = _dot(axis, point), _dot(axis, first)
-        inertia = np.einsum("pi,pij,pj->p", axis, tensor, axis) - 2.0 * _dot(first, point)
-        inertia += 2.0 * across * along + mass * (_dot(point, point) - along**2)
-        torque = np.cross(first - mass * point, self._gravity)
-        return np.maximum(inertia, 0.0), _dot(axis, torque)
+            linear, angular = mass * axis, np.cross(first, axis)
+        else:
+            linear = np.cross(axis, first - mass * point)
+            angular = np.einsum("pij,pj->pi", tensor, axis)
+            angular -= np.cross(first, np.cross(axis, point))
+        k, nearer = names.index(name), name
+        while nearer:
+            j, towards = names.index(nearer), self._axes[nearer]
+            if self._moving[nearer].kind == "prismatic":
+                moment = _dot(towards, linear)
+            else:
+                moment = _dot(towards, angular - np.cross(self._points[nearer], linear))
+            matrix[:, j, k] = matrix[:, k, j] = np.maximum(moment, 0.0) if j == k else moment
+            nearer = self._inside[nearer]
 
 
 def turn(axis: Array, angles: Array) -> Array:
