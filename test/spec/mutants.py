@@ -350,7 +350,11 @@ LINES: list[tuple[str, str, str]] = [
     ("watch", "upper[Row.ENCODER_AGE] = joint.timeouts.encoder", "pass"),
     ("watch", "upper[Row.ALARM] = 0.0", "pass"),
     ("watch", "upper[Row.TORQUE_AGE] = joint.timeouts.torque_sensor", "pass"),
-    ("watch", "slow[Check.TRAVEL] = joint.max_travel_error", "pass"),
+    (
+        "watch",
+        "slow[Check.TRAVEL] = joint.max_travel_error + 2.0 * limits.velocity * APART",
+        "pass",
+    ),
     ("watch", "slow[Check.OVERLOAD] = (peak**2 - nominal**2) * limits.overload_time", "pass"),
     ("watch", "slow[Check.OVERRUN] = 0.5 * (high - low) + limits.hard_margin", "pass"),
     ("watch", "margin = joint.limits.temperature_hysteresis if faulted else 0.0", "margin = 0.0"),
