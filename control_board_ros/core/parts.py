@@ -91,7 +91,8 @@ class Motor:
 
     Attributes: resistance (ohm), inductance (H), torque_constant (N·m/A, equal to the
     back-EMF constant in V·s/rad), gear_ratio (motor rad per joint rad), efficiency (of the
-    gearbox, 0..1), supply_voltage (V).
+    gearbox, 0..1), supply_voltage (V), thermal_time (time constant of the winding's cooling, s; 0:
+    not known) and ambient (°C around it): they tell how long an overheated winding must wait.
     """
 
     resistance: float = 1.0
@@ -100,6 +101,8 @@ class Motor:
     gear_ratio: float = 100.0
     efficiency: float = 1.0
     supply_voltage: float = 48.0
+    thermal_time: float = 0.0
+    ambient: float = 25.0
 
     @property
     def torque_per_ampere(self) -> float:
@@ -121,6 +124,8 @@ class Motor:
         ):
             check_number(f"{key}.{name}", getattr(self, name), above=0.0, high=HUGE)
         check_number(f"{key}.efficiency", self.efficiency, above=0.0, high=1.0)
+        check_number(f"{key}.thermal_time", self.thermal_time, 0.0, HUGE)
+        check_number(f"{key}.ambient", self.ambient, -273.15, 1000.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

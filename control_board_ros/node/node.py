@@ -94,6 +94,8 @@ class BoardNode:
         )
         for warning in settings.warnings:
             self.log.warning(warning)
+        for note in settings.notes:
+            self.log.info(note)
 
     def start(self) -> None:
         """Let the control loop and the publisher run."""

@@ -2,7 +2,8 @@
 """What a joint's parameters are where nobody gives them: derived from the URDF.
 
 Good enough to hold and move any sane robot; a tuned robot has its own YAML. A joint is sized
-by what hangs on it: the inertia and the gravity torque of its worst pose (see ``loads``).
+by what hangs on it: the inertia and the gravity torque of its worst pose (see ``loads``); its
+motor by what it must give (see ``derive_motor``).
 """
 
 from __future__ import annotations
@@ -12,52 +13,63 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..core.parts import DEGREE
-from .loads import Load, loads
+from .assumed import Assumed
+from .derive_motor import electrical, friction, limits, rotor, thermal
+from .loads import loads
 from .urdf import Urdf, UrdfJoint
 
 BANDWIDTH = 2.0 * math.pi * 3.0  # rad/s, of the position loop
 DAMPING_RATIO = 0.9
 FAR = 1e6  # rad, where a continuous joint's travel ends
-FASTEST = 20.0  # rad/s or m/s; more in a URDF is a placeholder
-STRONGEST = 1000.0  # N·m or N; likewise
-EMF_SHARE = 0.6  # of the supply, at the speed limit
-ROTOR_SHARE = 0.15  # of the load's inertia, that the rotor has at the joint at least
 LIGHTEST = 1e-4  # kg·m² or kg; less is the URDF's idea of nothing
-CURRENT_MARGIN = 1.2  # peak current over the current of the torque limit
+#: Part of what torque and inertia allow that the acceleration limit takes.
+ACCELERATION_SHARE = 0.8
 
 
 def complete(
     values: Mapping[str, dict[str, Any]], urdf: Urdf, gravity: tuple[float, float, float]
-) -> None:
+) -> Assumed:
     """Add what is missing to the parameters of all joints of a board, in place.
 
     Args:
         values: Parameters by schema name, for each joint; those given stay as they are.
         urdf: The robot.
         gravity: In world axes, m/s².
+
+    Returns:
+        What was assumed, for people.
     """
     joints = {joint.name: joint for joint in urdf.joints}
+    assumed = Assumed()
     for name, given in values.items():
+        assumed.look(name, given)
         _range(given, joints[name])
     ranges = {
         name: (given["limits.lower"], given["limits.upper"]) for name, given in values.items()
     }
     carried = loads(urdf, ranges, gravity)
     for name, given in values.items():
-        sliding, load = joints[name].kind == "prismatic", carried.by_name[name]
-        _limits(given, joints[name], load)
-        given.setdefault("inertia", max(load.inertia_max, LIGHTEST))
-        _motor(given, sliding=sliding)
+        load = carried.by_name[name]
+        given.setdefault("inertia", max(load.inertia_mean, LIGHTEST))
+        limits(given, joints[name], load, assumed)
+        friction(given, joints[name], load, assumed)
+        electrical(given, joints[name], load)
+        rotor(given, joints[name], load)
+        thermal(given, name, assumed)
     reflected = {
         name: given["motor.inertia"] * given["motor.gear_ratio"] ** 2
         for name, given in values.items()
     }
     for name, (least, greatest) in carried.with_rotors(reflected).items():
-        given = values[name]
+        given, load = values[name], carried.by_name[name]
         given.setdefault("inertia_min", max(least, LIGHTEST))
         given.setdefault("inertia_max", max(greatest, given["inertia_min"]))
+        spare = max(given["limits.torque"] - load.gravity, 0.1 * given["limits.torque"])
+        reached = ACCELERATION_SHARE * spare / given["inertia_max"]
+        given.setdefault("limits.acceleration", min(10.0 * given["limits.velocity"], reached))
         _gains(given)
         _rest(given, sliding=joints[name].kind == "prismatic")
+    return assumed
 
 
 def _gains(values: dict[str, Any]) -> None:
@@ -101,34 +113,6 @@ def _range(values: dict[str, Any], joint: UrdfJoint) -> None:
         inside = min(inside, 2.0 * DEGREE)
     give("limits.lower", low + inside)
     give("limits.upper", high - inside)
-
-
-def _limits(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
-    give = values.setdefault
-    velocity = give("limits.velocity", min(joint.velocity or math.pi, FASTEST))
-    give("limits.acceleration", 10.0 * velocity)
-    enough = max(3.0 * load.gravity, 10.0 * load.inertia_max)
-    give("limits.torque", min(joint.effort or enough, STRONGEST))
     tolerance = 0.005 if joint.kind == "prismatic" else 2.0 * DEGREE
     give("limits.hard_margin", tolerance)
     give("max_travel_error", tolerance)
-
-
-def _motor(values: dict[str, Any], *, sliding: bool) -> None:
-    """A motor that fits the limits: the torque at the peak current, the speed at full supply."""
-    give = values.setdefault
-    supply, gear = values["motor.supply_voltage"], values["motor.gear_ratio"]
-    velocity, torque = values["limits.velocity"], values["limits.torque"]
-    share = 0.2 * EMF_SHARE if sliding else EMF_SHARE
-    give("motor.torque_constant", share * supply / (velocity * gear))
-    per_ampere = values["motor.torque_constant"] * gear * values["motor.efficiency"]
-    peak = give("limits.peak_current", CURRENT_MARGIN * torque / per_ampere)
-    give("limits.nominal_current", 0.6 * peak)
-    give("motor.resistance", 1.02 * supply / peak)  # a stall is no overcurrent yet
-    # A light rotor would not bear the back-EMF within one physics step, nor gains made for a
-    # stretched arm when it is folded; the simulation has no rotor inertia for joints that slide,
-    # so their back-EMF is small.
-    emf = values["motor.torque_constant"] * gear
-    drag = emf * per_ampere / values["motor.resistance"] + values["motor.viscous"]
-    heavy = max(4e-3 * drag, ROTOR_SHARE * values["inertia"])
-    give("motor.inertia", 0.0 if sliding else heavy / gear**2)

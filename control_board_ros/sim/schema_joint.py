@@ -78,19 +78,25 @@ _LIMITS = (
         None,
         "Acceleration limit, rad/s² or m/s².",
         1e-9,
-        derived="10 × limits.velocity per s",
+        derived="10 × limits.velocity per s, at most what torque and inertia_max allow",
     ),
     number("limits.torque", None, "Torque limit, N·m or N.", 1e-9, derived="URDF (effort)"),
     number(
         "limits.output", default_of(Limits, "output"), "Largest PWM, percent.", 1e-3, high=100.0
     ),
-    number("limits.nominal_current", None, "Current for ever, A.", 1e-9, derived="0.6 × peak"),
+    number(
+        "limits.nominal_current",
+        None,
+        "Continuous current, A.",
+        1e-9,
+        derived="0.6 × torque limit, gravity",
+    ),
     number(
         "limits.peak_current",
         None,
-        "Current that is an overcurrent, A.",
+        "Overcurrent threshold, A.",
         1e-9,
-        derived="torque limit",
+        derived="motor reversed at full speed",
     ),
     number(
         "limits.hard_margin",
@@ -120,28 +126,54 @@ _LIMITS = (
 
 _MOTOR = (
     number("motor.resistance", None, "Winding resistance, ohm.", 1e-9, derived="limits"),
-    number("motor.inductance", default_of(Motor, "inductance"), "Winding inductance, H.", 1e-12),
+    number(
+        "motor.inductance",
+        None,
+        "Winding inductance, H.",
+        1e-12,
+        derived="1.5 ms × motor.resistance",
+    ),
     number("motor.torque_constant", None, "Torque constant, N·m/A.", 1e-9, derived="limits"),
     number(
         "motor.gear_ratio", default_of(Motor, "gear_ratio"), "Motor turns per joint turn.", 1e-9
     ),
     number("motor.efficiency", default_of(Motor, "efficiency"), "Of the gearbox.", 1e-3, high=1.0),
+    number(
+        "motor.thermal_time",
+        None,
+        "Time constant of the winding's cooling, s; 0: not known.",
+        derived="thermal_resistance × thermal_capacitance",
+    ),
     number("motor.supply_voltage", default_of(Motor, "supply_voltage"), "Supply, V.", 1e-3),
 )
 
 _SIMULATION = (
     number("home", None, "Pose at start and after ~/reset, rad or m.", -HUGE, derived="limits"),
     number("inertia", None, "What the joint moves, about, kg·m² or kg.", 1e-9, derived="URDF"),
-    number("motor.inertia", None, "Of the rotor, kg·m² on its side.", derived="motor"),
+    number("motor.inertia", None, "Of the rotor, kg·m² on its side.", derived="load, torque"),
     *(
-        number(f"motor.{name}", default_of(MotorModel, name), text, low)
-        for name, text, low in (
-            ("coulomb", "Dry friction at the joint, N·m.", 0.0),
-            ("viscous", "Viscous friction at the joint, N·m·s/rad.", 0.0),
-            ("thermal_resistance", "Winding to ambient, K/W.", 1e-9),
-            ("thermal_capacitance", "Of the winding, J/K.", 1e-9),
-            ("ambient", "Temperature around the motor, °C.", -273.15),
+        number(f"motor.{name}", None, text, derived=derived)
+        for name, text, derived in (
+            ("coulomb", "Dry friction at the joint, N·m.", "URDF, or 1 % of limits.torque"),
+            ("viscous", "Viscous friction at the joint, N·m·s/rad.", "URDF, or limits"),
         )
+    ),
+    *(
+        number(f"motor.{name}", None, text, 1e-9, derived=derived)
+        for name, text, derived in (
+            (
+                "thermal_resistance",
+                "Winding to ambient, K/W.",
+                "nominal current 20 K below limits.temperature",
+            ),
+            ("thermal_capacitance", "Of the winding, J/K.", "120 s / thermal_resistance"),
+        )
+    ),
+    number(
+        "motor.ambient",
+        default_of(MotorModel, "ambient"),
+        "Temperature around the motor, °C.",
+        -273.15,
     ),
     number(
         "encoder.resolution",

@@ -21,6 +21,7 @@ from typing import Any
 
 from ..core.config import BoardConfig, ConfigError
 from . import build
+from .assumed import Assumed
 from .config import SimulationConfig
 from .derive import complete
 from .params_file import Entry, Layer, SettingsError, read_file, shown
@@ -43,8 +44,8 @@ class Settings:
     """All that a board and its plant are made of.
 
     Attributes: values (every parameter by its full name, ``joint_defaults.*`` only where
-    given), urdf (the robot), ros (parameters of the ROS node itself), warnings (one line
-    each), where (the origin of each given value).
+    given), urdf (the robot), ros (parameters of the ROS node itself), warnings and notes
+    (what was assumed; one line each), where (the origin of each given value).
     """
 
     board: BoardConfig
@@ -53,6 +54,7 @@ class Settings:
     values: dict[str, Any]
     ros: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     where: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -130,7 +132,7 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
     names = _joint_names(board, urdf, _last(given, "joints"))
     values, where = dict(board), _origins(given)
     try:
-        found = _joint_values(given, names, urdf, board["gravity"], where)
+        found, assumed = _joint_values(given, names, urdf, board["gravity"], where)
         for name, joint_values in found.items():
             values.update({f"{name}.{key}": value for key, value in joint_values.items()})
         made = build.board(values, urdf, names)
@@ -144,7 +146,8 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
             if name.startswith(JOINT_DEFAULTS + "."):
                 row = JOINT_BY_NAME[name.partition(".")[2]]
                 values[name] = convert(row, name, entry)
-    return Settings(made, simulation, urdf, values, ros, urdf.warnings, where)
+    warnings = urdf.warnings + assumed.warnings
+    return Settings(made, simulation, urdf, values, ros, warnings, assumed.notes, where)
 
 
 def _robot(layers: list[Layer]) -> tuple[str, Path | None]:
@@ -242,7 +245,7 @@ def _joint_values(
     urdf: Urdf,
     gravity: Sequence[float],
     where: dict[str, str],
-) -> dict[str, dict[str, Any]]:
+) -> tuple[dict[str, dict[str, Any]], Assumed]:
     """The complete parameters of every joint of the board; notes where each came from."""
     found: dict[str, dict[str, Any]] = {name: {} for name in names}
     for layer in layers:
@@ -263,12 +266,12 @@ def _joint_values(
         for key, default in plain.items():
             values.setdefault(key, default)
     x, y, z = gravity
-    complete(found, urdf, (x, y, z))
+    assumed = complete(found, urdf, (x, y, z))
     for values in found.values():
         if not values["torque_sensor"]:  # I7
             values["control_modes"] = [m for m in values["control_modes"] if m != "torq"]
             values["interaction_modes"] = [m for m in values["interaction_modes"] if m != "comp"]
-    return found
+    return found, assumed
 
 
 def _explain(error: ConfigError, where: Mapping[str, str]) -> str:

@@ -37,6 +37,7 @@ class UrdfJoint:
 
     Attributes: kind (``revolute``, ``continuous`` or ``prismatic``), lower and upper (rad or m;
     None for continuous), effort (N·m or N) and velocity (rad/s or m/s; None where the URDF
+    gives none above zero), damping (N·m·s/rad or N·s/m) and friction (N·m or N; None where it
     gives none above zero), mimic (None: an independent joint).
     """
 
@@ -49,6 +50,8 @@ class UrdfJoint:
     effort: float | None
     velocity: float | None
     mimic: Mimic | None
+    damping: float | None = None
+    friction: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +168,16 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
         effort=bounds.get("effort") if bounds.get("effort", 0.0) > 0.0 else None,
         velocity=bounds.get("velocity") if bounds.get("velocity", 0.0) > 0.0 else None,
         mimic=_mimic(element),
+        damping=_dynamics(element, "damping"),
+        friction=_dynamics(element, "friction"),
     )
+
+
+def _dynamics(element: ET.Element, key: str) -> float | None:
+    """Damping or friction of <dynamics>; zeros are what exporters write for not known."""
+    dynamics = element.find("dynamics")
+    value = 0.0 if dynamics is None else float(dynamics.get(key, "0"))
+    return value if value > 0.0 else None
 
 
 def _mimic(element: ET.Element) -> Mimic | None:

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A motor that fits its joint, where nobody gives one.
+
+With the joint's torque limit T, speed limit v, gravity torque g, and the supply U::
+
+    Ke v = e U                 back-EMF at the speed limit (e = 0.4; less where it must be)
+    R T/kt = (1 − e) U         the torque limit is reached up to the speed limit
+    L = 1.5 ms · R             electrical time constant of servo motors of this size
+    peak = 1.05 (U + Ke v)/R   a motor reversed at full speed is no overcurrent, a short is
+    nominal = max(0.6 T, 1.2 g)/kt, at most T/kt: holds the arm stretched out for ever
+    J N² = max(½ mean load, T · 1 ms², 4 h drag), drag = Ke kt/R + viscous
+
+The rotor is matched to its load, so that the inertia seen varies little with the pose, and is
+not lighter than motors of such a torque are (the shipped robots have 2 to 3 ms² of T). The last
+bound keeps the back-EMF stable in a physics step h. All quantities on the joint's side, with kt
+in N·m/A there; N and m/s where it slides.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from .assumed import Assumed
+from .loads import Load
+from .urdf import UrdfJoint
+
+FASTEST = 20.0  # rad/s or m/s; more in a URDF is a placeholder
+STRONG = 1000.0  # N·m or N; more in a URDF may be a placeholder
+ABSURD = 100.0  # times what the load needs: then it is one
+BRISK = 10.0  # 1/s: acceleration wanted, in speed limits per second
+EMF_SHARE = 0.4
+NOMINAL_SHARE = 0.6
+ELECTRICAL = 1.5e-3  # s
+ROTOR_SHARE = 0.5
+ROTOR_PER_TORQUE = 1e-3  # s²
+STEP = 1e-3  # s, the longest physics step that is derived
+COOL = 20.0  # K below the temperature limit, at the nominal current
+THERMAL = 120.0  # s
+FRICTION_SHARE = 0.01
+
+
+def needed(load: Load, velocity: float) -> float:
+    """Torque (force) that holds a load and accelerates it and a rotor of half its inertia."""
+    return load.gravity + BRISK * velocity * (1.0 + ROTOR_SHARE) * load.inertia_max
+
+
+def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
+    """Speed and torque limit: the URDF's, where it gives sane ones."""
+    name, slides = joint.name, joint.kind == "prismatic"
+    speed_unit, unit = ("m/s", "N") if slides else ("rad/s", "N·m")
+    if "limits.velocity" not in values:
+        velocity = joint.velocity or math.pi
+        values["limits.velocity"] = min(velocity, FASTEST)
+        if joint.velocity is None:
+            text = f"{velocity:.3g} {speed_unit}"
+            assumed.warn(name, text, "no speed in the URDF, assumed", "give limits.velocity")
+        elif velocity > FASTEST:
+            what = f"speeds of the URDF above {FASTEST:g} rad/s or m/s are taken as {FASTEST:g}"
+            assumed.warn(name, f"{velocity:.3g} {speed_unit}", what, "give limits.velocity")
+    need = needed(load, values["limits.velocity"])
+    if "limits.torque" not in values:
+        enough = max(3.0 * load.gravity, 1.25 * need)
+        effort = joint.effort
+        if effort is None:
+            text = f"{enough:.3g} {unit}"
+            assumed.warn(name, text, "no effort in the URDF, assumed", "give limits.torque")
+        elif effort > max(STRONG, ABSURD * need):
+            text = f"{enough:.3g} {unit} instead of {effort:.3g} {unit}"
+            what = f"effort in the URDF of {ABSURD:g} times what the load needs, not taken"
+            assumed.warn(name, text, what, "give limits.torque")
+            effort = None
+        values["limits.torque"] = enough if effort is None else effort
+    if values["limits.torque"] < load.gravity:
+        text = f"{values['limits.torque']:.3g} of {load.gravity:.3g} {unit}"
+        what = "the torque limit cannot hold every pose against gravity"
+        assumed.warn(name, text, what, "give limits.torque, or stay near the other poses")
+
+
+def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
+    """Friction: the URDF's <dynamics>, else a share of the torque limit."""
+    velocity, torque = values["limits.velocity"], values["limits.torque"]
+    viscous = _or(joint.damping, 0.5 * FRICTION_SHARE * torque / velocity)
+    stable = load.inertia_min / (4.0 * STEP)
+    if joint.kind == "prismatic" and viscous > stable and "motor.viscous" not in values:
+        text = f"{stable:.3g} N·s/m instead of {viscous:.3g} N·s/m"
+        what = "damping that the mass does not bear within a physics step, not taken"
+        assumed.warn(joint.name, text, what, "give motor.viscous and a higher physics_rate")
+        viscous = stable
+    values.setdefault("motor.viscous", viscous)
+    values.setdefault("motor.coulomb", _or(joint.friction, FRICTION_SHARE * torque))
+
+
+def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
+    """Torque constant, resistance, inductance and currents."""
+    give = values.setdefault
+    velocity, torque = values["limits.velocity"], values["limits.torque"]
+    supply, gear = values["motor.supply_voltage"], values["motor.gear_ratio"]
+    share = EMF_SHARE
+    if joint.kind == "prismatic":  # no rotor inertia bears the back-EMF there
+        bearable = load.inertia_min * velocity / (4.0 * STEP * torque)
+        share = min(share, bearable / (1.0 + bearable))
+    emf = give("motor.torque_constant", share * supply / (velocity * gear)) * gear
+    wanted = torque / (emf * values["motor.efficiency"])
+    driving = max(supply - emf * velocity, 0.2 * supply)
+    braked = 1.05 * (supply + emf * velocity)
+    given = values.get("limits.peak_current")
+    resistance = max(driving / wanted, 0.0 if given is None else braked / given)
+    give("motor.resistance", resistance)
+    give("motor.inductance", ELECTRICAL * values["motor.resistance"])
+    share = min(max(NOMINAL_SHARE, 1.2 * load.gravity / torque), 1.0)
+    peak = max(braked / values["motor.resistance"], 1.05 * share * wanted)
+    if given is not None:
+        share = min(share, 0.9 * given / wanted)
+    nominal = give("limits.nominal_current", share * wanted)
+    give("limits.peak_current", max(peak, 1.05 * nominal))
+
+
+def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
+    """The rotor's inertia; none where it slides: the physics has no place for it."""
+    if joint.kind == "prismatic":
+        values.setdefault("motor.inertia", 0.0)
+        return
+    torque, gear = values["limits.torque"], values["motor.gear_ratio"]
+    emf = values["motor.torque_constant"] * gear
+    drag = emf**2 * values["motor.efficiency"] / values["motor.resistance"]
+    heavy = max(ROTOR_SHARE * load.inertia_mean, ROTOR_PER_TORQUE * torque)
+    if (acceleration := values.get("limits.acceleration")) is not None:
+        heavy = min(heavy, (torque - load.gravity) / acceleration - load.inertia_max)
+    heavy = max(heavy, 4.0 * STEP * (drag + values["motor.viscous"]))
+    values.setdefault("motor.inertia", heavy / gear**2)
+
+
+def thermal(values: dict[str, Any], name: str, assumed: Assumed) -> None:
+    """A winding that carries the nominal current for ever, and reaches it within minutes."""
+    give = values.setdefault
+    limit, ambient = values["limits.temperature"], values["motor.ambient"]
+    power = values["motor.resistance"] * values["limits.nominal_current"] ** 2
+    rise = max(limit - ambient - COOL, 0.5 * (limit - ambient), 1.0)
+    give("motor.thermal_resistance", rise / power)
+    give("motor.thermal_capacitance", THERMAL / values["motor.thermal_resistance"])
+    time = values["motor.thermal_resistance"] * values["motor.thermal_capacitance"]
+    give("motor.thermal_time", time)
+    hottest = ambient + values["motor.thermal_resistance"] * power
+    if hottest > limit:
+        what = "the nominal current overheats the winding in the end"
+        advice = "give a smaller limits.nominal_current or motor.thermal_resistance"
+        assumed.warn(name, f"{hottest:.0f} °C of {limit:.0f} °C", what, advice)
+
+
+def _or(value: float | None, default: float) -> float:
+    return default if value is None else value

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motors, friction, heat and limits where nobody gives them: derived from the URDF (F6)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pybullet_data
+import pytest
+from plants import link, robot
+
+from control_board_ros.sim.loads import loads
+from control_board_ros.sim.settings import Settings, load
+
+DATA = pybullet_data.getDataPath()
+FOREIGN = [f"{DATA}/{name}" for name in ("kuka_iiwa/model.urdf", "cartpole.urdf", "r2d2.urdf")]
+SHIPPED = ["iiwa", "panda"]
+
+
+def arm(folder: Path, limit: str, rest: str = "", kind: str = "revolute") -> str:
+    """The path of a rod of 2 kg, 1 m long, level at zero."""
+    text = robot(
+        link("rod", 2.0, "0.5 0 0", "1e-3 0.17 0.17 0 0 0"),
+        f'<joint name="hinge" type="{kind}"><parent link="base"/><child link="rod"/>'
+        f'<axis xyz="0 1 0"/>{limit}{rest}</joint>',
+    )
+    (folder / "arm.urdf").write_text(text)
+    return str(folder / "arm.urdf")
+
+
+def derived(robot_path: str, **values: Any) -> Settings:
+    return load(None, {"robot": robot_path, **values})
+
+
+@pytest.mark.parametrize("name", [*SHIPPED, *FOREIGN])
+def test_ratings_of_a_motor_fit_its_joint(name: str) -> None:
+    """F6: nominal current for ever 15 K below the limit, and gravity within it in every pose."""
+    made = derived(name)
+    carried = loads(made.urdf).by_name
+    for joint, model in zip(made.board.joints, made.simulation.joints, strict=True):
+        limits, motor, heat = joint.limits, joint.motor, model.motor
+        rise = heat.thermal_resistance * motor.resistance * limits.nominal_current**2
+        assert heat.ambient + rise <= limits.temperature - 15.0, joint.name
+        assert limits.nominal_current < limits.peak_current
+        held = limits.nominal_current * motor.torque_per_ampere
+        assert held > carried[joint.name].gravity, joint.name
+        assert motor.inductance / motor.resistance == pytest.approx(1.5e-3, rel=0.05) or (
+            name in SHIPPED
+        )
+        assert motor.thermal_time > 10.0
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_limits_that_are_derived_can_be_reached(name: str) -> None:
+    """Full torque at full speed; the acceleration limit against gravity in the worst pose."""
+    made = derived(name)
+    carried = loads(made.urdf).by_name
+    for joint in made.board.joints:
+        limits, motor = joint.limits, joint.motor
+        volts = limits.torque / motor.torque_per_ampere * motor.resistance
+        needed = volts + motor.back_emf * limits.velocity
+        assert needed <= 1.001 * motor.supply_voltage, joint.name
+        braked = (motor.supply_voltage + motor.back_emf * limits.velocity) / motor.resistance
+        assert braked < limits.peak_current, joint.name
+        spare = limits.torque - carried[joint.name].gravity
+        assert limits.acceleration <= spare / joint.inertia_max, joint.name
+        assert limits.acceleration <= 10.0 * limits.velocity
+
+
+def test_shipped_robots_reach_their_acceleration_and_are_told_without_a_word() -> None:
+    for name in SHIPPED:
+        made = load(name)
+        assert (made.warnings, made.notes) == ((), ())
+        carried = loads(made.urdf).by_name
+        for joint in made.board.joints:
+            spare = joint.limits.torque - carried[joint.name].gravity
+            assert joint.limits.acceleration <= spare / joint.inertia_max, joint.name
+
+
+def test_friction_of_the_urdf_is_the_simulation_s(tmp_path: Path) -> None:
+    limit = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
+    own = derived(arm(tmp_path, limit, '<dynamics damping="0.7" friction="0.4"/>'))
+    assert own.simulation.joints[0].motor.viscous == 0.7
+    assert own.simulation.joints[0].motor.coulomb == 0.4
+    silent = derived(arm(tmp_path, limit, '<dynamics damping="0" friction="0"/>'))
+    assert silent.simulation.joints[0].motor.coulomb == pytest.approx(1.0)  # 1 % of 100 N·m
+    assert 0.0 < silent.simulation.joints[0].motor.viscous * 2.0 < 1.0
+    given = derived(
+        arm(tmp_path, limit, '<dynamics damping="0.7"/>'), **{"hinge.motor.viscous": 3.0}
+    )
+    assert given.simulation.joints[0].motor.viscous == 3.0
+
+
+def test_a_strong_effort_is_taken_and_an_absurd_one_told(tmp_path: Path) -> None:
+    """Above 1000 N·m it is used as it is, unless a hundred times what the load needs."""
+    strong = derived(arm(tmp_path, '<limit lower="-2" upper="2" effort="2500" velocity="2"/>'))
+    assert strong.board.joints[0].limits.torque == 2500.0
+    assert strong.warnings == ()
+    absurd = derived(arm(tmp_path, '<limit lower="-2" upper="2" effort="1e6" velocity="2"/>'))
+    assert absurd.board.joints[0].limits.torque < 100.0
+    assert "hinge" in absurd.warnings[0]
+    assert "instead of 1e+06 N·m; give limits.torque" in absurd.warnings[0]
+
+
+def test_what_is_assumed_is_told(tmp_path: Path) -> None:
+    made = derived(arm(tmp_path, "", kind="continuous"))
+    told = "\n".join(made.warnings)
+    assert "no effort in the URDF, assumed: hinge" in told
+    assert "no speed in the URDF, assumed: hinge 3.14 rad/s; give limits.velocity" in told
+    assert "motors of all joints, gains of all joints" in made.notes[0]
+    weak = derived(arm(tmp_path, '<limit lower="-2" upper="2" effort="5" velocity="2"/>'))
+    assert "cannot hold every pose against gravity: hinge 5 of 9.81 N·m" in weak.warnings[0]
+    quick = derived(arm(tmp_path, '<limit lower="-2" upper="2" effort="50" velocity="50"/>'))
+    assert quick.board.joints[0].limits.velocity == 20.0
+    assert "hinge 50 rad/s" in quick.warnings[0]
+
+
+def test_damping_that_a_sliding_mass_does_not_bear_is_told(tmp_path: Path) -> None:
+    """H · viscous / mass stays below one: the physics would be unstable."""
+    limit = '<limit lower="0" upper="1" effort="50" velocity="1"/>'
+    made = derived(arm(tmp_path, limit, '<dynamics damping="5000"/>', kind="prismatic"))
+    assert made.simulation.joints[0].motor.viscous == pytest.approx(500.0)
+    assert "hinge 500 N·s/m instead of 5e+03 N·s/m" in made.warnings[0]
+
+
+def test_a_nominal_current_that_overheats_is_told() -> None:
+    made = load("iiwa", {"lbr_iiwa_joint_2.motor.thermal_resistance": 0.8})
+    assert "the nominal current overheats the winding in the end" in made.warnings[0]
+    assert "lbr_iiwa_joint_2 329 °C of 120 °C" in made.warnings[0]
