@@ -39,7 +39,7 @@ CONTROL_MODES = (
     ControlMode.IDLE,
 )
 #: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
-DAMPING_RATIO, FASTEST_DAMPING = 0.75, 200.0
+DAMPING_RATIO, FASTEST_DAMPING = 0.75, 400.0
 STARTUP_MODES = (ControlMode.IDLE, ControlMode.POSITION)
 
 
@@ -151,14 +151,18 @@ class JointConfig:
         return [m.code for m in self.control_modes]
 
 
+def spring_damping(stiffness: float, inertia: float) -> float:
+    """d = 2 ζ √(k J), N·m·s/rad; ζ = DAMPING_RATIO."""
+    return 2.0 * DAMPING_RATIO * math.sqrt(stiffness * inertia)
+
+
 def damping_for(stiffness: float, joint: JointConfig) -> float:
     """The damping that goes with a stiffness, N·m·s/rad.
 
-    d = 2 ζ √(k J), ζ = DAMPING_RATIO, J = inertia_max: released, the joint passes its place by no
-    more than a tenth in any pose. At most max_damping, and what the torque loop bears at
-    inertia_min.
+    That of J = inertia_max: released, the joint passes its place by no more than a tenth in any
+    pose. At most max_damping, and what the torque loop bears at inertia_min.
     """
-    best = 2.0 * DAMPING_RATIO * math.sqrt(stiffness * joint.inertia_max)
+    best = spring_damping(stiffness, joint.inertia_max)
     return min(best, FASTEST_DAMPING * joint.inertia_min, joint.impedance.max_damping)
 
 

@@ -19,6 +19,9 @@ from .state import Joints, State
 #: A current reference stays below what would be an overcurrent, by this part of it.
 PEAK_SHARE = 0.95
 
+#: A winding that is slower than the control period by more than this is not made up for whole.
+MOST_LEAD = 3.0
+
 
 class Controller:
     """From references and measurements to the output of every motor.
@@ -121,6 +124,8 @@ def set_constants(joint: Joint, own: JointConfig, period: float) -> None:
     joint.compensation = own.back_emf_compensation
     joint.ohms, joint.emf = motor.resistance, motor.back_emf
     joint.percent_per_volt = 100.0 / motor.supply_voltage
+    kept = math.exp(-period * motor.resistance / motor.inductance)
+    joint.lead = min(kept / (1.0 - kept), MOST_LEAD)
 
 
 def set_gains(loop: Loop, pid: Pid, period: float) -> None:

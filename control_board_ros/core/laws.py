@@ -57,7 +57,9 @@ RETURN = cython.declare(cython.double, 0.1)
 BRAKING = cython.declare(cython.double, 0.7)
 #: The protection looks at joints that are faster than this part of what is allowed.
 NEAR = cython.declare(cython.double, 0.5)
-#: Speed that the position loop may ask for, over the limit: room for the reference at the limit.
+#: How far what is followed may lead a joint, in position errors worth the torque limit.
+LEAD = cython.declare(cython.double, 1.0)
+#: Speed that the position law may reach, over the limit: room for a reference at the limit.
 PURSUIT = cython.declare(cython.double, 1.02)
 
 
@@ -148,6 +150,7 @@ class Joint:
     ohms = cython.declare(cython.double, visibility="public")
     emf = cython.declare(cython.double, visibility="public")  # V·s/rad
     percent_per_volt = cython.declare(cython.double, visibility="public")
+    lead = cython.declare(cython.double, visibility="public")  # a/(1 − a), a = exp(−T R/L)
 
     # --- what users and modes set -----------------------------------------------------------
     law = cython.declare(cython.int, visibility="public")
@@ -210,6 +213,7 @@ class Joint:
 
     # --- results ----------------------------------------------------------------------------
     torque_reference = cython.declare(cython.double, visibility="public")
+    asked = cython.declare(cython.double, visibility="public")  # drive for the torque, last cycle
     output = cython.declare(cython.double, visibility="public")  # PWM, percent
     on_limit = cython.declare(cython.bint, visibility="public")
 
@@ -333,6 +337,7 @@ class Joint:
         )
         self.torque_reference = self.torque_command = self.torque
         self.torque_pid.reset(0.0)
+        self.asked = clamp(self.torque * self.per_torque, -self.max_drive, self.max_drive)
         if law == OFF:
             self.output = 0.0
         elif not self.settling:
@@ -582,25 +587,23 @@ def unwind(p: Pid, excess: cython.double) -> cython.void:
 def position_law(j: Joint) -> cython.double:
     """Position PID with the inertia's share fed forward (I5, first row of source Fig. 2).
 
-    τ = kp·e + ∫ki·e dt + kd·ė + J·a_ref, e = q_ref − q; the spring part asks for no more speed
-    than the limit, so that a joint that was held back does not shoot (P14).
+    τ = kp·e + ∫ki·e dt + kd·ė + J·a_ref, e = q_ref − q
+
+    What is followed leads the joint by no more than the torque limit is worth: one that was held
+    back goes on from where it is, at the speed of a reference, when it is free again (P14).
     """
     p: Pid = j.position_pid
-    error: cython.double = j.followed - j.position
-    spring: cython.double
-    bounded: cython.double
-    wanted: cython.double = pid_step(p, j.followed, error, j.followed_velocity - j.velocity)
-    if p.kd > 0.0:
-        spring = p.kp * error
-        bounded = clamp(
-            spring,
-            p.kd * (-PURSUIT * j.max_velocity - j.followed_velocity),
-            p.kd * (PURSUIT * j.max_velocity - j.followed_velocity),
-        )
-        if bounded != spring:
-            wanted += bounded - spring
-            unwind(p, spring - bounded)
-    return wanted + j.inertia * j.followed_acceleration
+    lead: cython.double
+    if p.kp > 0.0:
+        lead = LEAD * j.max_torque / p.kp
+        if fabs(j.followed - j.position) > lead:
+            j.followed = clamp(j.followed, j.position - lead, j.position + lead)
+            j.followed_velocity = j.followed_acceleration = 0.0
+            j.active = True
+    return (
+        pid_step(p, j.followed, j.followed - j.position, j.followed_velocity - j.velocity)
+        + j.inertia * j.followed_acceleration
+    )
 
 
 @cython.cfunc
@@ -674,7 +677,8 @@ def control(j: Joint) -> cython.void:
     drive = clamp(torque, -j.max_torque, j.max_torque)
     if drive != torque:
         unwind(loop, torque - drive)
-    drive = drive * j.per_torque + j.compensation * j.per_speed * j.velocity + given
+    drive = ahead_of_winding(j, drive * j.per_torque)
+    drive += j.compensation * j.per_speed * j.velocity + given
     given = protect(j, clamp(drive, -j.max_drive, j.max_drive))
     if given != drive:
         unwind(loop, drive - given)
@@ -682,11 +686,31 @@ def control(j: Joint) -> cython.void:
 
 
 @cython.cfunc
+def ahead_of_winding(j: Joint, wanted: cython.double) -> cython.double:
+    """The drive that brings the current within a cycle to what is wanted at its end.
+
+    L di/dt = v − R i, solved for v over one period:  v = R (i' − a i)/(1 − a), a = exp(−T R/L);
+    the current is taken to be where the last cycle sent it.
+    """
+    drive: cython.double = wanted
+    if not j.in_amps:
+        drive += j.lead * (wanted - j.asked)
+    j.asked = wanted
+    return drive
+
+
+@cython.cfunc
 def current_law(j: Joint, reference: cython.double) -> cython.double:
-    """The inner loop of a board with current output (P10): v = R·i_ref + Ke·q̇ + PI(i_ref, i)."""
+    """The inner loop of a board with current output (P10).
+
+    v = R·(i_ref + lead·Δi_ref) + Ke·q̇ + PI(i_ref, i); the lead as in ``ahead_of_winding``.
+    """
     p: Pid = j.current_pid
+    before: cython.double = p.reference
     wanted: cython.double = j.percent_per_volt * (
-        pid_step(p, reference, reference - j.current, 0.0) + j.ohms * reference + j.emf * j.velocity
+        pid_step(p, reference, reference - j.current, 0.0)
+        + j.ohms * (reference + j.lead * (reference - before))
+        + j.emf * j.velocity
     )
     given: cython.double = clamp(wanted, -j.max_output, j.max_output)
     if given != wanted:

@@ -31,9 +31,8 @@ PLAIN = (
     "reference_acceleration",
     "torque_sensor",
     "max_travel_error",
-    "guard_stiffness",
-    "guard_damping",
     "inertia_min",
+    "inertia_mean",
     "inertia_max",
 )
 

@@ -3,23 +3,21 @@
 
 Good enough to hold and move any sane robot; a tuned robot has its own YAML. A joint is sized
 by what hangs on it: the inertia and the gravity torque of its worst pose (see ``loads``); its
-motor by what it must give (see ``derive_motor``).
+motor by what it must give (see ``derive_motor``), its gains by what moves (``derive_gains``).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 from ..core.parts import DEGREE
 from .assumed import Assumed
+from .derive_gains import gains
 from .derive_motor import electrical, friction, limits, rotor, thermal
 from .loads import loads
 from .urdf import Urdf, UrdfJoint
 
-BANDWIDTH = 2.0 * math.pi * 3.0  # rad/s, of the position loop
-DAMPING_RATIO = 0.9
 FAR = 1e6  # rad, where a continuous joint's travel ends
 LIGHTEST = 1e-4  # kg·m² or kg; less is the URDF's idea of nothing
 #: Part of what torque and inertia allow that the acceleration limit takes.
@@ -27,7 +25,10 @@ ACCELERATION_SHARE = 0.8
 
 
 def complete(
-    values: Mapping[str, dict[str, Any]], urdf: Urdf, gravity: tuple[float, float, float]
+    values: Mapping[str, dict[str, Any]],
+    urdf: Urdf,
+    gravity: tuple[float, float, float],
+    control_rate: float,
 ) -> Assumed:
     """Add what is missing to the parameters of all joints of a board, in place.
 
@@ -35,6 +36,7 @@ def complete(
         values: Parameters by schema name, for each joint; those given stay as they are.
         urdf: The robot.
         gravity: In world axes, m/s².
+        control_rate: Hz.
 
     Returns:
         What was assumed, for people.
@@ -60,37 +62,17 @@ def complete(
         name: given["motor.inertia"] * given["motor.gear_ratio"] ** 2
         for name, given in values.items()
     }
-    for name, (least, greatest) in carried.with_rotors(reflected).items():
+    for name, felt in carried.with_rotors(reflected).items():
         given, load = values[name], carried.by_name[name]
-        given.setdefault("inertia_min", max(least, LIGHTEST))
-        given.setdefault("inertia_max", max(greatest, given["inertia_min"]))
+        given.setdefault("inertia_min", max(felt.least, LIGHTEST))
+        given.setdefault("inertia_mean", max(felt.mean, given["inertia_min"]))
+        given.setdefault("inertia_max", max(felt.greatest, given["inertia_mean"]))
         spare = max(given["limits.torque"] - load.gravity, 0.1 * given["limits.torque"])
         reached = ACCELERATION_SHARE * spare / given["inertia_max"]
         given.setdefault("limits.acceleration", min(10.0 * given["limits.velocity"], reached))
-        _gains(given)
+        gains(given, 1.0 / control_rate, sliding=joints[name].kind == "prismatic")
         _rest(given, sliding=joints[name].kind == "prismatic")
     return assumed
-
-
-def _gains(values: dict[str, Any]) -> None:
-    give = values.setdefault
-    total, torque = values["inertia_max"], values["limits.torque"]
-    give("position_pid.kp", total * BANDWIDTH**2)
-    give("position_pid.kd", 2.0 * DAMPING_RATIO * math.sqrt(values["position_pid.kp"] * total))
-    give("position_pid.ki", values["position_pid.kp"] * 3.0)
-    give("position_pid.integral_limit", torque)
-    for name in ("kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"):
-        give(f"direct_pid.{name}", values[f"position_pid.{name}"])
-    give("torque_pid.integral_limit", torque)
-    give("current_pid.kp", 0.2 * values["motor.resistance"])
-    give("current_pid.ki", 100.0 * values["motor.resistance"])
-    give("current_pid.integral_limit", values["motor.supply_voltage"])
-    stiffness = give("impedance.stiffness", 0.3 * values["position_pid.kp"])
-    damping = give("impedance.damping", 1.4 * math.sqrt(stiffness * total))
-    give("impedance.max_stiffness", max(10.0 * stiffness, values["position_pid.kp"]))
-    give("impedance.max_damping", max(10.0 * damping, values["position_pid.kd"]))
-    give("guard_stiffness", values["position_pid.kp"])
-    give("guard_damping", values["position_pid.kd"])
 
 
 def _rest(values: dict[str, Any], *, sliding: bool) -> None:

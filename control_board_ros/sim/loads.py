@@ -66,8 +66,8 @@ class Load:
 class Felt:
     """The inertia that a motor moves, rotors included, kg·m²; kg where the joint slides.
 
-    Attributes: least (over the poses, with the other joints free to give way), mean and greatest
-    (with the other joints standing).
+    Attributes: least (over the poses, with the other joints free to give way), middle and
+    greatest (with the other joints standing).
     """
 
     least: float
@@ -133,10 +133,11 @@ class Loads:
                 )
         whole = np.einsum("pnn->np", matrix)
         few = matrix if len(self.names) <= MANY else matrix[::FEWER]
-        free = 1.0 / np.einsum("pnn->np", np.linalg.inv(few + TINY * np.eye(len(self.names))))
+        inverse = np.linalg.inv(few + TINY * np.eye(len(self.names)))
+        least = (1.0 / np.einsum("pnn->np", inverse)).min(axis=1)
         return {
-            name: Felt(float(gives.min()), float(stands.mean()), float(stands.max()))
-            for name, gives, stands in zip(self.names, free, whole, strict=True)
+            name: Felt(float(gives), 0.5 * float(stands.min() + stands.max()), float(stands.max()))
+            for name, gives, stands in zip(self.names, least, whole, strict=True)
         }
 
 

@@ -132,7 +132,7 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
     names = _joint_names(board, urdf, _last(given, "joints"))
     values, where = dict(board), _origins(given)
     try:
-        found, assumed = _joint_values(given, names, urdf, board["gravity"], where)
+        found, assumed = _joint_values(given, names, urdf, board, where)
         for name, joint_values in found.items():
             values.update({f"{name}.{key}": value for key, value in joint_values.items()})
         made = build.board(values, urdf, names)
@@ -243,7 +243,7 @@ def _joint_values(
     layers: list[Layer],
     names: tuple[str, ...],
     urdf: Urdf,
-    gravity: Sequence[float],
+    board: Mapping[str, Any],
     where: dict[str, str],
 ) -> tuple[dict[str, dict[str, Any]], Assumed]:
     """The complete parameters of every joint of the board; notes where each came from."""
@@ -265,8 +265,8 @@ def _joint_values(
     for values in found.values():
         for key, default in plain.items():
             values.setdefault(key, default)
-    x, y, z = gravity
-    assumed = complete(found, urdf, (x, y, z))
+    x, y, z = board["gravity"]
+    assumed = complete(found, urdf, (x, y, z), board["control_rate"])
     for values in found.values():
         if not values["torque_sensor"]:  # I7
             values["control_modes"] = [m for m in values["control_modes"] if m != "torq"]

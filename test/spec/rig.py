@@ -49,7 +49,7 @@ LIMITS = Limits(
     peak_current=25.0,
 )
 MOTOR = Motor(
-    resistance=1.0, inductance=1e-3, torque_constant=0.1, gear_ratio=50.0, supply_voltage=48.0
+    resistance=1.0, inductance=1e-6, torque_constant=0.1, gear_ratio=50.0, supply_voltage=48.0
 )
 
 

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gains that fit a joint, where nobody gives them.
+
+With the least inertia J that the motor feels and the greatest J_M, the torque limit τ and the
+control period T::
+
+    C  = min(600, 0.6/T)                1/s, crossover of the velocity loop at J: hold, winding
+                                        and filter leave it a phase margin of some 40 degrees
+                                        there, in the worst pose, and more in all others
+    kd ≤ C J
+    kp = min(kd C/8, kd²/1.5 J_M, τ/x)  damped at J_M, too; the torque limit is worth an error x
+    kd = min(C J, 1.8 √(kp J_M))
+    ki = kp · min(C/20, 0.22 kd/J_M)
+    k  ≤ kp/4                           springs that the torque loop follows with its own lag
+    d  = 2 ζ √(k J_M)                   released, a joint overshoots by no more than a tenth
+
+The shipped robots use the same: a gain in a parameter file is an exception with a reason.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ..core.config import spring_damping
+
+FASTEST = 600.0  # 1/s
+PHASE = 0.6  # rad
+CUTOFF = 400.0  # Hz, low pass of the rate
+GIVES_WAY = 8e-3  # rad, error that the torque limit is worth at least
+SLIDES_AWAY = 2e-3  # m, likewise
+SOFTEST = 0.2  # stiffness at start, of the greatest
+SPRING = 0.25  # greatest stiffness, of the position loop's
+
+
+def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
+    """Add the gains that are missing to the parameters of one joint, in place."""
+    give = values.setdefault
+    torque, least, greatest = (
+        values[name] for name in ("limits.torque", "inertia_min", "inertia_max")
+    )
+    crossover = min(FASTEST, PHASE / period)
+    most = crossover * least
+    kp = give(
+        "position_pid.kp",
+        min(
+            most * crossover / 8.0,
+            most**2 / (1.5 * greatest),
+            torque / (SLIDES_AWAY if sliding else GIVES_WAY),
+        ),
+    )
+    kd = give("position_pid.kd", min(most, 1.8 * math.sqrt(kp * greatest)))
+    give("position_pid.ki", kp * min(crossover / 20.0, 0.22 * kd / greatest))
+    give("position_pid.integral_limit", torque)
+    give("position_pid.derivative_cutoff", CUTOFF)
+    for name in ("kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"):
+        give(f"direct_pid.{name}", values[f"position_pid.{name}"])
+    give("torque_pid.integral_limit", torque)
+    give("current_pid.kp", 0.2 * values["motor.resistance"])
+    give("current_pid.ki", 100.0 * values["motor.resistance"])
+    give("current_pid.integral_limit", values["motor.supply_voltage"])
+    stiffest = give("impedance.max_stiffness", SPRING * kp)
+    stiffness = give("impedance.stiffness", SOFTEST * stiffest)
+    give("impedance.max_damping", max(kd, spring_damping(stiffest, greatest)))
+    damping = min(values["impedance.max_damping"], spring_damping(stiffness, greatest))
+    give("impedance.damping", damping)
