@@ -249,7 +249,7 @@ JOINT = (
     *_LIMITS,
     *_pid("position_pid", "Position PID", "N·m/rad", "inertia_min", {"kff": 0.0, **_CUTOFF}),
     *_pid("direct_pid", "PID of POSITION_DIRECT", "N·m/rad", "position_pid at start", {}),
-    *_pid("torque_pid", "Torque PID", "1", "", {"kp": 0.2, "ki": 25.0, **_PLAIN, "kff": 1.0}),
+    *_pid("torque_pid", "Torque PID", "1", "", {"kp": 0.0, "ki": 30.0, **_PLAIN, "kff": 1.0}),
     *_pid("current_pid", "Current PI", "V/A", "motor.resistance", _PLAIN),
     number("impedance.stiffness", None, "At start, N·m/rad (I6).", derived="position_pid"),
     number("impedance.damping", None, "At start, N·m·s/rad (I6).", derived="position_pid"),
