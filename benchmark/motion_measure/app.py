@@ -41,14 +41,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--rows", help=f"of {','.join(ROWS)}")
     parser.add_argument("--joint", action="append", help="name or index; repeatable")
-    parser.add_argument("--poses", type=int, default=3, help="home, stretched, random (3)")
+    parser.add_argument("--poses", type=int, default=3, help="how many: home, stretched, random")
     parser.add_argument("--each", action="store_true", help="show every joint's worst figures")
     parser.add_argument("--json", metavar="FILE", help="write every figure")
     return parser
 
 
 def _one(name: str, rows: Sequence[str], asked: argparse.Namespace) -> dict[str, object]:
-    began = time.perf_counter()
+    began = time.process_time()
     robot = find(name)
     rig = Rig.load(robot)
     joints = None
@@ -58,20 +58,22 @@ def _one(name: str, rows: Sequence[str], asked: argparse.Namespace) -> dict[str,
     chosen = dict(list(poses(robot, rig.home, rig.windows).items())[: asked.poses])
     findings = list(measure(rig, chosen, rows, joints))
     rig.close()
-    lines = worst(findings, robot.derived, rows)
-    took = time.perf_counter() - began
+    lines = worst(findings, rig.failures, robot.derived, rows)
+    took = time.process_time() - began
     kind = "derived" if robot.derived else "shipped"
-    print(f"\n{name} ({kind}), {len(chosen)} poses: {', '.join(chosen)}; took {took:.0f} s")
+    print(f"\n{name} ({kind}); poses: {', '.join(chosen)}; {took:.0f} s of processor time")
     for line in lines:
         print("  " + shown(line))
     if asked.each:
-        _print_each(findings)
-    for failure in rig.failures:
-        print(f"  FAULT  {failure}")
+        _print_each(findings, rig.board.names)
+    for failure in rig.failures if asked.each else rig.failures[:6]:
+        print(f"  failed: {failure.row} ({failure.where}): {failure.text}")
+    if not asked.each and len(rig.failures) > 6:
+        print(f"  and {len(rig.failures) - 6} more; --each shows them")
     sys.stdout.flush()
     return {
         "derived": robot.derived,
-        "failures": rig.failures,
+        "failures": [[f.row, f.where, f.text] for f in rig.failures],
         "findings": [[f.row, f.quantity, f.joint, f.pose, f.value] for f in findings],
     }
 
@@ -79,20 +81,23 @@ def _one(name: str, rows: Sequence[str], asked: argparse.Namespace) -> dict[str,
 def shown(line: Line) -> str:
     """A line of a table as text."""
     text = f"{line.quantity.text:42}"
+    failed = f"{line.failures} failed " if line.failures else ""
     if line.worst is None:
-        return f"{text} {'–':>9}"
+        return f"{text} {'–':>9}      {failed}"
     verdict = {True: "reached", False: "NOT REACHED", None: ""}[line.reached]
     goal = f"≤ {line.reach:g}" if line.reach else ""
     value = f"{line.worst.value:9.3g} {line.quantity.unit:4}"
-    return f"{text} {value} {goal:7} {verdict:12} {line.worst.joint}, {line.worst.pose}"
+    return f"{text} {value} {goal:7} {verdict:12} {failed}{line.worst.joint}, {line.worst.pose}"
 
 
-def _print_each(findings: Sequence[Finding]) -> None:
+def _print_each(findings: Sequence[Finding], names: Sequence[str]) -> None:
+    """The worst of each quantity of each joint, over the poses; a column per joint."""
     for row, quantity in dict.fromkeys((f.row, f.quantity) for f in findings):
-        mine = [f for f in findings if (f.row, f.quantity) == (row, quantity)]
-        worst_of = {}
-        for f in mine:
+        worst_of: dict[str, float] = {}
+        for f in findings:
+            if (f.row, f.quantity) != (row, quantity):
+                continue
             if abs(f.value) >= abs(worst_of.get(f.joint, 0.0)):
                 worst_of[f.joint] = f.value
-        values = " ".join(f"{value:9.3g}" for value in worst_of.values())
-        print(f"    {row + '.' + quantity:24} {values}")
+        cells = (f"{worst_of[n]:9.3g}" if n in worst_of else f"{'–':>9}" for n in names)
+        print(f"    {row + '.' + quantity:24} {' '.join(cells)}")

@@ -8,7 +8,7 @@ import inspect
 import numpy as np
 
 from .position_rows import Figures
-from .rig import Array, I, M, Record, Rig
+from .rig import Array, M, Record, Rig, Way
 
 #: Parts of the greatest stiffness that are measured.
 STIFFNESSES = (0.1, 0.3, 1.0)
@@ -27,7 +27,7 @@ def torque(rig: Rig, j: int) -> Figures:
     found: Figures = {}
     for way in (1.0, -1.0):
         rig.go(**{f"j{j}": _middle(rig, j)})
-        rig.enter(j, M.TORQUE, I.STIFF)
+        rig.enter(j, M.TORQUE, Way.STIFF)
         rig.run(0.2)
         now = rig.board.snapshot()
         before = float(now.torque[j])
@@ -93,7 +93,7 @@ def stiffness(rig: Rig, j: int) -> Figures:
     percent, the one furthest from zero. ``with_gravity`` = (push / Δq) / k − 1: what a hand
     feels. The push is k · 50 mrad (5 mm where it slides), at most 30 % of the torque limit.
     """
-    if not rig.has(j, M.POSITION, I.COMPLIANT):
+    if not rig.has(j, M.POSITION, Way.COMPLIANT):
         return {}
     greatest = rig.joints[j].impedance.max_stiffness
     found: Figures = {}
@@ -125,7 +125,7 @@ def release(rig: Rig, j: int) -> Figures:
     overshoot = max(way · (q_end − q)) / |q_pushed − q_end|, percent, in the 2 s after the push
     (as in ``stiffness``) is taken away; q_end is where it comes to rest, way the push's sign.
     """
-    if not rig.has(j, M.POSITION, I.COMPLIANT):
+    if not rig.has(j, M.POSITION, Way.COMPLIANT):
         return {}
     k = rig.joints[j].impedance.max_stiffness
     rig.go(**{f"j{j}": _middle(rig, j)})
@@ -150,7 +150,7 @@ def _comply(rig: Rig, j: int, k: float) -> None:
     chosen = inspect.signature(board.set_impedance).parameters["damping"].default is None
     damping = None if chosen else rig.joints[j].impedance.damping
     rig.expect(board.set_impedance(j, k, damping))
-    rig.enter(j, M.POSITION, I.COMPLIANT)
+    rig.enter(j, M.POSITION, Way.COMPLIANT)
 
 
 def _push_force(rig: Rig, j: int, k: float, load: float) -> float:

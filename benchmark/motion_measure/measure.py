@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TypeVar
 
-from .rig import Array, RefusedError, Rig
-from .rows import ROWS, Quantity, Row
+from .rig import Array, Failure, RefusedError, Rig
+from .rows import ROWS, Figures, Quantity, Row
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +28,23 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line of a robot's table: the worst of a quantity, None where no joint has it."""
+    """A line of a robot's table.
+
+    Attributes: row, quantity, worst (None where no joint has it), reach, failures (faults and
+    refusals that the row met).
+    """
 
     row: Row
     quantity: Quantity
     worst: Finding | None
     reach: float
+    failures: int
 
     @property
     def reached(self) -> bool | None:
+        """Whether the worst is good enough, and nothing failed; None where nothing is asked."""
+        if self.failures:
+            return False
         if self.worst is None or self.reach == 0.0:
             return None
         return abs(self.worst.value) <= self.reach
@@ -46,44 +57,56 @@ def measure(
 
     A refusal or a fault is kept in ``rig.failures`` and costs the figures of that test.
     """
-    chosen = range(rig.board.count) if joints is None else joints
+    chosen = list(range(rig.board.count) if joints is None else joints)
     for number, (pose, positions) in enumerate(poses.items()):
+        rig.take(positions)
         for row in (ROWS[key] for key in rows):
-            if number and not row.every_pose:
+            if row.pose is not None and number != min(row.pose, len(poses) - 1):
                 continue
-            for j in chosen:
+            for j, figures in _figures(rig, row, chosen, pose):
                 name = rig.board.names[j]
-                for quantity, value in _try(rig, row, j, pose, positions).items():
+                for quantity, value in figures.items():
                     yield Finding(rig.name, row.key, quantity, name, pose, float(value))
 
 
-def _try(rig: Rig, row: Row, j: int, pose: str, positions: Array) -> dict[str, float]:
-    where = f"{row.key} of {rig.board.names[j]} in {pose}"
+def _figures(
+    rig: Rig, row: Row, joints: Sequence[int], pose: str
+) -> Iterator[tuple[int, Figures]]:
+    together, one = row.together, row.measure
+    if together is not None:
+        found = _try(rig, row.key, f"all, {pose}", partial(together, rig, joints))
+        yield from (found or {}).items()
+    if one is not None:
+        for j in joints:
+            where = f"{rig.board.names[j]}, {pose}"
+            yield j, _try(rig, row.key, where, partial(one, rig, j)) or {}
+
+
+def _try(rig: Rig, row: str, where: str, test: Callable[[], T]) -> T | None:
+    """What a test gives; None, with the reason in ``rig.failures``, where it could not end."""
     try:
-        rig.go(positions)
-        found = row.measure(rig, j)
+        found = test()
     except RefusedError as error:
-        if not rig.note_faults(where):
-            rig.failures.append(f"{where}: {error}")
-        found = {}
+        rig.failures.append(Failure(row, where, str(error)))
+        rig.note_faults(row, where)
+        found = None
     else:
-        if rig.note_faults(where):
-            found = {}
-    rig.simulation.plant.push(j, 0.0)
+        if rig.note_faults(row, where):
+            found = None
+    for j in range(rig.board.count):
+        rig.simulation.plant.push(j, 0.0)
     return found
 
 
-def worst(findings: Sequence[Finding], derived: bool, rows: Iterable[str]) -> list[Line]:
+def worst(
+    findings: Sequence[Finding], failures: Sequence[Failure], derived: bool, rows: Iterable[str]
+) -> list[Line]:
     """The table of one robot."""
     lines = []
     for row in (ROWS[key] for key in rows):
+        failed = sum(failure.row == row.key for failure in failures)
         for quantity in row.quantities:
             mine = [f for f in findings if (f.row, f.quantity) == (row.key, quantity.key)]
             found = max(mine, key=lambda f: abs(f.value), default=None)
-            lines.append(Line(row, quantity, found, quantity.reach(derived)))
+            lines.append(Line(row, quantity, found, quantity.reach(derived), failed))
     return lines
-
-
-def record(findings: Sequence[Finding], failures: Sequence[str]) -> dict[str, Any]:
-    """What is kept in a file."""
-    return {"findings": [asdict(f) for f in findings], "failures": list(failures)}

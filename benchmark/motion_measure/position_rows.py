@@ -9,10 +9,11 @@ Lengths that mean rad are taken as m on joints that slide where they are parts o
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 
-from .rig import I, M, Record, Rig
+from .rig import M, Record, Rig, Way
 
 Figures = dict[str, float]
 
@@ -31,7 +32,7 @@ def step(rig: Rig, j: int) -> Figures:
     start = rig.windows[j].clip(rig.pose(j), 0.0)
     start = min(start, rig.windows[j].upper - size * 1.5)
     rig.go(**{f"j{j}": start})
-    rig.enter(j, M.POSITION_DIRECT, I.STIFF)
+    rig.enter(j, M.POSITION_DIRECT, Way.STIFF)
     rig.run(0.2)
     overshoot = settling = 0.0
     begin = float(rig.board.snapshot().position_reference[j])
@@ -49,20 +50,21 @@ def full_step(rig: Rig, j: int) -> Figures:
     """Direct step over 80 % of the range, there and back, STIFF.
 
     speed = max |dq| / limits.velocity; overshoot = max(way · (q − target)) / step, percent;
-    missed = |q − target| / step at the end, percent. It lasts 2 s longer than the way takes at
-    the limit speed.
+    missed = |q − target| / step at the end, percent. It ends at
+    rest on the target, or 2 s after the time that the way takes at the limit speed.
     """
     window, limits = rig.windows[j], rig.joints[j].limits
     low, high = window.at(0.1), window.at(0.9)
     rig.go(**{f"j{j}": low})
-    rig.enter(j, M.POSITION_DIRECT, I.STIFF)
+    rig.enter(j, M.POSITION_DIRECT, Way.STIFF)
     rig.run(0.1)
     size = high - low
     seconds = size / limits.velocity + limits.velocity / limits.acceleration + 2.0
     found = {"speed": 0.0, "overshoot": 0.0, "missed": 0.0}
     for target, way in ((high, 1.0), (low, -1.0)):
         rig.expect(rig.board.set_position(j, target))
-        record = rig.record(j, seconds)
+        arrived = partial(_arrived, target, 0.001 * size, 0.002 * limits.velocity)
+        record = rig.record(j, seconds, until=arrived)
         values = {
             "speed": np.abs(record.velocity).max() / limits.velocity,
             "overshoot": 100.0 * max(0.0, (way * (record.position - target)).max()) / size,
@@ -72,11 +74,15 @@ def full_step(rig: Rig, j: int) -> Figures:
     return found
 
 
+def _arrived(target: float, near: float, slow: float, position: float, speed: float) -> bool:
+    return abs(position - target) < near and abs(speed) < slow
+
+
 def move(rig: Rig, j: int) -> Figures:
     """Position moves at the default reference speed and at the speed limit, there and back.
 
     error = max |q − reference| from the start to 0.3 s after the end of the profile, mrad
-    (mm). Default: a way of 1.5 s. Top: set speed = limits.velocity, and a way on which both
+    (mm). Default: a way of 1 s. Top: set speed = limits.velocity, and a way on which both
     limits are met, 1.642 v²/a, but at least 0.5 s at the top speed; the board itself may
     lengthen the move. Ways are cut to 60 % of the range.
     """
@@ -84,11 +90,11 @@ def move(rig: Rig, j: int) -> Figures:
     v, a = joint.limits.velocity, joint.limits.acceleration
     needed = PEAK_ACCELERATION / PEAK_SPEED**2 * v * v / a
     found: Figures = {}
-    for key, speed, way in (
-        ("default", joint.reference_speed, 1.5 * joint.reference_speed),
+    for key, speed, wanted in (
+        ("default", joint.reference_speed, joint.reference_speed),
         ("top", v, max(1.1 * needed, 0.5 * v)),
     ):
-        way = min(way, 0.6 * window.span)
+        way = min(wanted, 0.6 * window.span)
         start = window.clip(rig.pose(j) - 0.5 * way, 0.05 * window.span)
         start = min(start, window.upper - 0.05 * window.span - way)
         rig.go(**{f"j{j}": start})
@@ -102,14 +108,14 @@ def _move_error(rig: Rig, j: int, target: float, speed: float) -> float:
     rig.expect(rig.board.position_move(j, target, speed))
     seconds = float(rig.board.get_remaining_time(j)[0]) + 0.3
     record = rig.record(j, seconds)
-    rig.settle(1.0)
+    rig.settle(0.5)
     return 1e3 * float(np.abs(record.position - record.reference).max())
 
 
 def sine(rig: Rig, j: int) -> Figures:
     """A sine of 1 Hz by direct positions at 1 kHz and at 100 Hz, STIFF.
 
-    error = max |q(t) − s(t)| / A over the second and third period, percent, where s(t) =
+    error = max |q(t) − s(t)| / A over the second period, percent, where s(t) =
     c + A sin(2πt) is the continuous sine, of which s(t_k) is sent at t_k. Its peak speed is
     half of limits.velocity, its peak acceleration at most half of limits.acceleration, and it
     stays within 40 % of the range. ``lag``: of the fitted sine, ms.
@@ -121,9 +127,11 @@ def sine(rig: Rig, j: int) -> Figures:
     )
     centre = window.clip(rig.pose(j), amplitude + 0.05 * window.span)
     found: Figures = {}
+    rig.go(**{f"j{j}": centre})
+    rig.enter(j, M.POSITION_DIRECT, Way.STIFF)
     for key, rate in (("at_1000", 1000.0), ("at_100", 100.0)):
-        rig.go(**{f"j{j}": centre})
-        rig.enter(j, M.POSITION_DIRECT, I.STIFF)
+        rig.expect(rig.board.set_position(j, centre))
+        rig.run(0.5)
         record = _sine(rig, j, centre, amplitude, rate)
         angle = omega * record.time
         late = record.time >= 1.0
@@ -143,24 +151,24 @@ def _sine(rig: Rig, j: int, centre: float, amplitude: float, rate: float) -> Rec
             value = centre + amplitude * math.sin(2.0 * math.pi * time)
             rig.expect(rig.board.set_position(j, value))
 
-    return rig.record(j, 3.0, each=send)
+    return rig.record(j, 2.0, each=send)
 
 
 def velocity(rig: Rig, j: int) -> Figures:
     """A velocity reference of half the limit speed at the limit acceleration, both ways, STIFF.
 
     overshoot = max(way · dq) / v − 1, percent; stop = max(−way · dq) / v, percent, after the
-    reference went back to zero. It is sent every 50 ms, for 0.5 s beyond the ramp or 60 % of
+    reference went back to zero. It is sent every 50 ms, for 0.3 s beyond the ramp or 60 % of
     the range.
     """
     window, limits = rig.windows[j], rig.joints[j].limits
     speed = 0.5 * limits.velocity
     ramp = speed / limits.acceleration
-    lasts = min(ramp + 0.5, 0.6 * window.span / speed)
+    lasts = min(ramp + 0.3, 0.6 * window.span / speed)
     way = speed * lasts
     start = window.clip(rig.pose(j) - 0.5 * way, 0.1 * window.span)
     rig.go(**{f"j{j}": min(start, window.upper - 0.2 * window.span - way)})
-    rig.enter(j, M.VELOCITY, I.STIFF)
+    rig.enter(j, M.VELOCITY, Way.STIFF)
     found = {"overshoot": 0.0, "stop": 0.0}
 
     def roll(wanted: float, seconds: float) -> Record:
@@ -176,7 +184,7 @@ def velocity(rig: Rig, j: int) -> Figures:
         found["overshoot"] = max(
             found["overshoot"], 100.0 * ((sign * going.velocity).max() / speed - 1.0)
         )
-        stopping = roll(0.0, ramp + 0.5)
+        stopping = roll(0.0, ramp + 0.3)
         found["stop"] = max(found["stop"], 100.0 * (-sign * stopping.velocity).max() / speed)
     return found
 

@@ -20,7 +20,7 @@ from control_board_ros.sim.simulation import Simulation
 from .robots import Robot
 
 Array = NDArray[np.float64]
-M, I = ControlMode, InteractionMode
+M, Way = ControlMode, InteractionMode
 
 #: Longest calibration at start, s.
 STARTUP = 60.0
@@ -69,11 +69,20 @@ class Record:
     positions: Array
 
 
+@dataclass(frozen=True, slots=True)
+class Failure:
+    """A fault or a refusal that a row met: its key, joint and pose, and the board's text."""
+
+    row: str
+    where: str
+    text: str
+
+
 class Rig:
     """A simulated robot that is up and calibrated.
 
     Attributes: name, derived (no tuned parameters), simulation, board, joints (configurations),
-    windows, failures (faults met so far, one line each).
+    windows, failures (faults and refusals so far).
     """
 
     def __init__(self, name: str, settings: Settings, *, derived: bool) -> None:
@@ -86,8 +95,9 @@ class Rig:
             Window(max(j.limits.lower, h - math.pi), min(j.limits.upper, h + math.pi))
             for j, h in zip(self.joints, self.home, strict=True)
         ]
-        self.failures: list[str] = []
+        self.failures: list[Failure] = []
         self._pose = self.home.copy()
+        self._haste = 0.25
         self.start()
 
     @classmethod
@@ -155,7 +165,7 @@ class Rig:
     def sliding(self, j: int) -> bool:
         return self.joints[j].kind == "prismatic"
 
-    def has(self, j: int, mode: ControlMode, interaction: InteractionMode = I.STIFF) -> bool:
+    def has(self, j: int, mode: ControlMode, interaction: InteractionMode = Way.STIFF) -> bool:
         """Whether a joint implements a mode with an interaction mode."""
         joint = self.joints[j]
         return mode in joint.control_modes and interaction in joint.interaction_modes
@@ -172,35 +182,45 @@ class Rig:
 
     # --- poses --------------------------------------------------------------------------------
 
-    def go(self, pose: Array | None = None, **moved: float) -> None:
-        """Bring all joints to a pose (the last one, where none is given) and to rest, STIFF.
+    def take(self, pose: Array) -> None:
+        """The pose to measure in from now on, shape (n,); nothing moves yet."""
+        self._pose = pose
+
+    def go(self, **moved: float) -> None:
+        """Bring all joints to the pose and to rest, STIFF.
+
+        A fault on the way, at a quarter of the top speeds, is kept in ``failures``; from then on
+        this robot goes slowly.
 
         Args:
-            pose: shape (n,); rad, m.
             moved: Other positions for joints of the pose, by ``j`` and index (``j3=0.5``).
         """
-        self._pose = self._pose if pose is None else pose
         target = self._pose.copy()
         for key, value in moved.items():
             target[int(key[1:])] = value
         if self.faults():
             self.revive()
-        self.enter(None, M.POSITION, I.STIFF)
-        # At a quarter of the top speed, but without an hour's travel for a slow joint.
-        speeds = [0.25 * joint.limits.velocity for joint in self.joints]
+        self._approach(target)
+        if self.note_faults("going", "to a pose"):
+            self._haste = 0.02
+            self.revive()
+            self._approach(target)
+
+    def _approach(self, target: Array) -> None:
+        self.enter(None, M.POSITION, Way.STIFF)
+        speeds = [self._haste * joint.limits.velocity for joint in self.joints]
         self.expect(self.board.position_move(None, target, speeds))
-        remaining = float(self.board.get_remaining_time(None).max())
-        self.run(min(remaining, 60.0) + self.period)
+        self.run(float(self.board.get_remaining_time(None).max()) + self.period)
         self.settle()
 
-    def settle(self, longest: float = 3.0) -> None:
+    def settle(self, longest: float = 2.0) -> None:
         """Let time pass until every joint is at rest on its reference, or s are over."""
         quiet = 0.0
         for _ in range(round(longest / 0.01)):
             self.run(0.01)
             now = self.board.snapshot()
             off = np.abs(now.position - now.position_reference).max()
-            still = off < 1e-4 and np.abs(now.velocity).max() < 1e-3
+            still = off < 2e-4 and np.abs(now.velocity).max() < 1e-3
             quiet = quiet + 0.01 if still else 0.0
             if quiet >= 0.05:
                 return
@@ -211,7 +231,7 @@ class Rig:
         for _ in range(round(longest / 0.2)):
             self.run(0.2)
             before, mark = mark, self.position(j)
-            if abs(mark - before) < 2e-6:
+            if abs(mark - before) < 1e-5:
                 return
 
     # --- faults -------------------------------------------------------------------------------
@@ -220,10 +240,10 @@ class Rig:
         """The active faults, one line each."""
         return [f"{fault.name}: {fault.text}" for fault in self.board.get_faults() if fault.active]
 
-    def note_faults(self, where: str) -> bool:
+    def note_faults(self, row: str, where: str) -> bool:
         """Keep the active faults in ``failures``; whether there are any."""
         found = self.faults()
-        self.failures += [f"{where}: {text}" for text in found]
+        self.failures += [Failure(row, where, text) for text in found]
         return bool(found)
 
     def revive(self) -> None:

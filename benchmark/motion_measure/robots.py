@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robots of the table: those that are shipped, and URDFs from elsewhere with derived values."""
+"""The robots of the table: those that are shipped, and URDFs from elsewhere, derived."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ SEED = 9
 class Robot:
     """A robot to measure.
 
-    Attributes: name, robot (a shipped name, a path, ``data:`` and a path inside
-    pybullet_data, or ``here:`` and a file of this folder), derived (no tuned parameters), stretched (positions of the stretched pose by
-    joint index, rad; the others stand at 0), parameters (on top of the configuration).
+    Attributes: name, robot (a shipped name, a path, ``data:`` and a path inside pybullet_data, or
+    ``here:`` and a file of this folder), derived (no tuned parameters), stretched (positions of
+    the stretched pose by joint index, rad; the others stand at 0), parameters (on top of the
+    configuration).
     """
 
     name: str
@@ -63,7 +64,8 @@ def poses(robot: Robot, home: Any, windows: Any) -> dict[str, Any]:
     """The poses to measure in, arrays of shape (n,), rad or m.
 
     home; stretched (where one is known: the arm level and straight, as heavy as it gets);
-    random (uniform in the middle half of each joint's window, from a fixed seed).
+    random (uniform in the middle half of each joint's window, from a fixed seed), where no
+    stretched one is known, and for shipped robots.
     """
     found = {"home": np.array(home)}
     if robot.stretched is not None:
@@ -71,6 +73,8 @@ def poses(robot: Robot, home: Any, windows: Any) -> dict[str, Any]:
         found["stretched"] = np.array(
             [w.clip(p, 0.05 * w.span) for w, p in zip(windows, wanted, strict=True)]
         )
+    if robot.derived and len(found) > 1:
+        return found
     parts = np.random.default_rng(SEED).uniform(0.25, 0.75, len(windows))
     found["random"] = np.array([w.at(part) for w, part in zip(windows, parts, strict=True)])
     return found

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from . import force_rows, position_rows
+from . import change_rows, force_rows, position_rows
 from .rig import Rig
 
-Measure = Callable[[Rig, int], dict[str, float]]
+Figures = dict[str, float]
+Measure = Callable[[Rig, int], Figures]
+MeasureAll = Callable[[Rig, Sequence[int]], dict[int, Figures]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +36,15 @@ class Quantity:
 class Row:
     """A test and the lines of the table that it gives.
 
-    Attributes: key, measure, quantities, and every_pose (else in the first pose only).
+    Attributes: key, measure (one joint), quantities, pose (the number of the only one to measure
+    in; None: in every pose), together (in place of ``measure``: all joints at once).
     """
 
     key: str
-    measure: Measure
+    measure: Measure | None
     quantities: tuple[Quantity, ...]
-    every_pose: bool = True
+    pose: int | None = None
+    together: MeasureAll | None = None
 
 
 ROWS = {
@@ -55,7 +59,7 @@ ROWS = {
             "fullstep",
             position_rows.full_step,
             (Quantity("speed", "direct full step: top speed over limit", "×", 1.05, 1.05),),
-            every_pose=False,
+            pose=0,
         ),
         Row(
             "move",
@@ -103,6 +107,18 @@ ROWS = {
             "push",
             force_rows.push,
             (Quantity("deflection", "push of half the torque limit", "mrad", 10.0, 30.0),),
+        ),
+        Row(
+            "rest",
+            None,
+            (Quantity("sag", "sag on a change of mode, at rest", "mrad", 1.0, 1.0),),
+            together=change_rows.at_rest,
+        ),
+        Row(
+            "motion",
+            change_rows.in_motion,
+            (Quantity("beyond", "the same in motion, beyond stopping", "mrad", 10.0, 10.0),),
+            pose=1,
         ),
     )
 }
