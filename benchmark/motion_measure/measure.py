@@ -87,8 +87,8 @@ def _try(rig: Rig, row: str, where: str, test: Callable[[], T]) -> T | None:
     try:
         found = test()
     except RefusedError as error:
-        rig.failures.append(Failure(row, where, str(error)))
-        rig.note_faults(row, where)
+        if not rig.note_faults(row, where):
+            rig.failures.append(Failure(row, where, str(error)))
         found = None
     else:
         if rig.note_faults(row, where):

@@ -202,7 +202,7 @@ class Rig:
             self.revive()
         self._approach(target)
         if self.note_faults("going", "to a pose"):
-            self._haste = 0.02
+            self._haste = 0.08
             self.revive()
             self._approach(target)
 
@@ -239,6 +239,11 @@ class Rig:
     def faults(self) -> list[str]:
         """The active faults, one line each."""
         return [f"{fault.name}: {fault.text}" for fault in self.board.get_faults() if fault.active]
+
+    def check(self) -> None:
+        """Raise RefusedError where a joint is in fault: what follows would measure nothing."""
+        if found := self.faults():
+            raise RefusedError("; ".join(found))
 
     def note_faults(self, row: str, where: str) -> bool:
         """Keep the active faults in ``failures``; whether there are any."""
