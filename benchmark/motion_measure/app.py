@@ -7,6 +7,7 @@ import argparse
 import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from .measure import Finding, Line, measure, worst
 from .rig import Rig
 from .robots import ROBOTS, find, poses
 from .rows import ROWS
+from .scenes import SCENES, play
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -23,9 +25,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
     if unknown := [row for row in rows if row not in ROWS]:
         parser.error(f"--rows {unknown[0]!r} unknown; choose from {','.join(ROWS)}")
-    record = {}
-    for name in asked.robot or list(ROBOTS):
+    record: dict[str, object] = {}
+    for name in asked.robot or ([] if asked.scenes else list(ROBOTS)):
         record[name] = _one(name, rows, asked)
+    if asked.scenes:
+        record["scenes"] = play(list(SCENES) if asked.scenes == "all" else asked.scenes.split(","))
     if asked.json:
         text = json.dumps(record, indent=1, ensure_ascii=False)
         Path(asked.json).write_text(text + "\n", encoding="utf-8")
@@ -43,6 +47,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--joint", action="append", help="name or index; repeatable")
     parser.add_argument("--poses", type=int, default=3, help="how many: home, stretched, random")
     parser.add_argument("--each", action="store_true", help="show every joint's worst figures")
+    parser.add_argument(
+        "--scenes", nargs="?", const="all", help=f"play scenes: all, or of {','.join(SCENES)}"
+    )
     parser.add_argument("--json", metavar="FILE", help="write every figure")
     return parser
 
@@ -71,11 +78,29 @@ def _one(name: str, rows: Sequence[str], asked: argparse.Namespace) -> dict[str,
     if not asked.each and len(rig.failures) > 6:
         print(f"  and {len(rig.failures) - 6} more; --each shows them")
     sys.stdout.flush()
-    return {
-        "derived": robot.derived,
-        "failures": [[f.row, f.where, f.text] for f in rig.failures],
-        "findings": [[f.row, f.quantity, f.joint, f.pose, f.value] for f in findings],
+    return kept(lines, findings if asked.each else (), rig)
+
+
+def kept(lines: Sequence[Line], findings: Sequence[Finding], rig: Rig) -> dict[str, object]:
+    """What goes into a file: the worst of each quantity, the failures, and what is asked for."""
+    figures = {
+        f"{line.row.key}.{line.quantity.key}": [
+            line.worst.value,
+            line.worst.joint,
+            line.worst.pose,
+        ]
+        for line in lines
+        if line.worst is not None
     }
+    record: dict[str, object] = {
+        "derived": rig.derived,
+        "figures": figures,
+        "failures": Counter(failure.row for failure in rig.failures),
+        "causes": Counter(failure.cause for failure in rig.failures),
+    }
+    if findings:
+        record["findings"] = [[f.row, f.quantity, f.joint, f.pose, f.value] for f in findings]
+    return record
 
 
 def shown(line: Line) -> str:

@@ -41,6 +41,11 @@ class Line:
     failures: int
 
     @property
+    def key(self) -> str:
+        """Row and quantity, as in files."""
+        return f"{self.row.key}.{self.quantity.key}"
+
+    @property
     def reached(self) -> bool | None:
         """Whether the worst is good enough, and nothing failed; None where nothing is asked."""
         if self.failures:

@@ -77,6 +77,11 @@ class Failure:
     where: str
     text: str
 
+    @property
+    def cause(self) -> str:
+        """The fault's title, without joint and numbers."""
+        return self.text.partition(": ")[2].partition(",")[0] or self.text
+
 
 class Rig:
     """A simulated robot that is up and calibrated.

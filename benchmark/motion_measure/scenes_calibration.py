@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes of calibration: what the board takes for an angle, and what is true."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.sim.simulation import Simulation
+
+JOINT = "l_wrist_prosup"
+
+
+def hard_stop(offsets: Iterable[float], output: float | None) -> float:
+    """The largest error of a hard-stop calibration that says "done", deg.
+
+    Args:
+        offsets: u_ff in percent that are offered while the iCub's forearm drives to its stop.
+        output: PWM of the calibration, percent; None: as configured.
+
+    Returns:
+        |board's angle − true angle|, where the truth is the encoder's reading minus its zero;
+        0 where no calibration that is wrong succeeds.
+    """
+    values: dict[str, object] = {
+        "robot": "icub_left_arm",
+        "joints": [JOINT],
+        "calibration_groups": [JOINT],
+    }
+    if output is not None:
+        values[f"{JOINT}__calibration__output"] = output
+    worst = 0.0
+    for offset in offsets:
+        with Simulation.load(None, **values) as sim:
+            sim.step(2)
+            sim.board.set_feedforward(JOINT, outputs=offset)
+            while sim.board.get_control_mode() == [M.CALIBRATING] and sim.time < 60.0:
+                sim.step(10)
+            if not sim.board.get_calibration(JOINT)[0].done:
+                continue
+            reading = float(sim.plant.read().values[0, 0])
+            truth = reading - _zero(JOINT)
+            worst = max(worst, abs(float(sim.board.get_encoder(JOINT)[0]) - truth))
+    return math.degrees(worst)
+
+
+def aborted() -> float:
+    """How many modes besides IDLE an uncalibrated joint accepts after an abort (K7)."""
+    with Simulation.load("icub_left_arm") as sim:
+        sim.run(0.5)
+        board, joint = sim.board, "l_elbow"
+        board.set_control_mode(joint, "fidl")
+        accepted = 0
+        for mode in ("pos", "posd", "vel", "mix", "torq", "open"):
+            accepted += bool(board.set_control_mode(joint, mode))
+            board.set_control_mode(joint, "idl")
+        return float(accepted)
+
+
+def _zero(joint: str) -> float:
+    """The encoder's zero of a joint of the iCub's left arm, rad: what the board must find."""
+    from control_board_ros.sim.settings import load
+
+    settings = load("icub_left_arm")
+    return next(one.encoder.zero for one in settings.simulation.joints if one.name == joint)
