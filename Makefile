@@ -21,7 +21,7 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check bench soak conformance mutants docs setup clean distclean
+.PHONY: help run test check bench motion soak conformance mutants docs setup clean distclean
 
 help: ## Say what there is
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -40,6 +40,9 @@ check: setup $(STAMPS)/test $(STAMPS)/dev ## Run ruff, mypy --strict and import-
 
 bench: setup $(STAMPS)/test $(STAMPS)/dev $(STAMPS)/icub ## Measure the figures of the README
 	@$(BIN)/python benchmark/run.py $(ARGS)
+
+motion: setup $(STAMPS)/test $(STAMPS)/dev $(STAMPS)/icub ## Measure how well joints move, write docs/motion.md
+	@$(BIN)/python benchmark/motion.py $(or $(ARGS),--page --plots)
 
 soak: setup $(STAMPS)/test $(STAMPS)/dev ## Run the board for a long time under load
 	@$(BIN)/python benchmark/soak.py $(ARGS)

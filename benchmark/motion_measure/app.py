@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .measure import Finding, Line, measure, worst
+from .page import BEFORE, FIGURES, PAGE, load, notes_of, page
 from .rig import Rig
 from .robots import ROBOTS, find, poses
 from .rows import ROWS
@@ -25,15 +27,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
     if unknown := [row for row in rows if row not in ROWS]:
         parser.error(f"--rows {unknown[0]!r} unknown; choose from {','.join(ROWS)}")
+    if asked.page and (asked.robot or asked.rows or asked.joint or asked.scenes):
+        parser.error("--page takes the figures of all robots; leave out what chooses some")
+    only_draw = asked.plots and not asked.page
     record: dict[str, object] = {}
-    for name in asked.robot or ([] if asked.scenes else list(ROBOTS)):
+    chosen = asked.robot or ([] if asked.scenes or only_draw else list(ROBOTS))
+    for name in chosen:
         record[name] = _one(name, rows, asked)
-    if asked.scenes:
-        record["scenes"] = play(list(SCENES) if asked.scenes == "all" else asked.scenes.split(","))
+    scenes = "all" if asked.page else asked.scenes
+    if scenes:
+        record["scenes"] = play(list(SCENES) if scenes == "all" else scenes.split(","))
     if asked.json:
-        text = json.dumps(record, indent=1, ensure_ascii=False)
-        Path(asked.json).write_text(text + "\n", encoding="utf-8")
+        save(Path(asked.json), record)
+    if asked.page:
+        save(FIGURES, record)
+    if asked.page or asked.plots:
+        document(plots=asked.plots)
     return 0
+
+
+def save(path: Path, record: Mapping[str, object]) -> None:
+    """Keep what was measured: one line per list, so one per figure."""
+    text = json.dumps(record, indent=1, ensure_ascii=False)
+    text = re.sub(r"\[[^\[\]]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def document(*, plots: bool) -> None:
+    """Write docs/motion.md, and its pictures, from the recorded figures."""
+    now, before = load(FIGURES), load(BEFORE)
+    PAGE.write_text(page(now, before, notes_of(PAGE)), encoding="utf-8")
+    if plots:
+        from .plots import draw  # matplotlib, of the extra dev
+
+        draw(now, before)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -50,7 +77,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--scenes", nargs="?", const="all", help=f"play scenes: all, or of {','.join(SCENES)}"
     )
-    parser.add_argument("--json", metavar="FILE", help="write every figure")
+    parser.add_argument("--json", metavar="FILE", help="write the figures; with --each, all")
+    parser.add_argument("--page", action="store_true", help="measure all, write docs/motion.md")
+    parser.add_argument("--plots", action="store_true", help="draw its pictures from the record")
     return parser
 
 

@@ -42,14 +42,14 @@ def torque(rig: Rig, j: int) -> Figures:
         if part.max() < 0.9 and len(record.time) * rig.period < 0.05:
             continue
         values = {
-            "rise": 1e3 * _rise(record.time, part, rig.period),
+            "rise": 1e3 * rise(record.time, part, rig.period),
             "overshoot": 100.0 * max(0.0, float(part.max()) - 1.0),
         }
         found = {key: max(found.get(key, 0.0), value) for key, value in values.items()}
     return found
 
 
-def _rise(time: Array, part: Array, period: float) -> float:
+def rise(time: Array, part: Array, period: float) -> float:
     """From 10 to 90 %, s; the whole record where it never comes there."""
     crossings = []
     for level in (0.1, 0.9):
@@ -103,7 +103,7 @@ def stiffness(rig: Rig, j: int) -> Figures:
     for part in STIFFNESSES:
         k = part * greatest
         rig.go(**{f"j{j}": _middle(rig, j)})
-        _comply(rig, j, k)
+        comply(rig, j, k)
         rig.rest(j)
         rig.check()
         before, load = rig.position(j), _torque_at_rest(rig, j)
@@ -134,23 +134,23 @@ def release(rig: Rig, j: int) -> Figures:
         return {}
     k = rig.joints[j].impedance.max_stiffness
     rig.go(**{f"j{j}": _middle(rig, j)})
-    _comply(rig, j, k)
+    comply(rig, j, k)
     rig.rest(j)
     force = _push_force(rig, j, k, float(rig.board.get_torque(j)[0]))
     rig.simulation.plant.push(j, force)
     rig.rest(j)
     rig.check()
     rig.simulation.plant.push(j, 0.0)
-    return {"overshoot": _overshoot_of_return(rig.record(j, 2.0))}
+    return {"overshoot": overshoot_of_return(rig.record(j, 2.0))}
 
 
-def _overshoot_of_return(record: Record) -> float:
+def overshoot_of_return(record: Record) -> float:
     end, start = float(record.position[-1]), float(record.position[0])
     beyond = np.sign(start - end) * (end - record.position)
     return 100.0 * max(0.0, float(beyond.max())) / abs(start - end)
 
 
-def _comply(rig: Rig, j: int, k: float) -> None:
+def comply(rig: Rig, j: int, k: float) -> None:
     """COMPLIANT with a stiffness and the damping that the board chooses with it."""
     board = rig.board
     chosen = inspect.signature(board.set_impedance).parameters["damping"].default is None

@@ -28,7 +28,7 @@ def step(rig: Rig, j: int) -> Figures:
     On a joint that slides size is 5 % of the range, at most 5 mm; likewise where 50 mrad are
     more than 20 % of the range. ``settling``: s until q stays within 2 % of the size.
     """
-    size = _step_size(rig, j)
+    size = step_size(rig, j)
     start = rig.windows[j].clip(rig.pose(j), 0.0)
     start = min(start, rig.windows[j].upper - size * 1.5)
     rig.go(**{f"j{j}": start})
@@ -132,7 +132,7 @@ def sine(rig: Rig, j: int) -> Figures:
     for key, rate in (("at_1000", 1000.0), ("at_100", 100.0)):
         rig.expect(rig.board.set_position(j, centre))
         rig.run(0.5)
-        record = _sine(rig, j, centre, amplitude, rate)
+        record = send_sine(rig, j, centre, amplitude, rate)
         angle = omega * record.time
         late = record.time >= 1.0
         off = record.position - centre - amplitude * np.sin(angle)
@@ -143,7 +143,7 @@ def sine(rig: Rig, j: int) -> Figures:
     return found
 
 
-def _sine(rig: Rig, j: int, centre: float, amplitude: float, rate: float) -> Record:
+def send_sine(rig: Rig, j: int, centre: float, amplitude: float, rate: float) -> Record:
     every = max(1, round(1.0 / (rate * rig.period)))
 
     def send(time: float) -> None:
@@ -189,7 +189,7 @@ def velocity(rig: Rig, j: int) -> Figures:
     return found
 
 
-def _step_size(rig: Rig, j: int) -> float:
+def step_size(rig: Rig, j: int) -> float:
     span = rig.windows[j].span
     if rig.sliding(j):
         return min(0.05 * span, 0.005)

@@ -7,7 +7,6 @@ reached. Unlike the rows they are made for one robot each, where the trouble sho
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -214,9 +213,9 @@ SCENES = {
 }  # fmt: skip
 
 
-def play(keys: list[str]) -> dict[str, float]:
-    """Play scenes and print what came of them; NaN where a scene could not be played."""
-    found = {}
+def play(keys: list[str]) -> dict[str, float | None]:
+    """Play scenes and print what came of them; None where a scene could not be played."""
+    found: dict[str, float | None] = {}
     print("\nscenes")
     for key in keys:
         scene = SCENES[key]
@@ -224,9 +223,9 @@ def play(keys: list[str]) -> dict[str, float]:
             value = scene.play()
         except RefusedError as error:
             print(f"  {scene.text:62} failed: {error}")
-            value = math.nan
+            found[key] = None
         else:
             verdict = "reached" if value <= scene.reach else "NOT REACHED"
             print(f"  {scene.text:62} {value:9.3g} {scene.unit:4} ≤ {scene.reach:<6g} {verdict}")
-        found[key] = value
+            found[key] = value
     return found

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: Apache-2.0
+"""docs/motion.md, from the recorded figures and the docstrings of the rows."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .rows import ROWS, Quantity, Row
+from .scenes import SCENES
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "motion.md"
+FIGURES = ROOT / "benchmark" / "motion.json"
+BEFORE = ROOT / "benchmark" / "motion_before.json"
+#: What stands between these is written by hand, and kept.
+NOTES, END = "<!-- notes -->\n", "<!-- end of notes -->\n"
+
+HEAD = """\
+# The measure of motion
+
+How well each joint moves: `make motion` measures every shipped robot and five URDFs from
+elsewhere, whose parameters are derived, and writes this page. `make motion
+ARGS="--robot panda --rows step,sine --each"` prints a part of it.
+
+The figures are simulated: board and plant run in one process on simulated time, so the same
+commit gives the same figures on every machine. Each is the worst over all joints and over the
+poses home, stretched and random (in the middle half of each range, from a fixed seed); derived
+robots have two of them. On joints that slide, mm stand for mrad. "Before" is the board before
+its laws were rewritten (`benchmark/motion_before.json`). A test in `test/motion/` holds the worst
+of it.
+
+![Each figure over what is to be reached](images/motion_reach.png)
+
+"""
+
+
+def load(path: Path) -> dict[str, Any]:
+    """Recorded figures; none where there is no file."""
+    return json.loads(path.read_text("utf-8")) if path.is_file() else {}
+
+
+def page(now: Mapping[str, Any], before: Mapping[str, Any], notes: str) -> str:
+    """The whole page; ``notes`` is its hand-written part."""
+    robots = [name for name in now if name != "scenes"]
+    parts = [HEAD, "## All robots\n\n", _overview(now, robots)]
+    for name in robots:
+        kind = "derived" if now[name]["derived"] else "shipped"
+        parts += [f"\n## {name} ({kind})\n\n", _table(now[name], before.get(name, {}))]
+    parts += [
+        "\n## Scenes\n\nWhat went wrong once, each on one robot; `--scenes` plays them.\n\n",
+        _scenes(now.get("scenes", {}), before.get("scenes", {})),
+        "\n## Where physics forbids a figure\n\n",
+        NOTES,
+        notes,
+        END,
+        "\n## Pictures\n\n"
+        "![Direct step of 50 mrad](images/motion_step.png)\n\n"
+        "![Sine, move and velocity](images/motion_follow.png)\n\n"
+        "![Release and push](images/motion_push.png)\n",
+        "\n## Definitions\n\n",
+        *(_definition(row) for row in ROWS.values()),
+    ]
+    return "".join(parts).rstrip() + "\n"
+
+
+def notes_of(path: Path) -> str:
+    """The hand-written part of a page that exists; empty where there is none."""
+    text = path.read_text("utf-8") if path.is_file() else ""
+    return text.partition(NOTES)[2].partition(END)[0]
+
+
+def _quantities() -> list[tuple[Row, Quantity]]:
+    return [(row, quantity) for row in ROWS.values() for quantity in row.quantities]
+
+
+def _overview(now: Mapping[str, Any], robots: list[str]) -> str:
+    rows = []
+    for row, quantity in _quantities():
+        reach = f"{quantity.shipped:g} / {quantity.derived:g} {quantity.unit}"
+        cells = []
+        for name in robots:
+            record = now[name]
+            value = record["figures"].get(_key(row, quantity))
+            missed = value is None or not _reached(record, row, quantity)
+            text = "–" if value is None else number(value[0])
+            if record["failures"].get(row.key):
+                text += " †"
+            cells.append(f"**{text}**" if missed and value and quantity.shipped else text)
+        goal = f"≤ {reach}" if quantity.shipped else ""
+        rows.append([quantity.text, goal, *cells])
+    text = _grid(["worst joint", "reach, shipped / derived", *robots], rows)
+    return text + "\nBold: not reached. †: some tests of the row ended in a fault.\n"
+
+
+def _table(now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
+    rows = []
+    for row, quantity in _quantities():
+        key, goal = _key(row, quantity), quantity.reach(now["derived"])
+        found, was = now["figures"].get(key), before.get("figures", {}).get(key)
+        rows.append(
+            [
+                quantity.text,
+                _failed(_shown(was, quantity), before, row),
+                _failed(_shown(found, quantity), now, row),
+                f"≤ {goal:g} {quantity.unit}" if goal else "",
+                ("yes" if _reached(now, row, quantity) else "no") if found and goal else "",
+                f"{found[1]}, {found[2]}" if found else "",
+            ]
+        )
+    text = _grid(["", "before", "now", "reach", "reached", "worst joint, pose"], rows)
+    if causes := now["causes"]:
+        told = ", ".join(f"{cause} ({count})" for cause, count in causes.items())
+        text += f"\nTests that ended in a fault or a refusal: {told}.\n"
+    return text
+
+
+def _scenes(now: Mapping[str, Any], before: Mapping[str, Any]) -> str:
+    rows = []
+    for key, scene in SCENES.items():
+        cells = [
+            "failed" if value is None else f"{number(value)} {scene.unit}".strip()
+            for value in (before.get(key), now.get(key))
+        ]
+        value = now.get(key)
+        reached = "yes" if value is not None and value <= scene.reach else "no"
+        rows.append([scene.text, *cells, f"≤ {scene.reach:g} {scene.unit}".strip(), reached])
+    return _grid(["point, scene", "before", "now", "reach", "reached"], rows)
+
+
+def _definition(row: Row) -> str:
+    test = row.measure or row.together
+    text = inspect.getdoc(test) or ""
+    return f"**{row.key}.** {text}\n\n"
+
+
+def _key(row: Row, quantity: Quantity) -> str:
+    return f"{row.key}.{quantity.key}"
+
+
+def _reached(record: Mapping[str, Any], row: Row, quantity: Quantity) -> bool:
+    found = record["figures"].get(_key(row, quantity))
+    goal = quantity.reach(record["derived"])
+    if found is None or record["failures"].get(row.key):
+        return False
+    return not goal or abs(found[0]) <= goal
+
+
+def _shown(found: Any, quantity: Quantity) -> str:
+    return "–" if found is None else f"{number(found[0])} {quantity.unit}"
+
+
+def _failed(text: str, record: Mapping[str, Any], row: Row) -> str:
+    count = record.get("failures", {}).get(row.key, 0)
+    return f"{text} ({count} failed)" if count else text
+
+
+def number(value: float) -> str:
+    """A value with three significant digits, never in exponents."""
+    if value == 0.0 or abs(value) >= 100.0:
+        return f"{value:.0f}"
+    return f"{float(f'{value:.3g}'):.10g}"
+
+
+def _grid(head: list[str], rows: list[list[str]]) -> str:
+    widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
+
+    def line(cells: list[str]) -> str:
+        return "| " + " | ".join(c.ljust(w) for c, w in zip(cells, widths, strict=True)) + " |\n"
+
+    rule = "|" + "|".join("-" * (width + 2) for width in widths) + "|\n"
+    return line(head) + rule + "".join(line(row) for row in rows)

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The measure of motion measures what its definitions say; how good it is, test/motion holds."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHMARK = Path(__file__).resolve().parents[2] / "benchmark"
+sys.path.insert(0, str(BENCHMARK))
+try:
+    from motion_measure import app, force_rows
+    from motion_measure.measure import Finding, worst
+    from motion_measure.rig import Failure, Record, Rig, Window
+    from motion_measure.robots import ROBOTS, poses
+    from motion_measure.rows import ROWS
+finally:
+    sys.path.remove(str(BENCHMARK))
+
+TIME = np.arange(0.0, 0.05, 1e-3)
+
+
+def test_rise_is_read_between_the_cycles() -> None:
+    """A ramp of 10 ms from 0 to 1 rises from 10 to 90 % within 8 ms; a step within one cycle."""
+    ramp = np.minimum(TIME / 0.01, 1.0)
+    assert force_rows.rise(TIME, ramp, 1e-3) == pytest.approx(0.008)
+    assert force_rows.rise(TIME, np.ones(50), 1e-3) == pytest.approx(0.001)
+    assert force_rows.rise(TIME, np.full(50, 0.5), 1e-3) == pytest.approx(0.05)
+
+
+def test_overshoot_of_a_return_is_a_part_of_the_displacement() -> None:
+    """From 0.2 back to 0, past it by 0.05: 25 %, whichever way it was pushed."""
+    for sign in (1.0, -1.0):
+        way = sign * np.interp(TIME, [0.0, 0.01, 0.02, 0.049], [0.2, -0.05, 0.0, 0.0])
+        record = Record(TIME, way, 0 * way, 0 * way, 0 * way, way[:, None])
+        assert force_rows.overshoot_of_return(record) == pytest.approx(25.0)
+
+
+def test_a_window_keeps_a_margin_or_gives_its_middle() -> None:
+    window = Window(-1.0, 3.0)
+    assert window.clip(5.0, 0.5) == 2.5
+    assert window.clip(-5.0, 0.5) == -0.5
+    assert window.clip(0.3, 0.5) == 0.3
+    assert window.clip(5.0, 2.5) == window.at(0.5) == 1.0
+
+
+def test_the_worst_is_the_largest_magnitude_and_a_failure_is_not_reached() -> None:
+    found = [Finding("x", "step", "overshoot", j, "home", v) for j, v in (("a", 2.0), ("b", -3.0))]
+    (line,) = worst(found, [], False, ["step"])
+    assert line.worst is not None
+    assert (line.worst.joint, line.reached) == ("b", True)
+    (line,) = worst(found, [Failure("step", "a, home", "a: broken, 1 > 0")], False, ["step"])
+    assert line.reached is False
+    assert (line.reach, worst(found, [], True, ["step"])[0].reach) == (5.0, 15.0)
+
+
+def test_a_cause_is_told_without_joint_and_numbers() -> None:
+    text = "x: encoder mismatch, encoder and motor disagree by 0.0118 m > 0.005 m"
+    assert Failure("step", "x, home", text).cause == "encoder mismatch"
+
+
+@pytest.mark.physics
+def test_the_same_figures_every_time(tmp_path: Path) -> None:
+    """Simulated time: two runs agree in every digit, and the file holds finite figures."""
+    texts = []
+    for run in ("first", "second"):
+        path = tmp_path / run
+        asked = f"--robot gantry --rows step,torque,push --joint turn --poses 1 --json {path}"
+        assert app.main(asked.split()) == 0
+        texts.append(path.read_text("utf-8"))
+    assert texts[0] == texts[1]
+    record = json.loads(texts[0])["gantry"]
+    assert record["derived"] is True
+    assert {"step.overshoot", "torque.rise", "push.deflection"} <= set(record["figures"])
+    assert all(math.isfinite(value) for value, *_ in record["figures"].values())
+
+
+@pytest.mark.physics
+def test_a_fault_costs_the_figure_and_the_rig_goes_on() -> None:
+    """A joint that faults in a row gives no figure there; the robot is up again for the next."""
+    rig = Rig.load(ROBOTS["gantry"])
+    rig.take(next(iter(poses(ROBOTS["gantry"], rig.home, rig.windows).values())))
+    rig.go()
+    rig.simulation.plant.inject("turn", "external")
+    rig.run(0.05)
+    assert rig.note_faults("step", "turn, home")
+    assert [failure.row for failure in rig.failures] == ["step"]
+    rig.go()
+    assert rig.faults() == []
+    assert ROWS["push"].measure is not None
+    assert ROWS["push"].measure(rig, 3)["deflection"] > 0.0
+    rig.close()
