@@ -21,9 +21,9 @@ except ImportError:
     from . import nocython as cython
 
 if cython.compiled:
-    from cython.cimports.libc.math import fabs, sqrt
+    from cython.cimports.libc.math import ceil, fabs, sqrt
 else:
-    from math import fabs, sqrt
+    from math import ceil, fabs, sqrt
 
 COMPILED = bool(cython.compiled)
 
@@ -55,7 +55,9 @@ HORIZON = cython.declare(cython.double, 0.005)
 RETURN = cython.declare(cython.double, 0.1)
 #: Part of the acceleration limit that the protection brakes with, ahead of a limit.
 BRAKING = cython.declare(cython.double, 0.7)
-#: The protection looks at joints that are faster than this part of what is allowed.
+#: Part of the least inertia that it reckons with: the winding lags behind.
+CAUTION = cython.declare(cython.double, 0.5)
+#: Far from its limits it looks at a joint that is faster than this part of the speed limit.
 NEAR = cython.declare(cython.double, 0.5)
 #: How far what is followed may lead a joint, in position errors worth the torque limit.
 LEAD = cython.declare(cython.double, 1.0)
@@ -115,14 +117,16 @@ def brake_speed(
 ) -> cython.double:
     """The greatest speed from which braking in whole cycles ends within a distance.
 
-    m cycles of braking take a·T²·m(m+1)/2; below one cycle's, the way is gone in one cycle.
+    In k cycles, each slower than the last by a·T:  d = k v T − a T² k(k − 1)/2, for the least k
+    that ends at rest.
     """
-    unit: cython.double = acceleration * period * period
+    cycles: cython.double
     if distance <= 0.0:
         return 0.0
-    if distance < unit:
-        return distance / period
-    return 0.5 * acceleration * period * (sqrt(1.0 + 8.0 * distance / unit) - 1.0)
+    cycles = ceil(0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0))
+    if cycles < 1.0:
+        cycles = 1.0
+    return distance / (cycles * period) + 0.5 * acceleration * period * (cycles - 1.0)
 
 
 @cython.cclass
@@ -727,7 +731,7 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
 
     No faster than the speed limit; where no position law keeps it inside its limits, no faster
     towards one than it can brake, and back from beyond it. The torque for that follows from the
-    last cycle's, whatever the load is:  τ ≤ τ_last + J_min·((v_top − q̇)/horizon − q̈).
+    last cycle's, whatever the load is:  τ ≤ τ_last + ½ J_min·((v_top − q̇)/horizon − q̈).
     """
     top: cython.double = PURSUIT * j.max_velocity
     bottom: cython.double = -top
@@ -740,15 +744,16 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
             note_limit(j)
     coasting: cython.double = j.per_speed * j.velocity
     span: cython.double = HORIZON if HORIZON > 3.0 * j.period else 3.0 * j.period
-    rate: cython.double = j.inertia_min / span
-    base: cython.double = j.torque - j.inertia_min * j.acceleration
+    inertia: cython.double = CAUTION * j.inertia_min
+    rate: cython.double = inertia / span
+    base: cython.double = j.torque - inertia * j.acceleration
     bound: cython.double = base + rate * (top - j.velocity)
-    if bound < j.max_torque and j.velocity >= NEAR * top:
+    if bound < j.max_torque and (j.velocity >= NEAR * top or top < j.max_velocity):
         bound = clamp(bound, -j.max_torque, j.max_torque) * j.per_torque + coasting
         if drive > bound:
             drive = bound
     bound = base + rate * (bottom - j.velocity)
-    if bound > -j.max_torque and j.velocity <= NEAR * bottom:
+    if bound > -j.max_torque and (j.velocity <= NEAR * bottom or bottom > -j.max_velocity):
         bound = clamp(bound, -j.max_torque, j.max_torque) * j.per_torque + coasting
         if drive < bound:
             drive = bound

@@ -84,15 +84,15 @@ def durations(
             if _fits(distance, time, velocity, 0.0, max_velocity, max_acceleration):
                 return time, 0.0
             time = short if time < short < LONGER * time else LONGER * time
-    brake = 1.5 * abs(velocity) / max_acceleration
-    rest = distance - 0.5 * velocity * brake
-    time = duration(rest, speed, max_velocity, max_acceleration)
+    time, brake, stretch = 0.0, 0.0, 1.0
     for _ in range(TRIES):
+        brake = stretch * 1.5 * abs(velocity) / max_acceleration
+        rest = distance - 0.5 * velocity * brake
+        least = duration(rest, math.inf, max_velocity, max_acceleration)
+        time = max(duration(rest, speed, max_velocity, max_acceleration), stretch * least)
         if _fits(distance, time, velocity, brake, max_velocity, max_acceleration):
             break
-        brake *= LONGER
-        rest = distance - 0.5 * velocity * brake
-        time = max(LONGER * time, duration(rest, speed, max_velocity, max_acceleration))
+        stretch *= LONGER
     return min(time, LONGEST), min(brake, LONGEST)
 
 

@@ -49,7 +49,7 @@ LIMITS = Limits(
     peak_current=25.0,
 )
 MOTOR = Motor(
-    resistance=1.0, inductance=1e-6, torque_constant=0.1, gear_ratio=50.0, supply_voltage=48.0
+    resistance=1.0, inductance=1e-3, torque_constant=0.1, gear_ratio=50.0, supply_voltage=48.0
 )
 
 
@@ -166,10 +166,17 @@ def ready(config: BoardConfig | None = None, plant: Any = None, **per_joint: Any
 
 
 def held(*joints: JointConfig, **changes: Any) -> Rig:
-    """A configured rig whose plant stands still; nothing checks that the motor agrees."""
+    """A configured rig whose plant stands still; nothing checks that the motor agrees, and its
+    winding has no inductance for the drive to be ahead of.
+    """
     if not joints:
         joints = (joint("left"), joint("right"), plain("bare"))
-    deaf = tuple(replace(one, max_travel_error=float("inf")) for one in joints)
+    deaf = tuple(
+        replace(
+            one, max_travel_error=float("inf"), motor=replace(one.motor, inductance=1e-9)
+        )
+        for one in joints
+    )
     config = board_config(*deaf, **changes)
     return ready(config, Held(config))
 
