@@ -183,7 +183,8 @@ class JointModel:
         if moving:
             self.vague, self.move = True, (start, target, 0.0, 0)
             return
-        time = max(distance / speed, 1.875 * distance / self.speed_limit, self.period)
+        hardest = math.sqrt(10.0 / math.sqrt(3.0) * distance / self.acceleration_limit)
+        time = max(distance / speed, 1.875 * distance / self.speed_limit, hardest, self.period)
         self.vague, self.move = False, (start, target, time, 0)
 
     def stop(self, measured: float) -> str:
