@@ -12,6 +12,7 @@ from control_board_ros.core.modes import (
     SELECTABLE,
     STATES,
     TRANSITIONS,
+    UNCALIBRATED_MODES,
     Choice,
     Event,
     Law,
@@ -39,6 +40,11 @@ A request that has no arrow is refused and changes nothing.
 a user goes from each of them to each other one by asking for it. Two triggers lead where the
 joint's configuration says: *configured* to its `startup_mode` (IDLE or POSITION), *calibrated*
 to the `control_mode` of its calibrator.
+
+A joint that requires a calibration and has none (aborted, failed, lost with the power) takes
+{uncalibrated}, and a calibration, only; every other mode is refused. `~/state` shows it in
+`calibrated`. Where a calibration is not required, one that is aborted or fails leaves the joint
+with the angle and the limits that it had before.
 """
 
 
@@ -98,5 +104,6 @@ def page() -> str:
     """The whole page."""
     selectable = ", ".join(m.name for m in SELECTABLE if m is not ControlMode.IDLE)
     diagram = ["```mermaid", "stateDiagram-v2", *arrows(), "```"]
-    introduction = INTRODUCTION.format(selectable=selectable)
+    uncalibrated = " and ".join(m.name for m in ControlMode if m in UNCALIBRATED_MODES)
+    introduction = INTRODUCTION.format(selectable=selectable, uncalibrated=uncalibrated)
     return "\n".join([introduction, *diagram, "", "## Modes", "", *modes(), ""])

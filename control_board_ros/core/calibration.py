@@ -183,7 +183,8 @@ class CalibrationStatus:
     """How the last calibration of a joint stands.
 
     Attributes: name, running, done (the last one succeeded), progress (0 to 1), phase,
-    message (why it failed; empty otherwise).
+    message (why it failed; empty otherwise), calibrated (the joint knows its angle, be it from
+    an earlier one, or because it requires none).
     """
 
     name: str
@@ -192,3 +193,4 @@ class CalibrationStatus:
     progress: float = 0.0
     phase: str = "none"
     message: str = ""
+    calibrated: bool = False

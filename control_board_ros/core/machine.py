@@ -84,6 +84,7 @@ class Machine:
         self.accepts = np.zeros((len(CommandKind), self.count), dtype=bool)
         self.calibration = [CalibrationStatus(name) for name in self.names]
         self._calibrators: dict[int, Calibrator] = {}
+        self._former: dict[int, tuple[float, bool]] = {}  # offset, calibrated: before it began
         self._shifted = False
         group = {name: i for i, names in enumerate(config.calibration_groups) for name in names}
         self._groups = [group.get(name, len(group)) for name in self.names]
@@ -118,6 +119,8 @@ class Machine:
             self.state.interaction_modes[j] = joint.calibration.interaction_mode
             target = joint.calibration.control_mode
         assert isinstance(target, ControlMode)
+        if target is not ControlMode.CALIBRATING:
+            self._drop_calibrator(j)
         self.enter([j], target)
         return True
 
@@ -246,6 +249,7 @@ class Machine:
         assert calibration is not None
         if next_mode(self.state.control_modes[j], Event.CALIBRATE) is None:
             return False
+        self._former[j] = float(self.state.offset[j]), bool(self.state.calibrated[j])
         self.state.calibrated[j] = False
         self._calibrators[j] = TYPES[calibration.type](
             calibration, JointHand(self, j), self.period
@@ -288,9 +292,24 @@ class Machine:
         self.go(j, Event.CALIBRATED)
         self.tell("info", "calibrated", j, f"{self.names[j]}: calibrated")
 
+    def lacks_calibration(self, j: int) -> bool:
+        """Whether a joint requires a calibration and has none (K7)."""
+        calibration = self.config.joints[j].calibration
+        required = calibration is not None and calibration.required
+        return required and not self.state.calibrated[j]
+
     def _drop_calibrator(self, j: int) -> None:
+        """End a calibration that is not done: what it changed is taken back (K2, K4).
+
+        A joint that requires it is left uncalibrated (K7), another as it was: its former
+        angle and its limits hold.
+        """
         if self._calibrators.pop(j, None) is None:
             return
+        calibration, (offset, calibrated) = self.config.joints[j].calibration, self._former[j]
+        assert calibration is not None
+        self.set_offset(j, offset)
+        self.state.calibrated[j] = calibrated and not calibration.required
         status = self.calibration[j]
         self.calibration[j] = CalibrationStatus(
             status.name, progress=status.progress, phase="aborted", message="aborted"

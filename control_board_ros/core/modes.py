@@ -116,6 +116,9 @@ DIRECT_GAINS = frozenset({M.POSITION_DIRECT})
 #: Laws in which the protection at the limits watches the output (P9).
 GUARDED = frozenset({Law.IMPEDANCE, Law.TORQUE, Law.OUTPUT})
 
+#: What a joint that requires a calibration and has none may be asked for (K7).
+UNCALIBRATED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
+
 #: Modes in which an interaction mode can be asked for and is stored (I1, I2).
 STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})
 

@@ -7,6 +7,7 @@ Every request is checked whole, decided joint by joint, then written (M7).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,6 +20,7 @@ from .machine import Machine
 from .modes import (
     REQUESTABLE,
     STORES_INTERACTION,
+    UNCALIBRATED_MODES,
     Event,
     Trigger,
     law_of,
@@ -94,6 +96,8 @@ class Requests(Machine):
         target = next_mode(mode, trigger)
         if target is None:
             return Answer.REFUSED, self._why_not(j)
+        if wanted not in UNCALIBRATED_MODES and self.lacks_calibration(j):
+            return Answer.REFUSED, self._why_not(j)
         if trigger is Event.UNSUPPORTED:
             have = ", ".join(m.code for m in self.config.joints[j].control_modes)
             return self._unsupported(j, f"{wanted.code} ({wanted.name})", have)
@@ -101,6 +105,7 @@ class Requests(Machine):
             return self._force_idle(j)
         assert isinstance(target, ControlMode)
         if target is not mode:  # M8
+            self._drop_calibrator(j)  # K2
             changes.setdefault(target, []).append(j)
         return FINE
 
@@ -128,6 +133,8 @@ class Requests(Machine):
             return f"{name} is in HW_FAULT ({fault.text}, {ago:.1f} s ago); send FORCE_IDLE first"
         if mode is ControlMode.CALIBRATING:
             return f"{name} is CALIBRATING; wait until it is done, or abort it with FORCE_IDLE"
+        if self.is_configured(j) and self.lacks_calibration(j):
+            return f"{name} is not calibrated; calibrate it first: cbctl calibrate {name}"
         return f"{name} is {mode.name}; configure the board first (service configure)"
 
     # --- interaction modes ----------------------------------------------------------------
@@ -302,8 +309,11 @@ class Requests(Machine):
         )
 
     def get_calibration(self, joints: Joints = None) -> list[CalibrationStatus]:
-        """How the last calibration of each joint stands."""
-        return self._pick(joints, self.calibration)
+        """How the last calibration of each joint stands, and whether it is calibrated (K7)."""
+        return [
+            replace(self.calibration[j], calibrated=bool(self.state.calibrated[j]))
+            for j in self.selector.select(joints).joints
+        ]
 
     def configure(self) -> Reply:
         """The whole configuration is in: at its reading a joint leaves NOT_CONFIGURED (N2)."""

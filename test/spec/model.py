@@ -22,9 +22,9 @@ class JointModel:
 
     Attributes: name; modes and interactions (that it implements); lower, upper, speed_limit,
     acceleration_limit; velocity_timeout (cycles); period; needs_calibration, calibrator (type or
-    None) and after_calibration (K3); startup (N3); mode and interaction; kept references;
-    rejected (M4); fault (text of the last one) and its number; position_reference and how it
-    moves; unasked (no reference accepted since the mode was entered).
+    None), calibrated and after_calibration (K3); startup (N3); mode and interaction; kept
+    references; rejected (M4); fault (text of the last one) and its number; position_reference
+    and how it moves; unasked (no reference accepted since the mode was entered).
     """
 
     name: str
@@ -38,6 +38,7 @@ class JointModel:
     period: float
     calibrator: int | None = None
     needs_calibration: bool = False
+    calibrated: bool = False
     after_calibration: tuple[str, str] = ("pos", "stif")
     startup: tuple[str, str] = ("idl", "stif")
     mode: str = OFF
@@ -92,6 +93,8 @@ class JointModel:
             return "refused"
         if wanted == "fidl":  # F4
             wanted = "idl"
+        if wanted != "idl" and self.needs_calibration and not self.calibrated:  # K7
+            return "refused"
         if wanted not in self.modes:  # M5
             self.raise_fault("user", measured)
             return "unsupported"
@@ -116,11 +119,17 @@ class JointModel:
     def calibrate(self, measured: float) -> str:
         if self.calibrator is None or self.mode in (FAULT, CALIBRATING, OFF):
             return "refused"
-        self.enter(CALIBRATING, measured)  # K1
+        self.begin_calibration(measured)  # K1
         return "accepted"
 
-    def calibrated(self, measured: float) -> None:
+    def begin_calibration(self, measured: float) -> None:
+        """K7: who requires it has none until it is done; another keeps what it had."""
+        self.enter(CALIBRATING, measured)
+        self.calibrated = self.calibrated and not self.needs_calibration
+
+    def end_calibration(self, measured: float) -> None:
         """K3."""
+        self.calibrated = True
         mode, self.interaction = self.after_calibration
         self.enter(mode, measured)
         self.last["position"] = self.last["position direct"] = measured
@@ -130,8 +139,9 @@ class JointModel:
         if self.mode != OFF:
             return
         if self.needs_calibration:
-            self.enter(CALIBRATING, measured)
+            self.begin_calibration(measured)
             return
+        self.calibrated = True
         mode, self.interaction = self.startup
         self.enter(mode, measured)
         self.last["position"] = self.last["position direct"] = measured

@@ -263,7 +263,7 @@ class BoardMachine(RuleBasedStateMachine):
             if one.mode == CALIBRATING:  # how long it takes is not the model's to know
                 assert real[j] in (CALIBRATING, one.after_calibration[0])
                 if real[j] != CALIBRATING:
-                    one.calibrated(reading[name])
+                    one.end_calibration(reading[name])
             elif one.mode != FAULT:
                 one.tick()
                 one.learn(float(shot.position_reference[j]), bool(shot.motion_done[j]))
@@ -314,6 +314,15 @@ class BoardMachine(RuleBasedStateMachine):
         assert damping.tolist() == [one.damping for one in self.models]
         counts = self.board.snapshot().rejected_commands.tolist()
         assert counts == [one.rejected for one in self.models]
+
+    @invariant()
+    def calibrations_agree(self) -> None:
+        """K7: shown as the rules have it, but while a calibration runs."""
+        if not hasattr(self, "board"):
+            return
+        shown = self.board.state.calibrated.tolist()
+        for one, calibrated in zip(self.models, shown, strict=True):
+            assert calibrated is (one.calibrated and one.mode != CALIBRATING), one
 
     @invariant()
     def faults_agree(self) -> None:

@@ -166,6 +166,103 @@ def test_force_idle_aborts(calibration: Calibration) -> None:
     assert rig.board.get_calibration("left")[0].done
 
 
+def uncalibrated(calibration: Calibration = OFFSET, **changes: Any) -> Rig:
+    """A joint that requires a calibration and has none: aborted, so in IDLE."""
+    rig = calibrating(calibration, **changes)
+    rig.run(0.2)
+    assert rig.board.set_control_mode("left", "fidl")
+    return rig
+
+
+@pytest.mark.parametrize("wanted", ["pos", "posd", "vel", "mix", "torq", "open", "icur", "veld"])
+def test_who_lacks_its_calibration_takes_no_mode(wanted: str) -> None:
+    """K7: refused with the reason and the next step; it faults nothing and moves nothing."""
+    rig = uncalibrated()
+    reply = rig.board.set_control_mode("left", wanted)
+    assert [str(answer) for answer in reply.answers] == ["refused"]
+    assert reply.message == "left is not calibrated; calibrate it first: cbctl calibrate left"
+    rig.tick(2)
+    assert rig.modes() == [M.IDLE]
+    assert not rig.board.get_faults("left")[0].active
+    assert rig.board.snapshot().output[0] == 0.0
+
+
+def test_what_a_joint_without_its_calibration_takes() -> None:
+    """K7, I2: IDLE, FORCE_IDLE, calibration, and an interaction mode, stored as in IDLE."""
+    rig = uncalibrated()
+    assert rig.board.set_control_mode("left", "idl")
+    assert rig.board.set_control_mode("left", "fidl")
+    assert rig.board.set_interaction_mode("left", "comp")
+    assert rig.board.get_interaction_mode("left") == [COMPLIANT]
+    assert rig.modes() == [M.IDLE]
+    assert rig.board.calibrate("left")
+    rig.run(12.0)
+    assert rig.modes() == [M.POSITION]
+    assert rig.board.set_control_mode("left", "torq")
+
+
+def test_the_others_of_a_request_are_served() -> None:
+    """K7, M7: a joint without its calibration refuses for itself; the answers say who."""
+    one, two = joint("left", calibration=OFFSET), joint("right")
+    rig = Rig(board_config(one, two), home=[0.5, 0.5], zero=[0.7, 0.0])
+    rig.run(0.2)
+    rig.board.set_control_mode("left", "fidl")
+    reply = rig.board.set_control_mode(["left", "right"], "pos")
+    assert [str(answer) for answer in reply.answers] == ["refused", "accepted"]
+    assert rig.modes() == [M.IDLE, M.POSITION]
+
+
+@pytest.mark.parametrize("how", ["aborted", "failed", "power cycle"])
+def test_a_calibration_that_is_lost_is_shown(how: str) -> None:
+    """K7: the snapshot, get_calibration and requests agree on who is calibrated."""
+    rig = calibrating(OFFSET)
+    rig.run(12.0)
+    assert rig.board.snapshot().calibrated.tolist() == [True]
+    assert rig.board.get_calibration("left")[0].calibrated
+    if how == "power cycle":
+        rig.board.power_cycle()
+    else:
+        assert rig.board.calibrate("left")
+        rig.tick(3)
+        if how == "failed":
+            rig.plant.inject("left", "external")
+            rig.run(0.05)
+            assert rig.modes() == [M.HW_FAULT]
+        assert rig.board.set_control_mode("left", "fidl")
+    assert rig.board.snapshot().calibrated.tolist() == [False]
+    assert not rig.board.get_calibration("left")[0].calibrated
+    assert not rig.board.set_control_mode("left", "pos")
+
+
+@pytest.mark.parametrize("how", ["aborted", "failed"])
+@pytest.mark.parametrize("calibration", ALL[1:], ids=NAMES[1:])
+def test_who_needs_no_calibration_has_its_angle_and_limits_back(
+    calibration: Calibration, how: str
+) -> None:
+    """K2, K4, P9: what an aborted or failed calibration changed is taken back, limits stay."""
+    wrong = replace(calibration, required=False, zero=-1.0)
+    rig = calibrating(wrong, limits={"upper": 1.9, "hard_upper": 2.9}, startup_mode=M.POSITION)
+    rig.plant.body._position[0] = 0.5
+    rig.tick(2)
+    right = float(rig.board.get_encoder("left")[0])
+    assert right == pytest.approx(2.2, abs=1e-3)  # 0.5 + 0.7 + 1.0: as its zero has it
+    assert rig.board.calibrate("left")
+    rig.tick(3)
+    if how == "failed":
+        rig.plant.inject("left", "external")
+        rig.run(0.05)
+        assert rig.modes() == [M.HW_FAULT]
+    assert rig.board.set_control_mode("left", "fidl")
+    shown = rig.run(0.1)
+    assert shown.position[0] - truth(rig) == pytest.approx(1.7, abs=1e-4)
+    assert shown.position_reference[0] - shown.position[0] == pytest.approx(0.0, abs=0.02)
+    status = rig.board.get_calibration("left")[0]
+    assert (status.done, status.calibrated) == (False, True)
+    rig.enter("posd")
+    rig.board.set_position("left", 5.0)
+    assert rig.tick(2).position_reference[0] <= 2.2 + 1e-3
+
+
 def test_timeout() -> None:
     """K4: a calibration that does not end in time: HW_FAULT with the reason."""
     rig = calibrating(replace(OFFSET, speed=0.05, timeout=0.5))
