@@ -111,7 +111,7 @@ class JointConfig:
         check_number(f"{key}.inertia_max", self.inertia_max, self.inertia_mean, HUGE)
         self._check_modes(key)
         if self.calibration is not None:
-            self.calibration.check(f"{key}.calibration", self.limits)
+            self.calibration.check(f"{key}.calibration", self.limits, self.motor)
             key, final = f"{key}.calibration", self.calibration
             self._check_final(f"{key}.control_mode", final.control_mode, CONTROL_MODES)
             self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)

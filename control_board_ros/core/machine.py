@@ -18,6 +18,7 @@ from .calibration import TYPES, CalibrationError, CalibrationStatus, Calibrator
 from .config import BoardConfig
 from .control import Controller
 from .faults import FaultCode, FaultRecord
+from .joint_hand import JointHand
 from .modes import (
     ACCEPTS,
     DIRECT_GAINS,
@@ -314,43 +315,3 @@ class Machine:
         self.calibration[j] = CalibrationStatus(
             status.name, progress=status.progress, phase="aborted", message="aborted"
         )
-
-
-class JointHand:
-    """What a calibrator may do with its joint; see calibration.Hand."""
-
-    __slots__ = ("_j", "_joint", "_machine")
-
-    def __init__(self, machine: Machine, j: int) -> None:
-        self._machine, self._j, self._joint = machine, j, slice(j, j + 1)
-
-    @property
-    def reading(self) -> float:
-        state = self._machine.state
-        return float(state.position[self._j] + state.offset[self._j])
-
-    @property
-    def position(self) -> float:
-        return float(self._machine.state.position[self._j])
-
-    @property
-    def travelled(self) -> float:
-        return float(self._machine.watch.travelled[self._j])
-
-    def hold(self) -> None:
-        self._machine.references.reset(self._joint, bounded=False)
-        self._machine.set_law(self._joint, Law.POSITION, feeds=False)
-
-    def drive(self, output: float) -> None:
-        self._machine.controller.joints[self._j].output_command = output
-        self._machine.set_law(self._joint, Law.OUTPUT, feeds=False)
-
-    def set_offset(self, offset: float) -> None:
-        self._machine.set_offset(self._j, offset)
-        self._machine.references.reset(self._joint, bounded=False)
-
-    def move(self, target: float, speed: float) -> None:
-        self._machine.references.move(self._joint, np.array([target]), np.array([speed]))
-
-    def moving(self) -> bool:
-        return not self._machine.state.done[self._j]

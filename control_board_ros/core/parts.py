@@ -114,6 +114,10 @@ class Motor:
         """Back-EMF per joint speed, V·s/rad."""
         return self.torque_constant * self.gear_ratio
 
+    def stall_current(self, output: float) -> float:
+        """Current at standstill, I = V/R, A; output in percent."""
+        return 0.01 * output * self.supply_voltage / self.resistance
+
     def check(self, key: str) -> None:
         for name in (
             "resistance",
@@ -165,6 +169,11 @@ class Timeouts:
 CALIBRATION_TYPES = {3: "offset and move", 5: "move to a hard stop", 12: "absolute sensor"}
 
 
+#: A hard stop is confirmed by a push that is harder by PUSH, and by LEAST_PUSH at least; it stays
+#: below the peak current by PUSH_CURRENT.
+PUSH, LEAST_PUSH, PUSH_CURRENT = 1.5, 1.2, 0.9
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
     """How a joint finds its zero (SPEC K5), with the iCub's type numbers.
@@ -189,7 +198,16 @@ class Calibration:
     control_mode: ControlMode = ControlMode.POSITION
     interaction_mode: InteractionMode = InteractionMode.STIFF
 
-    def check(self, key: str, limits: Limits) -> None:
+    def push(self, limits: Limits, motor: Motor) -> float:
+        """PWM that confirms a hard stop, percent: 1.5 times the output, within the joint's limits.
+
+        The limits are those of output, torque and peak current; the sign is left out.
+        """
+        per_percent = motor.stall_current(1.0)
+        current = min(limits.torque / motor.torque_per_ampere, PUSH_CURRENT * limits.peak_current)
+        return min(PUSH * abs(self.output), limits.output, current / per_percent)
+
+    def check(self, key: str, limits: Limits, motor: Motor) -> None:
         if self.type not in CALIBRATION_TYPES:
             known = (f"{number} ({text})" for number, text in sorted(CALIBRATION_TYPES.items()))
             raise ConfigError(f"{key}.type", self.type, ", ".join(known))
@@ -203,5 +221,22 @@ class Calibration:
             raise ConfigError(
                 f"{key}.output", self.output, "not zero: the PWM that finds the stop"
             )
+        if self.type == 5:
+            self._check_stop(key, limits, motor)
         check_number(f"{key}.stall_time", self.stall_time, above=0.0, high=HUGE)
         check_number(f"{key}.timeout", self.timeout, above=0.0, high=HUGE)
+
+    def _check_stop(self, key: str, limits: Limits, motor: Motor) -> None:
+        """The stop lies where the joint can be, and its drive leaves room for a harder push."""
+        margin = limits.hard_margin
+        check_number(
+            f"{key}.stop", self.stop, limits.hard_lower - margin, limits.hard_upper + margin
+        )
+        push = self.push(limits, motor)
+        if push < LEAST_PUSH * abs(self.output):
+            raise ConfigError(
+                f"{key}.output",
+                self.output,
+                f"at most {push / LEAST_PUSH:.4g} %, so that limits.output, limits.torque and "
+                "limits.peak_current let a harder push confirm the stop",
+            )

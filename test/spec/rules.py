@@ -52,6 +52,7 @@ RULES = {
     "K3": "modes after calibration",
     "K4": "a calibration that fails",
     "K5": "the calibrators",
+    "K6": "a hard stop is confirmed",
     "K7": "a joint without the calibration it requires",
     "N1": "power-on",
     "N2": "left with the whole configuration",
