@@ -148,6 +148,45 @@ def test_requests_and_commands_while_calibrating() -> None:
     assert k > 100
 
 
+@pytest.mark.parametrize("output", ["pwm", "current"])
+@pytest.mark.parametrize("calibration", ALL[1:], ids=NAMES[1:])
+def test_no_feedforward_acts_in_a_calibration(calibration: Calibration, output: str) -> None:
+    """K6, P11: one that was set before changes nothing until the joint is calibrated."""
+    config = board_config(joint("left", calibration=calibration), output=output)
+    rigs = [Rig(config, home=[0.5], zero=[0.7]) for _ in range(2)]
+    assert rigs[0].board.set_feedforward("left", outputs=3.9, torques=5.0)
+    for _ in range(10000):
+        one, two = (rig.tick() for rig in rigs)
+        if rigs[1].modes() != [M.CALIBRATING]:
+            break
+        assert one.output[0] == two.output[0]
+    assert [rig.modes() for rig in rigs] == [[M.POSITION]] * 2
+    rigs[0].enter("open")
+    assert rigs[0].tick().output[0] == pytest.approx(3.9)  # there it acts again
+
+
+@pytest.mark.parametrize("kind", ["outputs", "torques"])
+def test_a_feedforward_offered_while_calibrating(kind: str) -> None:
+    """K6, M4: ignored, counted, never kept; the other joints of the message are served."""
+    one, two = joint("left", calibration=OFFSET), joint("right", startup_mode=M.POSITION)
+    rig = Rig(board_config(one, two), home=[0.5, 0.5], zero=[0.7, 0.0])
+    rig.run(0.1)
+    assert rig.modes() == [M.CALIBRATING, M.POSITION]
+    offset = rig.board.get_torque_offset().tolist()
+    reply = rig.board.set_feedforward(None, **{kind: 2.0})
+    assert [str(answer) for answer in reply.answers] == ["ignored", "accepted"]
+    assert "left" in reply.message
+    assert "CALIBRATING" in reply.message
+    assert rig.board.rejected_commands.tolist() == [1, 0]
+    assert rig.board.get_torque_offset().tolist() == [
+        offset[0],
+        2.0 if kind == "torques" else offset[1],
+    ]
+    rig.run(5.0)
+    assert rig.modes()[0] is M.POSITION
+    assert abs(rig.board.snapshot().output[0]) < 0.5
+
+
 @pytest.mark.parametrize("calibration", ALL[1:], ids=NAMES[1:])
 def test_force_idle_aborts(calibration: Calibration) -> None:
     """K2: FORCE_IDLE aborts it, to IDLE, uncalibrated."""
