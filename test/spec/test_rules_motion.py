@@ -659,6 +659,24 @@ def test_a_joint_found_outside(way: float) -> None:
     assert rig.board.snapshot().position_reference[0] * way < here * way
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("mode", [M.VELOCITY, M.MIXED], ids=str)
+@pytest.mark.parametrize("inwards", [0.05, 0.3])
+def test_a_joint_that_came_back_in(inwards: float, mode: ControlMode, way: float) -> None:
+    """P9: the bound of a joint found outside follows it inwards: it does not go out again."""
+    lasting = joint("left", timeouts=NEVER)
+    rig = ready(board_config(lasting), home=[2.15 * way])
+    rig.enter(mode)
+    rig.board.velocity_move("left", -0.5 * way, 20.0)
+    rig.run(inwards / 0.5)
+    assert rig.board.stop("left")
+    reached = rig.run(0.5).position_reference[0] * way
+    assert reached < 2.15 - 0.5 * inwards
+    rig.board.velocity_move("left", 0.5 * way, 20.0)
+    outermost = (column(rig.record(1.0), "position_reference") * way).max()
+    assert outermost == pytest.approx(max(reached, 2.0), abs=5e-3)  # as far as it may
+
+
 def test_speed_limit_where_no_position_loop_is() -> None:
     """P9: in TORQUE and OPENLOOP the output does not drive a joint beyond its speed."""
     wide = {"lower": -90.0, "upper": 90.0, "hard_lower": -99.0, "hard_upper": 99.0}
