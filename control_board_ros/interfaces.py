@@ -52,7 +52,9 @@ class IInteractionMode(Protocol):
 class IImpedanceControl(Protocol):
     """Stiffness and damping of the compliant interaction mode (I6)."""
 
-    def set_impedance(self, joints: Joints, stiffness: Values, damping: Values) -> Reply: ...
+    def set_impedance(
+        self, joints: Joints, stiffness: Values, damping: Values | None = None
+    ) -> Reply: ...
 
     def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]: ...
 

@@ -140,14 +140,19 @@ class ModeOperations(ClientBase):
         ]
 
     @operation
-    def set_impedance(self, joints: Joints, stiffness: Values, damping: Values) -> Steps[Reply]:
-        """Set spring and damper, at any time; they act in the next cycle (I6)."""
+    def set_impedance(
+        self, joints: Joints, stiffness: Values, damping: Values | None = None
+    ) -> Steps[Reply]:
+        """Set spring and damper, at any time; they act in the next cycle (I6).
+
+        Without ``damping`` the board chooses one that fits the stiffness.
+        """
         try:
             selection = yield from self._select(joints)
             count = len(selection.names)
             fields = {
                 "stiffness": spread(stiffness, count, "stiffness").tolist(),
-                "damping": spread(damping, count, "damping").tolist(),
+                "damping": [] if damping is None else spread(damping, count, "damping").tolist(),
             }
         except RequestError as error:
             return refused(str(error))

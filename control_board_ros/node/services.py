@@ -93,7 +93,8 @@ class Services:
     def set_impedance(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
             names = chosen(request.names, board.count)
-            reply = board.set_impedance(names, request.stiffness, request.damping)
+            damping = optional(request.damping)
+            reply = board.set_impedance(names, request.stiffness, damping)
         return answered(response, reply)
 
     def get_impedance(self, request: Any, response: Any) -> Any:

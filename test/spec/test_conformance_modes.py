@@ -269,6 +269,18 @@ def test_impedance_is_set_and_read_at_any_time(board: Any) -> None:
         assert board.set_impedance(["left", "right"], 20.0, 2.0)
 
 
+def test_a_stiffness_alone_chooses_its_damping(board: Any) -> None:
+    """I6, A: without a damping the board takes one that goes with the stiffness."""
+    dampings = []
+    for stiffness in (50.0, 200.0, 500.0):
+        assert board.set_impedance(["left", "right"], stiffness)
+        assert board.get_impedance("left")[0] == pytest.approx([stiffness])
+        dampings.append(float(board.get_impedance("left")[1][0]))
+    assert 0.0 < dampings[0] < dampings[1] < dampings[2] <= 50.0
+    assert not board.set_impedance("left", 501.0)
+    assert float(board.get_impedance("left")[1][0]) == dampings[2]
+
+
 def test_compliant_without_a_torque_sensor_faults(board: Any) -> None:
     """I7: a joint without torque sensing implements only STIFF; COMPLIANT is a user fault."""
     reply = board.set_interaction_mode(None, "comp")

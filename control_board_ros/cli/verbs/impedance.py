@@ -22,19 +22,19 @@ def impedance(
         float | None, typer.Option("--damping", "-d", help="N·m·s/rad (N·s/m).")
     ] = None,
 ) -> int:
-    """Show the stiffness and damping of joints, or set them."""
+    """Show the stiffness and damping of joints, or set them; without -d it fits -k."""
     session: Session = context.obj
     names = session.joints(joints)
     if stiffness is None and damping is None:
         rows = read_impedance(session, names)
         show(session, rows, lambda: render(rows))
         return 0
-    present = session.client.get_impedance(names)
-    reply = session.client.set_impedance(
-        names,
-        present[0] if stiffness is None else stiffness,
-        present[1] if damping is None else damping,
-    )
+    if stiffness is None:
+        reply = session.client.set_impedance(
+            names, session.client.get_impedance(names)[0], damping
+        )
+    else:  # without a damping the board chooses one that fits
+        reply = session.client.set_impedance(names, stiffness, damping)
     return conclude(session, reply, f"impedance set: {', '.join(names)}")
 
 
