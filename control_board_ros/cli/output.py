@@ -114,6 +114,8 @@ def conclude(session: Session, reply: Reply, text: str = "", **more: Any) -> int
         complain(reply.message)
     else:
         put(text or reply.message or "done")
+        if text and reply.message:  # what will be done in place of what was asked for
+            note(session, reply.message)
     return DONE if reply else REFUSED
 
 

@@ -9,12 +9,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ..startup import announce_often, leave_out_the_generator
+from .limits import FIELDS, JointLimits, check_targets, limits_of, read_parameters
 from .options import Options
+from .output import position_text
 from .robot import JointDescription, describe
 from .words import Quantity, Refused, UsageError, assigned, find_joints
 
 if TYPE_CHECKING:
     from control_board_ros.client import ControlBoardClient
+
+#: s to wait for the parameters of a board that was found; without them it answers all the same.
+PARAMETERS_TIMEOUT = 2.0
 
 
 class Session:
@@ -62,6 +67,7 @@ class Session:
         except Exception as error:
             raise UsageError(f"cannot start a ROS node: {str(error).splitlines()[0]}") from error
         self._stack.callback(node.destroy_node)
+        self._node = node
         client = ControlBoardClient(
             node,
             options.board,
@@ -94,6 +100,32 @@ class Session:
                 raise Refused(f"{name} is {joint.kind}; give its value in {unit}")
         return {name: value.value for name, value in values.items()}
 
+    def targets(self, pairs: Sequence[tuple[str, Quantity]]) -> dict[str, float]:
+        """Positions by joint, as ``values``, within the limits that the board has now.
+
+        Raises:
+            Refused: as ``values``, or a target outside the joint's software limits.
+        """
+        values = self.values(pairs)
+        given = assigned(pairs, self.names)
+        sliding = {name: self.slides(name) for name in values}
+        check_targets(given, self.limits(list(values)), sliding)
+        return values
+
+    def limits(self, names: Sequence[str]) -> dict[str, JointLimits | None]:
+        """The limits in force, from the board's parameters; None where it does not tell them."""
+        client = self.client
+        wanted = [f"{name}.limits.{field}" for name in names for field in FIELDS]
+        patience = min(self.options.timeout, PARAMETERS_TIMEOUT)
+        values = read_parameters(self._node, client.board_name, wanted, patience)
+        n = len(FIELDS)
+        return {name: limits_of(values[n * k : n * (k + 1)]) for k, name in enumerate(names)}
+
+    def slides(self, name: str) -> bool:
+        """Whether a joint is prismatic."""
+        joint = self.robot.get(name)
+        return joint is not None and joint.prismatic
+
     @cached_property
     def robot(self) -> Mapping[str, JointDescription]:
         """Kind and limits of each joint, from the board's URDF; empty when it has none."""
@@ -106,10 +138,7 @@ class Session:
 
     def show_angle(self, name: str, value: float) -> str:
         """A position for people: degrees, or mm."""
-        joint = self.robot.get(name)
-        if joint is not None and joint.prismatic:
-            return f"{value * 1000:.1f} mm"
-        return f"{value * 57.29577951308232:.1f}°"
+        return position_text(value, self.slides(name))
 
 
 def by_joint(names: Sequence[str], values: Any) -> dict[str, float]:

@@ -43,6 +43,8 @@ def test_modes(cbctl: Any, ask: Any) -> None:
     read = cbctl("--json", "modes", "2", "joint_1").json
     assert list(read) == ["lbr_iiwa_joint_3", FIRST]
     assert read[FIRST]["interaction_mode"] == "stif"
+    assert read[FIRST]["calibrated"] is True
+    assert "not calibrated" not in shown.out
 
 
 def test_mode(cbctl: Any, ask: Any) -> None:
@@ -72,8 +74,11 @@ def test_interaction_and_impedance(cbctl: Any, ask: Any) -> None:
     assert ask("modes", "1")[SECOND]["interaction_mode"] == "comp"
     assert cbctl("impedance", "0", "-k", "123", "-d", "4").code == 0
     assert ask("impedance", "0", "--stiffness", "124")["success"] is True
+    chosen = ask("impedance", "0")[FIRST]
+    assert (chosen["stiffness"], chosen["damping"] > 0.0) == (124.0, True)
+    assert ask("impedance", "0", "-d", "5")["success"] is True
     read = ask("impedance", "0")[FIRST]
-    assert (read["stiffness"], read["damping"]) == (124.0, 4.0)
+    assert (read["stiffness"], read["damping"]) == (124.0, 5.0)
     assert "max" in cbctl("impedance").out
     assert "is not allowed" in ask("impedance", "0", "-k", "-1")["message"]
 
@@ -102,6 +107,31 @@ def test_move_is_refused(cbctl: Any, ask: Any) -> None:
     assert "Traceback" not in refused.err
     message = ask("move", "1=5mm")["message"]
     assert message == f"{SECOND} is revolute; give its value in rad or deg"
+
+
+def test_a_target_outside_the_limits_is_refused(cbctl: Any, ask: Any) -> None:
+    """P9: before anything moves, with what was understood, what is allowed, and a hint."""
+    before = ask("watch", "--once")[FIRST]["rejected_commands"]
+    refused = cbctl("move", "0=30", "1=0.6")
+    assert (refused.code, refused.out) == (1, "")
+    assert "30 rad = 1718.9° is outside its limits" in refused.err
+    assert "-168.0° to 168.0°; did you mean 30deg?" in refused.err
+    ask.mode("0", "posd")
+    assert "is outside its limits" in ask("direct", "0=170deg")["message"]
+    ask.mode("0", "pos")
+    read = ask("references")
+    assert read[SECOND]["position"] != pytest.approx(0.6)
+    assert ask("watch", "--once")[FIRST]["rejected_commands"] == before
+
+
+def test_a_move_that_did_not_arrive(cbctl: Any, ask: Any) -> None:
+    """P1: the bar ends at 100 % only where the joint is measured to be at its target."""
+    moving = cbctl.start("move", "0=40deg", "--speed", "0.3")
+    until(lambda: ask("watch", "0", "--once")[FIRST]["position"] > 0.05)
+    ask.mode("0", "vel")
+    out, err = moving.communicate(timeout=30)
+    assert (moving.returncode, out) == (1, "")
+    assert "done" not in err
 
 
 def test_ctrl_c_stops_a_move(cbctl: Any, ask: Any) -> None:
@@ -250,14 +280,17 @@ def test_a_reader_that_has_enough(cbctl: Any, ask: Any) -> None:
 
 
 def test_info(cbctl: Any, ask: Any) -> None:
-    """Joints with their index, kind, stops and modes."""
+    """Joints with their index, kind, limits in force, stops and modes."""
     read = ask("info")
     assert read["board"] == "/control_board"
     joint = read["joints"][FIRST]
     assert (joint["index"], joint["kind"]) == (0, "revolute")
-    assert joint["upper"] == pytest.approx(2.96706)
+    assert joint["upper"] == pytest.approx(math.radians(168.0), abs=1e-4)
+    assert joint["hard_upper"] == pytest.approx(math.radians(170.0), abs=1e-4)
     assert "torq" in joint["control_modes"]
-    assert "-170.0°" in cbctl("info").out
+    shown = cbctl("info").out
+    assert "-168.0° to 168.0°" in shown
+    assert "-170.0° to 170.0°" in shown
 
 
 def test_the_simulation(cbctl: Any, ask: Any) -> None:
@@ -326,7 +359,7 @@ def test_domains(alone: Any, process: Any, ask: Any) -> None:
 
 def test_remapping(cbctl: Any, ask: Any) -> None:
     """What stands behind --ros-args goes to ROS."""
-    names = ("modes", "get_control_mode", "get_interaction_mode")
+    names = ("modes", "state", "get_control_mode", "get_interaction_mode")
     rules = [f"arm/{name}:=/control_board/{name}" for name in names]
     remapped = [word for rule in rules for word in ("-r", rule)]
     done = cbctl("modes", "0", "--json", "--board", "arm", "--ros-args", *remapped)

@@ -3,12 +3,16 @@
 
 from __future__ import annotations
 
+import json
 import math
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from control_board_ros.cli.limits import JointLimits, check_targets, limits_of
 from control_board_ros.cli.options import hoist, split_ros_arguments
-from control_board_ros.cli.output import bar, plain, short_names
+from control_board_ros.cli.output import bar, conclude, plain, short_names
 from control_board_ros.cli.robot import describe
 from control_board_ros.cli.verbs.faults import when
 from control_board_ros.cli.verbs.mode import joints_and_mode
@@ -23,6 +27,7 @@ from control_board_ros.cli.words import (
     find_joints,
     quantity,
 )
+from control_board_ros.core.reply import Answer, Reply
 
 NAMES = ("l_shoulder_pitch", "l_shoulder_roll", "l_elbow", "slide", "3")
 
@@ -212,3 +217,90 @@ def test_stamps() -> None:
     """Dates on a real clock, seconds in simulated time."""
     assert when(12.3456) == "12.346 s"
     assert when(1_700_000_000.0).count(":") == 2
+
+
+SHOULDER = JointLimits(-1.666789, 0.139626, -1.701696, 0.174533, 1.7, 20.0, 40.0)
+IIWA = JointLimits(-2.93215, 2.93215, -2.96706, 2.96706, 1.5, 15.0, 320.0)
+RAIL = JointLimits(0.0, 0.4, -0.01, 0.41, 0.5, 2.0, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("joint", "word", "told"),
+    [
+        (
+            SHOULDER,
+            "30deg",
+            "joint: 0.5236 rad = 30.0° is outside its limits, -1.667 to 0.1396 rad "
+            "= -95.5° to 8.0°",
+        ),
+        (
+            IIWA,
+            "30",
+            "joint: 30 rad = 1718.9° is outside its limits, -2.932 to 2.932 rad "
+            "= -168.0° to 168.0°; did you mean 30deg?",
+        ),
+        (
+            RAIL,
+            "30",
+            "joint: 30 m = 30000.0 mm is outside its limits, 0 to 0.4 m "
+            "= 0.0 mm to 400.0 mm; did you mean 30mm?",
+        ),
+        (
+            IIWA,
+            "500",
+            "joint: 500 rad = 28647.9° is outside its limits, -2.932 to 2.932 rad "
+            "= -168.0° to 168.0°",
+        ),
+        (
+            IIWA,
+            "30rad",
+            "joint: 30 rad = 1718.9° is outside its limits, -2.932 to 2.932 rad "
+            "= -168.0° to 168.0°",
+        ),
+    ],
+)
+def test_targets_outside_the_limits(joint: JointLimits, word: str, told: str) -> None:
+    """P9: what was understood in both units, what is allowed, and what may have been meant."""
+    target = {"joint": quantity(word, "position")}
+    with pytest.raises(Refused) as refused:
+        check_targets(target, {"joint": joint}, {"joint": joint is RAIL})
+    assert str(refused.value) == told
+
+
+def test_targets_within_the_limits() -> None:
+    """A limit itself is allowed however it is rounded; without limits the board decides."""
+    for word in ("168deg", "-168°", "168.04deg", "2.9322", "0"):
+        check_targets({"joint": quantity(word, "position")}, {"joint": IIWA}, {})
+    check_targets({"joint": Quantity(1e9)}, {"joint": None}, {})
+    check_targets({"joint": Quantity(1e9)}, {}, {})
+
+
+def test_every_joint_that_is_outside_is_named() -> None:
+    """Of several targets all that are wrong are told at once."""
+    targets = {"a": Quantity(3.0), "b": Quantity(0.0), "c": Quantity(-3.0)}
+    with pytest.raises(Refused, match=r"^a: 3 rad.*; c: -3 rad"):
+        check_targets(targets, dict.fromkeys(targets, IIWA), {})
+
+
+def test_limits_are_known_whole_or_not_at_all() -> None:
+    """A board that does not tell one of them tells none."""
+    values = [-1.0, 1.0, -2.0, 2.0, 3.0, 4.0, 5.0]
+    assert limits_of(values) == JointLimits(*values)
+    assert limits_of([*values[:6], None]) is None
+
+
+@pytest.mark.parametrize(
+    ("message", "told"), [("", ""), ("0.52 rad/s instead of 1.4", "0.52 rad/s instead of 1.4\n")]
+)
+def test_what_is_done_in_place_of_what_was_asked(
+    capsys: pytest.CaptureFixture[str], message: str, told: str
+) -> None:
+    """P1: a reply that succeeds may still say something; it is shown, and stdout stays clean."""
+    session: Any = SimpleNamespace(options=SimpleNamespace(json=False))
+    reply = Reply(("a",), (Answer.ACCEPTED,), message)
+    assert conclude(session, reply, "under way: a") == 0
+    shown = capsys.readouterr()
+    assert (shown.out, shown.err) == ("under way: a\n", told)
+    session.options.json = True
+    assert conclude(session, reply, "under way: a") == 0
+    assert json.loads(capsys.readouterr().out)["message"] == message

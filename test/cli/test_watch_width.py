@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from control_board_ros.cli.robot import JointDescription
+from control_board_ros.cli.limits import limits_of
 from control_board_ros.cli.verbs.watch import TITLES, render, shortened
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
@@ -16,7 +16,7 @@ ICUB = ["l_shoulder_pitch", "l_shoulder_roll", "l_elbow"]
 FAULT = "overcurrent, 23.9 A; the limit is 22 A"
 
 
-def drawn(names: list[str], width: int, fault: str = "") -> list[str]:
+def drawn(names: list[str], width: int, fault: str = "", **more: Any) -> list[str]:
     """The lines that a terminal of this width shows."""
     row: dict[str, Any] = {
         "control_mode": "posd",
@@ -26,12 +26,13 @@ def drawn(names: list[str], width: int, fault: str = "") -> list[str]:
         "torque": -125.51,
         "output": -100.0,
         "fault": fault,
+        "calibrated": True,
     }
-    session: Any = SimpleNamespace(
-        robot={name: JointDescription("revolute", -3.0, 3.0) for name in names}
-    )
+    session: Any = SimpleNamespace(slides=lambda name: False)
+    limits: Any = dict.fromkeys(names, limits_of([-3.0, 3.0, -3.1, 3.1, 2.0, 10.0, 100.0]))
+    rows = dict.fromkeys(names, row | more)
     out = io.StringIO()
-    Console(file=out, width=width).print(render(session, dict.fromkeys(names, row), width))
+    Console(file=out, width=width).print(render(session, rows, limits, width))
     return [line for line in out.getvalue().splitlines() if line.strip()]
 
 
@@ -79,3 +80,13 @@ def test_names_lose_the_words_all_begin_with_but_the_last(
     names: list[str], short: list[str]
 ) -> None:
     assert shortened(names) == short
+
+
+def test_who_is_not_calibrated_is_marked() -> None:
+    """K7: where a mode is refused for it; not while the calibration is still to come."""
+    assert "not calibrated" in "\n".join(drawn(ICUB, 120, control_mode="idl", calibrated=False))
+    assert "not calibrated" in "\n".join(drawn(ICUB, 80, control_mode="idl", calibrated=False))
+    for mode in ("cal", "cfgn"):
+        shown = "\n".join(drawn(ICUB, 120, control_mode=mode, calibrated=False))
+        assert "not calibrated" not in shown
+    assert "not calibrated" not in "\n".join(drawn(ICUB, 120))

@@ -14,7 +14,7 @@ from .arguments import Values
 def direct(context: typer.Context, words: Values) -> int:
     """Step the position references at once (mode posd)."""
     session: Session = context.obj
-    values = session.values(assignments(words, "position"))
+    values = session.targets(assignments(words, "position"))
     reply = session.client.set_position(list(values), list(values.values()))
     told = ", ".join(f"{name} to {session.show_angle(name, v)}" for name, v in values.items())
     return conclude(session, reply, told)

@@ -14,6 +14,9 @@ from ..words import assignments, quantity
 from .arguments import Speed, Values
 from .progress import Bar
 
+#: How near to its target a joint has arrived, rad and m.
+NEAR, NEAR_SLIDING = 0.01, 5e-4
+
 
 def move(
     context: typer.Context,
@@ -23,7 +26,7 @@ def move(
 ) -> int:
     """Move joints along a minimum-jerk profile (mode pos or mix). Ctrl-C stops them."""
     session: Session = context.obj
-    values = session.values(assignments(words, "position"))
+    values = session.targets(assignments(words, "position"))
     speeds = None if speed is None else quantity(speed, "speed").value
     names, positions = list(values), list(values.values())
     client = session.client
@@ -40,13 +43,26 @@ def move(
                 bar.update(elapsed / whole if whole > 0 else 1.0, f"{sent.remaining_time:.1f} s")
 
             reply = client.move(names, positions, speeds, feedback)
-            if reply:
+            reached = dict(zip(names, client.get_encoder(names).tolist(), strict=True))
+            short = {name for name in names if not arrived(session, name, reached, values)}
+            if reply and not short:
                 bar.update(1.0, "done")
     except KeyboardInterrupt:
         return cancelled(session, "move", names)
-    reached = dict(zip(names, client.get_encoder(names).tolist(), strict=True))
-    told = ", ".join(f"{name} at {session.show_angle(name, q)}" for name, q in reached.items())
+    told = ", ".join(
+        f"{name} at {session.show_angle(name, q)}"
+        + (f", not at {session.show_angle(name, values[name])}" if name in short else "")
+        for name, q in reached.items()
+    )
     return conclude(session, reply, told, positions=reached)
+
+
+def arrived(
+    session: Session, name: str, reached: dict[str, float], targets: dict[str, float]
+) -> bool:
+    """Whether a joint is measured to be at its target."""
+    near = NEAR_SLIDING if session.slides(name) else NEAR
+    return abs(reached[name] - targets[name]) <= near
 
 
 def cancelled(session: Session, what: str, names: list[str]) -> int:

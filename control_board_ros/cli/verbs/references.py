@@ -40,8 +40,7 @@ def render(session: Session, rows: dict[str, dict[str, float]]) -> Any:
     shorts = short_names(list(rows))
     shown = table("joint", *columns, right=columns)
     for name, row in rows.items():
-        joint = session.robot.get(name)
-        prismatic = joint is not None and joint.prismatic
+        prismatic = session.slides(name)
         shown.add_row(
             shorts[name],
             position_text(row["position"], prismatic),

@@ -13,10 +13,15 @@ from ..session import Session
 from ..words import UsageError
 from .arguments import Joints
 from .faults import read_faults
-from .modes import read_modes
+from .modes import UNCALIBRATED, lacks_calibration, read_modes
 
 if TYPE_CHECKING:
     from rich.text import Text
+
+    from ..limits import JointLimits
+
+#: The limits in force of each joint, where the board tells them.
+Limits = dict[str, "JointLimits | None"]
 
 TITLES = (
     "joint",
@@ -47,9 +52,9 @@ def watch(
     if not 0.0 < rate <= 100.0:
         raise UsageError(f"--rate {rate:g} is not valid; give times a second, above 0 up to 100")
     names = session.joints(joints)
-    rows = read_rows(session, names)
     if once:
-        show(session, rows, lambda: render(session, rows, console().width))
+        rows = read_rows(session, names)
+        show(session, rows, lambda: render(session, rows, session.limits(names), console().width))
         return
     try:
         follow(session, names, 1.0 / rate)
@@ -65,13 +70,13 @@ def follow(session: Session, names: list[str], period: float) -> None:
             time.sleep(period)
     from rich.live import Live
 
-    rows = read_rows(session, names)
+    rows, limits = read_rows(session, names), session.limits(names)
     screen = console()
-    first = render(session, rows, screen.width)
+    first = render(session, rows, limits, screen.width)
     with Live(first, console=screen, auto_refresh=False) as live:
         while True:
             rows = read_rows(session, names)
-            live.update(render(session, rows, screen.width), refresh=True)
+            live.update(render(session, rows, limits, screen.width), refresh=True)
             time.sleep(period)
 
 
@@ -97,34 +102,36 @@ def read_rows(session: Session, names: list[str]) -> dict[str, dict[str, Any]]:
     return rows
 
 
-def render(session: Session, rows: dict[str, dict[str, Any]], width: int) -> Any:
+def render(session: Session, rows: dict[str, dict[str, Any]], limits: Limits, width: int) -> Any:
     """The table, with what a terminal of this width has room for."""
-    columns = fitted(columns_of(session, rows), width)
+    columns = fitted(columns_of(session, rows, limits), width)
     shown = table(*columns, right=RIGHT)
     for cells in zip(*columns.values(), strict=True):
         shown.add_row(*cells)
     return shown
 
 
-def columns_of(session: Session, rows: dict[str, dict[str, Any]]) -> dict[str, list[Text]]:
+def columns_of(
+    session: Session, rows: dict[str, dict[str, Any]], limits: Limits
+) -> dict[str, list[Text]]:
     """All columns by title, in their order."""
     from rich.text import Text
 
     columns: dict[str, list[Text]] = {title: [] for title in TITLES}
     for name, row in rows.items():
-        joint = session.robot.get(name)
-        prismatic = joint is not None and joint.prismatic
-        limits = (joint.lower, joint.upper) if joint is not None else (0.0, 0.0)
+        prismatic, known = session.slides(name), limits[name]
+        scale = "" if known is None else bar(row["position"], known.lower, known.upper)
+        trouble = row["fault"] or (UNCALIBRATED if lacks_calibration(row) else "")
         cells = (
             Text(name),
             mode_text(row["control_mode"]),
             mode_text(row["interaction_mode"]),
             Text(position_text(row["position"], prismatic)),
-            Text(bar(row["position"], *limits)),
+            Text(scale),
             Text(position_text(row["position_reference"], prismatic)),
             Text(f"{row['torque']:z.1f}{'N' if prismatic else 'N·m'}"),
             Text(f"{row['output']:z.0f}%"),
-            Text(row["fault"], style="red"),
+            Text(trouble, style="red"),
         )
         for title, cell in zip(TITLES, cells, strict=True):
             columns[title].append(cell)
