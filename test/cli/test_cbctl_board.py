@@ -289,8 +289,8 @@ def test_info(cbctl: Any, ask: Any) -> None:
     assert joint["hard_upper"] == pytest.approx(math.radians(170.0), abs=1e-4)
     assert "torq" in joint["control_modes"]
     shown = cbctl("info").out
-    assert "-168.0° to 168.0°" in shown
-    assert "-170.0° to 170.0°" in shown
+    assert "-168.0…168.0°" in shown
+    assert "-170.0…170.0°" in shown
 
 
 def test_the_simulation(cbctl: Any, ask: Any) -> None:

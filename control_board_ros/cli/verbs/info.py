@@ -44,20 +44,18 @@ def read_info(session: Session) -> dict[str, Any]:
 
 
 def render(value: dict[str, Any]) -> Any:
-    columns = ("", "joint", "kind", "limits", "stops", "speed", "modes", "int.")
-    shown = table(*columns, right=("", "limits", "stops", "speed"), fold=("modes",))
+    columns = ("", "joint", "kind", "limits", "stops", "modes", "int.")
+    shown = table(*columns, right=("", "limits", "stops"), fold=("modes",))
     shorts = short_names(list(value["joints"]))
     shown.title = value["board"]
     for name, row in value["joints"].items():
         prismatic = row["kind"] == "prismatic"
-        speed = row["velocity"]
         shown.add_row(
             str(row["index"]),
             shorts[name],
             row["kind"] or "-",
             range_text(row["lower"], row["upper"], prismatic),
             range_text(row["hard_lower"], row["hard_upper"], prismatic),
-            "-" if speed is None else position_text(speed, prismatic) + "/s",
             " ".join(row["control_modes"]),
             " ".join(row["interaction_modes"]),
         )
@@ -65,7 +63,8 @@ def render(value: dict[str, Any]) -> Any:
 
 
 def range_text(low: float | None, high: float | None, prismatic: bool) -> str:
-    """``-168.0° to 168.0°``; a dash where it is not known, or endless."""
+    """``-168.0…168.0°``; a dash where it is not known, or endless."""
     if low is None or high is None or not high - low < ENDLESS:
         return "-"
-    return f"{position_text(low, prismatic)} to {position_text(high, prismatic)}"
+    start = position_text(low, prismatic).rstrip("° m")
+    return f"{start}…{position_text(high, prismatic)}"
