@@ -15,7 +15,7 @@ from .arguments import Speed, Values
 from .progress import Bar
 
 #: How near to its target a joint has arrived, rad and m.
-NEAR, NEAR_SLIDING = 0.01, 5e-4
+NEAR, NEAR_SLIDING = 0.01, 1e-3
 
 
 def move(
