@@ -82,6 +82,8 @@ def in_motion(rig: Rig, j: int) -> Figures:
     found: Figures = {"beyond": 0.0}
     way = 1.0
     for before, after in dict.fromkeys(pairs):
+        if before[0] is after[0] is M.TORQUE:
+            continue  # the interaction mode has no effect there (I2): nothing is changed
         if not (rig.has(j, *before) and rig.has(j, *after)):
             continue
         value = 1e3 * beyond_stopping(rig, j, before, after, way)

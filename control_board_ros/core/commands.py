@@ -348,6 +348,8 @@ class Commands(Machine):
             return f"mode is {mode.name}; configure the board first (service configure)"
         if mode is ControlMode.CALIBRATING:
             return "mode is CALIBRATING; wait until it is done"
+        if self.lacks_calibration(j):
+            return f"it is not calibrated; calibrate it first: cbctl calibrate {name}"
         have = self.config.joints[j].control_modes
         codes = [m.code for m in modes_accepting(kind) if m in have]
         if not codes:

@@ -152,7 +152,7 @@ class JointConfig:
 
 
 def spring_damping(stiffness: float, inertia: float) -> float:
-    """d = 2 ζ √(k J), N·m·s/rad; ζ = DAMPING_RATIO."""
+    """Damping of a spring: d = 2 ζ √(k J), N·m·s/rad; ζ = DAMPING_RATIO."""
     return 2.0 * DAMPING_RATIO * math.sqrt(stiffness * inertia)
 
 

@@ -41,7 +41,7 @@ STREAM_WINDOW = cython.declare(cython.double, 0.008)
 #: A joint is at rest below this part of its speed limit, and of its torque limit in acceleration.
 REST_SPEED = cython.declare(cython.double, 2e-3)
 REST_TORQUE = cython.declare(cython.double, 5e-3)
-#: How long a joint must be at rest for its load to be known, s; time constant of the load's filter.
+#: How long a joint must be at rest for its load to be known, s; time constant of its filter, s.
 REST_TIME = cython.declare(cython.double, 0.03)
 LOAD_FILTER = cython.declare(cython.double, 0.01)
 #: How long the load is looked for at least where a reference waits for it, and at most, s.
@@ -124,8 +124,7 @@ def brake_speed(
     if distance <= 0.0:
         return 0.0
     cycles = ceil(0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0))
-    if cycles < 1.0:
-        cycles = 1.0
+    cycles = max(cycles, 1.0)
     return distance / (cycles * period) + 0.5 * acceleration * period * (cycles - 1.0)
 
 
@@ -333,12 +332,10 @@ class Joint:
         load: cython.double = self.known_load()
         self.law = law
         self.on_limit = self.holding = self.awaited = False
-        self.settling = (law == IMPEDANCE or law == TORQUE) and not self.at_rest()
+        self.settling = (law in (IMPEDANCE, TORQUE)) and not self.at_rest()
         self.settle_cycles = 0
         self.current_pid.reset(0.0)
-        self.position_pid.reset(
-            load - self.feed_torque() - self.position_pid.kff * self.followed
-        )
+        self.position_pid.reset(load - self.feed_torque() - self.position_pid.kff * self.followed)
         self.torque_reference = self.torque_command = self.torque
         self.torque_pid.reset(0.0)
         self.asked = clamp(self.torque * self.per_torque, -self.max_drive, self.max_drive)
@@ -414,9 +411,11 @@ def settle(j: Joint) -> cython.void:
     elapsed: cython.double
     j.settle_cycles += 1
     elapsed = j.settle_cycles * j.period
-    if j.rest_cycles * j.period >= REST_TIME and elapsed >= REST_TIME:
-        j.take(j.load)
-    elif elapsed >= SETTLE_MOST or (j.awaited and elapsed >= SETTLE_LEAST):
+    if (
+        (j.rest_cycles * j.period >= REST_TIME and elapsed >= REST_TIME)
+        or elapsed >= SETTLE_MOST
+        or (j.awaited and elapsed >= SETTLE_LEAST)
+    ):
         j.take(j.load)
 
 
@@ -529,9 +528,7 @@ def follow(j: Joint) -> cython.void:
     if j.direct_velocity != 0.0:
         if (j.direct_age - 1.0) * j.period <= 1.5 * j.direct_interval:
             goal_velocity = j.direct_velocity
-            goal = clamp(
-                goal + goal_velocity * (j.direct_age - 1.0) * j.period, j.lower, j.upper
-            )
+            goal = clamp(goal + goal_velocity * (j.direct_age - 1.0) * j.period, j.lower, j.upper)
         else:
             j.direct_velocity = 0.0  # the stream has ended
     if j.direct_age < INFINITE:
@@ -743,20 +740,18 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
             bottom = -speed_towards(j, j.position - j.limit_lower, -bottom)
             note_limit(j)
     coasting: cython.double = j.per_speed * j.velocity
-    span: cython.double = HORIZON if HORIZON > 3.0 * j.period else 3.0 * j.period
+    span: cython.double = HORIZON if 3.0 * j.period < HORIZON else 3.0 * j.period
     inertia: cython.double = CAUTION * j.inertia_min
     rate: cython.double = inertia / span
     base: cython.double = j.torque - inertia * j.acceleration
     bound: cython.double = base + rate * (top - j.velocity)
     if bound < j.max_torque and (j.velocity >= NEAR * top or top < j.max_velocity):
         bound = clamp(bound, -j.max_torque, j.max_torque) * j.per_torque + coasting
-        if drive > bound:
-            drive = bound
+        drive = min(drive, bound)
     bound = base + rate * (bottom - j.velocity)
     if bound > -j.max_torque and (j.velocity <= NEAR * bottom or bottom > -j.max_velocity):
         bound = clamp(bound, -j.max_torque, j.max_torque) * j.per_torque + coasting
-        if drive < bound:
-            drive = bound
+        drive = max(drive, bound)
     return clamp(drive, -j.max_drive, j.max_drive)
 
 
@@ -775,11 +770,9 @@ def note_limit(j: Joint) -> cython.void:
     """Whether the joint is beyond a limit, or was and still lies on its edge (P9)."""
     room: cython.double = j.limit_upper - j.position
     below: cython.double = j.position - j.limit_lower
-    if below < room:
-        room = below
+    room = min(room, below)
     edge: cython.double = 0.01 * (j.limit_upper - j.limit_lower)
-    if edge > 0.0175:
-        edge = 0.0175
+    edge = min(edge, 0.0175)
     j.on_limit = room < 0.0 or (j.on_limit and room < edge)
 
 

@@ -142,9 +142,6 @@ class Machine:
         on = mode is not ControlMode.NOT_CONFIGURED
         self.watch.arm(chosen, on=on, calibrated=state.calibrated)
         self.accepts[:, chosen] = ACCEPTED[mode]
-        if not calibrating:
-            for j in joints:
-                self._drop_calibrator(j)
         self.modes_version += 1
 
     def set_law(

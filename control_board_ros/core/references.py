@@ -168,5 +168,7 @@ class References:
         left = []
         for joint in (self._joints[j] for j in self._state.numbers(joints)):
             whole = max(joint.move_time, joint.brake_time)
-            left.append(max(0.0, whole - joint.move_cycles * joint.period) if joint.moving else 0.0)
+            left.append(
+                max(0.0, whole - joint.move_cycles * joint.period) if joint.moving else 0.0
+            )
         return np.array(left)

@@ -9,7 +9,7 @@ control period T::
                                         there, in the worst pose, and more in all others
     kd ≤ C J
     kp = min(kd C/8, kd²/1.5 J_M, τ/x)  damped at J_M, too; the torque limit is worth an error x
-    kd = min(C J, 1.8 √(kp J_M))
+    kd = min(C J, 2.2 √(kp J_M))
     ki = kp · min(C/20, 0.22 kd/J_M)
     k  ≤ kp/4                           springs that the torque loop follows with its own lag
     d  = 2 ζ √(k J_M)                   released, a joint overshoots by no more than a tenth
@@ -49,7 +49,7 @@ def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
             torque / (SLIDES_AWAY if sliding else GIVES_WAY),
         ),
     )
-    kd = give("position_pid.kd", min(most, 1.8 * math.sqrt(kp * greatest)))
+    kd = give("position_pid.kd", min(most, 2.2 * math.sqrt(kp * greatest)))
     give("position_pid.ki", kp * min(crossover / 20.0, 0.22 * kd / greatest))
     give("position_pid.integral_limit", torque)
     give("position_pid.derivative_cutoff", CUTOFF)

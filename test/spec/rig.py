@@ -172,9 +172,7 @@ def held(*joints: JointConfig, **changes: Any) -> Rig:
     if not joints:
         joints = (joint("left"), joint("right"), plain("bare"))
     deaf = tuple(
-        replace(
-            one, max_travel_error=float("inf"), motor=replace(one.motor, inductance=1e-9)
-        )
+        replace(one, max_travel_error=float("inf"), motor=replace(one.motor, inductance=1e-9))
         for one in joints
     )
     config = board_config(*deaf, **changes)

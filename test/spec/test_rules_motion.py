@@ -568,9 +568,7 @@ GUARDED = [
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
 @pytest.mark.parametrize(("room", "speed", "top"), GUARDED)
-def test_what_may_drive_towards_a_limit(
-    way: float, room: float, speed: float, top: float
-) -> None:
+def test_what_may_drive_towards_a_limit(way: float, room: float, speed: float, top: float) -> None:
     """P9, P14: τ ≤ τ_last + ½ J_min·((v_top − q̇)/horizon − q̈), within the torque limit."""
     rig = held(
         joint(
