@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one build of the project, for pip, editable installs, uv and colcon.
 
-The package is plain Python; what is not plain is `msg_defs/`, an ament_cmake package of
-interfaces. `build_ext` runs CMake on it into a staging folder and hands what came out to
-setuptools as data files, so that every way of installing Python installs the messages too.
+The package is plain Python with two exceptions, both in `build_ext`. `msg_defs/` is an ament_cmake
+package of interfaces: CMake builds it into a staging folder, and what came out goes to setuptools
+as data files, so that every way of installing Python installs the messages too. The modules of
+COMPILED are compiled by Cython where that is possible, beside their source.
 """
 
 from __future__ import annotations
@@ -16,14 +17,20 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
 from setuptools.command.build_ext import build_ext
 from setuptools.dist import Distribution
 
 HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE / "tools"))
+from compile_modules import extension, say_uncompiled, translate  # noqa: E402
+
 NAME = "control_board_ros"
 MESSAGES = "control_board_msgs"
 MSG_DEFS = HERE / "msg_defs"
+# Plain Python in Cython's pure mode; runs as it is where it cannot be compiled. pyproject.toml
+# (cache-keys) and the Makefile (SOURCES) name the same files.
+COMPILED = ["control_board_ros.core.laws"]
 PYTHON_DIR = f"lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
 
 # Another version, or an unpinned name, can belong to another ROS distribution.
@@ -157,8 +164,8 @@ def staged_files(stage: Path) -> list[tuple[str, list[str]]]:
     return list(found.items())
 
 
-class BuildMessages(build_ext):
-    """`build_ext`, with the messages in the place of C extensions."""
+class Build(build_ext):
+    """`build_ext`: the messages, and the modules of COMPILED."""
 
     def run(self) -> None:
         jobs = int(self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or 0)
@@ -168,12 +175,23 @@ class BuildMessages(build_ext):
         known = self.distribution.data_files
         known[:] = [pair for pair in known if MESSAGES not in pair[0] and pair[0] != "lib"]
         known.extend(staged_files(stage))  # in place: install_data already holds this list
+        super().run()
+
+    def build_extension(self, ext: Extension) -> None:
+        """Compile one module; where that fails, the module stays Python and the build goes on."""
+        Path(self.get_ext_fullpath(ext.name)).unlink(missing_ok=True)  # of an older source
+        try:
+            ext.sources = [str(translate(ext.name, HERE / ext.sources[0], Path(self.build_temp)))]
+            super().build_extension(ext)
+        except Exception as error:  # noqa: BLE001 - whatever is wrong, the module runs as it is
+            say_uncompiled(ext.name, error)
 
     def get_outputs(self) -> list[str]:
-        return []
+        return [path for path in super().get_outputs() if Path(path).exists()]
 
     def get_output_mapping(self) -> dict[str, str]:
-        return {}
+        mapping = super().get_output_mapping()
+        return {built: path for built, path in mapping.items() if Path(built).exists()}
 
     def get_source_files(self) -> list[str]:
         files = [path for path in MSG_DEFS.rglob("*") if path.is_file()]
@@ -267,7 +285,8 @@ setup(
             f"cbctl = {NAME}.cli:main",
         ]
     },
-    cmdclass={"build_ext": BuildMessages},
+    ext_modules=[extension(HERE, module) for module in COMPILED],
+    cmdclass={"build_ext": Build},
     distclass=DistributionWithMessages,
     zip_safe=False,
 )

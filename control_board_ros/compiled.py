@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which laws run: the compiled ones, or their source as Python, and why.
+
+A compiled module lies beside its source and is imported in its place. It knows which source it
+was made from; where that has changed since, as in an editable checkout, the source runs.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from importlib.machinery import EXTENSION_SUFFIXES, SourceFileLoader
+from importlib.util import module_from_spec, source_hash, spec_from_file_location
+from pathlib import Path
+
+LAWS = "control_board_ros.core.laws"
+
+_outdated: set[str] = set()
+
+
+def admit(name: str, digest: str) -> None:
+    """Put a source that has changed in the place of the module compiled from it.
+
+    Compiled modules call it at the end of their own import (tools/compile_modules.py). Where no
+    source lies beside it, the compiled module stays.
+
+    Args:
+        name: Full name of the module.
+        digest: importlib's hash of the source that it was compiled from, hexadecimal.
+    """
+    source = source_of(name)
+    if not source.is_file() or source_hash(source.read_bytes()).hex() == digest:
+        return
+    _outdated.add(name)
+    spec = spec_from_file_location(name, source, loader=SourceFileLoader(name, str(source)))
+    assert spec is not None
+    assert spec.loader is not None
+    sys.modules[name] = module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+
+
+def source_of(name: str) -> Path:
+    """The Python file of a loaded module, compiled or not; it may be missing."""
+    folder = Path(str(sys.modules[name].__file__)).parent
+    return folder / f"{name.rpartition('.')[2]}.py"
+
+
+def is_compiled(name: str = LAWS) -> bool:
+    """Whether a module runs compiled."""
+    module = importlib.import_module(name)
+    return str(module.__file__).endswith(tuple(EXTENSION_SUFFIXES))
+
+
+def describe(name: str = LAWS) -> str:
+    """``compiled``, or ``uncompiled (why and what to do)``."""
+    if is_compiled(name):
+        return "compiled"
+    if name in _outdated:
+        return f"uncompiled ({source_of(name).name} has changed since; install it again)"
+    return "uncompiled (slower; install again with Cython and a C compiler)"
