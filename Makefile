@@ -10,7 +10,8 @@ STAMPS := $(VENV)/.control_board_ros
 
 # What the installation is made of: when one of these changes, it is made again.
 SOURCES := setup.py setup.cfg pyproject.toml package.xml MANIFEST.in \
-    control_board_ros/__init__.py tools/msg_defs.cmake \
+    control_board_ros/__init__.py control_board_ros/core/laws.py \
+    tools/compile_modules.py tools/msg_defs.cmake \
     $(shell find msg_defs config resource -type f 2>/dev/null)
 
 # This environment stands on its own: a sourced ROS 2 of another Python would break it.
@@ -66,6 +67,7 @@ clean: ## Remove what was built, and caches; keeps the environment
 
 distclean: clean ## Remove the environment too
 	rm -rf $(VENV)
+	find control_board_ros -name '*.so' -delete
 
 $(STAMPS)/environment: pyproject.toml tools/find-python
 	@python=$$(tools/find-python $(PYTHON)) || exit 1; \
@@ -80,8 +82,9 @@ $(STAMPS)/environment: pyproject.toml tools/find-python
 	@touch $@
 
 $(STAMPS)/installed: $(STAMPS)/environment $(SOURCES)
-	@echo "building the messages and installing control_board_ros (once, a minute or two)"
+	@echo "building messages and laws, installing control_board_ros (once, a minute or two)"
 	@$(PIP) install --no-build-isolation -e .
+	@$(BIN)/control_board --version
 	@touch $@
 
 # By its name, the project is found installed: only what the extra adds is fetched.

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from ..compiled import describe
 from ..core.faults import FaultRecord
 from ..core.vocabs import ControlMode, InteractionMode
 from .loop import ControlLoop
@@ -79,6 +80,7 @@ class Diagnostics:
             "median latency (ms)": f"{found.median * 1e3:.3f}",
             "rejected commands": rejected,
             "scheduling": scheduling(),
+            "laws": describe(),
             "joints in fault": sum(r.active for r in self._loop.records.faults.records),
         }
         return self._status("loop", level, text, values.items())

@@ -18,6 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .. import __version__
+from ..compiled import describe
 from ..core.vocabs import ControlMode
 from ..startup import announce_often, leave_out_the_generator
 from .lock import NameTakenError, lock_name, temporary_folder
@@ -34,6 +36,7 @@ FIRST_CYCLES = 1.0
 
 USAGE = """\
 usage: control_board [--ros-args [--params-file FILE] [-p NAME:=VALUE] [-r FROM:=TO] ...]
+       control_board --version
 
 Starts the simulated control board, by default a KUKA iiwa.
   control_board --ros-args -p robot:=panda -p gui:=true
@@ -47,6 +50,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     if {"-h", "--help"} & set(arguments):
         say(USAGE)
+        return 0
+    if "--version" in arguments:
+        say(f"control_board_ros {__version__}\nlaws: {describe()}\n")
         return 0
     ended = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

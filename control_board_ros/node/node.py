@@ -17,6 +17,7 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
+from ..compiled import describe, is_compiled
 from ..core.board import Board
 from ..core.config import BoardConfig
 from ..core.measurement import Plant
@@ -96,6 +97,8 @@ class BoardNode:
             self.log.warning(warning)
         for note in settings.notes:
             self.log.info(note)
+        if not is_compiled():
+            self.log.warning(f"laws: {describe()}")
 
     def start(self) -> None:
         """Let the control loop and the publisher run."""

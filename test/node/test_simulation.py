@@ -16,6 +16,8 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 from talk import Talker, stamp_of
 
+from control_board_ros.compiled import describe
+
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -154,6 +156,7 @@ def test_diagnostics_follow_rep_107(talker: Talker) -> None:
     loop = {pair.key: pair.value for pair in status(array, "loop").values}
     assert float(loop["nominal rate (Hz)"]) == 4000.0
     assert {"loop rate (Hz)", "overruns", "worst latency (ms)", "rejected commands"} <= set(loop)
+    assert loop["laws"] == describe()
     name = talker.names[1]
     answer = talker.call(
         "inject_fault", srv.InjectFault, names=[name], fault="overheating", persistent=True

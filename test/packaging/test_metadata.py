@@ -26,7 +26,7 @@ NOT_ROS = {
     "prompt_toolkit",
     "yaml",
 }
-OPTIONAL = {"icub_models", "matplotlib", "pytest", "hypothesis", "PIL", "argcomplete"}
+OPTIONAL = {"cython", "icub_models", "matplotlib", "pytest", "hypothesis", "PIL", "argcomplete"}
 
 
 def setup_list(name: str) -> list[str]:

@@ -21,6 +21,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import CodeType
 from typing import Any
@@ -427,10 +428,11 @@ class Breaker(PathFinder):
     def find_spec(cls, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         if fullname != f"{PACKAGE}.{cls.mutant.module}":
             return None
-        spec = super().find_spec(fullname, path, target)
-        if spec is not None and spec.origin is not None:
-            spec.loader = BrokenLoader(fullname, spec.origin)
-        return spec
+        found = super().find_spec(fullname, path, target)
+        if found is None or found.origin is None:
+            return None
+        source = str(Path(found.origin).with_name(f"{cls.mutant.module}.py"))  # compiled or not
+        return spec_from_file_location(fullname, source, loader=BrokenLoader(fullname, source))
 
 
 class BrokenLoader(SourceFileLoader):

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The laws run compiled and as plain Python, and it can be told which."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+
+import pytest
+from pure import NAME, laws_as_python, load_python
+from rig import ready
+from test_metadata import PYPROJECT, ROOT, XML, setup_list
+
+import control_board_ros
+from control_board_ros import compiled
+from control_board_ros.core import nocython
+
+MODULES = [ROOT / f"{name.replace('.', '/')}.py" for name in setup_list("COMPILED")]
+SUFFIX = EXTENSION_SUFFIXES[0]
+TELL = "from control_board_ros import compiled; print(compiled.describe())"
+
+
+def run(code: str, folder: Path, **environment: str) -> str:
+    """What a fresh interpreter prints, started away from the checkout."""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=folder,
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=50,
+    )
+    return done.stdout.strip()
+
+
+def test_build_descriptions_name_the_compiled_modules() -> None:
+    """What is compiled from them is made anew when they change; Cython is asked for."""
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    sources = re.search(r"^SOURCES := ((?:.*\\\n)*.*)$", makefile, re.MULTILINE)
+    assert sources is not None
+    keys = {entry["file"] for entry in PYPROJECT["tool"]["uv"]["cache-keys"]}
+    for path in MODULES:
+        assert path.is_file()
+        assert str(path.relative_to(ROOT)) in sources[1].split()
+        assert str(path.relative_to(ROOT)) in keys
+    pins = [entry for entry in PYPROJECT["build-system"]["requires"] if "ython==" in entry]
+    assert len(pins) == 1
+    assert [node.tag for node in XML if node.text == "cython3"] == ["build_depend"]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
+def test_compiled_modules_keep_to_what_every_cython_compiles(path: Path) -> None:
+    """Ubuntu 24.04, which ROS 2 Jazzy runs on, has Cython 3.0; it knows no match statement."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    assert not [node.lineno for node in ast.walk(tree) if isinstance(node, ast.Match)]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
+def test_the_stand_in_has_all_names_of_cython_that_are_used(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    used = {
+        node.attr
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "cython"
+    }
+    assert {"compiled", "double"} <= used
+    assert not {name for name in used if not hasattr(nocython, name)}
+
+
+def test_the_stand_in_changes_nothing() -> None:
+    """Types convert and are subscripted, decorators return what they are given."""
+
+    def law(value: float) -> float:
+        return 2.0 * value
+
+    decorated = nocython.locals(value=nocython.double)(nocython.returns(nocython.double)(law))
+    assert nocython.cfunc(nocython.exceptval(-1.0, check=True)(nocython.nogil(decorated))) is law
+    with nocython.nogil:
+        assert nocython.cast(nocython.int, 2.7) == 2
+    assert nocython.cast(list, law) is law
+    assert nocython.declare(nocython.double) == 0.0
+    assert nocython.declare(nocython.double, 3) == 3.0
+    assert nocython.declare(nocython.double[:, ::1]) is None
+    assert nocython.declare(nocython.bint, visibility="public") is False
+
+
+def test_the_laws_run_without_cython(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cython", None)
+    assert load_python().cython is nocython
+
+
+def test_boards_can_be_made_with_either() -> None:
+    from control_board_ros.core import control, laws
+
+    before = vars(control).copy()
+    with laws_as_python() as python:
+        held = [value for value in vars(control).values() if hasattr(value, "__module__")]
+        assert python.__name__ == NAME
+        assert str(python.__file__).endswith(".py")
+        assert NAME in {value.__module__ for value in held}
+        assert laws.__name__ not in {value.__module__ for value in held}
+    assert vars(control) == before
+
+
+def test_both_give_the_same_bits() -> None:
+    """A move, a stop and a torque, on the joints of a simulated board."""
+
+    def states() -> list[bytes]:
+        rig = ready()
+        rig.enter("pos")
+        rig.board.position_move(None, [0.5, -0.3, 0.2])
+        moved = rig.record(0.2)
+        rig.board.stop(None)
+        rig.enter("torq", [0, 1])
+        rig.board.set_ref_torque([0, 1], [1.5, -2.0])
+        return [
+            array.tobytes()
+            for state in [*moved, *rig.record(0.1)]
+            for array in (state.position, state.velocity, state.torque, state.output)
+        ]
+
+    running = states()
+    with laws_as_python():
+        as_python = states()
+    assert len(set(running)) > 100
+    assert as_python == running
+
+
+@pytest.mark.skipif(
+    importlib.util.find_spec("Cython") is None, reason="Cython is not in this environment"
+)
+def test_the_installed_laws_are_compiled(tmp_path: Path) -> None:
+    assert run(TELL, tmp_path) == "compiled", "see what the build says; run `make setup`"
+
+
+@pytest.fixture(name="copy")
+def copied_package(tmp_path: Path) -> Path:
+    """A copy of the installed package's core, found first by interpreters started beside it."""
+    where = "import control_board_ros; print(control_board_ros.__path__[0])"
+    source, target = Path(run(where, tmp_path)), tmp_path / "control_board_ros"
+    (target / "core").mkdir(parents=True)
+    for name in ("__init__.py", "compiled.py"):
+        shutil.copy(source / name, target)
+    for path in (source / "core").iterdir():
+        if path.is_file():
+            shutil.copy(path, target / "core")
+    assert run(where, tmp_path) == str(target)
+    return target
+
+
+def test_a_changed_source_runs_in_the_place_of_the_compiled_module(copy: Path) -> None:
+    if not list(copy.glob("core/laws*.so")):
+        pytest.skip("the laws are not compiled here")
+    assert run(TELL, copy.parent) == "compiled"
+    with (copy / "core/laws.py").open("a", encoding="utf-8") as file:
+        file.write("\nCHANGED = 42\n")
+    told = run(TELL, copy.parent)
+    assert told == "uncompiled (laws.py has changed since; install it again)"
+    code = (
+        "from control_board_ros.core import laws; from control_board_ros.core.laws import CHANGED"
+    )
+    assert run(f"{code}; print(laws.CHANGED, laws.__file__)", copy.parent) == (
+        f"42 {copy / 'core/laws.py'}"
+    )
+
+
+def test_the_compiled_module_needs_no_source(copy: Path) -> None:
+    if not list(copy.glob("core/laws*.so")):
+        pytest.skip("the laws are not compiled here")
+    (copy / "core/laws.py").unlink()
+    assert run(TELL, copy.parent) == "compiled"
+
+
+def test_the_source_runs_where_nothing_is_compiled(copy: Path) -> None:
+    for path in copy.glob("core/laws*.so"):
+        path.unlink()
+    assert run(TELL, copy.parent).startswith("uncompiled (slower; ")
+
+
+BUILD = """
+import sys
+import setuptools
+from distutils.core import run_setup
+build = run_setup("setup.py", stop_after="init").get_command_obj("build_ext")
+build.build_lib, build.build_temp = sys.argv[1:]
+build.ensure_finalized()
+super(type(build), build).run()  # the messages aside
+"""
+
+
+def test_a_build_without_a_compiler_goes_on_and_says_so_in_one_line(tmp_path: Path) -> None:
+    """What an earlier build has left behind does not go into this one."""
+    leftover = tmp_path / f"lib/control_board_ros/core/laws{SUFFIX}"
+    leftover.parent.mkdir(parents=True)
+    leftover.write_bytes(b"of another source")
+    done = subprocess.run(
+        [sys.executable, "-c", BUILD, str(tmp_path / "lib"), str(tmp_path / "temp")],
+        cwd=ROOT,
+        env=os.environ | {"CC": "/bin/false"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=50,
+    )
+    assert done.returncode == 0, done.stderr
+    said = [line for line in done.stderr.splitlines() if "laws is not compiled (" in line]
+    assert len(said) == 1, done.stderr
+    assert "install Cython and a C compiler" in said[0]
+    assert not leftover.exists()
+
+
+def test_version_says_which_laws_run() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "control_board_ros.node.main", "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=30,
+    )
+    version, laws = done.stdout.splitlines()
+    assert version == f"control_board_ros {control_board_ros.__version__}"
+    assert laws == f"laws: {compiled.describe()}"
