@@ -86,6 +86,7 @@ def run(arguments: list[str], ended: threading.Event) -> int:
     from ..sim.plant import SimulatedPlant
     from .parameters import settings_from_arguments
 
+    check_arguments(arguments)
     try:
         start = settings_from_arguments(arguments)
     except SettingsError as error:
@@ -116,6 +117,20 @@ def run(arguments: list[str], ended: threading.Event) -> int:
     return 0
 
 
+def check_arguments(arguments: Sequence[str]) -> None:
+    """Refuse what stands outside of --ros-args, which ROS passes over in silence."""
+    among_ros = False
+    for argument in arguments:
+        if argument in {"--ros-args", "--"}:
+            among_ros = argument == "--ros-args"
+        elif not among_ros:
+            raise KnownError(
+                2,
+                f"argument {argument!r} is not known; --help, --version and ROS arguments are, "
+                "as in: control_board --ros-args -p robot:=panda",
+            )
+
+
 def check_name(name: str, namespace: str) -> None:
     """Refuse names that ROS refuses, before rcl does so with half a page."""
     word = r"[A-Za-z_][A-Za-z0-9_]*"
@@ -139,7 +154,8 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
     try:
         rclpy.init(args=start.arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001 - rcl raises many kinds, all about arguments
-        raise KnownError(2, f"ROS does not start: {error}") from None
+        what = f"{type(error).__name__}: {error}"
+        raise KnownError(2, f"ROS does not start: {what}; see control_board --help") from None
     board = BoardNode(start, plant, on_end=ended.set)
     executor = KeptWaitSetExecutor(board.on_error)
     executor.add_node(board.node)

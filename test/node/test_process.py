@@ -133,6 +133,58 @@ def test_wrong_settings_end_it_with_one_line(arguments: list[str], told: str) ->
     assert "Traceback" not in text
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["-p", "robot:=panda"],
+        ["robot:=panda"],
+        ["--foo"],
+        ["--ros-args", "-p", "gui:=false", "--", "x"],
+    ],
+    ids=" ".join,
+)
+def test_arguments_that_ros_would_pass_over_are_refused(arguments: list[str]) -> None:
+    """Exit code 2, one line on standard error that names the argument and shows how."""
+    code, text = start_and_fail(*arguments)
+    assert code == 2, text
+    assert repr(arguments[-1] if arguments[-1] == "x" else arguments[0]) in text
+    assert "control_board --ros-args -p robot:=panda" in text
+    assert text.count("\n") == 1, text
+
+
+def test_a_ros_argument_that_does_not_exist_is_named() -> None:
+    """Exit code 2, one line."""
+    code, text = start_and_fail("--ros-args", "--foo")
+    assert code == 2, text
+    assert "'--foo'" in text
+    assert text.count("\n") == 1, text
+
+
+UNCOMPILED = """
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from control_board_ros import core
+name = "control_board_ros.core.laws"
+spec = spec_from_file_location(name, f"{core.__path__[0]}/laws.py")
+sys.modules[name] = core.laws = module_from_spec(spec)
+spec.loader.exec_module(core.laws)
+from control_board_ros.node.main import main
+sys.exit(main())
+"""
+
+
+def test_a_board_with_uncompiled_laws_says_so_once() -> None:
+    """In one line; it works as others do, at the rate that plain Python reaches."""
+    command = (sys.executable, "-c", UNCOMPILED)
+    with board_process({"control_rate": 200.0}, command=command) as board:
+        with talking_to(board) as talker:
+            assert talker.set_mode([], "posd").success
+        line = board.wait_for_output("laws: uncompiled (")
+        assert "install again with Cython and a C compiler" in line
+        board.wait_for_output("Stop with Ctrl-C")
+        assert board.output.count("laws: ") == 1
+
+
 def test_a_physics_server_that_is_gone_ends_it_with_one_line() -> None:
     """Exit code 4, one line on standard error, no traceback."""
     code = (
