@@ -12,9 +12,10 @@ from typing import Annotated, Any
 
 import typer
 
+from .. import __version__
 from . import verbs
 from .options import PLAIN, Options, hoist, split_ros_arguments
-from .output import DONE, REFUSED, USAGE, ReaderGone, fail
+from .output import DONE, REFUSED, USAGE, ReaderGone, fail, put, put_json
 from .session import Session
 from .words import Refused, UsageError
 
@@ -33,6 +34,17 @@ app = typer.Typer(
 )
 
 
+def show_version(context: typer.Context, wanted: bool) -> None:
+    """Print the version and leave, before a verb is asked for."""
+    if not wanted:
+        return
+    if context.params.get("json"):
+        put_json({"version": __version__})
+    else:
+        put(f"control_board_ros {__version__}")
+    raise typer.Exit
+
+
 @app.callback()
 def options(
     context: typer.Context,
@@ -45,7 +57,14 @@ def options(
         int | None, typer.Option(help="ROS domain; else that of ROS_DOMAIN_ID.")
     ] = None,
     json: Annotated[
-        bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.")
+        bool,
+        typer.Option("--json", is_eager=True, help="Print JSON, and nothing else, on stdout."),
+    ] = False,
+    version: Annotated[  # noqa: ARG001 - show_version has seen it
+        bool,
+        typer.Option(
+            "--version", callback=show_version, is_eager=True, help="Print the version, and leave."
+        ),
     ] = False,
 ) -> None:
     session: Session = context.obj

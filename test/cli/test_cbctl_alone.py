@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from control_board_ros import __version__
+
 
 @pytest.mark.parametrize(
     ("words", "text"),
@@ -83,6 +85,14 @@ def test_help(alone: Any) -> None:
     )
     assert done.stderr == ""
     assert done.stdout.count("Usage: cbctl ") == len(verbs)
+
+
+def test_version(alone: Any) -> None:
+    """Text for people, JSON for machines; no verb and no board are asked for."""
+    shown = alone("--version")
+    assert (shown.code, shown.out) == (0, f"control_board_ros {__version__}\n")
+    for words in (["--version", "--json"], ["--json", "--version"]):
+        assert alone(*words).json == {"version": __version__}
 
 
 def test_help_is_quick(alone: Any) -> None:
