@@ -111,7 +111,9 @@ def build_environment(prefixes: list[Path]) -> dict[str, str]:
 
 def fresh_folder(work: Path, prefixes: list[Path]) -> None:
     """Make the work folder; begin anew where CMake's cache would belong to another setup."""
-    key = "\n".join([sys.executable, sys.version, str(MSG_DEFS), *map(str, prefixes)])
+    compilers = [os.environ.get(name, "") for name in ("CC", "CXX", "CFLAGS", "CXXFLAGS")]
+    parts = [sys.executable, sys.version, str(MSG_DEFS), *compilers, *map(str, prefixes)]
+    key = "\n".join(parts)
     stamp = work / "built-for.txt"
     if work.exists() and not (stamp.is_file() and stamp.read_text() == key):
         shutil.rmtree(work)
@@ -169,7 +171,8 @@ class Build(build_ext):
 
     def run(self) -> None:
         jobs = int(self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or 0)
-        builds = Path(self.build_temp).resolve().parent
+        # An editable install's own folders are gone afterwards, and the one above is everybody's.
+        builds = HERE / "build" if self.editable_mode else Path(self.build_temp).resolve().parent
         work = builds / f"{MESSAGES}-{sys.implementation.cache_tag}"
         stage = build_messages(work, jobs or os.cpu_count() or 1)
         known = self.distribution.data_files
