@@ -51,6 +51,8 @@ class Board(Requests, Commands, ModeShortcuts):
             self.complete_configuration()
         if not self.watch.healthy(self.state, measurement.values):
             self._raise_faults(self._last)
+        if self.watch.heat.news:
+            self._warn_of_heat()
         if self._calibrators:
             self._calibrate()
         self._expire()
@@ -70,6 +72,7 @@ class Board(Requests, Commands, ModeShortcuts):
             self.state.done.copy(),
             self.state.rejected.copy(),
             self.state.calibrated.copy(),
+            self.watch.heat.used,
         )
 
     @property
@@ -104,8 +107,8 @@ class Board(Requests, Commands, ModeShortcuts):
         for j in range(self.count):
             joint = slice(j, j + 1)
             self.watch.arm(joint, on=self.is_configured(j), calibrated=self.state.calibrated)
-            if self.faults[j].active and self.faults[j].code == FaultCode.OVERHEATING:
-                self.watch.cool_down(j, config.joints[j], faulted=True)
+            if self.faults[j].active:
+                self.watch.let_cool(j, FaultCode(self.faults[j].code))
             if j not in self._calibrators and self.state.powered[j]:
                 self.references.bound(joint)
 

@@ -82,6 +82,7 @@ class Machine:
         self.controller = Controller(config, state)
         self.references = References(config, state, self.controller.joints)
         self.watch = Watch(config, state)
+        self._strained = self.watch.heat.strained
         self.accepts = np.zeros((len(CommandKind), self.count), dtype=bool)
         self.calibration = [CalibrationStatus(name) for name in self.names]
         self._calibrators: dict[int, Calibrator] = {}
@@ -155,6 +156,16 @@ class Machine:
         """Emit an event."""
         self.events.append(BoardEvent(level, key, self.names[j], text))
 
+    def _warn_of_heat(self) -> None:
+        """Tell who comes near a fault by heat (F6)."""
+        heat = self.watch.heat
+        for j in np.flatnonzero(heat.strained.any(axis=0)).tolist():
+            if self.faults[j].active:
+                continue
+            for key, text in heat.warnings(j, self._strained):
+                self.tell("warning", key, j, f"{self.names[j]}: {text}")
+        self._strained, heat.news = heat.strained, False
+
     # --- faults ---------------------------------------------------------------------------
 
     def raise_fault(self, j: int, code: FaultCode, text: str) -> None:
@@ -175,8 +186,7 @@ class Machine:
             self.calibration[j] = replace(
                 self.calibration[j], phase="failed", message=self.faults[j].text
             )
-        if code is FaultCode.OVERHEATING:
-            self.watch.cool_down(j, self.config.joints[j], faulted=True)
+        self.watch.let_cool(j, code)
         self.watch.forget(j)
         self.tell(
             "error", f"fault {int(code)}", j, f"{self.names[j]}: fault, {code.title}: {text}"
@@ -197,7 +207,7 @@ class Machine:
         causes = self.watch.causes()
         self.watch.mend(self.state, last)
         for j, cause in causes.items():
-            self.raise_fault(j, *cause)
+            self.raise_fault(j, cause.code, cause.text)
 
     def _expire(self) -> None:
         """Reference timeouts (P12): a velocity stops and holds, a torque or output faults."""

@@ -115,7 +115,7 @@ class Requests(Machine):
             return FINE
         return Answer.REFUSED, (
             f"{self.names[j]} stays in HW_FAULT: the cause persists ({cause.code.title}, "
-            f"{cause.text}); remove it, then send FORCE_IDLE again"
+            f"{cause.text}); {cause.advice}, then send FORCE_IDLE again"
         )
 
     def _unsupported(self, j: int, asked: str, have: str) -> Verdict:

@@ -50,7 +50,8 @@ class Snapshot:
     position, velocity, torque, current, temperature are measured (rad, rad/s, N·m, A, °C);
     position_reference, velocity_reference, torque_reference are in force; output is the PWM in
     percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
-    false where a joint's angle is not known (K7).
+    false where a joint's angle is not known (K7); overload is the part of the I²t budget used up
+    (a fault above 1).
     """
 
     time: float
@@ -59,6 +60,7 @@ class Snapshot:
     motion_done: NDArray[np.bool_]
     rejected_commands: NDArray[np.uint64]
     calibrated: NDArray[np.bool_]
+    overload: Array
 
     @property
     def position(self) -> Array:

@@ -26,7 +26,9 @@ from numpy.typing import NDArray
 
 from .config import BoardConfig, JointConfig
 from .faults import FaultCode
+from .heat import STRAINED, Heat
 from .measurement import ROWS, Array, Row
+from .parts import DEGREE
 from .state import Joints, State
 
 #: Cycles from one look at the slow checks to the next.
@@ -34,6 +36,9 @@ SLOW = 8
 
 #: Time constant of the forgetting of travel errors, s.
 TRAVEL_MEMORY = 0.5
+
+#: What a reading may jump in a cycle beyond four times the speed limit.
+JUMP_RADIANS, JUMP_METRES = 0.5 * DEGREE, 1e-3
 
 #: Encoder and current are sampled so far apart at most, s. A reversal at full speed makes a
 #: travel error of twice the speed for that time; in simulation it is the physics step.
@@ -49,10 +54,11 @@ class Check(IntEnum):
 
 
 class Cause(NamedTuple):
-    """Why a joint must be in HW_FAULT: the code, and what was measured against what."""
+    """Why a joint must be in HW_FAULT: the code, what was measured against what, the way out."""
 
     code: FaultCode
     text: str
+    advice: str = "remove it"
 
 
 #: Codes in the order in which a cause is looked for: first the bounds, then the slow checks.
@@ -77,7 +83,7 @@ class Watch:
     """Watches n joints.
 
     Attributes: travelled (by each motor since power-on as its own equation tells
-    while its bridge is on, shape (n,), rad; grows every SLOW cycles).
+    while its bridge is on, shape (n,), rad; grows every SLOW cycles), heat (I²t, and warnings).
     """
 
     def __init__(self, config: BoardConfig, state: State) -> None:
@@ -101,6 +107,7 @@ class Watch:
         self._forget = math.exp(-SLOW * config.period / TRAVEL_MEMORY)
         self._values = np.zeros((ROWS, n))
         self.travelled: Array = np.zeros(n)
+        self.heat = Heat(config, self._slow[Check.OVERLOAD])
         self.reconfigure(config)
 
     def reconfigure(self, config: BoardConfig) -> None:
@@ -115,9 +122,7 @@ class Watch:
         henries = np.array([motor.inductance for motor in motors])
         weight = first_weight(ohms * self._period / henries)
         self._travel_per_change = (henries - weight * ohms * self._period) / emf
-        nominal = np.array([joint.limits.nominal_current for joint in config.joints])
-        self._nominal_squared = nominal**2
-
+        self.heat.reconfigure(config)
         self._tables = (np.full_like(self._lower, -np.inf), np.full_like(self._upper, np.inf))
         self._slow_table = np.full_like(self._slow_limit, np.inf)
         self._jump_table = np.zeros(len(motors))
@@ -127,17 +132,17 @@ class Watch:
     def _tabulate(self, j: int, joint: JointConfig) -> None:
         limits = joint.limits
         lower, upper, slow = (table[:, j] for table in (*self._tables, self._slow_table))
-        peak, nominal = limits.peak_current, limits.nominal_current
-        upper[Row.CURRENT], lower[Row.CURRENT] = peak, -peak
+        upper[Row.CURRENT], lower[Row.CURRENT] = limits.peak_current, -limits.peak_current
         upper[Row.TEMPERATURE] = limits.temperature
         upper[Row.ENCODER_AGE] = joint.timeouts.encoder
         upper[Row.ALARM] = 0.0
         if joint.torque_sensor:
             upper[Row.TORQUE_AGE] = joint.timeouts.torque_sensor
             upper[Row.TORQUE], lower[Row.TORQUE] = 100.0 * limits.torque, -100.0 * limits.torque
-        self._jump_table[j] = 4.0 * limits.velocity * self._period + math.radians(0.5)
+        slack = JUMP_METRES if joint.kind == "prismatic" else JUMP_RADIANS
+        self._jump_table[j] = 4.0 * limits.velocity * self._period + slack
         slow[Check.TRAVEL] = joint.max_travel_error + 2.0 * limits.velocity * APART
-        slow[Check.OVERLOAD] = (peak**2 - nominal**2) * limits.overload_time
+        slow[Check.OVERLOAD] = self.heat.budget[j]
         low, high = limits.hard_lower, limits.hard_upper
         self._middle[j] = 0.5 * (low + high) if math.isfinite(high - low) else 0.0
         slow[Check.OVERRUN] = 0.5 * (high - low) + limits.hard_margin
@@ -171,10 +176,14 @@ class Watch:
         self._live[:] = powered
         self._switched[joints] = self._any_switched = True
 
-    def cool_down(self, j: int, joint: JointConfig, *, faulted: bool) -> None:
-        """After an over-temperature fault the winding must cool by the hysteresis."""
-        margin = joint.limits.temperature_hysteresis if faulted else 0.0
-        self._upper[Row.TEMPERATURE, j] = joint.limits.temperature - margin
+    def let_cool(self, j: int, code: FaultCode) -> None:
+        """After a fault by heat the joint must cool some way below the limit, not just to it."""
+        limits = self._joints[j].limits
+        if code is FaultCode.OVERHEATING:
+            cool = limits.temperature - limits.temperature_hysteresis
+            self._upper[Row.TEMPERATURE, j] = cool
+        elif code is FaultCode.I2T:
+            self._slow_limit[Check.OVERLOAD, j] = STRAINED * self.heat.budget[j]
 
     def healthy(self, state: State, values: Array) -> bool:
         """Watch one reading; false when any joint has a cause to be in HW_FAULT.
@@ -215,14 +224,12 @@ class Watch:
         self._first[:] = values[Row.CURRENT]
         self.travelled += travelled
         self._driven[:] = 0.0
-        travel, overload, overrun = self._slow
+        travel, _, overrun = self._slow
         # Travel of the motor against travel of the encoder, forgetting slowly.
         travel *= self._forget
         travel += travelled - (values[Row.POSITION] - self._mark) * self._live
         self._mark[:] = values[Row.POSITION]
-        # I²t: what is above nominal adds up, what is below lets it go.
-        overload += (state.current**2 - self._nominal_squared) * (SLOW * self._period)
-        np.maximum(overload, 0.0, out=overload)
+        self.heat.look(state.current, self._live, values[Row.TEMPERATURE], SLOW * self._period)
         np.subtract(state.position, self._middle, overrun)
         np.less_equal(np.abs(self._slow), self._slow_limit, self._slow_good)
 
@@ -288,6 +295,8 @@ class Watch:
             Row.TORQUE: f"reads {value:.3g} {torque_unit}, out of its range",
             Row.TEMPERATURE: f"winding at {value:.0f} °C > {limit:.0f} °C",
         }
+        if row is Row.TEMPERATURE:
+            return Cause(code, texts[row], self.heat.cooling_advice(j, value, limit))
         return Cause(code, texts[row])
 
     def _describe_check(self, check: Check, code: FaultCode, j: int) -> Cause:
@@ -303,6 +312,8 @@ class Watch:
             Check.OVERLOAD: f"more than {limits.nominal_current:.3g} A nominal for too long "
             f"(I2t: {limits.overload_time:.3g} s at peak)",
         }
+        if check is Check.OVERLOAD:
+            return Cause(code, texts[check], self.heat.overload_advice(j, SLOW * self._period))
         return Cause(code, texts[check])
 
     def _units(self, j: int) -> tuple[str, str]:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 
 from builtin_interfaces.msg import Time
@@ -10,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from ..compiled import describe
 from ..core.faults import FaultRecord
+from ..core.heat import HOT, STRAINED
 from ..core.vocabs import ControlMode, InteractionMode
 from .loop import ControlLoop
 from .pacing import Statistics
@@ -26,13 +28,20 @@ class Diagnostics:
         names: of the joints.
         hardware_id: of the robot.
         nominal_rate: control cycles per second of simulated time.
+        hottest: temperature limit of each winding, °C; none where it is not watched.
     """
 
     def __init__(
-        self, loop: ControlLoop, names: Sequence[str], hardware_id: str, nominal_rate: float
+        self,
+        loop: ControlLoop,
+        names: Sequence[str],
+        hardware_id: str,
+        nominal_rate: float,
+        hottest: Sequence[float] = (),
     ) -> None:
         self._loop, self._names = loop, names
         self._hardware_id, self._nominal_rate = hardware_id, nominal_rate
+        self._hottest = list(hottest) or [math.inf] * len(names)
         self._overruns = self._skipped = 0
         self._rejected = [0] * len(names)
 
@@ -51,8 +60,9 @@ class Diagnostics:
                     (modes.control[j], modes.interaction[j]),
                     faults.records[j],
                     (rejected[j], rejected[j] - self._rejected[j]),
-                    float(state.temperature[j]),
+                    (float(state.temperature[j]), self._hottest[j]),
                     float(state.current[j]),
+                    float(state.overload[j]),
                 )
             )
         self._rejected = rejected
@@ -91,8 +101,9 @@ class Diagnostics:
         modes: tuple[ControlMode, InteractionMode],
         fault: FaultRecord,
         rejected: tuple[int, int],
-        temperature: float,
+        temperature: tuple[float, float],
         current: float,
+        overload: float,
     ) -> DiagnosticStatus:
         level, text = DiagnosticStatus.OK, modes[0].name
         if fault.active:
@@ -100,6 +111,9 @@ class Diagnostics:
         elif rejected[1]:
             level = DiagnosticStatus.WARN
             text = f"{modes[0].name}; {rejected[1]} commands rejected in the last second"
+        elif overload > STRAINED or temperature[0] > temperature[1] - HOT:
+            level = DiagnosticStatus.WARN
+            text = f"{modes[0].name}; near a fault by heat: take load away"
         values = {
             "control mode": modes[0].code,
             "interaction mode": modes[1].code,
@@ -107,8 +121,10 @@ class Diagnostics:
             "fault code": fault.code if fault.active else -1,
             "last fault": fault.text,
             "rejected commands": rejected[0],
-            "temperature (°C)": f"{temperature:.1f}",
+            "temperature (°C)": f"{temperature[0]:.1f}",
+            "temperature limit (°C)": f"{temperature[1]:.1f}",
             "current (A)": f"{current:.2f}",
+            "I2t (%)": f"{100.0 * overload:.0f}",
         }
         return self._status(name, level, text, values.items())
 

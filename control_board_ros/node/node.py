@@ -83,7 +83,11 @@ class BoardNode:
         self._topics = self._hear_commands(Commands(self.loop, plant, injection, self.complain))
         self._actions = Actions(self.node, self.loop)
         self._diagnostics = Diagnostics(
-            self.loop, names, settings.urdf.name, settings.board.control_rate
+            self.loop,
+            names,
+            settings.urdf.name,
+            settings.board.control_rate,
+            [joint.limits.temperature for joint in settings.board.joints],
         )
         self._diagnostics_publisher = self.node.create_publisher(
             DiagnosticArray, "/diagnostics", STREAM, event_callbacks=QUIET

@@ -3,12 +3,17 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from spec.rig import MOTOR, board_config, joint, ready
+from spec.rig import MOTOR, board_config, held, joint, ready
 
+from control_board_ros.core.faults import FaultCode
+from control_board_ros.core.measurement import Row
+from control_board_ros.core.parts import DEGREE
+from control_board_ros.core.reply import Reply
 from control_board_ros.core.vocabs import ControlMode
 from control_board_ros.core.watch import first_weight
 
@@ -44,3 +49,76 @@ def test_the_weight_of_a_cycle_s_first_current() -> None:
     """One half where the cycle is short against L/R, none where it is long."""
     ratios = np.array([1e-9, 1e-3, 1.0, 1e3])
     assert first_weight(ratios) == pytest.approx([0.5, 0.49992, 0.41802, 1e-3], abs=1e-5)
+
+
+# Heat (F6) -----------------------------------------------------------------------------------
+
+HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
+
+
+def told(reply: Reply) -> float:
+    """The time to wait that a refused FORCE_IDLE tells, s."""
+    found = re.search(r"wait ([0-9.]+) s", reply.message)
+    assert found is not None, reply.message
+    return float(found[1])
+
+
+def test_i2t_is_warned_of_once_before_it_faults() -> None:
+    """F6: at 80 % of the budget, in events and in the snapshot."""
+    rig = held(joint("left", limits=HEATED))
+    rig.enter("pos")
+    rig.warnings()
+    rig.plant.values[Row.CURRENT] = 10.0
+    rig.run(0.75)
+    assert rig.warnings() == []
+    rig.run(0.1)
+    assert rig.modes() == [M.POSITION]
+    (warning,) = rig.warnings()
+    assert warning.startswith("left: at 8")
+    assert "% of its I2t limit" in warning
+    assert 0.8 < rig.board.snapshot().overload[0] < 0.9
+    rig.plant.values[Row.CURRENT] = 5.0
+    rig.run(1.0)
+    assert rig.warnings() == []
+
+
+def test_a_hot_winding_is_warned_of_before_it_faults() -> None:
+    """F6: 10 K below its limit, once, and again after it has cooled."""
+    rig = held(joint("left"))
+    for temperature, warned in ((109.0, False), (111.0, True), (119.0, False), (100.0, False)):
+        rig.plant.values[Row.TEMPERATURE] = temperature
+        rig.tick(20)
+        assert bool(rig.warnings()) is warned, temperature
+    rig.plant.values[Row.TEMPERATURE] = 111.0
+    rig.tick(20)
+    assert rig.warnings() == ["left: winding at 111 °C, its limit is 120 °C; take load away"]
+    assert rig.modes() == [M.IDLE]
+
+
+def test_an_overheated_winding_names_the_time_to_wait() -> None:
+    """F6: from the motor's thermal time constant; where that is not known, the temperature."""
+    known = replace(MOTOR, thermal_time=100.0, ambient=20.0)
+    rig = held(joint("left", motor=known))
+    rig.plant.values[Row.TEMPERATURE] = 121.0
+    rig.tick(2)
+    reply = rig.board.set_control_mode("left", "fidl")
+    assert "until it is below 110 °C, then send FORCE_IDLE again" in reply.message
+    assert told(reply) == pytest.approx(100.0 * np.log(101.0 / 90.0), abs=0.21)
+    unknown = held(joint("left"))
+    unknown.plant.values[Row.TEMPERATURE] = 121.0
+    unknown.tick(2)
+    reply = unknown.board.set_control_mode("left", "fidl")
+    assert "; wait until it is below 110 °C, then" in reply.message
+
+
+@pytest.mark.parametrize(("kind", "step"), [("revolute", 0.5 * DEGREE), ("prismatic", 1e-3)])
+def test_a_jump_is_an_angle_or_a_length(kind: str, step: float) -> None:
+    """F1: a reading may jump by what the speed allows, and half a degree or 1 mm."""
+    rig = held(joint("left", kind=kind))
+    allowed = 4.0 * rig.config.joints[0].limits.velocity * rig.period + step
+    rig.plant.values[Row.POSITION] += 0.99 * allowed
+    rig.tick()
+    assert rig.modes() == [M.IDLE]
+    rig.plant.values[Row.POSITION] += 1.01 * allowed
+    rig.tick()
+    assert rig.board.get_faults("left")[0].code == FaultCode.ENCODER_SPIKE

@@ -47,6 +47,7 @@ RULES = {
     "F3": "a cause that persists",
     "F4": "FORCE_IDLE outside a fault is IDLE",
     "F5": "code, text and time of the last fault",
+    "F6": "heat fades without power, and tells how long",
     "K1": "calibration at start-up or by the user",
     "K2": "while calibrating",
     "K3": "modes after calibration",

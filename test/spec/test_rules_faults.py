@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from control_board_ros.core.config import Pid
 from control_board_ros.core.measurement import Row
+from control_board_ros.core.reply import Reply
 from control_board_ros.core.vocabs import ControlMode
 
 from .rig import COMMANDS, COMPLIANT, M, Rig, board_config, held, in_status, joint, ready
@@ -142,6 +144,65 @@ def test_overload() -> None:
     rig.run(0.1)
     assert rig.modes() == [M.HW_FAULT]
     assert rig.board.get_faults("left")[0].code == 2
+
+
+HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}
+
+
+def told(reply: Reply) -> float:
+    """The time to wait that a refused FORCE_IDLE tells, s."""
+    found = re.search(r"wait ([0-9.]+) s", reply.message)
+    assert found is not None, reply.message
+    return float(found[1])
+
+
+def overloaded(current: float = 10.0) -> Rig:
+    """A joint that has just tripped I²t, its bridge open, its sensor still saying the same."""
+    rig = held(joint("left", limits=HEATED))
+    rig.enter("pos")
+    rig.plant.values[Row.CURRENT] = current
+    rig.run(1.1)
+    assert rig.board.get_faults("left")[0].code == 2
+    return rig
+
+
+def test_i2t_fades_without_power_whatever_the_sensor_says() -> None:
+    """F6: FORCE_IDLE names the time to wait; before it is refused, after it accepted."""
+    rig = overloaded()
+    rig.tick(8)
+    reply = rig.board.set_control_mode("left", "fidl")
+    assert not reply
+    assert "no power heats it meanwhile, then send FORCE_IDLE again" in reply.message
+    assert "remove it" not in reply.message
+    wait = told(reply)
+    assert wait == pytest.approx(0.2 * 75.0 / 25.0, abs=0.2)
+    rig.run(wait - 0.3)
+    again = told(rig.board.set_control_mode("left", "fidl"))
+    assert again == pytest.approx(0.3, abs=0.11)
+    rig.run(again)
+    assert rig.board.set_control_mode("left", "fidl")
+
+
+def test_a_joint_without_power_heats_nothing() -> None:
+    """F6: in IDLE a broken current sensor trips nothing."""
+    rig = held(joint("left", limits=HEATED))
+    rig.plant.values[Row.CURRENT] = 9.9
+    rig.run(5.0)
+    assert rig.modes() == [M.IDLE]
+    assert rig.board.snapshot().overload[0] == 0.0
+
+
+def test_an_injected_overcurrent_cleared_at_once_is_clearable_at_once() -> None:
+    """F6, F3: no seconds of I²t come from a sensor that lied while the bridge was open."""
+    rig = ready(board_config(joint("left")))
+    rig.enter("pos")
+    rig.plant.inject("left", "overcurrent", persistent=True)
+    rig.run(3.0)
+    assert rig.modes() == [M.HW_FAULT]
+    rig.plant.clear_injected()
+    rig.tick(2)
+    reply = rig.board.set_control_mode("left", "fidl")
+    assert reply, reply.message
 
 
 def test_over_temperature_has_a_hysteresis() -> None:
