@@ -306,6 +306,27 @@ def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     assert "1 commands rejected" in status.message
 
 
+def test_diagnostics_warn_of_heat_before_it_is_a_fault(rig: Rig) -> None:
+    """F6: within 10 K of the limit, in the joint's status; its key tells the limit."""
+    from builtin_interfaces.msg import Time
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    from control_board_ros.node.diagnostics import Diagnostics
+
+    rig.loop.start()
+    rig.run_to(20)
+    names, winding = rig.board.names, float(rig.board.snapshot().temperature[0])
+    good, warning = DiagnosticStatus.OK, DiagnosticStatus.WARN
+    for limit, level in ((winding + 11.0, good), (winding + 9.0, warning)):
+        told = Diagnostics(rig.loop, names, "rig", 1000.0, [limit] * len(names))
+        status = told.message(Time()).status[1]
+        assert status.level == level
+        values = {pair.key: pair.value for pair in status.values}
+        assert values["temperature limit (°C)"] == f"{limit:.1f}"
+        assert values["I2t (%)"] == "0"
+    assert "near a fault by heat: take load away" in status.message
+
+
 def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:
     """While it runs, after the next tick; at once while time stands still."""
     rig.loop.start()
