@@ -148,10 +148,12 @@ class SimulationConfig:
         """
         steps = round(self.physics_rate / control_rate)
         if steps < 1 or not math.isclose(steps * control_rate, self.physics_rate, rel_tol=1e-9):
+            next_one = control_rate * math.ceil(self.physics_rate / control_rate)
             raise ConfigError(
                 "simulation.physics_rate",
                 self.physics_rate,
-                f"a whole multiple of control_rate, {control_rate:g} Hz",
+                f"a whole multiple of control_rate, {control_rate:g} Hz, as {next_one:g}; left "
+                "out, one is chosen",
             )
         return steps
 

@@ -26,6 +26,7 @@ from .loads import Load
 from .urdf import UrdfJoint
 
 FASTEST = 20.0  # rad/s or m/s; more in a URDF is a placeholder
+TURNS, SLIDES = math.pi, 0.5  # rad/s and m/s, where the URDF gives no speed
 STRONG = 1000.0  # N·m or N; more in a URDF may be a placeholder
 ABSURD = 100.0  # times what the load needs: then it is one
 BRISK = 10.0  # 1/s: acceleration wanted, in speed limits per second
@@ -50,7 +51,7 @@ def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assume
     name, slides = joint.name, joint.kind == "prismatic"
     speed_unit, unit = ("m/s", "N") if slides else ("rad/s", "N·m")
     if "limits.velocity" not in values:
-        velocity = joint.velocity or math.pi
+        velocity = joint.velocity or (SLIDES if slides else TURNS)
         values["limits.velocity"] = min(velocity, FASTEST)
         if joint.velocity is None:
             text = f"{velocity:.3g} {speed_unit}"

@@ -34,7 +34,7 @@ BOARD = (
     number(
         "control_rate",
         default_of(BoardConfig, "control_rate"),
-        "Control cycles, Hz.",
+        "Control cycles, Hz; the gains hold from 200 to 4000, the log warns below.",
         10,
         high=2e4,
     ),
@@ -86,7 +86,7 @@ BOARD = (
         "Physics steps, Hz; a whole multiple of control_rate.",
         10,
         high=1e5,
-        derived="control_rate: at least 1000",
+        derived="control_rate: its first multiple from 1000",
     ),
     Parameter(
         name="gravity",

@@ -34,6 +34,7 @@ from .values import convert
 __all__ = ["Settings", "SettingsError", "find_config", "load", "load_layers"]
 
 LEAST_PHYSICS_RATE = 1000.0  # Hz, where nobody gives one
+LEAST_CONTROL_RATE = 200.0  # Hz, for which gains are made
 #: Parameters that every ROS node has; they are the node's, not the board's.
 ROS_NAMES = ("use_sim_time", "start_type_description_service")
 ROS_PREFIXES = ("qos_overrides.",)
@@ -77,6 +78,8 @@ class Settings:
                 raise SettingsError(f"{name}: is fixed while the board runs; set it at start")
             values[name] = convert(row, name, Entry(value, ""))
         touched = {name for name in self.board.names if any(_owned(c, name) for c in changes)}
+        for name in touched:
+            self._restart(name, values)
         try:
             joints = tuple(
                 build.joint(values, one.name, one.kind) if one.name in touched else one
@@ -84,8 +87,14 @@ class Settings:
             )
             board = replace(self.board, joints=joints)
         except ConfigError as error:
-            raise SettingsError(str(error)) from None
+            raise SettingsError(_blame(error, changes, values)) from None
         return replace(self, board=board, values=values)
+
+    def _restart(self, name: str, values: dict[str, Any]) -> None:
+        """Keep a calibration's start that nobody gives within the joint's limits."""
+        if (key := f"{name}.calibration.start") not in self.where:
+            low, high = values[f"{name}.limits.lower"], values[f"{name}.limits.upper"]
+            values[key] = min(max(values[f"{name}.home"], low), high)
 
 
 def load(
@@ -146,8 +155,19 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
             if name.startswith(JOINT_DEFAULTS + "."):
                 row = JOINT_BY_NAME[name.partition(".")[2]]
                 values[name] = convert(row, name, entry)
-    warnings = urdf.warnings + assumed.warnings
+    warnings = urdf.warnings + assumed.warnings + _slow(values["control_rate"])
     return Settings(made, simulation, urdf, values, ros, warnings, assumed.notes, where)
+
+
+def _slow(rate: float) -> tuple[str, ...]:
+    """A warning where the control rate is too low for the gains."""
+    if rate >= LEAST_CONTROL_RATE:
+        return ()
+    return (
+        f"control_rate: {rate:g} Hz is too slow for the gains, which are made for "
+        f"{LEAST_CONTROL_RATE:g} to 4000 Hz: stiff joints may shake, and fault by overcurrent; "
+        f"use {LEAST_CONTROL_RATE:g} or more",
+    )
 
 
 def _robot(layers: list[Layer]) -> tuple[str, Path | None]:
@@ -272,6 +292,16 @@ def _joint_values(
             values["control_modes"] = [m for m in values["control_modes"] if m != "torq"]
             values["interaction_modes"] = [m for m in values["interaction_modes"] if m != "comp"]
     return found, assumed
+
+
+def _blame(error: ConfigError, changes: Mapping[str, Any], values: Mapping[str, Any]) -> str:
+    """A configuration error by the change that caused it, not by what it does not fit."""
+    if error.key in changes:
+        return str(error)
+    joint = error.key.partition(".")[0]
+    guilty = [name for name in changes if _owned(name, joint)] or list(changes)
+    told = ", ".join(f"{name}: {values[name]!r} is not allowed" for name in guilty)
+    return f"{told}; {error.key} is {error.value!r} and would have to be {error.allowed}"
 
 
 def _explain(error: ConfigError, where: Mapping[str, str]) -> str:

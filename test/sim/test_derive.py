@@ -109,6 +109,8 @@ def test_what_is_assumed_is_told(tmp_path: Path) -> None:
     assert "no effort in the URDF, assumed: hinge" in told
     assert "no speed in the URDF, assumed: hinge 3.14 rad/s; give limits.velocity" in told
     assert "motors of all joints, gains of all joints" in made.notes[0]
+    sliding = arm(tmp_path, '<limit lower="0" upper="1" effort="50"/>', kind="prismatic")
+    assert "hinge 0.5 m/s; give limits.velocity" in derived(sliding).warnings[0]
     weak = derived(arm(tmp_path, '<limit lower="-2" upper="2" effort="5" velocity="2"/>'))
     assert "cannot hold every pose against gravity: hinge 5 of 9.81 N·m" in weak.warnings[0]
     quick = derived(arm(tmp_path, '<limit lower="-2" upper="2" effort="50" velocity="50"/>'))

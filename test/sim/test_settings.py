@@ -146,6 +146,40 @@ def test_some_joints_in_another_order() -> None:
     assert "lbr_iiwa_joint_3.home" not in made.values
 
 
+@pytest.mark.parametrize("robot", ["iiwa", "panda"])
+@pytest.mark.parametrize(
+    ("rate", "physics"), [(200, 1000), (300, 1200), (400, 1200), (2000, 2000)]
+)
+def test_the_physics_rate_fits_the_control_rate(robot: str, rate: float, physics: float) -> None:
+    """The smallest multiple from 1000 Hz on, also for robots with a shipped configuration."""
+    made = load(None, {"robot": robot, "control_rate": float(rate)})
+    assert made.simulation.physics_rate == physics
+    assert made.warnings == ()
+
+
+def test_a_rate_too_slow_for_the_gains_is_told() -> None:
+    """Gains hold from 200 Hz on; below, the log says why joints shake."""
+    (warning,) = load(None, {"control_rate": 199.0}).warnings
+    assert warning.startswith("control_rate: 199 Hz is too slow for the gains")
+
+
+def test_a_limit_below_home_is_allowed_while_the_board_runs(iiwa: Settings) -> None:
+    """Where nobody gives the calibration's start, it stays within the limits."""
+    changed = iiwa.changed({f"{J2}.limits.upper": 0.3})
+    assert changed.board.joints[1].limits.upper == 0.3
+    assert changed.values[f"{J2}.calibration.start"] == 0.3
+    assert iiwa.changed({f"{J2}.limits.upper": 0.4}).values[f"{J2}.calibration.start"] == 0.4
+
+
+def test_a_refused_change_names_what_was_changed() -> None:
+    """Not the parameter that it does not fit."""
+    own = load("iiwa", {f"{J2}.calibration.start": 0.5})
+    with pytest.raises(SettingsError) as caught:
+        own.changed({f"{J2}.limits.upper": 0.3})
+    assert str(caught.value).startswith(f"{J2}.limits.upper: 0.3 is not allowed; ")
+    assert f"{J2}.calibration.start is 0.5" in str(caught.value)
+
+
 def test_any_urdf_by_its_path(tmp_path: Path) -> None:
     """Limits, speed and effort come from the URDF; gains from what the joint carries."""
     source = ROBOTS["iiwa"].path()
