@@ -14,7 +14,7 @@ from typing import Any
 from ..core.parts import DEGREE
 from .assumed import Assumed
 from .derive_gains import gains
-from .derive_motor import electrical, friction, limits, rotor, thermal
+from .derive_motor import current_loop, electrical, friction, limits, rotor, thermal
 from .loads import loads
 from .urdf import Urdf, UrdfJoint
 
@@ -56,6 +56,7 @@ def complete(
         limits(given, joints[name], load, assumed)
         friction(given, joints[name], load, assumed)
         electrical(given, joints[name], load)
+        current_loop(given, 1.0 / control_rate)
         rotor(given, joints[name], load)
         thermal(given, name, assumed)
     reflected = {

@@ -56,9 +56,6 @@ def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
     for name in ("kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"):
         give(f"direct_pid.{name}", values[f"position_pid.{name}"])
     give("torque_pid.integral_limit", torque)
-    give("current_pid.kp", 0.2 * values["motor.resistance"])
-    give("current_pid.ki", 100.0 * values["motor.resistance"])
-    give("current_pid.integral_limit", values["motor.supply_voltage"])
     stiffest = give("impedance.max_stiffness", SPRING * kp)
     stiffness = give("impedance.stiffness", SOFTEST * stiffest)
     give("impedance.max_damping", max(kd, spring_damping(stiffest, greatest)))

@@ -38,6 +38,7 @@ ROTOR_PER_TORQUE = 1e-3  # s²
 STEP = 1e-3  # s, the longest physics step that is derived
 COOL = 20.0  # K below the temperature limit, at the nominal current
 THERMAL = 120.0  # s
+STIFFEST = 3.0  # gain of the current loop, of the resistance
 FRICTION_SHARE = 0.01
 
 
@@ -115,6 +116,21 @@ def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
         share = min(share, 0.9 * given / wanted)
     nominal = give("limits.nominal_current", share * wanted)
     give("limits.peak_current", max(peak, 1.05 * nominal))
+
+
+def current_loop(values: dict[str, Any], period: float) -> None:
+    """Gains of the inner loop (P10) that fit the control period T.
+
+    The loop gives V = R i_ref + Ke ω and corrects by a PI. A winding settles by a = exp(−T R/L)
+    in a period, so kp = R a/(1 − a) would reach i_ref in one; half of it is taken. The integral
+    makes up for a wrong R in 20 periods or 20 ms.
+    """
+    resistance = values["motor.resistance"]
+    left = math.exp(-period * resistance / values["motor.inductance"])
+    give = values.setdefault
+    give("current_pid.kp", min(0.5 * left / (1.0 - left), STIFFEST) * resistance)
+    give("current_pid.ki", min(0.05 / period, 50.0) * resistance)
+    give("current_pid.integral_limit", values["motor.supply_voltage"])
 
 
 def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:

@@ -250,7 +250,7 @@ JOINT = (
     *_pid("position_pid", "Position PID", "N·m/rad", "inertia_min", {"kff": 0.0, **_CUTOFF}),
     *_pid("direct_pid", "PID of POSITION_DIRECT", "N·m/rad", "position_pid at start", {}),
     *_pid("torque_pid", "Torque PID", "1", "", {"kp": 0.0, "ki": 30.0, **_PLAIN, "kff": 1.0}),
-    *_pid("current_pid", "Current PI", "V/A", "motor.resistance", _PLAIN),
+    *_pid("current_pid", "Current PI", "V/A", "motor and control_rate", _PLAIN),
     number("impedance.stiffness", None, "At start, N·m/rad (I6).", derived="position_pid"),
     number("impedance.damping", None, "At start, N·m·s/rad (I6).", derived="position_pid"),
     number("impedance.max_stiffness", None, "Allowed, N·m/rad.", derived="position_pid"),

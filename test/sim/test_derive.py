@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -130,3 +131,25 @@ def test_a_nominal_current_that_overheats_is_told() -> None:
     made = load("iiwa", {"lbr_iiwa_joint_2.motor.thermal_resistance": 0.8})
     assert "the nominal current overheats the winding in the end" in made.warnings[0]
     assert "lbr_iiwa_joint_2 329 °C of 120 °C" in made.warnings[0]
+
+
+@pytest.mark.parametrize("rate", [200.0, 300.0, 1000.0, 4000.0])
+@pytest.mark.parametrize("wrong", [0.8, 1.0, 1.25])
+def test_the_current_loop_fits_the_control_rate(rate: float, wrong: float) -> None:
+    """P10: V = R i_ref + PI on a winding whose R is not quite as told; no ringing, no lag."""
+    made = load("iiwa", {"control_rate": rate})
+    for joint in made.board.joints:
+        motor, gains, period = joint.motor, joint.current_pid, 1.0 / rate
+        true = wrong * motor.resistance
+        left = math.exp(-period * true / motor.inductance)
+        current = integral = 0.0
+        course = []
+        for _ in range(round(0.3 * rate)):
+            error = 1.0 - current
+            integral += gains.ki * period * error
+            volts = motor.resistance + gains.kp * error + integral
+            current = left * current + (1.0 - left) * volts / true
+            course.append(current)
+        assert max(course) < 1.06 * max(1.0, 1.0 / wrong)
+        assert course[-1] == pytest.approx(1.0, abs=0.02)
+        assert course[max(1, round(0.004 * rate))] > 0.85 * min(1.0, 1.0 / wrong)

@@ -116,14 +116,13 @@ def test_motors_fit_the_joints() -> None:
 
 
 def test_a_file_changes_what_it_says_and_nothing_else(tmp_path: Path, iiwa: Settings) -> None:
-    made = load(written(tmp_path, f"control_rate: 500\n{J2}:\n  position_pid.kp: 5000\n"))
-    assert made.board.control_rate == 500.0
-    assert isinstance(made.board.control_rate, float)
-    assert made.simulation.physics_rate == 1000.0
+    made = load(written(tmp_path, f"state_rate: 50\n{J2}:\n  position_pid.kp: 5000\n"))
+    assert made.values["state_rate"] == 50.0
+    assert isinstance(made.values["state_rate"], float)
     assert made.board.joints[1].position_pid.kp == 5000.0
     changed = {key for key, value in made.values.items() if value != iiwa.values[key]}
     followers = ("position_pid.kp", "direct_pid.kp", "guard_stiffness")
-    assert changed == {"control_rate", *(f"{J2}.{name}" for name in followers)}
+    assert changed == {"state_rate", *(f"{J2}.{name}" for name in followers)}
 
 
 def test_a_joint_wins_over_the_defaults_and_later_over_earlier(tmp_path: Path) -> None:
