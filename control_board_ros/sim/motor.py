@@ -19,6 +19,8 @@ h · coulomb/eps ≤ M; eps = max(0.001 rad/s, 2 h · coulomb/M) keeps a factor 
 reflected rotor inertia, a lower bound of what the joint moves, or the ideal body's inertia
 where the rotor has none. Back-EMF must fit the step too: h (Ke kt N η/R + viscous) < M.
 
+A small part of the Coulomb friction lies beyond the torque sensors: see ``bearing``.
+
 The winding warms by R i² through its thermal resistance and capacitance, first order, solved
 exactly over 50 ms at a time for the current at their end: windings take minutes.
 """
@@ -31,6 +33,7 @@ import numpy as np
 
 from ..core.config import BoardConfig
 from ..core.measurement import Array
+from .bearing import Bearings, bearing_torque
 from .config import SimulationConfig
 
 SLIP_SPEED = 1e-3
@@ -46,7 +49,8 @@ class Motors:
         state: What the body refreshes after each step: position and velocity, shape (2, n).
         position, velocity, current, pwm: Rows of one block, shape (n,); rad, rad/s, A, percent.
         rates: velocity and current, shape (2, n).
-        torque: From the gearbox to the link in the last step, shape (n,), N·m.
+        torque: From the gearbox to the link in the last step, shape (n,), N·m, as sensed.
+        applied: What the link gets of it, less its bearing's friction, shape (n,), N·m.
         temperature: Of the windings, shape (n,), °C.
         heat_cycles: Control cycles between two calls of ``warm``.
     """
@@ -73,11 +77,10 @@ class Motors:
         self._to_current = np.array([settled * speed, 1.0 - settled, settled * volts, none])
         self._to_torque = per_ampere * np.array([mean * speed, 1.0 - mean, mean * volts, none])
         viscous = np.array([m.viscous for m in models])
-        coulomb = np.array([m.coulomb for m in models])
+        inertia = smoothing_inertia(board, simulation)
+        coulomb = np.array([m.coulomb for m in models]) - bearing_torque(board, simulation)
         self._rub = np.array([-viscous, none, none, -coulomb])
-        self._slip = 1.0 / np.maximum(
-            SLIP_SPEED, 2.0 * h * coulomb / smoothing_inertia(board, simulation)
-        )
+        self._slip = 1.0 / np.maximum(SLIP_SPEED, 2.0 * h * coulomb / inertia)
         self._sticky = bool(coulomb.any())
 
         capacity = np.array([m.thermal_capacitance for m in models])
@@ -91,6 +94,8 @@ class Motors:
 
         self._answer = np.zeros((2, n))
         self.torque, self._next_current = self._answer
+        self._bearings = Bearings(board, simulation, inertia, self.velocity, self.torque)
+        self.applied = self._bearings.applied
         self._law = (_Together if n <= TOGETHER else _Apart)(self._inputs, self._answer)
         self.switch(np.ones(n))
 
@@ -105,6 +110,8 @@ class Motors:
             np.tanh(self._friction, self._friction)
         self._law.apply()
         self.current[...] = self._next_current
+        if self._bearings.active:
+            self._bearings.step()
 
     def warm(self) -> None:
         """Let heat_cycles control periods pass for the windings at the present current."""
@@ -115,6 +122,7 @@ class Motors:
         """No current, cold windings."""
         self.current.fill(0.0)
         self.torque.fill(0.0)
+        self._bearings.rest()
         self.temperature[:] = self._ambient
 
 

@@ -120,7 +120,7 @@ class SimulatedPlant:
             PlantGone: the physics server is gone.
         """
         motors = self._motors
-        torque = motors.torque
+        torque = motors.applied
         if (powered := actuation.powered.tobytes()) != self._powered:
             motors.switch(actuation.powered)
             self._powered = powered
