@@ -94,7 +94,7 @@ class Loads:
     @property
     def inertia(self) -> Array:
         """M_jj, shape (n, P)."""
-        return np.einsum("pnn->np", self.matrix)
+        return np.array(np.einsum("pnn->np", self.matrix))
 
     @property
     def by_name(self) -> dict[str, Load]:
