@@ -394,6 +394,9 @@ class Commands(Machine):
         values: Floats = self.references.last[kind, self.selector.select(joints).joints]
         return values
 
+    def reject(self, joints: Joints, message: str) -> Reply:
+        """Refuse and count a command that was found wrong before it came here (P13)."""
+        return self._malformed(joints, message)
 
 def feed_output(joint: Joint, output: float) -> None:
     """Set u_ff, percent (P11)."""

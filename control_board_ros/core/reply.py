@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -64,6 +65,17 @@ def decided(joints: tuple[str, ...], verdicts: list[tuple[Answer, str]]) -> Repl
     if all(answer is Answer.ACCEPTED for answer, _ in verdicts):
         return accepted(joints)
     reasons = tuple(reason for _, reason in verdicts)
+    return Reply(joints, tuple(a for a, _ in verdicts), summary(reasons), reasons)
+
+
+def summary(reasons: Iterable[str]) -> str:
+    """The message of several reasons: the first three, and how many more there are."""
     told = list(dict.fromkeys(reason for reason in reasons if reason))
     rest = f" (and {len(told) - 3} more)" if len(told) > 3 else ""
-    return Reply(joints, tuple(a for a, _ in verdicts), "; ".join(told[:3]) + rest, reasons)
+    return "; ".join(told[:3]) + rest
+
+
+def joints_of(reply: Reply, answer: Answer) -> list[str]:
+    """The joints of a reply that gave this answer."""
+    pairs = zip(reply.joints, reply.answers, strict=True)
+    return [name for name, given in pairs if given is answer]

@@ -21,7 +21,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..core.board import Board
-from ..core.machine import BoardEvent
 from ..core.measurement import Actuation, Plant
 from ..core.vocabs import ControlMode
 from .pacing import Pacer, Statistics, sharpen_timers
@@ -48,6 +47,9 @@ class ControlLoop:
         real_time_factor: simulated seconds per second; 0 = as fast as possible.
         simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
         on_end: called when the thread ends, by :meth:`stop` or by a failure.
+
+    Attributes: hooks (called in every cycle before the tick), turn_hooks (called at the end of
+    every exclusive turn); both hold the lock.
     """
 
     def __init__(
@@ -66,6 +68,7 @@ class ControlLoop:
         self.on_end = on_end
         self._pacer = Pacer(0.0)
         self.hooks: list[Hook] = []
+        self.turn_hooks: list[Callable[[], None]] = []
         self.records = Records(board)
         self.failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
@@ -106,10 +109,6 @@ class ControlLoop:
     def exclusive(self) -> Turn:
         """The board to oneself, between two cycles: ``with loop.exclusive() as board``."""
         return Turn(self)
-
-    def tell(self, level: str, text: str) -> None:
-        """Say something from a hook; it reaches the log with the board's own events."""
-        self.records.events.append(BoardEvent(level, text, "", text))
 
     def statistics(self) -> Statistics:
         """How the loop fared since the last call, and in all."""
@@ -313,6 +312,8 @@ class Turn:
     def __exit__(self, *_error: Any) -> None:
         loop = self._loop
         try:
+            for hook in loop.turn_hooks:
+                hook()
             if loop.paused:  # else the next cycle tells, when the request has its answer
                 loop.records.note_changes()
         finally:

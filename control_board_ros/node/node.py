@@ -31,7 +31,7 @@ from .scheduling import take_priority
 from .services import DEEP, SERVICES, Services
 from .throttle import PERIOD, ThrottledLog, writers
 from .topics import COMMANDS, Commands
-from .trajectory import TrajectoryFollower
+from .trajectory import TrajectoryTopic
 
 #: s after the start at which the graph is known well enough to look for a namesake.
 SETTLED = 3.0
@@ -78,7 +78,10 @@ class BoardNode:
             self.node, self.loop, names, settings.description, self._tell_events, self.on_error
         )
         injection = bool(values["allow_fault_injection"])
-        self._services = Services(self.loop, plant, injection, self._later)
+        self._trajectories = TrajectoryTopic(self.loop, self.complain)
+        self._services = Services(
+            self.loop, plant, injection, self._later, self._trajectories.follower
+        )
         self._offer_services()
         self._topics = self._hear_commands(Commands(self.loop, plant, injection, self.complain))
         self._actions = Actions(self.node, self.loop)
@@ -163,8 +166,7 @@ class BoardNode:
             )
             for name, kind in COMMANDS.items()
         ]
-        follower = TrajectoryFollower(self.loop, self.complain)
-        callback = self._hearing("joint_trajectory", follower.on_message)
+        callback = self._hearing("joint_trajectory", self._trajectories.on_message)
         topics.append(CommandTopic(self.node, JointTrajectory, "~/joint_trajectory", callback))
         return topics
 

@@ -17,6 +17,8 @@ from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from ..core.board import Board
+from ..core.follower import Follower
+from ..core.reply import Answer, joints_of
 from ..core.selection import RequestError
 from .loop import ControlLoop
 from .messages import answered, chosen, codes, doubles, joint_fault, modes, optional
@@ -33,6 +35,7 @@ class Services:
         plant: the simulation, for faults.
         injection: whether faults may be injected.
         later: runs a function in the executor's thread; safe to call from any thread.
+        follower: of trajectories, which a stop ends.
     """
 
     def __init__(
@@ -41,8 +44,10 @@ class Services:
         plant: Any,
         injection: bool,
         later: Callable[[Callable[[], None]], None],
+        follower: Follower,
     ) -> None:
         self._loop, self._plant, self._injection, self._later = loop, plant, injection, later
+        self._follower = follower
 
     # -- modes --------------------------------------------------------------------------------
 
@@ -131,6 +136,9 @@ class Services:
     def stop(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
             reply = board.stop(chosen(request.names, board.count))
+            stopped = joints_of(reply, Answer.ACCEPTED)
+            if stopped:
+                self._follower.end(stopped, "stopped")
         return answered(response, reply)
 
     # -- faults and life ----------------------------------------------------------------------

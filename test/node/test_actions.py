@@ -4,17 +4,18 @@
 from __future__ import annotations
 
 import itertools
-import time
 from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
-from builtin_interfaces.msg import Duration
+from builtin_interfaces.msg import Duration, Time
 from control_board_msgs import msg, srv
 from control_board_msgs.action import Calibrate, Move
 from std_srvs.srv import SetBool
 from talk import Talker, stamp_of
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from control_board_ros.testing import BoardProcess
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 
@@ -238,21 +239,84 @@ def test_trajectory_ends_with_another_reference_or_mode(talker: Talker) -> None:
         assert talker.state().position_reference[6] == held
 
 
+def rejected(talker: Talker, joint: int) -> int:
+    return int(talker.state().rejected_commands[joint])
+
+
 @pytest.mark.parametrize(
-    "points",
+    ("points", "text"),
     [
-        [point(0.5, [0.1, 0.2])],
-        [point(0.5, [float("nan")])],
-        [point(0.5, [0.1]), point(0.5, [0.2])],
-        [point(0.5, [])],
+        ([point(0.5, [0.1, 0.2])], "point 0 has 2 positions for 1 joint"),
+        ([point(0.5, [float("nan")])], "point 0 has nan in positions"),
+        ([point(0.5, [0.1]), point(0.5, [0.2])], "send times that rise"),
+        ([point(0.5, [])], "no positions"),
+        ([point(0.5, [0.1], [0.0]), point(1.0, [0.2])], "point 1 has no velocities"),
+        ([point(0.5, [0.1], [0.1])], "a trajectory ends at rest"),
     ],
 )
-def test_wrong_trajectories_move_nothing(talker: Talker, points: list[Any]) -> None:
-    """P13: wrong lengths, times or numbers are ignored, and said so."""
+def test_wrong_trajectories_move_nothing(
+    talker: Talker, board: BoardProcess, points: list[Any], text: str
+) -> None:
+    """M4, P13: wrong lengths, times or numbers are ignored, counted, and the reason is logged."""
     name = talker.names[6]
     assert talker.set_mode([name], "posd").success
+    count, before = rejected(talker, 6), talker.state().position_reference[6]
     talker.command("joint_trajectory", JointTrajectory(joint_names=[name], points=points))
-    begun = time.monotonic()
-    before = talker.state().position_reference[6]
-    talker.state(lambda _: time.monotonic() - begun > 0.3)
+    talker.state(lambda s: s.rejected_commands[6] == count + 1)
     assert talker.state().position_reference[6] == before
+    board.wait_for_output(text)
+
+
+def test_a_joint_in_another_mode_does_not_keep_the_others(talker: Talker) -> None:
+    """M4: it is counted, once; the others are served whole."""
+    names = talker.names[5:7]
+    assert talker.set_mode(names[:1], "posd").success
+    count = rejected(talker, 6)
+    points = [point(0.3, [0.1, 0.1]), point(0.6, [0.05, 0.1])]
+    talker.command("joint_trajectory", JointTrajectory(joint_names=names, points=points))
+    state = talker.state(lambda s: s.position_reference[5] == pytest.approx(0.05))
+    assert state.rejected_commands[6] == count + 1
+    assert talker.state().position_reference[6] != pytest.approx(0.1, abs=0.01)
+
+
+@pytest.mark.parametrize("way", ["stop", "comp"])
+def test_stop_and_interaction_end_a_trajectory(talker: Talker, way: str) -> None:
+    """P3, I4: they stop the joints, and nothing goes on afterwards."""
+    name = talker.names[6]
+    assert talker.set_mode([name], "posd").success
+    slow = JointTrajectory(joint_names=[name], points=[point(5.0, [1.0])])
+    talker.command("joint_trajectory", slow)
+    talker.state(lambda s: s.position_reference[6] > 0.02)
+    if way == "stop":
+        assert talker.call("stop", srv.Stop, names=[name]).success
+    else:
+        assert talker.set_interaction([name], "comp").success
+    held = talker.state().position_reference[6]
+    assert held < 0.5
+    for _ in range(10):
+        assert talker.state().position_reference[6] == pytest.approx(held, abs=1e-3)
+
+
+def test_a_stamp_says_when_a_trajectory_begins(talker: Talker) -> None:
+    """T1: one of the past is joined where it is, one that is over refused, one ahead waits."""
+    name = talker.names[6]
+    assert talker.set_mode([name], "posd").success
+
+    def send(begin: float, *points: JointTrajectoryPoint) -> None:
+        message = JointTrajectory(joint_names=[name], points=list(points))
+        message.header.stamp = Time(sec=int(begin), nanosec=int(begin % 1.0 * 1e9))
+        talker.command("joint_trajectory", message)
+
+    count = rejected(talker, 6)
+    send(stamp_of(talker.state()) - 0.5, point(0.2, [0.8]), point(0.4, [-0.8]))
+    assert talker.state(lambda s: s.rejected_commands[6] == count + 1).position_reference[6] == (
+        pytest.approx(0.0, abs=1e-3)
+    )
+    begin = stamp_of(talker.state()) + 0.6
+    first = len(talker.seen["state"])
+    send(begin, point(0.0, [0.0]), point(0.4, [0.2]))
+    end = talker.state(lambda s: s.position_reference[6] == pytest.approx(0.2, abs=1e-3))
+    waited = [s for s in talker.seen["state"][first:] if stamp_of(s) < begin]
+    assert len(waited) > 20
+    assert max(abs(s.position_reference[6]) for s in waited) < 1e-3
+    assert stamp_of(end) == pytest.approx(begin + 0.4, abs=0.02)

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Following paths in POSITION_DIRECT, joint by joint (SPEC T2, T3, M4).
+
+Whoever holds the board calls, between two cycles, ``follow`` for a new path, ``end`` when the
+joints are stopped, ``check`` after every request, and ``step`` before every tick.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..interfaces import Joints
+from .board import Board
+from .path import SAME_TIME, Path, Sample, Spline
+from .reply import Answer, Reply, summary
+from .vocabs import CommandKind, InteractionMode
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(slots=True, eq=False)
+class Run:
+    """A path under way, or waiting for its start.
+
+    Attributes: joints (indices, shape (k,)), interactions (theirs when the path was accepted),
+    path, start (time of the board, s), spline (None while it waits), last (what was sent last).
+    """
+
+    joints: NDArray[np.intp]
+    interactions: list[InteractionMode]
+    path: Path
+    start: float
+    spline: Spline | None = None
+    last: Sample | None = None
+
+    def keep(self, columns: Bools) -> None:
+        """Go on with some of the joints only."""
+        self.joints = self.joints[columns]
+        self.interactions = [
+            mode for mode, kept in zip(self.interactions, columns, strict=True) if kept
+        ]
+        self.path = self.path.of(columns)
+        if self.spline is not None:
+            self.spline = Spline(self.path)
+        if self.last is not None:
+            self.last = Sample(*(row[columns] for row in self.last))
+
+
+class Follower:
+    """Follows paths, each for joints of its own; a joint follows the newest one."""
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._runs: list[Run] = []
+        self._version = board.modes_version
+        # The last direct positions as they should be: others than these are somebody else's.
+        self._known = board.get_ref_position()
+
+    @property
+    def busy(self) -> bool:
+        """Whether any path is under way or waiting."""
+        return bool(self._runs)
+
+    def follow(self, joints: Joints, path: Path, start: float) -> Reply:
+        """Follow a path from a time on (SPEC M4, T1).
+
+        A start in the future waits, and what the joints do goes on until then; of a path that
+        began in the past, the points that are past are left out. It begins at the reference
+        that is then in force, with its velocity.
+
+        Args:
+            joints: of the path's columns.
+            path: to follow.
+            start: time of the board at which the path begins, s.
+
+        Returns:
+            False where joints are not in POSITION_DIRECT (the others follow), or where all of
+            the path is past. Its message also tells what a limit cuts.
+        """
+        board = self._board
+        self.check()
+        selection = board.selector.select(joints)
+        late = board.time - (start + path.duration)
+        if late > 0.0:
+            text = f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
+            return board.reject(selection.names, text)
+        good = board.accepts[CommandKind.POSITION_DIRECT, selection.joints]
+        verdicts = dict(zip(selection.names, [(Answer.ACCEPTED, "")] * len(good), strict=True))
+        if not good.all():  # the board counts them and says why
+            names = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
+            refusal = board.set_position(names, path.positions[-1, ~good])
+            verdicts |= dict(
+                zip(names, zip(refusal.answers, refusal.reasons, strict=True), strict=True)
+            )
+        if good.any():
+            chosen = selection.joints[good]
+            interactions = [board.state.interaction_modes[j] for j in chosen]
+            run = Run(chosen, interactions, path.of(good), start)
+            self._begin_due(board.time)
+            self._release(chosen, waiting=True)
+            self._known[chosen] = board.get_ref_position(chosen.tolist())
+            self._runs.append(run)
+            verdicts |= self._cut(run)
+        return _reply(verdicts)
+
+    def end(self, joints: Joints, why: str) -> None:
+        """Follow nothing any more with these joints; ``why`` goes to the log."""
+        chosen = self._board.selector.select(joints).joints
+        for run in list(self._runs):
+            self._drop(run, np.isin(run.joints, chosen), why)
+
+    def hold(self, joints: Joints, why: str) -> None:
+        """End what these joints follow, and hold their present reference at rest."""
+        board = self._board
+        chosen = board.selector.select(joints).joints
+        followed = {int(j) for run in self._runs if run.spline is not None for j in run.joints}
+        moving = [j for j in chosen.tolist() if j in followed]
+        self.end(joints, why)
+        if moving:
+            zeros = np.zeros(len(moving))
+            send(board, moving, Sample(board.state.position_reference[moving], zeros, zeros))
+
+    def check(self) -> None:
+        """End what joints follow that changed their modes, or got somebody else's positions."""
+        board = self._board
+        if not self._runs:
+            self._version = board.modes_version
+            return
+        taken = board.get_ref_position() != self._known
+        if taken.any():
+            for run in list(self._runs):
+                self._drop(run, taken[run.joints], "another direct position took over")
+        if board.modes_version != self._version:
+            self._version = board.modes_version
+            for run in list(self._runs):
+                self._check_modes(run)
+
+    def step(self, time: float) -> None:
+        """Send the references of a cycle.
+
+        Args:
+            time: of the reading that the coming tick takes, s; ``board.time`` is that of the last.
+        """
+        if not self._runs:
+            return
+        self.check()
+        self._begin_due(time)
+        for run in list(self._runs):
+            if run.spline is not None:
+                self._send(run, time)
+
+    def _begin_due(self, time: float) -> None:
+        for run in list(self._runs):
+            if run.spline is None and time >= run.start - SAME_TIME:
+                self._begin(run)
+
+    def _check_modes(self, run: Run) -> None:
+        board = self._board
+        kept = board.accepts[CommandKind.POSITION_DIRECT, run.joints]
+        if not kept.all():
+            j = int(run.joints[~kept][0])
+            self._drop(run, ~kept, f"{board.names[j]} is in {board.state.control_modes[j].name}")
+        changed = np.array(
+            [
+                board.state.interaction_modes[j] is not mode
+                for j, mode in zip(run.joints, run.interactions, strict=True)
+            ],
+            dtype=bool,
+        )
+        self._drop(run, changed, "the interaction mode changed")
+
+    def _begin(self, run: Run) -> None:
+        """Join the path where it is now; joints leave what they followed until now."""
+        board, joints = self._board, run.joints
+        present = Sample(
+            board.state.position_reference[joints],
+            board.state.velocity_reference[joints],
+            self._accelerations()[joints],
+        )
+        self._release(joints, waiting=False)
+        run.path = run.path.joined(board.time - run.start, present)
+        run.spline = Spline(run.path)
+
+    def _accelerations(self) -> NDArray[np.float64]:
+        """Of what was sent last, shape (n,), rad/s²; 0 where nothing is followed."""
+        found = np.zeros(self._board.count)
+        for run in self._runs:
+            if run.last is not None:
+                found[run.joints] = run.last.accelerations
+        return found
+
+    def _send(self, run: Run, time: float) -> None:
+        assert run.spline is not None
+        elapsed = time - run.start
+        run.last = run.spline.at(elapsed)
+        joints = run.joints.tolist()
+        reply = send(self._board, joints, run.last)
+        self._known[run.joints] = self._board.get_ref_position(joints)
+        if not reply:
+            self._drop(run, np.ones(len(joints), dtype=bool), reply.message)
+        elif elapsed >= run.path.duration:
+            self._runs.remove(run)
+
+    def _release(self, joints: NDArray[np.intp], *, waiting: bool) -> None:
+        """Joints leave the paths that wait, or those that run, for a newer one."""
+        for run in list(self._runs):
+            if (run.spline is None) is waiting:
+                self._drop(run, np.isin(run.joints, joints), "")
+
+    def _drop(self, run: Run, columns: Bools, why: str) -> None:
+        """Take joints out of a run, and say why where there is something to say."""
+        if not columns.any():
+            return
+        names = [self._board.names[j] for j in run.joints[columns]]
+        if why:
+            text = f"trajectory of {', '.join(names)} ended: {why}"
+            self._board.tell("info", "trajectory", int(run.joints[columns][0]), text)
+        if columns.all():
+            self._runs.remove(run)
+        else:
+            run.keep(~columns)
+
+    def _cut(self, run: Run) -> dict[str, tuple[Answer, str]]:
+        """What the limits cut of a path, by joint."""
+        found = {}
+        for k, j in enumerate(run.joints):
+            limits, name = self._board.config.joints[j].limits, self._board.names[j]
+            column = run.path.positions[:, k]
+            beyond = (column < limits.lower) | (column > limits.upper)
+            if beyond.any():
+                i = int(np.argmax(beyond))
+                found[name] = (
+                    Answer.ACCEPTED,
+                    f"{name} stays within {limits.lower:.6g} to {limits.upper:.6g} "
+                    f"(point {i} asks for {column[i]:.6g}): software limit",
+                )
+        return found
+
+
+def send(board: Board, joints: list[int], sample: Sample) -> Reply:
+    """Give the board the references of a cycle."""
+    return board.set_position(joints, sample.positions, sample.velocities)
+
+
+def _reply(verdicts: dict[str, tuple[Answer, str]]) -> Reply:
+    """Each joint its own answer; the texts of what was accepted are kept, too."""
+    names = tuple(verdicts)
+    answers = tuple(answer for answer, _ in verdicts.values())
+    reasons = tuple(reason for _, reason in verdicts.values())
+    return Reply(names, answers, summary(reasons), reasons)

@@ -1,0 +1,293 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Following paths: when they begin, what ends them, and for which joints (SPEC T1 to T3, M4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from rig import Rig, board_config, joint
+
+from control_board_ros.core.follower import Follower
+from control_board_ros.core.path import Path, make_path
+from control_board_ros.core.vocabs import ControlMode, InteractionMode
+
+NAMES = ("a", "b", "c")
+
+
+class Following(Rig):
+    """A rig with a follower, used as in the node: step before ticks, check after requests."""
+
+    def __init__(self) -> None:
+        super().__init__(board_config(*(joint(name) for name in NAMES)))
+        self.tick(2)
+        self.follower = Follower(self.board)
+        self.request("set_control_mode", None, "posd")
+        self.cycle()
+        self.sent: list[np.ndarray] = []
+
+    def request(self, method: str, *arguments: Any) -> Any:
+        """A request between two cycles."""
+        reply = getattr(self.board, method)(*arguments)
+        if method == "stop":
+            self.follower.end(arguments[0], "stopped")
+        self.follower.check()
+        return reply
+
+    def cycle(self, count: int = 1) -> np.ndarray:
+        """Some cycles; the direct positions of the last, shape (3,)."""
+        for _ in range(count):
+            measurement = self.plant.read()
+            self.follower.step(measurement.time)
+            self.plant.write(self.board.tick(measurement))
+        return self.board.get_ref_position()
+
+    def track(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+        """Times and direct positions of all cycles of some time."""
+        rows = [(self.cycle(), self.board.time) for _ in range(round(seconds / self.period))]
+        return np.array([t for _, t in rows]), np.array([q for q, _ in rows])
+
+    def events(self) -> str:
+        return "\n".join(event.text for event in self.board.take_events())
+
+
+@pytest.fixture
+def rig() -> Following:
+    return Following()
+
+
+def line(names: tuple[str, ...], *points: tuple[float, float]) -> Path:
+    """Straight lines, the same for all joints: (time, position), ..."""
+    rows = [[q] * len(names) for _, q in points]
+    none: list[list[float]] = [[]] * len(points)
+    return make_path(names, [t for t, _ in points], rows, none, none)
+
+
+def cubic(names: tuple[str, ...], *points: tuple[float, float, float]) -> Path:
+    """Cubics, the same for all joints: (time, position, velocity), ..."""
+    rows = [[[p[k]] * len(names) for p in points] for k in (1, 2)]
+    none: list[list[float]] = [[]] * len(points)
+    return make_path(names, [p[0] for p in points], rows[0], rows[1], none)
+
+
+def test_a_path_is_followed_from_now_on_time(rig: Following) -> None:
+    """T1, T3: from the present reference through its points on time; nothing is kept."""
+    start = rig.board.time
+    assert rig.follower.follow("a", line(("a",), (0.2, 0.1), (0.4, 0.05)), start)
+    times, positions = rig.track(0.5)
+    expected = np.interp(times - start, [0.0, 0.2, 0.4], [0.0, 0.1, 0.05])
+    np.testing.assert_allclose(positions[:, 0], expected, atol=1e-9)
+    assert (positions[:, 1:] == positions[0, 1:]).all()
+    assert not rig.follower.busy
+
+
+def test_the_velocity_goes_along_and_ends_at_zero(rig: Following, monkeypatch: Any) -> None:
+    """P4: the reference's own velocity is fed in every cycle; after the end it is 0."""
+    fed = []
+    original = rig.board.set_position
+
+    def spy(joints: Any, positions: Any, velocities: Any = None) -> Any:
+        fed.append(np.array(velocities))
+        return original(joints, positions, velocities)
+
+    monkeypatch.setattr(rig.board, "set_position", spy)
+    rig.follower.follow("a", line(("a",), (0.1, 0.05)), rig.board.time)
+    rig.track(0.2)
+    rates = np.concatenate(fed)
+    np.testing.assert_allclose(rates[:-1], 0.5, atol=1e-9)
+    assert rates[-1] == 0.0
+    assert len(rates) == pytest.approx(0.1 / rig.period, abs=1)
+
+
+def test_a_future_start_waits(rig: Following) -> None:
+    """T1: nothing happens before the start, also with a first point at 0; then no earlier."""
+    start = rig.board.time + 0.3
+    path = line(("a",), (0.0, 0.02), (0.2, 0.1))
+    assert rig.follower.follow("a", path, start)
+    times, positions = rig.track(0.6)
+    waiting = times < start - 1e-6
+    assert waiting.sum() > 100
+    np.testing.assert_array_equal(positions[waiting, 0], positions[0, 0])
+    after = times > start + rig.period
+    expected = np.interp(times[after] - start, [0.0, 0.2], [0.02, 0.1])
+    np.testing.assert_allclose(positions[after, 0], expected, atol=1e-9)
+
+
+def test_the_old_path_goes_on_until_a_future_start(rig: Following) -> None:
+    """T1: the new one begins at the then reference, with no step."""
+    begun = rig.board.time
+    rig.follower.follow("a", line(("a",), (2.0, 0.4)), begun)
+    rig.cycle(10)
+    start = begun + 0.5
+    rig.follower.follow("a", line(("a",), (0.5, 0.0)), start)
+    times, positions = rig.track(1.2)
+    old = times < start - 1e-6
+    np.testing.assert_allclose(positions[old, 0], 0.2 * (times[old] - begun), atol=1e-9)
+    then = 0.2 * 0.5
+    new = times > start + rig.period
+    expected = np.interp(times[new] - start, [0.0, 0.5], [then, 0.0])
+    np.testing.assert_allclose(positions[new, 0], expected, atol=1e-3)
+    assert np.abs(np.diff(positions[:, 0])).max() < 0.25 * rig.period
+
+
+def test_a_path_that_is_past_is_refused(rig: Following) -> None:
+    """T1, P13: it is counted and told, and what is followed goes on."""
+    rig.follower.follow("a", line(("a",), (1.0, 0.2)), rig.board.time)
+    rig.cycle(50)
+    before = rig.board.rejected_commands
+    reply = rig.follower.follow(("a", "b"), line(("a", "b"), (1.0, 0.5)), rig.board.time - 60.0)
+    assert not reply
+    assert "its last point was due 59 s ago" in reply.message
+    assert (rig.board.rejected_commands - before).tolist() == [1, 1, 0]
+    _, positions = rig.track(1.0)
+    assert positions[-1, 0] == pytest.approx(0.2)
+    assert positions[-1, 1] == positions[0, 1]
+
+
+def test_a_path_partly_past_is_joined_where_it_is(rig: Following) -> None:
+    """T1: the points to come are met at their own times; those past are left out."""
+    start = rig.board.time - 0.5
+    path = line(("a",), (0.25, -1.0), (0.7, 0.1), (1.0, 0.0))
+    assert rig.follower.follow("a", path, start)
+    times, positions = rig.track(0.6)
+    elapsed = times - start
+    expected = np.interp(elapsed, [0.5, 0.7, 1.0], [0.0, 0.1, 0.0])
+    np.testing.assert_allclose(positions[:, 0], expected, atol=1e-9)
+    assert not rig.follower.busy
+
+
+def test_a_replacement_starts_with_position_and_velocity(rig: Following) -> None:
+    """T1: neither jumps where a path replaces another."""
+    rig.follower.follow("a", cubic(("a",), (1.0, 0.5, 0.0)), rig.board.time)
+    _, before = rig.track(0.5)
+    rig.follower.follow("a", cubic(("a",), (1.0, 0.0, 0.0)), rig.board.time)
+    _, after = rig.track(1.2)
+    speeds = np.diff(np.concatenate([before, after])[:, 0]) / rig.period
+    assert speeds.max() == pytest.approx(0.75, abs=0.02)
+    assert np.abs(np.diff(speeds)).max() < 20 * rig.period  # rad/s per cycle: no jump of 0.75
+    assert after[-1, 0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_paths_for_other_joints_run_side_by_side(rig: Following) -> None:
+    """T1, M1: a path for b leaves a's alone; one for a and c takes a only from the first."""
+    rig.follower.follow(("a", "b"), line(("a", "b"), (1.0, 0.3)), rig.board.time)
+    rig.cycle(20)
+    rig.follower.follow(("c", "a"), line(("c", "a"), (0.5, -0.1)), rig.board.time)
+    _, positions = rig.track(1.2)
+    np.testing.assert_allclose(positions[-1], [-0.1, 0.3, -0.1], atol=1e-12)
+
+
+def test_joints_in_another_mode_are_told_and_the_others_served(rig: Following) -> None:
+    """M4: counted once, with the reason; the others follow to the end; nothing is kept."""
+    rig.request("set_control_mode", "b", "vel")
+    before = rig.board.rejected_commands
+    held = rig.board.get_ref_position("b")
+    reply = rig.follower.follow(NAMES, line(NAMES, (0.2, 0.1), (0.4, 0.2)), rig.board.time)
+    assert [str(answer) for answer in reply.answers] == ["accepted", "ignored", "accepted"]
+    assert "b" in reply.message
+    assert "VELOCITY" in reply.message
+    assert (rig.board.rejected_commands - before).tolist() == [0, 1, 0]
+    rig.cycle(20)
+    rig.request("set_control_mode", "b", "posd")
+    _, positions = rig.track(0.5)
+    np.testing.assert_allclose(positions[-1, [0, 2]], 0.2, atol=1e-12)
+    assert rig.board.get_ref_position("b") == held
+    assert (rig.board.rejected_commands - before).tolist() == [0, 1, 0]
+
+
+ENDS: dict[str, Callable[[Following], Any]] = {
+    "stop": lambda rig: rig.request("stop", "a"),
+    "compliant": lambda rig: rig.request("set_interaction_mode", "a", "comp"),
+    "compliant and back": lambda rig: [
+        rig.request("set_interaction_mode", "a", mode) for mode in ("comp", "stif")
+    ],
+    "mode": lambda rig: rig.request("set_control_mode", "a", "pos"),
+    "mode and back": lambda rig: [
+        rig.request("set_control_mode", "a", mode) for mode in ("pos", "posd")
+    ],
+    "idle": lambda rig: rig.request("set_control_mode", "a", "idl"),
+    "fault": lambda rig: rig.request("set_control_mode", "a", "icur"),
+    "direct position": lambda rig: rig.request("set_position", "a", 0.07),
+    "no points": lambda rig: rig.follower.hold("a", "a trajectory without points came"),
+}
+
+
+@pytest.mark.parametrize("waiting", [False, True])
+@pytest.mark.parametrize("way", ENDS)
+def test_what_ends_a_path_for_a_joint(rig: Following, way: str, waiting: bool) -> None:
+    """P3, I4, M4, T2, T3: it ends for this joint, with a line in the log; the others go on."""
+    ahead = 0.2 if waiting else 0.0
+    rig.follower.follow(("a", "b"), line(("a", "b"), (1.0, 0.5)), rig.board.time + ahead)
+    rig.cycle(50)
+    rig.events()
+    ENDS[way](rig)
+    here = rig.board.get_ref_position("a")[0]
+    assert here < 0.1
+    assert "trajectory of a ended" in rig.events()
+    rig.cycle(20)
+    if rig.board.get_control_mode("a")[0] is ControlMode.HW_FAULT:
+        rig.request("set_control_mode", "a", "fidl")
+    rig.request("set_control_mode", "a", "posd")
+    _, positions = rig.track(1.3)
+    np.testing.assert_array_equal(positions[:, 0], here)
+    assert positions[-1, 1] == pytest.approx(0.5)
+    assert not rig.follower.busy
+
+
+def test_setting_what_is_set_ends_nothing(rig: Following) -> None:
+    """M8, I4: the present mode and interaction mode again, and requests for other joints."""
+    rig.follower.follow("a", line(("a",), (0.5, 0.2)), rig.board.time)
+    rig.cycle(20)
+    rig.request("set_control_mode", None, "posd")
+    rig.request("set_interaction_mode", None, InteractionMode.STIFF)
+    rig.request("stop", "b")
+    rig.request("set_interaction_mode", "c", "comp")
+    rig.request("set_position", "b", 0.01)
+    _, positions = rig.track(0.6)
+    assert positions[-1, 0] == pytest.approx(0.2)
+    assert rig.events() == ""
+
+
+def test_without_points_the_reference_holds_at_rest(rig: Following) -> None:
+    """P3: an end by an empty trajectory holds the reference where it is."""
+    rig.follower.follow("a", line(("a",), (1.0, 0.3)), rig.board.time)
+    rig.cycle(100)
+    present = rig.board.snapshot().position_reference[0]
+    rig.follower.hold(None, "a trajectory without points came")
+    rig.cycle(100)
+    shown = rig.board.snapshot()
+    assert shown.position_reference[0] == pytest.approx(present, abs=5e-3)
+    assert shown.velocity_reference[0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_newest_waiting_path_counts(rig: Following) -> None:
+    """T1: one path waits per joint."""
+    rig.follower.follow("a", line(("a",), (0.2, 0.5)), rig.board.time + 0.1)
+    rig.follower.follow("a", line(("a",), (0.2, 0.1)), rig.board.time + 0.3)
+    _, positions = rig.track(0.6)
+    assert positions[:, 0].max() == pytest.approx(0.1)
+    rig.follower.follow("a", line(("a",), (0.2, 0.5)), rig.board.time + 0.1)
+    rig.follower.follow("a", line(("a",), (0.1, 0.0)), rig.board.time)
+    _, positions = rig.track(0.6)
+    assert positions[:, 0].max() <= 0.1
+    assert positions[-1, 0] == pytest.approx(0.0)
+
+
+def test_a_limit_that_cuts_is_told(rig: Following) -> None:
+    """P9: the path is followed within the limits, and the reply says so."""
+    reply = rig.follower.follow("a", line(("a",), (3.0, 2.5)), rig.board.time)
+    assert reply
+    assert "a stays within -2 to 2 (point 0 asks for 2.5): software limit" in reply.message
+    rig.cycle(5)
+    assert rig.follower.busy
+
+
+def test_power_on_ends_everything(rig: Following) -> None:
+    """N1, T3: nothing is followed after a power cycle."""
+    rig.follower.follow(None, line(NAMES, (1.0, 0.3)), rig.board.time)
+    rig.cycle(10)
+    rig.board.power_cycle()
+    rig.follower.check()
+    assert not rig.follower.busy
