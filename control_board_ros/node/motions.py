@@ -3,20 +3,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from control_board_msgs.action import Calibrate, Move
 
+from ..core.arrival import TOLERANCES, Standing, ending, standing, unit
 from ..core.board import Board
-from ..core.reply import Answer, Reply
+from ..core.modes import ACCEPTS
+from ..core.reply import Answer, joints_of, summary
 from ..core.vocabs import CommandKind, ControlMode, InteractionMode
-from .messages import chosen, doubles
-
-#: A move has arrived when each joint is this near to its target, rad.
-ARRIVED = 0.01
-#: s of simulated time that joints get to arrive after their profile has ended.
-SETTLING = 1.0
+from .messages import chosen, doubles, optional
 
 #: What a motion says when it has ended: whether it succeeded, and one line.
 Outcome = tuple[bool, str]
@@ -42,39 +40,38 @@ class MoveMotion:
     """A position move of some joints.
 
     Raises:
-        ValueError: the board does not take it; nothing moves.
+        ValueError: the board does not take it; nothing has changed.
     """
 
     def __init__(self, board: Board, goal: Any) -> None:
         names = board.selector.select(chosen(goal.names, board.count)).names
-        speeds = goal.speeds if len(goal.speeds) else None
-        reply = board.position_move(names, goal.positions, speeds)
-        if not reply:
-            if moving := accepted_joints(reply):
-                board.stop(moving)  # all or nothing: no cycle has passed since
-            raise ValueError(reply.message)
+        self._told = start_move(board, names, goal.positions, optional(goal.speeds))
         self._names = names
         self._joints = board.selector.select(names).joints
-        self._targets = board.get_target_position(names)
+        self._kinds = [board.config.joints[j].kind for j in self._joints]
+        self._targets = board.get_target_position(names).tolist()
+        self._control = board.get_control_mode(names)
+        self._interaction = board.get_interaction_mode(names)
         self._ended: float | None = None
 
     def look(self, board: Board) -> Outcome | None:
-        for name, mode, takes in zip(
-            self._names,
-            board.get_control_mode(self._names),
-            board.accepts[CommandKind.POSITION, self._joints],
-            strict=True,
+        takes = board.accepts[CommandKind.POSITION, self._joints]
+        targets = board.get_target_position(self._names).tolist()
+        if not takes.all():
+            first = int(np.argmin(takes))
+            self._stop(board)
+            return False, self._left(board, self._names[first])
+        for name, kind, target, wanted in zip(
+            self._names, self._kinds, targets, self._targets, strict=True
         ):
-            if not takes:
-                board.stop([n for n in self._names if n != name])
-                return False, self._left(board, name, mode)
-        targets = board.get_target_position(self._names)
-        for name, target, wanted in zip(self._names, targets, self._targets, strict=True):
             if target != wanted:
-                return False, f"another move took {name} to {target:.4g} instead of {wanted:.4g}"
+                return False, (
+                    f"another move took {name} to {target:.6g} {unit(kind)} "
+                    f"instead of {wanted:.6g} {unit(kind)}"
+                )
         if not all(board.check_motion_done(self._names)):
             self._ended = None
-            return None
+            return self._dropped(board)
         return self._arrival(board)
 
     def feedback(self, board: Board) -> Any:
@@ -85,38 +82,131 @@ class MoveMotion:
         )
 
     def cancel(self, board: Board) -> str:
+        self._stop(board)
+        return f"cancelled; {', '.join(self._names)} stopped and held where they were"
+
+    def _stop(self, board: Board) -> None:
+        """Stop the joints that still do this move."""
         moving = [
             name
-            for name, takes in zip(
-                self._names, board.accepts[CommandKind.POSITION, self._joints], strict=True
+            for name, takes, target, wanted in zip(
+                self._names,
+                board.accepts[CommandKind.POSITION, self._joints],
+                board.get_target_position(self._names),
+                self._targets,
+                strict=True,
             )
-            if takes
+            if takes and target == wanted
         ]
-        if moving:
+        if moving:  # none named would mean all
             board.stop(moving)
-        return f"cancelled; {', '.join(self._names)} stopped and held where they were"
+
+    def _dropped(self, board: Board) -> Outcome | None:
+        """While some joints move: has the move of another one been dropped?"""
+        done = board.check_motion_done(self._names)
+        found = self._standings(board, since=0.0)
+        if not any(d and f is Standing.DROPPED for d, f in zip(done, found, strict=True)):
+            return None
+        lost = [f if d else Standing.ARRIVED for d, f in zip(done, found, strict=True)]
+        message = self._message(board, lost)
+        self._stop(board)
+        return False, message
 
     def _arrival(self, board: Board) -> Outcome | None:
         """The profiles have ended: are the joints there?"""
         if self._ended is None:
             self._ended = board.time
-        away = np.abs(board.get_encoder(self._names) - self._targets)
-        soft = [m is InteractionMode.COMPLIANT for m in board.get_interaction_mode(self._names)]
-        away[soft] = 0.0  # a spring gives way, by design
-        worst = int(np.argmax(away))
-        if away[worst] <= ARRIVED:
-            return True, ""
-        if board.time - self._ended < SETTLING:
+        found = self._standings(board, since=board.time - self._ended)
+        if Standing.DROPPED not in found and Standing.SETTLING in found:
             return None
-        return False, (
-            f"{self._names[worst]} stopped {away[worst]:.4g} away from its target "
-            f"{self._targets[worst]:.4g}; it was stopped, is blocked, or its gains are too low"
-        )
+        message = self._message(board, found)
+        return all(one is Standing.ARRIVED for one in found), message
+
+    def _standings(self, board: Board, *, since: float) -> list[Standing]:
+        shown = board.snapshot()
+        interaction = board.get_interaction_mode(self._names)
+        return [
+            standing(
+                target,
+                float(shown.position_reference[j]),
+                float(shown.velocity_reference[j]),
+                float(shown.position[j]),
+                tolerance=TOLERANCES[kind],
+                compliant=mode is InteractionMode.COMPLIANT,
+                since=since,
+            )
+            for j, kind, target, mode in zip(
+                self._joints, self._kinds, self._targets, interaction, strict=True
+            )
+        ]
+
+    def _message(self, board: Board, found: list[Standing]) -> str:
+        """What is to be told of the end: what was bounded at the start, and of each joint."""
+        texts = [self._told] if all(one is Standing.ARRIVED for one in found) else []
+        position = board.get_encoder(self._names)
+        control = board.get_control_mode(self._names)
+        interaction = board.get_interaction_mode(self._names)
+        for k, name in enumerate(self._names):
+            changed = "it was stopped, or a velocity moved it" if mixed(control[k]) else ""
+            if control[k] is not self._control[k]:
+                changed = f"its control mode became {control[k].name}"
+            elif interaction[k] is not self._interaction[k]:
+                changed = f"its interaction mode became {interaction[k].name}"
+            if found[k] is not Standing.SETTLING:
+                texts.append(
+                    ending(
+                        name,
+                        self._kinds[k],
+                        found[k],
+                        self._targets[k],
+                        float(position[k]),
+                        changed=changed,
+                        compliant=interaction[k] is InteractionMode.COMPLIANT,
+                    )
+                )
+        return summary(texts)
 
     @staticmethod
-    def _left(board: Board, name: str, mode: ControlMode) -> str:
+    def _left(board: Board, name: str) -> str:
+        mode = board.get_control_mode(name)[0]
         cause = f" ({board.get_faults(name)[0].text})" if mode is ControlMode.HW_FAULT else ""
         return f"{name} left for {mode.name}{cause} during the move; the other joints stopped"
+
+
+def mixed(mode: ControlMode) -> bool:
+    """Whether a mode takes velocities beside moves."""
+    return {CommandKind.POSITION, CommandKind.VELOCITY} <= ACCEPTS.get(mode, frozenset())
+
+
+def start_move(board: Board, names: Sequence[str], positions: Any, speeds: Any) -> str:
+    """Start a move of all these joints or of none; returns what the board said to it.
+
+    The joints that the board refuses for sure come first, then those with a speed above their
+    limit: what is refused is refused before anything has changed.
+
+    Raises:
+        ValueError: with the board's reason.
+    """
+    count = len(names)
+    if len(positions) != count or (speeds is not None and len(speeds) != count):
+        raise ValueError(board.position_move(names, positions, speeds).message)
+    joints = board.selector.select(names).joints
+    targets = np.asarray(positions, dtype=np.float64)
+    rates = board.get_ref_speed(names) if speeds is None else np.asarray(speeds, np.float64)
+    with np.errstate(invalid="ignore"):
+        refused = ~(board.accepts[CommandKind.POSITION, joints] & np.isfinite(targets))
+        refused |= ~(np.isfinite(rates) & (rates > 0.0))
+        fast = ~refused & (rates > [board.config.joints[j].limits.velocity for j in joints])
+    told = []
+    for group in (refused, fast, ~(refused | fast)):
+        if not group.any():
+            continue
+        some = [name for name, among in zip(names, group, strict=True) if among]
+        reply = board.position_move(some, targets[group], None if speeds is None else rates[group])
+        if not reply:
+            raise ValueError(reply.message)
+        told.append(reply.message)
+    return summary(told)
 
 
 class CalibrateMotion:
@@ -130,7 +220,7 @@ class CalibrateMotion:
         self._names = board.selector.select(chosen(goal.names, board.count)).names
         reply = board.calibrate(self._names)
         self._refusal = reply.message
-        self._started = accepted_joints(reply)
+        self._started = joints_of(reply, Answer.ACCEPTED)
         if not self._started:
             raise ValueError(reply.message)
 
@@ -163,9 +253,3 @@ class CalibrateMotion:
         if running:
             board.set_control_mode(running, ControlMode.FORCE_IDLE)  # K2
         return f"cancelled; {', '.join(running)} in IDLE, not calibrated"
-
-
-def accepted_joints(reply: Reply) -> list[str]:
-    """The joints of a reply that accepted."""
-    pairs = zip(reply.joints, reply.answers, strict=True)
-    return [name for name, answer in pairs if answer is Answer.ACCEPTED]

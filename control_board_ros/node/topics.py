@@ -15,7 +15,7 @@ from .messages import chosen, optional
 
 
 class Commands:
-    """The callbacks of the command topics; what is not accepted goes to ``complain``.
+    """The callbacks of the command topics; what is ignored or bounded goes to ``complain``.
 
     Args:
         loop: whose board is commanded.
@@ -85,7 +85,8 @@ class Commands:
         )
 
     def _answer(self, reply: Reply) -> None:
-        if not reply:
+        """Tell what was ignored, and what was accepted and bounded."""
+        if reply.message:
             self._complain(reply.message)
 
 

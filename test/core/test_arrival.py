@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How a joint stands whose move has ended, and what is said of it (SPEC P3, I4)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+from control_board_ros.core.arrival import SETTLING, TOLERANCES, Standing, ending, standing, unit
+
+S = Standing
+
+
+@pytest.mark.parametrize("kind", TOLERANCES)
+@pytest.mark.parametrize(
+    ("reference", "velocity", "position", "compliant", "since", "expected"),
+    [
+        (1.0, 0.0, 1.0, False, 0.0, S.ARRIVED),
+        (1.0, 0.0, 0.9, False, 0.0, S.ARRIVED),
+        (1.0, 0.0, -1.1, False, 0.0, S.SETTLING),
+        (1.0, 0.0, -1.1, False, SETTLING, S.AWAY),
+        (1.0, 0.0, -9.0, True, 0.0, S.ARRIVED),  # a spring gives way
+        (-3.0, 0.0, -3.0, False, 0.0, S.DROPPED),
+        (-3.0, 0.0, -3.0, True, 9.0, S.DROPPED),
+        (-3.0, 0.1, 1.0, False, 0.0, S.SETTLING),  # the reference is on its way still
+        (-3.0, 0.1, 1.0, True, SETTLING, S.AWAY),
+    ],
+)
+def test_standings(
+    kind: str,
+    reference: float,
+    velocity: float,
+    position: float,
+    compliant: bool,
+    since: float,
+    expected: Standing,
+) -> None:
+    """P3, I4: in multiples of the tolerance of each kind of joint, from a target of 1."""
+    tolerance = TOLERANCES[kind]
+    found = standing(
+        0.5,
+        0.5 + (reference - 1.0) * tolerance,
+        velocity,
+        0.5 + (position - 1.0) * tolerance,
+        tolerance=tolerance,
+        compliant=compliant,
+        since=since,
+    )
+    assert found is expected
+
+
+def test_metres_are_not_radians() -> None:
+    """A blocked sliding joint 5 mm from its target has not arrived; 5 mrad are near enough."""
+    values: dict[str, Any] = {"compliant": False, "since": 2.0}
+    assert TOLERANCES["prismatic"] == 1e-3
+    assert math.isclose(TOLERANCES["revolute"], 0.01)
+    for kind, expected in (("prismatic", S.AWAY), ("revolute", S.ARRIVED)):
+        found = standing(0.02, 0.02, 0.0, 0.015, tolerance=TOLERANCES[kind], **values)
+        assert found is expected
+
+
+def test_what_is_said() -> None:
+    """One line with the joint, where it is, in its unit, why, and what to do."""
+    assert ending("a", "revolute", S.ARRIVED, 1.0, 1.001) == ""
+    assert ending("a", "revolute", S.ARRIVED, 1.0, 0.999, compliant=True) == ""
+    text = ending("a", "revolute", S.ARRIVED, -1.0, -0.9, compliant=True)
+    assert text.startswith("a is at -0.9 rad, its reference at -1 rad: it is COMPLIANT")
+    text = ending("a", "revolute", S.DROPPED, -1.0, 0.17, changed="its mode became COMPLIANT")
+    assert text.startswith("a is at 0.17 rad, not at its target -1 rad: its mode became COMPLIANT")
+    assert "it was stopped" in ending("a", "revolute", S.DROPPED, -1.0, 0.17)
+    text = ending("f", "prismatic", S.AWAY, 0.04, 0.031)
+    assert text.startswith("f is at 0.031 m, 0.009 m away from its target 0.04 m: it is blocked")
+    assert [unit(kind) for kind in TOLERANCES] == ["rad", "rad", "m"]

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What goals set going, on a board in this process: accepted whole, watched, ended (P1, P3)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from control_board_msgs.action import Move
+from rig import Rig, board_config, joint
+
+from control_board_ros.core.reply import Answer, Reply
+from control_board_ros.node.motions import MoveMotion
+
+
+@pytest.fixture
+def rig() -> Rig:
+    """Three joints in POSITION; c slides."""
+    made = Rig(board_config(joint("a"), joint("b"), joint("c", kind="prismatic")))
+    made.tick(2)
+    assert made.board.set_control_mode(None, "pos")
+    made.tick()
+    return made
+
+
+def goal(names: list[str], positions: list[float], speeds: list[float] | None = None) -> Any:
+    return Move.Goal(names=names, positions=positions, speeds=speeds or [])
+
+
+def outcome(rig: Rig, motion: MoveMotion, seconds: float = 8.0) -> tuple[bool, str]:
+    """Look every 50 ms until the motion has ended."""
+    for _ in range(round(seconds / 0.05)):
+        rig.run(0.05)
+        found = motion.look(rig.board)
+        if found is not None:
+            return found
+    raise AssertionError(f"not ended after {seconds} s")
+
+
+def test_a_move_that_arrives_succeeds(rig: Rig) -> None:
+    """P1: with nothing to say."""
+    assert outcome(rig, MoveMotion(rig.board, goal(["a", "c"], [0.3, 0.02], [1.0, 0.1]))) == (
+        True,
+        "",
+    )
+
+
+ENDS: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "stop": (lambda board: board.stop("a"), "it was stopped during the move"),
+    "compliant": (
+        lambda board: board.set_interaction_mode("a", "comp"),
+        "its interaction mode became COMPLIANT",
+    ),
+    "mixed": (lambda board: board.set_control_mode("a", "mix"), "its control mode became MIXED"),
+    "away and back": (
+        lambda board: [board.set_control_mode("a", mode) for mode in ("vel", "pos")],
+        "it was stopped during the move",
+    ),
+}
+
+
+@pytest.mark.parametrize("names", [["a"], ["a", "b"]])
+@pytest.mark.parametrize("way", ENDS)
+def test_a_move_that_was_dropped_fails(rig: Rig, way: str, names: list[str]) -> None:
+    """P3, I4, M9: done is not arrived; the message says where the joint is and why."""
+    act, text = ENDS[way]
+    motion = MoveMotion(rig.board, goal(names, [-1.0] * len(names), [0.5] * len(names)))
+    rig.run(0.8)
+    assert motion.look(rig.board) is None
+    act(rig.board)
+    success, message = outcome(rig, motion)
+    assert not success
+    assert message.startswith("a is at -0.")
+    assert "not at its target -1 rad" in message
+    assert text in message
+    rig.run(1.0)
+    assert rig.board.get_encoder("a")[0] > -0.9
+
+
+def test_a_compliant_joint_is_judged_by_its_reference(rig: Rig) -> None:
+    """I5: a spring gives way to a push; the message says where the joint is."""
+    assert rig.board.set_interaction_mode("a", "comp")
+    rig.plant.push("a", 5.0)
+    success, message = outcome(rig, MoveMotion(rig.board, goal(["a"], [0.2], [0.5])))
+    assert success
+    assert "a is at 0.3" in message or "a is at 0.2" in message
+    assert "its reference at 0.2 rad" in message
+
+
+def test_a_blocked_sliding_joint_fails(rig: Rig) -> None:
+    """A tolerance of 1 mm, not of 10: a finger that stands 5 mm away has not arrived."""
+    rig.plant.push("c", -22.0)  # 20 N is what the integral part may give, the rest is 400 N/m
+    rig.run(10.0)
+    success, message = outcome(rig, MoveMotion(rig.board, goal(["c"], [0.02], [0.1])))
+    assert not success
+    assert re.match(r"c is at 0\.01\d* m, 0\.00\d* m away from its target 0\.02 m", message)
+
+
+REFUSED = [
+    (["a", "b"], [0.5, 0.5], [], "VELOCITY"),
+    (["a", "b"], [0.5, float("nan")], [], "nan"),
+    (["b", "a"], [0.5, float("inf")], [], "inf"),
+    (["a"], [0.5], [0.0], "above 0"),
+    (["a", "b"], [0.5, 0.5], [0.5, -1.0], "above 0"),
+    (["a", "b"], [0.5], [], "1 "),
+    (["a", "b"], [0.5, 0.5], [0.5], "1 speeds for 2 joints"),
+    (["a", "nobody"], [0.5, 0.5], [], "unknown"),
+]
+
+
+@pytest.mark.parametrize(("names", "positions", "speeds", "text"), REFUSED)
+def test_a_refused_goal_stops_nothing(
+    rig: Rig, names: list[str], positions: list[float], speeds: list[float], text: str
+) -> None:
+    """M4, P13: a running move of the same joints goes on to its end, on time."""
+    running = MoveMotion(rig.board, goal(["a"], [-1.0], [0.5]))
+    rig.run(0.5)
+    if text == "VELOCITY":
+        assert rig.board.set_control_mode("b", "vel")
+    left = rig.board.get_remaining_time("a")[0]
+    reference = rig.board.snapshot().position_reference.copy()
+    with pytest.raises(ValueError, match=text):
+        MoveMotion(rig.board, goal(names, positions, speeds))
+    assert rig.board.get_remaining_time("a")[0] == left
+    np.testing.assert_array_equal(rig.board.snapshot().position_reference, reference)
+    assert outcome(rig, running) == (True, "")
+
+
+def test_a_failed_goal_stops_its_own_joints_only(rig: Rig) -> None:
+    """P3: a single joint that leaves its mode does not stop the board."""
+    alone = MoveMotion(rig.board, goal(["a"], [-1.0], [0.5]))
+    other = MoveMotion(rig.board, goal(["b"], [0.8], [0.5]))
+    rig.run(0.3)
+    assert rig.board.set_control_mode("a", "vel")
+    success, message = outcome(rig, alone)
+    assert not success
+    assert "a left for VELOCITY" in message
+    assert outcome(rig, other) == (True, "")
+
+
+def test_a_failed_goal_leaves_joints_that_others_move(rig: Rig) -> None:
+    """P1: what another move took over in the meantime goes on."""
+    first = MoveMotion(rig.board, goal(["a", "b"], [-1.0, 1.0], [0.5, 0.5]))
+    rig.run(0.3)
+    second = MoveMotion(rig.board, goal(["b"], [0.5], [0.5]))
+    assert rig.board.set_control_mode("a", "vel")
+    assert not outcome(rig, first)[0]
+    assert outcome(rig, second) == (True, "")
+
+
+def test_what_was_bounded_is_told_at_the_end(rig: Rig, monkeypatch: Any) -> None:
+    """P1: what the board says to a move that it accepts is the result's message."""
+    original = rig.board.position_move
+
+    def bounded(*arguments: Any) -> Reply:
+        reply = original(*arguments)
+        assert reply
+        text = "a: bounded to 0.1 rad (0.2 was asked for): software limit"
+        return Reply(reply.joints, (Answer.ACCEPTED,), text, (text,))
+
+    monkeypatch.setattr(rig.board, "position_move", bounded)
+    success, message = outcome(rig, MoveMotion(rig.board, goal(["a"], [0.2], [0.5])))
+    assert success
+    assert message == "a: bounded to 0.1 rad (0.2 was asked for): software limit"

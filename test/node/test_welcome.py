@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the board suggests to try at its start can be done (P9, K2)."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from rig import joint
+
+from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.node.main import first_target, ros2_lines, suggestions
+
+M = ControlMode
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper"), [(-1.6, 0.14), (-2.0, 2.0), (0.7, 1.5), (-2.2, -1.0), (0.0, 0.04)]
+)
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_the_target_is_within_the_limits(lower: float, upper: float, kind: str) -> None:
+    """P9: also where 30 degrees or 20 mm are not; 30 degrees or 20 mm where they are."""
+    limits = {"lower": lower, "upper": upper}
+    made = joint("slide", kind=kind, limits=limits)
+    target = first_target(made)
+    assert lower < target < upper
+    _, words = suggestions(made, M.POSITION)
+    value = words[0].removeprefix("move slide=")
+    shown = float(value[:-2]) * 1e-3 if kind == "prismatic" else math.radians(float(value[:-3]))
+    assert lower < shown < upper
+    assert f"positions: [{target:.3g}]" in ros2_lines("/board", made)[1]
+
+
+@pytest.mark.parametrize(
+    ("mode", "when", "first"),
+    [
+        (M.POSITION, "Try", "move a=30deg"),
+        (M.MIXED, "Try", "move a=30deg"),
+        (M.IDLE, "Try", "mode a pos"),
+        (M.CALIBRATING, "When they have calibrated, try", "mode a pos"),
+        (M.NOT_CONFIGURED, "When they are configured (service configure), try", "mode a pos"),
+    ],
+)
+def test_the_mode_takes_what_is_suggested(mode: ControlMode, when: str, first: str) -> None:
+    """K2, M3: a move is suggested where the joint takes one, and when."""
+    found, words = suggestions(joint("a"), mode)
+    assert (found, words[0]) == (when, first)
+    assert words[-1] == "move a=30deg"
+
+
+def test_a_joint_without_position_control() -> None:
+    """M5: no move is suggested to a joint that knows none."""
+    made = joint("a", control_modes=(M.IDLE, M.OPENLOOP))
+    assert suggestions(made, M.IDLE) == ("Try", ["modes a"])
