@@ -7,7 +7,7 @@
     plant.push("elbow", 5.0)       # external torque, N·m, until it is set to 0
     plant.inject("elbow", "encoder", persistent=True)   # see injection.KINDS
     plant.clear_injected()
-    plant.reset()                  # home pose at rest, cold motors; time goes on
+    plant.reset()                  # home pose at rest, cold motors, no faults; time goes on
     plant.time, plant.body         # s of simulated time; the IdealBody or BulletBody
     plant.close()
 
@@ -167,7 +167,10 @@ class SimulatedPlant:
         self._faults.clear()
 
     def reset(self) -> None:
-        """Back to the home pose at rest, with cold motors; time goes on."""
+        """Back to the home pose at rest, with cold motors, whole and not pushed; time goes on."""
+        self._faults.clear()
+        self._external.fill(0.0)
+        self._pushed = False
         self.body.restore(self._home)
         self._good[:] = self._home
         self._motors.rest()
