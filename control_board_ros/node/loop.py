@@ -14,28 +14,24 @@ from __future__ import annotations
 import contextlib
 import gc
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from ..core.board import Board
 from ..core.measurement import Actuation, Plant
 from ..core.vocabs import ControlMode
-from .pacing import Pacer, Statistics, sharpen_timers
+from .pacing import Divider, Pacer, Statistics, sharpen_timers
 from .records import Records
+from .time_base import NANOSECONDS, TimeBase
 
 #: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
 PAUSED_PERIOD = 0.1
 
 Hook = Callable[[Board, float], None]
-
-
-class Resettable(Plant, Protocol):
-    """A plant that can be put back to its initial pose."""
-
-    def reset(self) -> None: ...
 
 
 class ControlLoop:
@@ -44,7 +40,8 @@ class ControlLoop:
     Args:
         board, plant: what to run; the loop closes the plant at the end.
         state_rate: how often ``records.latest`` is replaced, Hz of simulated time.
-        real_time_factor: simulated seconds per second; 0 = as fast as possible.
+        real_time_factor: simulated seconds per second; 0 = as fast as possible. Other than 1,
+            stamps are simulated time.
         simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
         on_end: called when the thread ends, by :meth:`stop` or by a failure.
 
@@ -64,12 +61,15 @@ class ControlLoop:
     ) -> None:
         self._board, self._plant = board, plant
         self._gate, self._lock = threading.Lock(), threading.Lock()
-        self._simulated_stamps = simulated_stamps
         self.on_end = on_end
         self._pacer = Pacer(0.0)
         self.hooks: list[Hook] = []
         self.turn_hooks: list[Callable[[], None]] = []
-        self.records = Records(board)
+        self.time_base = TimeBase(
+            simulated=simulated_stamps or real_time_factor != 1.0,
+            shrinkage=round(0.5 * board.period * NANOSECONDS),
+        )
+        self.records = Records(board, self.time_base)
         self.failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
         self._wake = threading.Event()
@@ -77,11 +77,9 @@ class ControlLoop:
         self._steps = 0
         self._on_steps: Callable[[str], None] | None = None
         self._on_cycle: deque[Callable[[], None]] = deque()
-        self._until_state = 1
-        self.state_every = 1
-        self.set_state_rate(state_rate)
-        self.set_real_time_factor(real_time_factor)
-        self._note_time(self._plant.read().time)
+        self._states = Divider(state_rate, board.config.control_rate)
+        self._set_pace(real_time_factor)
+        self.time_base.note(plant.read().time, time.time_ns())
         self.records.note_changes()
         self.records.note_state()
 
@@ -126,21 +124,30 @@ class ControlLoop:
         """Simulated seconds per second; 0 = as fast as possible."""
         return self._real_time_factor
 
-    @property
-    def simulated_time(self) -> bool:
-        """Whether stamps are simulated time, as /clock then tells."""
-        return self._simulated_stamps or self._real_time_factor != 1.0
-
     def set_real_time_factor(self, factor: float) -> None:
-        """Run at this many simulated seconds per second; 0 = as fast as possible."""
+        """Run at this many simulated seconds per second; 0 = as fast as possible.
+
+        Stamps go on from where they are; once simulated and real time have parted, stamps do not
+        follow the system's clock any more.
+        """
+        with self.exclusive():
+            if factor != 1.0:
+                self.time_base.free()
+            self._set_pace(factor)
+
+    def _set_pace(self, factor: float) -> None:
         self._real_time_factor = factor
         self._pacer.period = self._board.period / factor if factor > 0.0 else 0.0
         self._pacer.restart()
 
+    @property
+    def state_rate(self) -> float:
+        """How often ``records.latest`` is replaced, on average, Hz of simulated time."""
+        return self._states.rate
+
     def set_state_rate(self, rate: float) -> None:
-        """Replace ``records.latest`` at this rate, Hz of simulated time, on whole cycles."""
-        self.state_every = max(1, round(1.0 / (rate * self._board.period)))
-        self._until_state = min(self._until_state, self.state_every)
+        """Replace ``records.latest`` so often on average, on whole cycles, at most in each."""
+        self._states = Divider(rate, self._board.config.control_rate)
 
     def pause(self, paused: bool) -> None:
         """Stop or go on between two cycles; steps that have not run yet are dropped."""
@@ -189,6 +196,13 @@ class ControlLoop:
                 raise TypeError("this plant has no reset; it is not a simulation")
             reset()
             board.power_cycle()
+            self.records.note_changes()  # the next cycle may configure it already
+
+    def power_cycle(self) -> None:
+        """Back to power-on; shown also where the next cycle configures the board."""
+        with self.exclusive() as board:
+            board.power_cycle()
+            self.records.note_changes()
 
     # -- the thread ---------------------------------------------------------------------------
 
@@ -198,6 +212,7 @@ class ControlLoop:
         gc.freeze()  # or every full collection would walk rclpy's and pybullet's objects
         try:
             self._pacer.restart()
+            self.time_base.resume()
             while not self._stopping:
                 if self._paused:
                     self._stand_still()
@@ -219,16 +234,15 @@ class ControlLoop:
         try:
             if self._paused and not self._steps:
                 return  # paused while this cycle waited for its turn
-            self._until_state -= 1
+            show = self._states.pick()
             measurement = self._plant.read()
-            if self._until_state <= 0:
-                self._note_time(measurement.time)
+            if show and not self._paused:
+                self.time_base.note(measurement.time, self._pacer.due_time())
             for hook in self.hooks:
                 hook(self._board, measurement.time)
             self._plant.write(self._board.tick(measurement))
             self.records.note_changes()
-            if self._until_state <= 0:
-                self._until_state = self.state_every
+            if show:
                 self.records.note_state()
             self._tell_cycled()
             if self._paused:
@@ -247,12 +261,12 @@ class ControlLoop:
                 self.records.note_state()
         if not self._paused:
             self._pacer.restart()
+            self.time_base.resume()
 
     def _count_step(self) -> None:
         """One of the steps has run; after the last one, show the state and answer."""
         self._steps -= 1
         if not self._steps:
-            self._note_time(self._board.time)
             self.records.note_state()
             self._finish_steps("")
 
@@ -274,9 +288,7 @@ class ControlLoop:
                 board.set_control_mode(
                     name, ControlMode.FORCE_IDLE if calibrating else ControlMode.IDLE
                 )
-            measurement = self._plant.read()
-            self._note_time(measurement.time)
-            board.tick(measurement)
+            board.tick(self._plant.read())
             self._cut_power()
             self.records.note_changes()
             self.records.note_state()
@@ -286,9 +298,6 @@ class ControlLoop:
     def _cut_power(self) -> None:
         zeros = np.zeros(self._board.count)
         self._plant.write(Actuation(pwm=zeros, powered=zeros))
-
-    def _note_time(self, simulated: float) -> None:
-        self.records.note_time(simulated, system=not self.simulated_time)
 
 
 class Turn:

@@ -25,6 +25,7 @@ from .actions import Actions
 from .diagnostics import Diagnostics
 from .hearing import CommandTopic
 from .loop import ControlLoop
+from .messages import stamp
 from .parameters import Parameters, Start
 from .publishing import QUIET, STREAM, StatePublisher
 from .scheduling import take_priority
@@ -56,14 +57,14 @@ class BoardNode:
         context: Any = None,
     ) -> None:
         settings = start.settings
-        values = settings.values
+        values, simulated = settings.values, bool(settings.ros.get("use_sim_time", False))
         self.board = Board(settings.board)
         self.loop = ControlLoop(
             self.board,
             plant,
             state_rate=values["state_rate"],
             real_time_factor=values["real_time_factor"],
-            simulated_stamps=values["publish_clock"],
+            simulated_stamps=values["publish_clock"] or simulated,
             on_end=on_end,
         )
         self.node = Node(
@@ -106,6 +107,13 @@ class BoardNode:
             self.log.info(note)
         if not is_compiled():
             self.log.warning(f"laws: {describe()}")
+        if simulated:
+            self.log.info("use_sim_time: stamps are simulated time; this board publishes /clock")
+        if self.loop.state_rate != values["state_rate"]:
+            self.log.warning(
+                f"state_rate {values['state_rate']:g} Hz is above control_rate; "
+                f"{self.loop.state_rate:g} Hz is in force, one state per control cycle"
+            )
 
     def start(self) -> None:
         """Let the control loop and the publisher run."""
@@ -198,10 +206,15 @@ class BoardNode:
         if name == "state_rate":
             self.loop.set_state_rate(value)
         elif name == "real_time_factor":
+            parting = value != 1.0 and self.loop.time_base.follows_system
             self.loop.set_real_time_factor(value)
             take_priority(self.parameters.settings.values)
-            if self.loop.simulated_time:
+            if parting:
                 self.publisher.announce_clock()
+                self.log.info(
+                    "stamps go on from where they are with simulated time, for good, and /clock "
+                    "tells it; start nodes that compare times with use_sim_time:=true"
+                )
 
     # -- now and then -------------------------------------------------------------------------
 
@@ -215,7 +228,7 @@ class BoardNode:
 
     def _each_second(self) -> None:
         self._throttled.flush()
-        now = self.node.get_clock().now().to_msg()
+        now = stamp(self.loop.records.now())
         self._diagnostics_publisher.publish(self._diagnostics.message(now))
         for topic in self._topics:
             topic.check()

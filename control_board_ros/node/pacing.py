@@ -6,6 +6,7 @@ from __future__ import annotations
 import ctypes
 import time
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
@@ -40,6 +41,8 @@ class Pacer:
 
     Args:
         period: wall-clock time from one cycle to the next, s; 0 = no waiting at all.
+
+    Attributes: due (when the present cycle was to begin, s of the monotonic clock).
     """
 
     def __init__(self, period: float) -> None:
@@ -49,7 +52,7 @@ class Pacer:
         self._kept = 0
         self._since = time.monotonic()
         self._cycles_since = 0
-        self._deadline = self._since
+        self._deadline = self.due = self._since
 
     def restart(self) -> None:
         """The next cycle is due in a period: after a start, a pause or a change of the period."""
@@ -58,8 +61,9 @@ class Pacer:
     def wait(self) -> None:
         """Sleep until the next cycle is due, and note how late it starts."""
         self.cycles += 1
-        period = self.period  # another thread may set it meanwhile, to 0 even
+        period = self.period
         if period <= 0.0:
+            self.due = time.monotonic()
             return
         ahead = self._deadline - time.monotonic()
         if ahead > 0.0:
@@ -70,7 +74,12 @@ class Pacer:
         kept = self._kept
         self._lateness[kept % KEPT] = late
         self._kept = kept + 1
+        self.due = self._deadline
         self._deadline += period
+
+    def due_time(self) -> int:
+        """The system's time when the present cycle was to begin, ns."""
+        return round(self.due * 1e9) + time.time_ns() - time.monotonic_ns()
 
     def _overrun(self, late: float, period: float) -> float:
         """Count a cycle that took too long, and skip what cannot be caught up; what is left, s."""
@@ -97,6 +106,31 @@ class Pacer:
         rate = (cycles - self._cycles_since) / max(now - self._since, 1e-9)
         self._since, self._cycles_since = now, cycles
         return Statistics(cycles, self.overruns, self.skipped, rate, median, p99, worst)
+
+
+class Divider:
+    """Picks some of the control cycles, so many a second on average, as evenly as they allow.
+
+    Args:
+        rate: how many, Hz; more than the cycles there are picks every one.
+        control_rate: cycles per second of simulated time, Hz.
+
+    Attributes: rate (in force, Hz).
+    """
+
+    def __init__(self, rate: float, control_rate: float) -> None:
+        self.rate = min(rate, control_rate)
+        part = Fraction(self.rate).limit_denominator(10**6) / Fraction(control_rate)
+        self._step, self._whole = part.numerator, part.denominator
+        self._sum = self._whole - self._step  # the first cycle is picked
+
+    def pick(self) -> bool:
+        """Whether this cycle is one of them."""
+        self._sum += self._step
+        if self._sum < self._whole:
+            return False
+        self._sum -= self._whole
+        return True
 
 
 def sharpen_timers() -> None:

@@ -170,7 +170,7 @@ class Parameters:
         changed: Callable[[str, Any], None],
     ) -> None:
         self.settings = settings
-        self._reconfigure, self._changed = reconfigure, changed
+        self._reconfigure, self._changed, self._node = reconfigure, changed, node
         node.declare_parameters("", list(self._declarations()), ignore_override=True)
         node.add_on_set_parameters_callback(self._on_set)
 
@@ -189,8 +189,27 @@ class Parameters:
                 found.append((name, values[name], descriptor(row, fixed=True)))
         return found
 
+    def _refusal(self, parameters: list[RosParameter]) -> str:
+        """Why a change is refused that the settings do not know of, or cannot tell."""
+        control_rate = self.settings.board.control_rate
+        for one in parameters:
+            name, value = one.name, one.value
+            if name == "use_sim_time" and value != self._node.get_parameter(name).value:
+                return (
+                    f"use_sim_time: {value} is not allowed now; the time base is chosen at the "
+                    f"start, with -p use_sim_time:={str(value).lower()}"
+                )
+            if name == "state_rate" and isinstance(value, float) and value > control_rate:
+                return (
+                    f"state_rate: {value:g} is not allowed; at most control_rate, "
+                    f"{control_rate:g} Hz: one state per control cycle"
+                )
+        return ""
+
     def _on_set(self, parameters: list[RosParameter]) -> SetParametersResult:
         """Check a change as a whole, then let it act."""
+        if refusal := self._refusal(parameters):
+            return SetParametersResult(successful=False, reason=refusal)
         changes = {one.name: one.value for one in parameters if one.name in self.settings.values}
         if not changes:
             return SetParametersResult(successful=True)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from control_board_msgs.msg import BoardState, JointFaults, JointModes
+from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -27,6 +28,9 @@ from .wire import Template
 STREAM = QoSProfile(depth=10)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+#: How long each kind of message may take to arrive at the end.
+ARRIVAL = Duration(seconds=0.1)
 
 #: Without these, every publisher adds two entities to each wait of the executor.
 QUIET = PublisherEventCallbacks(use_default_callbacks=False)
@@ -72,12 +76,12 @@ class StatePublisher:
         self._joint_state = Template(JointState(name=list(names)), JOINT_STATE, len(names))
         self._board_state = Template(BoardState(names=list(names)), BOARD_STATE, len(names))
         self._clock_message = Clock()
-        self._done: list[object] = [None, None]
+        self._published_faults: object = None
         self._due = threading.Lock()  # held while there is nothing to do
         self._due.acquire()
         self._running = True
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
-        if loop.simulated_time:
+        if not loop.time_base.follows_system:
             self.announce_clock()
         self._description.publish(String(data=description))
         loop.records.on_change = self.wake
@@ -104,11 +108,13 @@ class StatePublisher:
                 return  # another thread was faster
 
     def stop(self, timeout: float = 1.0) -> None:
-        """Publish what is left, and end."""
+        """Publish what is left, and end; what was published arrives before the node goes."""
         self._running = False
         self.wake()
         if self._thread.is_alive():
             self._thread.join(timeout)
+        for publisher in (self._states, self._modes, self._joint_states):
+            publisher.wait_for_all_acked(ARRIVAL)
 
     def _run(self) -> None:
         sharpen_timers()
@@ -126,15 +132,15 @@ class StatePublisher:
 
     def publish(self) -> None:
         """Publish every record that is new; a state that nobody would hear costs nothing."""
-        records, done = self._records, self._done
-        modes, faults = records.modes, records.faults
-        if modes is not done[0]:
-            done[0] = modes
+        records = self._records
+        while records.mode_changes:
+            modes = records.mode_changes.popleft()
             self._modes.publish(
                 joint_modes(self._names, modes.control, modes.interaction, modes.stamp)
             )
-        if faults is not done[1]:
-            done[1] = faults
+        faults = records.faults
+        if faults is not self._published_faults:
+            self._published_faults = faults
             self._faults.publish(joint_faults(faults.records, faults.raised, faults.stamp))
         while records.states:
             state = records.states.popleft()
@@ -143,6 +149,6 @@ class StatePublisher:
                 self._joint_states.publish(self._joint_state.of(snapshot, stamp))
             if self._states.get_subscription_count():
                 self._states.publish(self._board_state.of(snapshot, stamp))
-            if self._clock is not None and self._loop.simulated_time:
+            if self._clock is not None:
                 set_stamp(self._clock_message.clock, stamp)
                 self._clock.publish(self._clock_message)

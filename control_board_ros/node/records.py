@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,11 +12,11 @@ from ..core.faults import FaultRecord
 from ..core.machine import BoardEvent
 from ..core.state import Snapshot
 from ..core.vocabs import ControlMode, InteractionMode
+from .time_base import TimeBase
 
-NANOSECONDS = 1_000_000_000
 EVENTS_KEPT = 1000
-#: States kept for a publisher that was held up; older ones are lost.
-STATES_KEPT = 50
+#: States and modes kept for a publisher that was held up; older ones are lost.
+KEPT = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,43 +46,29 @@ class Faults:
 
 
 class Records:
-    """The newest records of a board, and what maps its time to ROS time.
+    """The newest records of a board.
 
-    The ``note`` methods are for whoever has the board to himself; all else is for everybody.
+    The ``note`` methods are for callers holding the loop's lock; all else is for everybody.
 
-    Attributes: latest, modes, faults; states (those nobody has taken yet, oldest first; the
-    newest is ``latest``); events (of the board, oldest first); on_change (called after a record
-    was replaced, from the thread that did it; must return at once).
+    Attributes: latest, modes, faults; states and mode_changes (those nobody has taken yet, oldest
+    first; the newest are ``latest`` and ``modes``); events (of the board, oldest first); on_change
+    (called after a record was replaced, from the thread that did it; must return at once).
     """
 
-    def __init__(self, board: Board) -> None:
-        self._board = board
+    def __init__(self, board: Board, base: TimeBase) -> None:
+        self._board, self._base = board, base
         self.on_change: Callable[[], None] = lambda: None
         self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
-        self.states: deque[State] = deque(maxlen=STATES_KEPT)
+        self.states: deque[State] = deque(maxlen=KEPT)
+        self.mode_changes: deque[Modes] = deque(maxlen=KEPT)
         self._modes_version = self._faults_version = -1
-        self._time, self._stamp = 0.0, 0
         self.latest: State
         self.modes: Modes
         self.faults: Faults
 
-    def note_time(self, simulated: float, *, system: bool) -> None:
-        """A reading was taken now, at this simulated time (s).
-
-        Args:
-            simulated: time of the reading, s.
-            system: whether ROS time is the system's time; else it is simulated time.
-        """
-        self._time = simulated
-        self._stamp = time.time_ns() if system else round(simulated * NANOSECONDS)
-
-    def ros_offset(self) -> int:
-        """What takes simulated time to ROS time, ns."""
-        return self._stamp - round(self._time * NANOSECONDS)
-
     def note_state(self) -> None:
         """Replace ``latest`` and take the board's events."""
-        self.latest = State(self._board.snapshot(), self._now())
+        self.latest = State(self._board.snapshot(), self.now())
         self.states.append(self.latest)
         self.events.extend(self._board.take_events())
         self.on_change()
@@ -94,13 +79,14 @@ class Records:
         if board.modes_version != self._modes_version:
             self._modes_version = board.modes_version
             control, interaction = board.get_control_mode(None), board.get_interaction_mode(None)
-            self.modes = Modes(control, interaction, self._now())
+            self.modes = Modes(control, interaction, self.now())
+            self.mode_changes.append(self.modes)
             self.on_change()
         if board.faults_version != self._faults_version:
             self._faults_version = board.faults_version
             records = board.get_faults(None)
             raised = [self._raised(j, record) for j, record in enumerate(records)]
-            self.faults = Faults(records, raised, self._now())
+            self.faults = Faults(records, raised, self.now())
             self.on_change()
 
     def _raised(self, j: int, record: FaultRecord) -> int:
@@ -109,8 +95,8 @@ class Records:
             return 0
         if hasattr(self, "faults") and self.faults.records[j].stamp == record.stamp:
             return self.faults.raised[j]
-        return self.ros_offset() + round(record.stamp * NANOSECONDS)
+        return self._base.stamp(record.stamp)
 
-    def _now(self) -> int:
+    def now(self) -> int:
         """ROS time of the board's last cycle, ns."""
-        return self.ros_offset() + round(self._board.time * NANOSECONDS)
+        return self._base.stamp(self._board.time)

@@ -157,8 +157,7 @@ class Services:
         return answered(response, reply)
 
     def power_cycle(self, _request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
-            board.power_cycle()
+        self._loop.power_cycle()
         return fine(response)
 
     # -- simulation ---------------------------------------------------------------------------

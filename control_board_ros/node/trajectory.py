@@ -70,5 +70,5 @@ class TrajectoryTopic:
         stamp = message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec
         start = board.time
         if stamp:
-            start = (stamp - self._loop.records.ros_offset()) / NANOSECONDS
+            start = (stamp - self._loop.time_base.offset) / NANOSECONDS
         return self.follower.follow(names, path, start).message

@@ -251,6 +251,69 @@ def test_a_pause_is_no_overrun(rig: Rig) -> None:
     assert after.worst < 0.3
 
 
+def test_late_cycles_carry_stamps_that_fit(rig: Rig) -> None:
+    """Cycles that are caught up are stamped as far apart as their readings."""
+    rig.loop.set_state_rate(1000.0)
+    rig.plant.slow = dict.fromkeys(range(60, 300, 40), 0.02)
+    rig.loop.start()
+    rig.run_to(100)
+    rig.loop.records.states.clear()
+    rig.run_to(140)
+    rig.loop.stop()
+    states = list(rig.loop.records.states)
+    assert rig.loop.statistics().overruns > 0
+    for a, b in itertools.pairwise(states[:-1]):
+        passed = b.snapshot.time - a.snapshot.time
+        assert 0.9 * passed < 1e-9 * (b.stamp - a.stamp)
+        if rig.loop.statistics().skipped == 0:
+            assert 1e-9 * (b.stamp - a.stamp) < 1.1 * passed + 1e-8
+
+
+@pytest.mark.parametrize("factors", [(4.0, 1.0), (0.0, 1.0, 0.5), (0.25, 0.0)])
+def test_a_change_of_pace_never_turns_the_time(rig: Rig, factors: tuple[float, ...]) -> None:
+    """Stamps go on from where they are, with simulated time, and are the system's no more."""
+    stamps: list[int] = []
+    rig.loop.hooks.append(lambda _board, _time: stamps.append(rig.loop.records.now()))
+    rig.loop.start()
+    rig.run_to(50)
+    assert abs(stamps[-1] - time.time_ns()) < 10e9
+    for factor in factors:
+        rig.loop.set_real_time_factor(factor)
+        rig.run_to(rig.board.cycle + 100)
+        offset = rig.loop.time_base.offset
+    rig.run_to(rig.board.cycle + 50)
+    rig.loop.stop()
+    assert all(b >= a for a, b in itertools.pairwise(stamps))
+    assert stamps[-1] - stamps[0] < 60e9
+    assert rig.loop.time_base.offset == offset
+
+
+def test_power_on_is_shown_whatever_comes_next(fast: Rig) -> None:
+    """N1: each change of modes is kept for the publisher, also those of a single cycle."""
+    fast.loop.start()
+    fast.run_to(10)
+    for act in (fast.loop.power_cycle, fast.loop.reset):
+        fast.loop.records.mode_changes.clear()
+        act()
+        fast.run_to(fast.board.cycle + 10)
+        shown = [[mode.code for mode in m.control] for m in fast.loop.records.mode_changes]
+        assert shown == [["cfgn", "cfgn"], ["pos", "pos"]]
+
+
+def test_any_state_rate_is_kept_on_average(fast: Rig) -> None:
+    """333 Hz are 333 states in 1000 cycles, at most a cycle away from even."""
+    fast.loop.set_state_rate(333.0)
+    cycles: list[int] = []
+    fast.loop.records.on_change = lambda: cycles.append(fast.loop.records.latest.snapshot.cycle)
+    fast.loop.start()
+    fast.run_to(3000)
+    fast.loop.stop()
+    shown = sorted(set(cycles))[1:-1]
+    gaps = [b - a for a, b in itertools.pairwise(shown)]
+    assert set(gaps) <= {3, 4}
+    assert len(gaps) / (shown[-1] - shown[0]) == pytest.approx(0.333, abs=1e-3)
+
+
 def test_states_lie_on_whole_cycles(fast: Rig) -> None:
     """state_rate is a number of cycles."""
     fast.loop.set_state_rate(200.0)

@@ -198,6 +198,14 @@ def test_gains_limits_and_timeouts_change_the_board(node: Any) -> None:
     assert node.board.config.joints[0] == load().board.joints[0]
 
 
+def test_the_time_base_is_chosen_at_the_start(node: Any) -> None:
+    """One line: what is not allowed, and the next step."""
+    result = change(node, use_sim_time=True)
+    assert not result.successful
+    assert "start, with -p use_sim_time:=true" in result.reason
+    assert change(node, use_sim_time=False).successful
+
+
 def test_rates_are_told_and_leave_the_board_alone(node: Any) -> None:
     before = node.board.config
     assert change(node, state_rate=50.0, real_time_factor=0.0).successful

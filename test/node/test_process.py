@@ -9,18 +9,25 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from control_board_msgs import msg, srv
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
-from talk import Talker, talking_to
+from talk import Talker, stamp_of, talking_to
 
-from control_board_ros.testing import board_process, child_environment, free_domain
+from control_board_ros.testing import board_process, child_environment, free_domain, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(90)]
 
+BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 NODE = [sys.executable, "-m", "control_board_ros.node.main"]
 
 
@@ -216,12 +223,58 @@ def test_a_physics_server_that_is_gone_ends_it_with_one_line() -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_use_sim_time_is_tolerated() -> None:
-    """The node's own clock may follow /clock; the board's time does not depend on it."""
-    params = {"use_sim_time": True, "publish_clock": True}
-    with board_process(params) as board, talking_to(board) as talker:
-        assert talker.set_mode([], "posd").success
+def test_use_sim_time_makes_one_time() -> None:
+    """Stamps are simulated time, /clock tells it; it cannot be changed while the board runs."""
+    with board_process({"use_sim_time": True}) as board, talking_to(board) as talker:
+        board.wait_for_output("use_sim_time: stamps are simulated time")
+        talker.hear("clock", Clock, "/clock", BEST_EFFORT)
+        clock = talker.wait("clock", lambda _: True, fresh=True).clock
+        assert clock.sec < 10_000
         assert talker.state().header.stamp.sec < 10_000
+        off = ParameterMessage(name="use_sim_time", value=ParameterValue(type=1, bool_value=False))
+        answer = talker.call("set_parameters", SetParameters, parameters=[off]).results[0]
+        assert not answer.successful
+        assert "chosen at the start" in answer.reason
+
+
+def test_a_state_rate_above_the_control_rate_is_told() -> None:
+    """What is in force is said at the start."""
+    with board_process({"control_rate": 250.0, "state_rate": 1000.0}) as board:
+        board.wait_for_output("state_rate 1000 Hz is above control_rate; 250 Hz is in force")
+        with ros_node(board.domain) as node:
+            talker = Talker(node, board.name)
+            answer = set_double(talker, "state_rate", 251.0)
+            assert not answer.successful
+            assert "at most control_rate, 250 Hz" in answer.reason
+            assert set_double(talker, "state_rate", 100.0).successful
+
+
+def set_double(talker: Talker, name: str, value: float) -> Any:
+    """Set a parameter of the board."""
+    one = ParameterMessage(name=name, value=ParameterValue(type=3, double_value=value))
+    return talker.call("set_parameters", SetParameters, parameters=[one]).results[0]
+
+
+def test_a_change_of_pace_keeps_the_time() -> None:
+    """real_time_factor set live: no stamp goes back, and diagnostics have the same clock."""
+    with board_process() as board, talking_to(board) as talker:
+        talker.hear("diagnostics", DiagnosticArray, "/diagnostics")
+        begun = stamp_of(talker.state())
+        assert begun == pytest.approx(time.time(), abs=30.0)
+        talker.hear("clock", Clock, "/clock", BEST_EFFORT)
+        for factor in (4.0, 1.0, 0.5):
+            assert set_double(talker, "real_time_factor", factor).successful
+            first = stamp_of(talker.state())
+            talker.state(lambda s, first=first: stamp_of(s) > first + 0.5)
+            clock = talker.wait("clock", lambda _: True, fresh=True).clock
+            assert clock.sec + 1e-9 * clock.nanosec > first
+            told = stamp_of(talker.wait("diagnostics", lambda _: True, fresh=True))
+            assert told > first
+            assert stamp_of(talker.state()) >= told
+        for key in ("state", "diagnostics"):
+            stamps = [stamp_of(message) for message in talker.seen[key]]
+            assert stamps == sorted(stamps)
+        assert stamp_of(talker.state()) < begun + 60.0
 
 
 def test_help_needs_no_ros() -> None:

@@ -142,6 +142,36 @@ def test_reset_goes_back_to_the_initial_pose(talker: Talker) -> None:
     talker.wait("modes", lambda m: set(m.control_modes) == {"pos"})
 
 
+@pytest.mark.parametrize("name", ["power_cycle", "reset"])
+def test_power_on_shows_in_the_modes(talker: Talker, name: str) -> None:
+    """N1: ~/modes says cfgn, although the next cycle configures the board."""
+    key = f"modes around {name}"
+    talker.hear(key, msg.JointModes, f"{talker.board}/modes", QoSProfile(depth=20))
+    talker.until_state(lambda: talker.set_mode([], "posd"), lambda _: bool(talker.seen[key]))
+    talker.seen[key].clear()
+    assert talker.call(name, Trigger).success
+    talker.wait(key, lambda m: set(m.control_modes) == {"pos"})
+    assert [set(m.control_modes) for m in talker.seen[key]] == [{"cfgn"}, {"pos"}]
+
+
+def test_reset_removes_pushes_and_faults(talker: Talker) -> None:
+    """~/reset: what was broken or pushed before is so no more."""
+    names = talker.names
+    answer = talker.call(
+        "inject_fault", srv.InjectFault, names=names[:1], fault="overheating", persistent=True
+    )
+    assert answer.success
+    talker.wait("modes", lambda m: m.control_modes[0] == "hwfa")
+    talker.command("external_torque", msg.TorqueCommand(names=names[6:], torques=[2.0]))
+    assert talker.call("reset", Trigger).success
+    talker.wait("modes", lambda m: set(m.control_modes) == {"pos"})
+    assert talker.set_interaction(names[6:], "comp").success
+    first = stamp_of(talker.state())
+    later = talker.state(lambda s: stamp_of(s) > first + 1.0)
+    assert talker.modes()[0] == "pos"
+    assert later.position[6] == pytest.approx(0.0, abs=0.005)
+
+
 def test_diagnostics_follow_rep_107(talker: Talker) -> None:
     """One status for the loop, one per joint; a fault is an ERROR, and OK again later."""
     talker.hear("diagnostics", DiagnosticArray, "/diagnostics")
