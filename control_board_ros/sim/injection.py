@@ -1,23 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """Faults of the simulated hardware: what the sensors then say (SPEC F).
 
-Faults go into the plant, never into the board's state: the board's checks must find them.
+Faults go into the plant, never into the board's state: the board's checks must find them. A fault
+that is not persistent lasts until they can have: for some readings where one is enough, else
+until the board takes the power off the joint.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from ..core.config import Limits
+import numpy as np
+
+from ..core.config import JointConfig, Limits
 from ..core.faults import FaultCode
 from ..core.measurement import Array, Row
 
+#: The least that a passing fault lasts, s; in whole readings, one at least.
 TRANSIENT = 0.02
-#: A passing silence outlasts the time after which the board calls it a fault (0.02 s).
+#: The least that a passing silence lasts, s; longer where the board waits longer for a sample.
 SILENCE = 0.1
+#: The jump of a spike, rad or m, on top of what the joint could never do in a cycle.
 SPIKE = 0.5
 DIVERGED = "diverged"
+
+#: Sensors that fall silent, and the timeout after which the board calls it a fault.
+SILENT = {"encoder": "encoder", "torque_sensor": "torque_sensor"}
+#: Faults that show only while the motor drives: in an unpowered joint they wait.
+TRAVEL = frozenset({"encoder_frozen", "encoder_reversed"})
 
 
 @dataclass(slots=True)
@@ -25,7 +37,8 @@ class Injection:
     """A fault at work.
 
     Attributes: joint (index), limits (of that joint), start and end (control cycles; the fault
-    acts on readings of start ≤ cycle < end), sample (that joint's rows at the start).
+    acts on readings of start ≤ cycle < end, and on as the kind says), sample (that joint's rows at
+    the start), driven (whether its bridge has been on since).
     """
 
     joint: int
@@ -33,6 +46,7 @@ class Injection:
     start: int
     end: float
     sample: list[float]
+    driven: bool
 
     def hold(self, values: Array, *rows: Row) -> None:
         """Keep these rows at their sample from the start."""
@@ -61,9 +75,9 @@ def _frozen(fault: Injection, values: Array, _cycle: int, _period: float) -> Non
     values[Row.VELOCITY, fault.joint] = 0.0
 
 
-def _spike(fault: Injection, values: Array, cycle: int, _period: float) -> None:
+def _spike(fault: Injection, values: Array, cycle: int, period: float) -> None:
     if (cycle - fault.start) % 2 == 0:
-        values[Row.POSITION, fault.joint] += SPIKE
+        values[Row.POSITION, fault.joint] += SPIKE + 16.0 * fault.limits.velocity * period
 
 
 def _reversed(fault: Injection, values: Array, _cycle: int, _period: float) -> None:
@@ -107,9 +121,10 @@ KINDS: dict[str, Corruption] = {
 class Injector:
     """The faults at work on a plant; ``active`` is false while there are none."""
 
-    def __init__(self, names: Sequence[str], limits: Sequence[Limits], period: float) -> None:
-        self._names, self._limits, self._period = tuple(names), tuple(limits), period
+    def __init__(self, joints: Sequence[JointConfig], period: float) -> None:
+        self._joints, self._period = tuple(joints), period
         self._faults: dict[tuple[int, str], Injection] = {}
+        self._powered = np.zeros(len(joints), dtype=bool)
         self.active = False
 
     def add(self, joint: int, kind: str, persistent: bool, cycle: int, truth: Array) -> None:
@@ -118,26 +133,42 @@ class Injector:
         Args:
             joint: Index of the joint.
             kind: One of KINDS.
-            persistent: Until cleared; otherwise for 20 ms (a silence: 100 ms, a spike: one
-                sample).
+            persistent: Until cleared; otherwise until the board can have found it.
             cycle: The present control cycle.
             truth: True readings of now, shape (ROWS, n).
 
         Raises:
-            ValueError: the kind is unknown; the message lists what is allowed.
+            ValueError: the kind is unknown, or the joint has no such sensor.
         """
+        config = self._joints[joint]
         if kind not in KINDS:
             raise ValueError(f"fault {kind!r} unknown; faults: {', '.join(KINDS)}")
-        seconds = {"encoder": SILENCE, "torque_sensor": SILENCE, "encoder_spike": 0.0}
-        lasts = max(1, round(seconds.get(kind, TRANSIENT) / self._period))
+        if kind == "torque_sensor" and not config.torque_sensor:
+            raise ValueError(f"{config.name} has no torque sensor to break; choose another fault")
         self._faults[joint, kind] = Injection(
             joint,
-            self._limits[joint],
+            config.limits,
             cycle,
-            float("inf") if persistent else cycle + lasts,
+            math.inf if persistent else cycle + self._least(kind, config),
             truth[:, joint].tolist(),
+            driven=bool(self._powered[joint]),
         )
         self.active = True
+
+    def _least(self, kind: str, joint: JointConfig) -> int:
+        """Readings that a passing fault lasts at least."""
+        if kind == "encoder_spike":
+            return 1
+        seconds = TRANSIENT
+        if kind in SILENT:
+            seconds = max(SILENCE, getattr(joint.timeouts, SILENT[kind]) + 2.0 * self._period)
+        return max(1, math.ceil(seconds / self._period - 1e-9))
+
+    def switch(self, powered: Array) -> None:
+        """Take note of which bridges are on, shape (n,), 1.0 or 0.0."""
+        self._powered = powered > 0.0
+        for fault in self._faults.values():
+            fault.driven |= bool(self._powered[fault.joint])
 
     def clear(self) -> None:
         """Remove every fault."""
@@ -147,11 +178,17 @@ class Injector:
     def corrupt(self, values: Array, cycle: int) -> None:
         """Make the readings of this cycle, shape (ROWS, n), what the broken sensors say."""
         for key, fault in list(self._faults.items()):
-            if cycle >= fault.end:
+            if cycle >= fault.end and not self._unfound(key[1], fault):
                 del self._faults[key]
             else:
                 KINDS[key[1]](fault, values, cycle, self._period)
         self.active = bool(self._faults)
+
+    def _unfound(self, kind: str, fault: Injection) -> bool:
+        """Whether the board cannot have found a fault yet: it takes the power off when it has."""
+        if kind in TRAVEL:
+            return not fault.driven or bool(self._powered[fault.joint])
+        return kind in SILENT and bool(self._powered[fault.joint])
 
     def diverged(self, cycle: int) -> list[int]:
         """Joints whose torque is not a number in this cycle."""

@@ -85,7 +85,7 @@ class SimulatedPlant:
         self._steps = range(simulation.steps_per_cycle(board.control_rate))
         self._motors = Motors(board, simulation)
         self._sensors = Sensors(simulation)
-        self._faults = Injector(board.names, [j.limits for j in board.joints], board.period)
+        self._faults = Injector(board.joints, board.period)
         self._home = np.zeros((2, len(board.joints)))
         self._home[0] = [joint.home for joint in simulation.joints]
         self._good = self._home.copy()
@@ -123,6 +123,7 @@ class SimulatedPlant:
         torque = motors.applied
         if (powered := actuation.powered.tobytes()) != self._powered:
             motors.switch(actuation.powered)
+            self._faults.switch(actuation.powered)
             self._powered = powered
         if self._alarmed:
             self._alarmed = False
@@ -154,10 +155,10 @@ class SimulatedPlant:
         self._pushed = bool(self._external.any())
 
     def inject(self, joint: int | str, kind: str, persistent: bool = False) -> None:
-        """Break something: one of ``injection.KINDS``, for a moment or until it is cleared.
+        """Break something: one of ``injection.KINDS``, until it is found or until it is cleared.
 
         Raises:
-            ValueError: unknown joint or kind; the message lists what is allowed.
+            ValueError: unknown joint or kind, or no such sensor; the message says what is allowed.
         """
         index = self._index(joint)
         self._faults.add(index, kind, persistent, self._cycle, self._sensors.values)
