@@ -47,7 +47,8 @@ BLOCK_ROWS = ROWS + len(Reference)
 class Snapshot:
     """Everything a board shows after a cycle; arrays of shape (n,), nobody changes them.
 
-    position, velocity, torque, current, temperature are measured (rad, rad/s, N·m, A, °C);
+    position, velocity, torque, current, temperature are measured (rad, rad/s, N·m, A, °C), torque
+    NaN without a torque sensor;
     position_reference, velocity_reference, torque_reference are in force; output is the PWM in
     percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
     false where a joint's angle is not known (K7); overload is the part of the I²t budget used up

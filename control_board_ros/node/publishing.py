@@ -75,6 +75,8 @@ class StatePublisher:
         self._clock: Any = None
         self._joint_state = Template(JointState(name=list(names)), JOINT_STATE, len(names))
         self._board_state = Template(BoardState(names=list(names)), BOARD_STATE, len(names))
+        if trouble := self._board_state.trouble or self._joint_state.trouble:
+            node.get_logger().info(trouble)
         self._clock_message = Clock()
         self._published_faults: object = None
         self._due = threading.Lock()  # held while there is nothing to do

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""States as bytes: the same message as from fields, whatever the middleware leaves unset."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from control_board_msgs.msg import BoardState
+from rclpy.serialization import deserialize_message, serialize_message
+from rig import Rig, board_config
+from sensor_msgs.msg import JointState
+
+from control_board_ros.core.state import Snapshot
+from control_board_ros.node import wire
+from control_board_ros.node.publishing import BOARD_STATE, JOINT_STATE
+from control_board_ros.node.wire import Layout, Template, place
+
+NAMES = ("left", "right", "bare")
+KINDS = [(JointState(name=list(NAMES)), JOINT_STATE), (BoardState(names=list(NAMES)), BOARD_STATE)]
+
+
+@pytest.fixture
+def snapshot() -> Snapshot:
+    """Of three joints; the last has no torque sensor, and the second no temperature."""
+    rig = Rig(board_config())
+    rig.tick(3)
+    assert not rig.board.velocity_move("left", 1.0)  # counted
+    shown = rig.tick()
+    shown.temperature[1] = np.nan
+    return shown
+
+
+def read(template: Template, kind: Any, snapshot: Snapshot) -> Any:
+    sent = template.of(snapshot, 1_500_000_000_000_000_001)
+    return deserialize_message(sent, kind) if isinstance(sent, bytes) else sent
+
+
+@pytest.mark.parametrize(("message", "sources"), KINDS)
+@pytest.mark.parametrize("known", [True, False])
+def test_a_message_of_bytes_is_the_message(
+    message: Any, sources: dict[str, str], known: bool, snapshot: Snapshot, monkeypatch: Any
+) -> None:
+    """Every field, NaN too; and the same where the layout is not known, without an end."""
+    if not known:
+        monkeypatch.setattr(wire, "place", unknown)
+    template = Template(message, sources, 3)
+    assert bool(template.trouble) is not known
+    shown = read(template, type(message), snapshot)
+    assert (shown.header.stamp.sec, shown.header.stamp.nanosec) == (1_500_000_000, 1)
+    for field, source in sources.items():
+        np.testing.assert_array_equal(getattr(shown, field), getattr(snapshot, source))
+    assert np.isnan(getattr(shown, "effort" if isinstance(message, JointState) else "torque")[2])
+
+
+def unknown(*_arguments: Any) -> slice:
+    raise Layout("numbers are in 0 places")
+
+
+def test_bytes_that_read_otherwise_are_not_used(snapshot: Snapshot, monkeypatch: Any) -> None:
+    """A place found wrongly is noticed at the start."""
+    monkeypatch.setattr(wire, "place", lambda *a: slice(place(*a).start + 8, place(*a).stop + 8))
+    template = Template(BoardState(names=list(NAMES)), BOARD_STATE, 3)
+    assert "not as bytes" in template.trouble
+    np.testing.assert_array_equal(read(template, BoardState, snapshot).position, snapshot.position)
+
+
+def padding(message: Any) -> list[int]:
+    """Places of the bytes that nobody reads: a message that differs in them reads the same."""
+    whole = bytes(serialize_message(message))
+    found = []
+    for k in range(2, len(whole)):
+        changed = bytearray(whole)
+        changed[k] ^= 0x41
+        try:
+            if deserialize_message(bytes(changed), type(message)) == message:
+                found.append(k)
+        except RuntimeError:
+            continue  # a length, then
+    return found
+
+
+def test_padding_that_is_not_set_does_not_matter(monkeypatch: Any) -> None:
+    """Bytes between the fields may hold anything, another thing each time."""
+    random = np.random.default_rng(1)
+    message = BoardState(names=["a", "bc", "def"])
+    for field, kind in message.get_fields_and_field_types().items():
+        if field in BOARD_STATE:
+            setattr(message, field, wire.numbers(kind, 0, 3))
+    unused = padding(message)
+    assert len(unused) > 4
+
+    def noisy(message: Any) -> bytes:
+        made = bytearray(serialize_message(message))
+        for k in unused:
+            made[k] = random.choice([0x00, 0x01, 0x41, 0xFF])
+        return bytes(made)
+
+    monkeypatch.setattr(wire, "serialize_message", noisy)
+    for _ in range(50):
+        assert Template(message, BOARD_STATE, 3).trouble == ""
+
+
+def test_a_mark_in_a_name_is_no_place() -> None:
+    """A joint called AAAAAAAA... holds the mark's bytes, too."""
+    names = ["A" * 64, "B", "AAAAAAAAAAAAAAAAAAAAAAAA"]
+    assert Template(BoardState(names=names), BOARD_STATE, 3).trouble == ""
+
+
+@pytest.mark.parametrize(
+    ("blank", "marked", "text"),
+    [
+        (b"\0" * 8, b"\0" * 8, "0 places"),
+        (b"\0" * 8, b"AA\0\0AA\0\0", "2 places"),
+        (b"\0" * 8, b"\0AA\0\0\0\0\0", "0 places"),
+        (b"\0" * 8, b"AA", "size"),
+    ],
+)
+def test_what_is_not_one_place(blank: bytes, marked: bytes, text: str) -> None:
+    """None, several, or another size: the layout is not understood."""
+    with pytest.raises(Layout, match=text):
+        place(blank, marked, b"AA")
