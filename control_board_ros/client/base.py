@@ -11,7 +11,7 @@ import numpy as np
 from control_board_msgs.msg import BoardState, JointModes
 from numpy.typing import NDArray
 
-from control_board_ros.core.reply import Answer, Reply, accepted, refused
+from control_board_ros.core.reply import Answer, Reply, refused
 from control_board_ros.core.selection import RequestError, Selection, Selector
 from control_board_ros.interfaces import Floats, Joints
 
@@ -69,6 +69,14 @@ class State:
             calibrated=np.array(message.calibrated, dtype=np.bool_),
             **floats,
         )
+
+
+def reply_of(response: Any, selection: Selection) -> Reply:
+    """The board's own answer for each joint; of none, where the request was wrong as a whole."""
+    answers = tuple(Answer(text) for text in response.answers)
+    names = selection.names if answers else ()
+    reasons = tuple(response.reasons) if any(response.reasons) else ()
+    return Reply(names, answers, response.message, reasons)
 
 
 def seconds(stamp: Any) -> float:
@@ -137,10 +145,10 @@ class ClientBase:
         return response
 
     def _change(self, kind: Any, name: str, selection: Selection, **fields: Any) -> Steps[Reply]:
-        """Call a service that changes all of the joints or none."""
+        """Call a service that answers for each joint."""
         response = yield from self._request(kind, name, selection, **fields)
         self._changed()
-        return accepted(selection.names) if response.success else refused(response.message)
+        return reply_of(response, selection)
 
     def _trigger(self, kind: Any, name: str, request: Any) -> Steps[Reply]:
         """Call a service that concerns the whole board."""

@@ -156,10 +156,10 @@ class GoalOperations(ReferenceOperations):
         self,
         joints: Joints = None,
         *,
-        wait: bool = False,
+        wait: bool = True,
         feedback: Callable[[CalibrationFeedback], None] | None = None,
     ) -> Steps[Reply]:
-        """Start the calibration of joints, and with ``wait`` see it to its end (K1 to K4).
+        """Calibrate joints and wait for the end (K1 to K4); without ``wait``, only start it.
 
         Interrupted while waiting, it cancels the goal and lets the interruption through.
         ``feedback`` is called in the caller's thread.

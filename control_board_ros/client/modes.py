@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from control_board_msgs.srv import (
@@ -17,8 +17,7 @@ from control_board_msgs.srv import (
     SetInteractionMode,
 )
 
-from control_board_ros.core.modes import REQUESTABLE
-from control_board_ros.core.reply import Answer, Reply, accepted, refused
+from control_board_ros.core.reply import Answer, Reply, refused
 from control_board_ros.core.selection import RequestError, Selection, spread
 from control_board_ros.core.vocabs import (
     ControlMode,
@@ -29,10 +28,9 @@ from control_board_ros.core.vocabs import (
 )
 from control_board_ros.interfaces import Floats, Interaction, Joints, Mode, Values
 
-from .base import ClientBase
+from .base import ClientBase, reply_of
 from .waiting import Steps, operation
 
-V = TypeVar("V", bound=Vocab)
 Available = tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]
 
 
@@ -44,26 +42,15 @@ class ModeOperations(ClientBase):
         """Ask for control modes: enumeration, code, name or vocab (M1, M5 to M8, F2, F4)."""
         try:
             selection = yield from self._select(joints)
-            wanted = parse_all(modes, len(selection.names), parse_control_mode)
+            texts = mode_texts(modes, parse_control_mode)
         except ValueError as error:
             return refused(str(error))
-        before = {name: self._view.control_mode(name) for name in selection.names}
-        codes = [mode.code for mode in wanted]
         response = yield from self._request(
-            SetControlMode, "set_control_mode", selection, modes=codes
+            SetControlMode, "set_control_mode", selection, modes=texts
         )
         self._changed()
         self._view.on_answer(response.names, response.modes)
-        if response.success:
-            return accepted(selection.names)
-        if not response.names or any(mode not in REQUESTABLE for mode in wanted):
-            return refused(response.message)
-        after = dict(zip(response.names, response.modes, strict=True))
-        answers = []
-        for name, mode in zip(selection.names, wanted, strict=True):
-            target = ControlMode.IDLE if mode is ControlMode.FORCE_IDLE else mode
-            answers.append(answer_of(before[name], after[name], target.code))
-        return replied(selection, answers, response.message)
+        return reply_of(response, selection)
 
     @operation
     def get_control_mode(self, joints: Joints = None) -> Steps[list[ControlMode]]:
@@ -86,34 +73,16 @@ class ModeOperations(ClientBase):
         """Ask for interaction modes; in an active mode a change stops the joint (I1 to I7)."""
         try:
             selection = yield from self._select(joints)
-            wanted = parse_all(modes, len(selection.names), parse_interaction_mode)
+            texts = mode_texts(modes, parse_interaction_mode)
         except ValueError as error:
             return refused(str(error))
-        before = {name: self._view.control_mode(name) for name in selection.names}
         response = yield from self._request(
-            SetInteractionMode,
-            "set_interaction_mode",
-            selection,
-            modes=[mode.code for mode in wanted],
+            SetInteractionMode, "set_interaction_mode", selection, modes=texts
         )
         self._changed()
-        if response.success:
-            return accepted(selection.names)
-        if not response.names:
-            return refused(response.message)
-        # A mode that a joint does not implement faults it (I7); the answer holds no control mode.
-        control = yield from self._control_modes(selection)
-        answers = []
-        for name, mode, now, state in zip(
-            selection.names, wanted, response.modes, control.modes, strict=True
-        ):
-            if before[name] is ControlMode.NOT_CONFIGURED:
-                answers.append(Answer.REFUSED)
-            elif now == mode.code:
-                answers.append(Answer.ACCEPTED)
-            else:
-                answers.append(answer_of(before[name], state, ""))
-        return replied(selection, answers, response.message)
+        if Answer.UNSUPPORTED in response.answers:  # these are in HW_FAULT now (I7)
+            self._view.doubt()
+        return reply_of(response, selection)
 
     @operation
     def get_interaction_mode(self, joints: Joints = None) -> Steps[list[InteractionMode]]:
@@ -178,35 +147,14 @@ class ModeOperations(ClientBase):
         return np.array(response.torque_offset)
 
 
-def parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
-    """The modes of a request, one per joint; one mode goes to all of them.
+def mode_texts(modes: Any, parse: Callable[[Any], Vocab]) -> list[str]:
+    """The modes of a request as the wire has them; what they mean is the board's to say.
 
     Raises:
-        ValueError: an unknown mode, or a number of modes that fits neither.
+        ValueError: a number that is no vocab.
     """
     given = [modes] if isinstance(modes, str | int) else list(modes)
-    parsed = [parse(mode) for mode in given]
-    if len(parsed) == 1:
-        return parsed * count
-    if len(parsed) != count:
-        raise RequestError(
-            f"{len(parsed)} modes for {count} joint{'s' if count != 1 else ''}; "
-            "send one mode per named joint, or one for all"
-        )
-    return parsed
-
-
-def answer_of(before: ControlMode, after: str, target: str) -> Answer:
-    """One joint's answer, from its mode before and after a request that was not all accepted."""
-    if after == target:
-        return Answer.ACCEPTED
-    fault = ControlMode.HW_FAULT
-    if after == fault.code and before is not fault:
-        return Answer.UNSUPPORTED  # M5, I7
-    return Answer.REFUSED
-
-
-def replied(selection: Selection, answers: list[Answer], message: str) -> Reply:
-    """The reply of joints that answered differently."""
-    reasons = tuple("" if answer is Answer.ACCEPTED else message for answer in answers)
-    return Reply(selection.names, tuple(answers), message, reasons)
+    return [
+        mode.encode(errors="replace").decode() if isinstance(mode, str) else parse(mode).code
+        for mode in given
+    ]

@@ -24,8 +24,6 @@ from control_board_msgs.srv import GetReferences, SetReferenceSpeed, Stop
 
 from control_board_ros.core.modes import (
     ACCEPTS,
-    AT_REST,
-    STOPPABLE,
     Event,
     modes_accepting,
     next_mode,
@@ -35,7 +33,7 @@ from control_board_ros.core.selection import RequestError, Selection, spread
 from control_board_ros.core.vocabs import CommandKind, ControlMode
 from control_board_ros.interfaces import Floats, Joints, Values
 
-from .modes import ModeOperations, replied
+from .modes import ModeOperations
 from .waiting import Steps, operation
 
 K = CommandKind
@@ -99,14 +97,8 @@ class ReferenceOperations(ModeOperations):
             selection = yield from self._select(joints)
         except RequestError as error:
             return refused(str(error))
-        response = yield from self._request(Stop, "stop", selection)
-        self._changed()
-        if response.success:
-            return accepted(selection.names)
-        modes = [self._view.control_mode(name) for name in selection.names]
-        still = [mode in STOPPABLE or mode in AT_REST for mode in modes]
-        answers = [Answer.ACCEPTED if fine else Answer.IGNORED for fine in still]
-        return replied(selection, answers, response.message)
+        reply = yield from self._change(Stop, "stop", selection)
+        return reply
 
     @operation
     def set_ref_speed(self, joints: Joints, speeds: Values) -> Steps[Reply]:

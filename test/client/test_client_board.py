@@ -66,21 +66,25 @@ def test_what_the_board_refuses_is_a_reply(client: ControlBoardClient) -> None:
     ):
         reply = client.set_control_mode(joints, modes)
         assert not reply
-        assert reply.joints == ()
+        assert {str(answer) for answer in reply.answers} <= {"refused"}
         assert text in reply.message
     assert client.get_control_mode() == [M.POSITION] * 7
 
 
 def test_each_joint_has_its_answer(client: ControlBoardClient) -> None:
-    """M5, F2, F4: answers joint by joint, from the modes after the call."""
+    """M5, F2, F4: answers joint by joint, each with its own reason."""
     assert client.set_control_mode(0, "vel")
     reply = client.set_control_mode([0, 1], ["vel", "icur"])
     assert reply.answers == (Answer.ACCEPTED, Answer.UNSUPPORTED)
     assert not reply
     assert "does not implement icur" in reply.message
-    reply = client.set_control_mode([1, 2], "torq")
-    assert reply.answers == (Answer.REFUSED, Answer.ACCEPTED)
+    reply = client.set_control_mode([1, 2, 3], ["torq", "torq", "veld"])
+    assert reply.answers == (Answer.REFUSED, Answer.ACCEPTED, Answer.UNSUPPORTED)
     assert "send FORCE_IDLE first" in reply.message
+    assert f"{NAMES[1]} is in HW_FAULT" in reply.reasons[0]
+    assert reply.reasons[1] == ""
+    assert "does not implement veld" in reply.reasons[2]
+    assert client.set_control_mode(3, "fidl")
     faults = client.get_faults()
     assert [fault.active for fault in faults] == [False, True] + [False] * 5
     assert faults[1].code == 16
@@ -283,14 +287,23 @@ def test_an_interrupted_move_stops_the_joints(client: ControlBoardClient) -> Non
 def test_calibrate(client: ControlBoardClient) -> None:
     """K1, K3: started at once, or waited for; the statuses tell."""
     told: list[Any] = []
-    reply = client.calibrate([0, 1], wait=True, feedback=told.append)
+    reply = client.calibrate([0, 1], feedback=told.append)
     assert reply, reply.message
     assert told[-1].names == NAMES[:2]
     assert told[-1].progress.min() > 0.9  # the last feedback may come after the result
     assert all(status.done for status in client.get_calibration([0, 1]))
     assert not client.get_calibration(2)[0].done
-    assert client.calibrate(2)
+    assert client.calibrate(2, wait=False)
     assert client.get_calibration(2)[0].done
+
+
+def test_stop_answers_for_each_joint(client: ControlBoardClient) -> None:
+    """P3: what the board says, joint by joint, not what the client thinks."""
+    assert client.set_control_mode([1, 2], ["torq", "idl"])
+    reply = client.stop([0, 1, 2])
+    assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED, Answer.ACCEPTED)
+    assert [bool(reason) for reason in reply.reasons] == [False, True, False]
+    assert NAMES[1] in reply.reasons[1]
 
 
 class Slow:
@@ -320,11 +333,11 @@ class Slow:
 
 def test_answers_that_come_at_once_are_not_lost(client: ControlBoardClient) -> None:
     """An answer that rclpy takes before it has noted the question, it drops."""
-    assert client.calibrate(2, wait=True)
+    assert client.calibrate(2)
     action = client._link._entities["calibrate"]
     action._client_handle, quick = Slow(action._client_handle), action._client_handle
     try:
-        assert client.calibrate(2, wait=True)
+        assert client.calibrate(2)
     finally:
         action._client_handle = quick
 

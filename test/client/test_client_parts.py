@@ -9,15 +9,18 @@ import time
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from control_board_ros.client.base import reply_of
 from control_board_ros.client.calibrations import CalibrationView
 from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTimeout
-from control_board_ros.client.modes import answer_of, parse_all
+from control_board_ros.client.modes import mode_texts
 from control_board_ros.client.modes_view import ANSWER_HOLDS, ModesView
 from control_board_ros.client.references import as_given
 from control_board_ros.client.waiting import Aio, Steps, Wait, operation, run
-from control_board_ros.core.reply import Answer
+from control_board_ros.core.reply import Answer, accepted, refused
+from control_board_ros.core.selection import Selection
 from control_board_ros.core.vocabs import ControlMode, InteractionMode, parse_control_mode
 
 
@@ -178,27 +181,30 @@ def test_other_joints_on_another_board() -> None:
     assert view.interaction_mode("y") is InteractionMode.STIFF
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "target", "answer"),
-    [
-        ("pos", "vel", "vel", Answer.ACCEPTED),
-        ("pos", "hwfa", "icur", Answer.UNSUPPORTED),
-        ("hwfa", "hwfa", "pos", Answer.REFUSED),
-        ("cal", "cal", "pos", Answer.REFUSED),
-        ("hwfa", "idl", "idl", Answer.ACCEPTED),
-    ],
-)
-def test_answers_from_modes(before: str, after: str, target: str, answer: Answer) -> None:
-    """M5, F2, K2: one joint's answer from its mode before and after."""
-    assert answer_of(parse_control_mode(before), after, target) is answer
+def test_answers_are_the_boards() -> None:
+    """M5, M7: one for each joint with its reason; none where the request was wrong as a whole."""
+    both = Selection(np.array([0, 1]), ("a", "b"))
+    response = SimpleNamespace(
+        answers=["accepted", "unsupported"], reasons=["", "no such mode"], message="no such mode"
+    )
+    reply = reply_of(response, both)
+    assert reply.joints == ("a", "b")
+    assert reply.answers == (Answer.ACCEPTED, Answer.UNSUPPORTED)
+    assert reply.reasons == ("", "no such mode")
+    fine = SimpleNamespace(answers=["accepted"] * 2, reasons=["", ""], message="")
+    assert reply_of(fine, both) == accepted(("a", "b"))
+    wrong = SimpleNamespace(answers=[], reasons=[], message="named twice")
+    assert reply_of(wrong, both) == refused("named twice")
 
 
 def test_modes_of_a_request() -> None:
-    """M7: one for all, or one each."""
-    assert parse_all("pos", 3, parse_control_mode) == [ControlMode.POSITION] * 3
-    assert parse_all(["pos"], 2, parse_control_mode) == [ControlMode.POSITION] * 2
-    with pytest.raises(ValueError, match="2 modes for 3 joints"):
-        parse_all(["pos", "vel"], 3, parse_control_mode)
+    """M7: texts go as they are, for the board to judge; enumerations and numbers as codes."""
+    assert mode_texts("Position", parse_control_mode) == ["Position"]
+    assert mode_texts(ControlMode.VELOCITY, parse_control_mode) == ["vel"]
+    given = ["nonsense", ControlMode.IDLE, int(ControlMode.TORQUE)]
+    assert mode_texts(given, parse_control_mode) == ["nonsense", "idl", "torq"]
+    with pytest.raises(ValueError, match="5 is no control mode"):
+        mode_texts(5, parse_control_mode)
 
 
 def test_malformed_values_are_sent_as_far_as_they_go() -> None:
