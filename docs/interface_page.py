@@ -28,15 +28,18 @@ QOS = {
 
 #: What no definition of ours says: names of standard types, and when state is sent.
 MEANING = {
-    "joint_states": "Measured position, velocity and torque of every joint, `state_rate` times a "
-    "second, stamped with the time of the reading. For robot_state_publisher and RViz.",
-    "~/modes": "Modes of every joint, on every change.",
-    "~/state": "What the board measures and follows, `state_rate` times a second.",
+    "joint_states": "Measured position, velocity and torque (NaN without a torque sensor) of "
+    "every joint, `state_rate` times a second, stamped with the time of the reading. For "
+    "robot_state_publisher and RViz.",
+    "~/modes": "Modes of every joint, on every change, also of a change that lasts one cycle.",
+    "~/state": "What the board measures and follows, `state_rate` times a second on average, on "
+    "whole control cycles; at most one per cycle.",
     "~/faults": "The joints in fault now, on every change.",
     "robot_description": "The URDF.",
     "/diagnostics": "Once a second: loop rate, overruns, worst latency, rejected commands, "
     "faults. One entry for the board and one per joint.",
-    "/clock": "Simulated time, where `publish_clock` is set or `real_time_factor` is not 1.",
+    "/clock": "The time of the stamps, where `publish_clock` or `use_sim_time` is set or "
+    "`real_time_factor` is or has been other than 1. See [Time](#time).",
     "~/command/position": "Moves along minimum-jerk profiles. Accepted in POSITION, MIXED.",
     "~/command/position_direct": "Position steps. Accepted in POSITION_DIRECT.",
     "~/command/velocity": "Velocities; they expire after `timeouts.velocity`. Accepted in "
@@ -45,7 +48,8 @@ MEANING = {
     "~/command/output": "PWM in percent. Accepted in OPENLOOP.",
     "~/command/feedforward": "Terms added to the output, or to the impedance torque. Accepted in "
     "every mode.",
-    "~/joint_trajectory": "Points to follow, interpolated. Accepted in POSITION_DIRECT.",
+    "~/joint_trajectory": "Points to follow, interpolated. Accepted in POSITION_DIRECT. See "
+    "[Trajectories](#trajectories).",
     "~/external_torque": "Simulation only, with `allow_fault_injection`: a push on the joints, "
     "N·m, until the next one.",
     "~/configure": "The configuration is complete: joints leave NOT_CONFIGURED. Needed only with "
@@ -54,7 +58,8 @@ MEANING = {
     "~/clear_injected_faults": "Simulation only: remove injected causes. The joints stay in "
     "HW_FAULT until FORCE_IDLE.",
     "~/pause": "Simulation only: `data: true` stops simulated time, `data: false` lets it go on.",
-    "~/reset": "Simulation only: back to the initial pose and power-on.",
+    "~/reset": "Simulation only: back to the initial pose and power-on, without pushes and "
+    "injected faults.",
 }
 
 INTRODUCTION = """\
@@ -70,6 +75,39 @@ for, why it failed, and what would have been valid.
 COMMANDS = """\
 Fire and forget. What a joint's mode does not accept is ignored, counted in `rejected_commands`
 of `~/state`, and logged once a second. QoS: {qos}; `qos_overrides` parameters change it.
+"""
+
+
+TRAJECTORIES = """\
+What `~/joint_trajectory` takes has the meaning of ros2_controllers'
+joint_trajectory_controller, joint by joint:
+
+- Segments are linear with positions only, cubic with velocities, quintic with accelerations
+  too. A field stands at every point or at none, with one number per joint; times rise; the
+  last point is at rest. What is wrong is refused whole, counted in `rejected_commands`, and
+  the log names the point.
+- `header.stamp` is when it begins; 0 means now. Ahead of now it waits, and the joints go on
+  with what they do until then. Of one that began in the past, the points that are past are
+  left out; one that is over is refused.
+- It begins at the reference that is then in force, with its velocity, unless its first point
+  is at the very time of its beginning. It replaces what its joints followed; other joints go
+  on.
+- Joints in another mode are counted and told, the others are served whole.
+- It ends for a joint that is stopped, changes its control or interaction mode, faults, or
+  gets a direct position from elsewhere; for all of its joints with a message without points.
+  Nothing of it is kept.
+- Software limits cut what leads beyond them, and the log says so.
+
+"""
+
+TIME = """\
+Every stamp is an offset plus simulated time: stamps never go backwards, and are as far apart
+as the readings. At `real_time_factor` 1 they are the system's time; with another factor at
+the start, or with `publish_clock` or `use_sim_time`, they are simulated time, and `/clock`
+tells it. A factor set while the board runs changes the pace of the stamps, not where they
+are, and `/clock` tells them from then on ([why](decisions/0013-one-time-base.md)).
+Diagnostics have the same clock.
+
 """
 
 
@@ -153,7 +191,8 @@ def page() -> str:
     for title, table in (("Services", names.SERVICES), ("Actions", names.ACTIONS)):
         lines += ["", f"## {title}", "", *header(title[:-1].lower(), "type", "what it does")]
         lines += [row(f"`{n}`", link(kind), meaning(n, kind)) for n, kind in table.items()]
-    lines += ["", "## Definitions of control_board_msgs", ""]
+    lines += ["", "## Trajectories", "", TRAJECTORIES, "## Time", "", TIME]
+    lines += ["## Definitions of control_board_msgs", ""]
     lines += ["In Python: `from control_board_msgs.msg import JointModes`; `.srv` and `.action`."]
     for definition in known.values():
         lines += ["", *section(definition)]
