@@ -120,6 +120,10 @@ class OverRos:
         self._step(max(1, cycles - self._ahead))
         self._ahead = max(0, self._ahead - cycles)
 
+    def calibrate(self, joints: Any = None) -> Any:
+        """Only start it, as in process: time goes on by steps."""
+        return self._client.calibrate(joints, wait=False)
+
     def _step(self, cycles: int) -> None:
         reply = self._client.step(cycles)
         assert reply, reply.message
