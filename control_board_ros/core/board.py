@@ -34,7 +34,7 @@ class Board(Requests, Commands, ModeShortcuts):
     def __init__(self, config: BoardConfig) -> None:
         super().__init__(config)
         self._last = self.state.measured.copy()
-        self._without_torque_sensor = np.flatnonzero([not j.torque_sensor for j in config.joints])
+        self._torque_sensor = np.array([joint.torque_sensor for joint in config.joints])
         self._actuation = Actuation(pwm=self.state.output, powered=self.state.powered)
 
     def tick(self, measurement: Measurement) -> Actuation:
@@ -66,9 +66,6 @@ class Board(Requests, Commands, ModeShortcuts):
 
     def snapshot(self) -> Snapshot:
         """All that the board shows, frozen; a new object, never changed afterwards."""
-        block = self.state.block.copy()
-        if self._without_torque_sensor.size:
-            block[Row.TORQUE, self._without_torque_sensor] = np.nan
         return Snapshot(
             self.time,
             self.cycle,
@@ -79,6 +76,10 @@ class Board(Requests, Commands, ModeShortcuts):
             self.state.rejected.copy(),
             self.state.calibrated.copy(),
             self.watch.heat.used,
+            self.references.trajectories.done.copy(),
+            self.state.rejected.copy(),
+            self.state.calibrated.copy(),
+            self._torque_sensor,
         )
 
     @property

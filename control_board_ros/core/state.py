@@ -53,6 +53,7 @@ class Snapshot:
     percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
     false where a joint's angle is not known (K7); overload is the part of the I²t budget used up
     (a fault above 1).
+    false where a joint's angle is not known (K7); torque_sensor is false where torque is NaN.
     """
 
     time: float
@@ -62,6 +63,7 @@ class Snapshot:
     rejected_commands: NDArray[np.uint64]
     calibrated: NDArray[np.bool_]
     overload: Array
+    torque_sensor: NDArray[np.bool_]
 
     @property
     def position(self) -> Array:
@@ -73,7 +75,7 @@ class Snapshot:
 
     @property
     def torque(self) -> Array:
-        return self._row(Row.TORQUE)
+        return np.where(self.torque_sensor, self._row(Row.TORQUE), np.nan)
 
     @property
     def current(self) -> Array:
