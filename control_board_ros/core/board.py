@@ -71,14 +71,9 @@ class Board(Requests, Commands, ModeShortcuts):
             self.cycle,
             self.state.block.copy(),
             self.state.done.copy(),
-            block,
-            self.references.trajectories.done.copy(),
             self.state.rejected.copy(),
             self.state.calibrated.copy(),
             self.watch.heat.used,
-            self.references.trajectories.done.copy(),
-            self.state.rejected.copy(),
-            self.state.calibrated.copy(),
             self._torque_sensor,
         )
 

@@ -398,6 +398,7 @@ class Commands(Machine):
         """Refuse and count a command that was found wrong before it came here (P13)."""
         return self._malformed(joints, message)
 
+
 def feed_output(joint: Joint, output: float) -> None:
     """Set u_ff, percent (P11)."""
     joint.output_offset = output

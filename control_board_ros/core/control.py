@@ -44,9 +44,7 @@ class Controller:
             state.torque_reference,
             state.output,
         )
-        self._laws = Laws(
-            self.joints, [memoryview(row) for row in rows], memoryview(state.done.view(np.uint8))
-        )
+        self._laws = Laws(self.joints, [row.data for row in rows], state.done.view(np.uint8).data)
         self.step = self._laws.step
         self._armed = [(Law.OFF, False)] * state.n  # law, and whether with the direct gains
         for joint, own in zip(self.joints, config.joints, strict=True):

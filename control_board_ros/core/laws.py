@@ -790,7 +790,7 @@ class Laws:
         done: n bytes, 1 where no position move is under way.
     """
 
-    joints: list
+    joints: list[Joint]
     done: cython.uchar[::1]
     position: cython.double[::1]
     velocity: cython.double[::1]
@@ -801,7 +801,7 @@ class Laws:
     torque_reference: cython.double[::1]
     output: cython.double[::1]
 
-    def __init__(self, joints: list, rows: list, done: object) -> None:
+    def __init__(self, joints: list[Joint], rows: list[object], done: object) -> None:
         self.joints = joints
         (
             self.position,

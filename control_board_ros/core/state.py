@@ -52,8 +52,7 @@ class Snapshot:
     position_reference, velocity_reference, torque_reference are in force; output is the PWM in
     percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
     false where a joint's angle is not known (K7); overload is the part of the I²t budget used up
-    (a fault above 1).
-    false where a joint's angle is not known (K7); torque_sensor is false where torque is NaN.
+    (a fault above 1); torque_sensor is false where torque is NaN.
     """
 
     time: float
