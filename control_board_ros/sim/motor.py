@@ -118,11 +118,15 @@ class Motors:
         target = self._ambient + self._warming * self.current**2
         self.temperature += self._cooling * (target - self.temperature)
 
-    def rest(self) -> None:
-        """No current, cold windings."""
+    def still(self) -> None:
+        """No current, no torque, nothing bent."""
         self.current.fill(0.0)
         self.torque.fill(0.0)
         self._bearings.rest()
+
+    def rest(self) -> None:
+        """No current, cold windings."""
+        self.still()
         self.temperature[:] = self._ambient
 
 

@@ -198,8 +198,7 @@ class SimulatedPlant:
 
     def _recover(self) -> None:
         self.body.restore(self._good)
-        self._motors.current.fill(0.0)
-        self._motors.torque.fill(0.0)
+        self._motors.still()
         self._sensors.alarm(FaultCode.DIVERGED)
         self._alarmed = True
 

@@ -156,7 +156,8 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
                 row = JOINT_BY_NAME[name.partition(".")[2]]
                 values[name] = convert(row, name, entry)
     warnings = urdf.warnings + assumed.warnings + _slow(values["control_rate"])
-    return Settings(made, simulation, urdf, values, ros, warnings, assumed.notes, where)
+    notes = () if robot in ROBOTS else assumed.notes
+    return Settings(made, simulation, urdf, values, ros, warnings, notes, where)
 
 
 def _slow(rate: float) -> tuple[str, ...]:
