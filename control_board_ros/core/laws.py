@@ -49,6 +49,8 @@ SETTLE_LEAST = cython.declare(cython.double, 0.05)
 SETTLE_MOST = cython.declare(cython.double, 0.5)
 #: How firmly TORQUE holds a joint before its first reference, as a part of the torque limit.
 HOLD_SHARE = cython.declare(cython.double, 0.1)
+#: A way so long that no braking is in sight, rad or m.
+FAR = cython.declare(cython.double, 1e9)
 #: Within which time the protection takes the speed to what is allowed, s.
 HORIZON = cython.declare(cython.double, 0.005)
 #: Time constant of the way back from beyond a limit, s.
@@ -123,6 +125,8 @@ def brake_speed(
     cycles: cython.double
     if distance <= 0.0:
         return 0.0
+    if distance > FAR:  # no limit is known
+        return FAR
     cycles = ceil(0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0))
     cycles = max(cycles, 1.0)
     return distance / (cycles * period) + 0.5 * acceleration * period * (cycles - 1.0)
