@@ -264,3 +264,21 @@ def test_the_load_is_kept_on_entering_compliant() -> None:
     rig.run(1.0)
     rig.board.set_interaction_mode("left", "comp")
     assert rig.board.get_torque_offset("left")[0] == 0.0  # the user's own stays
+
+
+def test_stop_in_compliant_takes_the_load_over() -> None:
+    """I10, M9: stopped again and again, a joint with a load stays where it is."""
+    rig = ready(board_config(joint("left")))
+    rig.enter("pos")
+    rig.plant.push("left", -6.0)
+    rig.run(2.0)
+    assert rig.board.set_interaction_mode("left", "comp")
+    rig.run(0.5)
+    rig.plant.push("left", -9.0)
+    here = rig.run(3.0).position[0]
+    for _ in range(10):
+        assert rig.board.stop("left")
+        shown = rig.run(0.2)
+        assert shown.position_reference[0] == pytest.approx(here, abs=2e-3)
+        assert shown.position[0] == pytest.approx(here, abs=2e-3)
+    assert rig.board.get_torque_offset("left")[0] == pytest.approx(9.0, abs=0.3)
