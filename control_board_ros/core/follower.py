@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..interfaces import Joints
 from .board import Board
 from .path import SAME_TIME, Path, Sample, Spline
-from .reply import Answer, Reply, summary
+from .reply import Answer, Reply, decided
 from .vocabs import CommandKind, InteractionMode
 
 Bools = NDArray[np.bool_]
@@ -104,7 +104,7 @@ class Follower:
             self._known[chosen] = board.get_ref_position(chosen.tolist())
             self._runs.append(run)
             verdicts |= self._cut(run)
-        return _reply(verdicts)
+        return decided(tuple(verdicts), list(verdicts.values()))
 
     def end(self, joints: Joints, why: str) -> None:
         """Follow nothing any more with these joints; ``why`` goes to the log."""
@@ -243,11 +243,3 @@ class Follower:
 def send(board: Board, joints: list[int], sample: Sample) -> Reply:
     """Give the board the references of a cycle."""
     return board.set_position(joints, sample.positions, sample.velocities)
-
-
-def _reply(verdicts: dict[str, tuple[Answer, str]]) -> Reply:
-    """Each joint its own answer; the texts of what was accepted are kept, too."""
-    names = tuple(verdicts)
-    answers = tuple(answer for answer, _ in verdicts.values())
-    reasons = tuple(reason for _, reason in verdicts.values())
-    return Reply(names, answers, summary(reasons), reasons)

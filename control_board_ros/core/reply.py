@@ -61,10 +61,13 @@ def refused(message: str, joints: tuple[str, ...] = ()) -> Reply:
 
 
 def decided(joints: tuple[str, ...], verdicts: list[tuple[Answer, str]]) -> Reply:
-    """Each joint its own answer; the message tells the first reasons and counts the rest."""
-    if all(answer is Answer.ACCEPTED for answer, _ in verdicts):
-        return accepted(joints)
+    """Each joint its own answer; the message tells the first reasons and counts the rest.
+
+    What was accepted may have a text, too: what will be done instead of what was asked for.
+    """
     reasons = tuple(reason for _, reason in verdicts)
+    if not any(reasons):
+        reasons = ()
     return Reply(joints, tuple(a for a, _ in verdicts), summary(reasons), reasons)
 
 

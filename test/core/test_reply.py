@@ -37,3 +37,11 @@ def test_equal_reasons_are_told_once() -> None:
     assert reply.message == "same"
     assert accepted(("a",)).message == ""
     assert refused("why", ("a", "b")).reasons == ("why", "why")
+
+
+def test_what_was_accepted_may_have_a_text() -> None:
+    """P1: what will be done instead reaches the user, and the reply is true."""
+    reply = decided(("a", "b"), [FINE, (Answer.ACCEPTED, "b: bounded to 2")])
+    assert reply
+    assert (reply.message, reply.reasons) == ("b: bounded to 2", ("", "b: bounded to 2"))
+    assert decided(("a", "b"), [FINE, FINE]) == accepted(("a", "b"))

@@ -165,3 +165,11 @@ def test_what_was_bounded_is_told_at_the_end(rig: Rig, monkeypatch: Any) -> None
     success, message = outcome(rig, MoveMotion(rig.board, goal(["a"], [0.2], [0.5])))
     assert success
     assert message == "a: bounded to 0.1 rad (0.2 was asked for): software limit"
+
+
+def test_a_target_beyond_the_limits_succeeds_and_says_so(rig: Rig) -> None:
+    """P1, P9: it arrives at the limit; the result says what was asked and what was done."""
+    success, message = outcome(rig, MoveMotion(rig.board, goal(["a"], [2.6], [1.2])))
+    assert success
+    assert message.startswith("a: position bounded to 114.6° (149° was asked for)")
+    assert rig.board.get_encoder("a")[0] == pytest.approx(2.0, abs=0.01)
