@@ -105,7 +105,7 @@ Every stamp is an offset plus simulated time: stamps never go backwards, and are
 as the readings. At `real_time_factor` 1 they are the system's time; with another factor at
 the start, or with `publish_clock` or `use_sim_time`, they are simulated time, and `/clock`
 tells it. A factor set while the board runs changes the pace of the stamps, not where they
-are, and `/clock` tells them from then on ([why](decisions/0013-one-time-base.md)).
+are, and `/clock` tells them from then on ([why](decisions/0014-one-time-base.md)).
 Diagnostics have the same clock.
 
 """

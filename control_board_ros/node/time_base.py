@@ -5,7 +5,7 @@
 
 So stamps are as far apart as the readings that they belong to, also where late cycles are caught
 up. Three ways, of which the first two are chosen at the start and the third follows the second
-(docs/decisions/0013-one-time-base.md):
+(docs/decisions/0014-one-time-base.md):
 
 - simulated: the offset is 0.
 - system: the offset follows the system's clock, by a small part of the time that passes.
