@@ -731,8 +731,8 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
     """What a joint may get of a drive (P9, P14).
 
     No faster than the speed limit; where no position law keeps it inside its limits, no faster
-    towards one than it can brake, and back from beyond it. The torque for that follows from the
-    last cycle's, whatever the load is:  τ ≤ τ_last + ½ J_min·((v_top − q̇)/horizon − q̈).
+    towards one than it can brake, and back from beyond it. The motor's torque for that follows
+    from the last cycle's, whatever load and friction are:  τ ≤ τ_last + ½ J_min·((v_top − q̇)/horizon − q̈).
     """
     top: cython.double = PURSUIT * j.max_velocity
     bottom: cython.double = -top
@@ -747,7 +747,7 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
     span: cython.double = HORIZON if 3.0 * j.period < HORIZON else 3.0 * j.period
     inertia: cython.double = CAUTION * j.inertia_min
     rate: cython.double = inertia / span
-    base: cython.double = j.torque - inertia * j.acceleration
+    base: cython.double = j.current * j.torque_per_ampere - inertia * j.acceleration
     bound: cython.double = base + rate * (top - j.velocity)
     if bound < j.max_torque and (j.velocity >= NEAR * top or top < j.max_velocity):
         bound = clamp(bound, -j.max_torque, j.max_torque) * j.per_torque + coasting

@@ -585,7 +585,7 @@ def test_what_may_drive_towards_a_limit(way: float, room: float, speed: float, t
     rig.enter("torq")
     rig.board.set_ref_torque("left", way * 100.0)
     rig.plant.values[Row.VELOCITY] = way * speed
-    rig.plant.values[Row.TORQUE] = way * 7.0
+    rig.plant.values[Row.CURRENT] = way * 7.0 / 5.0
     shown = rig.tick(2)  # the second without an acceleration
     allowed = 7.0 + 0.1 * (top - speed) / (3 * PERIOD)
     coasting = MOTOR.back_emf * speed * 100.0 / 48.0
