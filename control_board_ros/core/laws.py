@@ -233,13 +233,20 @@ class Joint:
 
     @cython.ccall
     def hold(self, position: cython.double) -> cython.void:
-        """Let the reference stand at a position, at rest (M9, P3)."""
-        self.active = self.moving = False
+        """Let the reference stand at a position, at rest (M9, P3).
+
+        What is followed starts with the velocity that the joint has, and brakes within the
+        acceleration limit (P14).
+        """
+        self.moving = False
         self.moved = self.reference = self.followed = position
         self.moved_velocity = self.reference_velocity = self.rolled = 0.0
         self.rolled_velocity = self.roll_target = 0.0
-        self.followed_velocity = self.followed_acceleration = 0.0
-        self.direct_velocity = 0.0
+        self.followed_velocity = clamp(self.velocity, -self.max_velocity, self.max_velocity)
+        self.followed_acceleration = self.direct_velocity = 0.0
+        self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
+        if not self.active:
+            self.followed_velocity = 0.0
         self.direct_age = self.anchor_age = INFINITE
 
     @cython.ccall
