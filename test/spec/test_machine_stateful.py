@@ -275,7 +275,7 @@ class BoardMachine(RuleBasedStateMachine):
         """The answers are those of the model."""
         assert [str(answer) for answer in reply.answers] == expected, reply.message
         assert bool(reply) is all(answer == "accepted" for answer in expected)
-        assert bool(reply.message) is not bool(reply)
+        assert reply or reply.message  # what was accepted has a text only where a limit cut it
 
     def check_references(self, before: list[str]) -> None:
         shot = self.snapshot
