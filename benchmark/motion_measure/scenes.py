@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control_board_ros.core.measurement import Row
+
 from .change_rows import beyond_stopping
 from .rig import M, RefusedError, Rig, Way
 from .robots import ROBOTS
@@ -94,10 +96,11 @@ def freed() -> float:
 
 
 def _put_back(rig: Rig, j: int, position: float) -> None:
-    now = rig.board.snapshot()
-    state = np.array([now.position, now.velocity])
+    """Hold one joint; the others stay as the encoders (whose zeros are 0) read them now."""
+    plant = rig.simulation.plant
+    state = plant.read().values[[Row.POSITION, Row.VELOCITY]]
     state[:, j] = position, 0.0
-    rig.simulation.plant.body.restore(state)
+    plant.body.restore(state)
 
 
 def _roller(rig: Rig, j: int, part: float) -> Callable[[float], None]:
