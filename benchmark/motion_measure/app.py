@@ -128,8 +128,15 @@ def kept(lines: Sequence[Line], findings: Sequence[Finding], rig: Rig) -> dict[s
         "causes": Counter(failure.cause for failure in rig.failures),
     }
     if findings:
-        record["findings"] = [[f.row, f.quantity, f.joint, f.pose, f.value] for f in findings]
+        record["findings"] = [
+            [f.row, f.quantity, f.joint, f.pose, rounded(f.value)] for f in findings
+        ]
     return record
+
+
+def rounded(value: float) -> float:
+    """Four significant digits: the others tell nothing, and differ between processors."""
+    return float(f"{value:.4g}")
 
 
 def shown(line: Line) -> str:

@@ -112,6 +112,7 @@ ROWS = {
             "rest",
             None,
             (Quantity("sag", "sag on a change of mode, at rest", "mrad", 1.0, 1.0),),
+            pose=1,
             together=change_rows.at_rest,
         ),
         Row(

@@ -230,5 +230,5 @@ def play(keys: list[str]) -> dict[str, float | None]:
         else:
             verdict = "reached" if value <= scene.reach else "NOT REACHED"
             print(f"  {scene.text:62} {value:9.3g} {scene.unit:4} ≤ {scene.reach:<6g} {verdict}")
-            found[key] = value
+            found[key] = float(f"{value:.4g}")
     return found
