@@ -8,7 +8,7 @@ import inspect
 import numpy as np
 
 from .position_rows import Figures
-from .rig import Array, M, Record, Rig, Way
+from .rig import Array, M, Record, RefusedError, Rig, Way
 
 #: Parts of the greatest stiffness that are measured.
 STIFFNESSES = (0.1, 0.3, 1.0)
@@ -112,6 +112,8 @@ def stiffness(rig: Rig, j: int) -> Figures:
         rig.rest(j)
         rig.check()
         way = rig.position(j) - before
+        if way == 0.0:
+            raise RefusedError(f"a push of {force:.3g} moved nothing at stiffness {k:.3g}")
         change = _torque_at_rest(rig, j) - load
         rig.simulation.plant.push(j, 0.0)
         values = {"deviation": -change / way / k, "with_gravity": force / way / k}
@@ -157,6 +159,7 @@ def comply(rig: Rig, j: int, k: float) -> None:
     damping = None if chosen else rig.joints[j].impedance.damping
     rig.expect(board.set_impedance(j, k, damping))
     rig.enter(j, M.POSITION, Way.COMPLIANT)
+    rig.run(0.6)  # a push that comes while the load is taken over counts as load
 
 
 def _push_force(rig: Rig, j: int, k: float, load: float) -> float:
