@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One joint of the laws alone: constants, readings in, references and outputs out."""
+"""One joint of the laws alone: constants, readings in, references and outputs out.
+
+``OneJoint`` is the joint, measured to be where a test says; ``Body`` is a mass that it drives.
+"""
 
 from __future__ import annotations
 
@@ -77,3 +80,64 @@ class OneJoint:
             self.step()
             rows.append([getattr(self.joint, name) for name in attributes])
         return np.array(rows, dtype=float)
+
+
+def gains(pid: Any, **values: float) -> None:
+    """Set gains of a PID: its rate unfiltered, its integral part without bound unless told."""
+    for name, value in ({"alpha": 1.0, "limit": 1e9} | values).items():
+        setattr(pid, name, value)
+
+
+def resting(torque: float = 0.0, **constants: Any) -> OneJoint:
+    """A joint at 0, unpowered, that has rested under a load long enough to know it."""
+    one = OneJoint(**constants)
+    one.set(torque=torque)
+    one.step(40)
+    return one
+
+
+def started(law: int, torque: float = 0.0, **constants: Any) -> OneJoint:
+    """The same, with a law running; its torque PID gives the reference itself."""
+    one = resting(torque, **constants)
+    gains(one.joint.torque_pid, kff=1.0)
+    one.joint.start(law)
+    return one
+
+
+def outputs(one: OneJoint, cycles: int) -> np.ndarray:
+    """The output after each cycle, shape (cycles,)."""
+    return one.record(cycles, "output")[:, 0]
+
+
+class Body:
+    """A mass that a joint drives, J q̈ = τ + load − friction; what is measured is exact.
+
+    Args:
+        one: the joint; its output, in percent, is the motor's torque in N·m and current in A.
+        inertia: kg·m².
+        load: torque from outside (gravity, a push), N·m.
+        friction: of Coulomb, N·m.
+    """
+
+    def __init__(
+        self, one: OneJoint, *, inertia: float = 1.0, load: float = 0.0, friction: float = 0.0
+    ) -> None:
+        self.one, self.inertia, self.load, self.friction = one, inertia, load, friction
+        self.position = self.velocity = 0.0
+
+    def step(self, cycles: int = 1) -> np.ndarray:
+        """Some cycles of joint and mass; position, velocity, torque of each, shape (cycles, 3)."""
+        period, rows = self.one.joint.period, []
+        for _ in range(cycles):
+            torque = self.one.get("output")
+            self.one.set(
+                position=self.position, velocity=self.velocity, torque=torque, current=torque
+            )
+            self.one.step()
+            torque = self.one.get("output")
+            free = self.velocity + (torque + self.load) / self.inertia * period
+            rubbed = self.friction / self.inertia * period
+            self.velocity = float(np.sign(free) * max(0.0, abs(free) - rubbed))
+            self.position += self.velocity * period
+            rows.append((self.position, self.velocity, torque))
+        return np.array(rows)

@@ -1,0 +1,223 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/control.py: gains that change under way, anti-windup, constants, conversions to the drive."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from joints import OneJoint, gains, outputs, resting
+from rig import LIMITS, MOTOR, board_config, joint
+
+from control_board_ros.core.config import BoardConfig, Impedance, Pid
+from control_board_ros.core.control import Controller, set_constants, set_gains
+from control_board_ros.core.modes import Law
+from control_board_ros.core.state import State
+
+PERIOD = 0.001
+LOOPS = {"position_pid": Law.POSITION, "torque_pid": Law.TORQUE, "current_pid": Law.TORQUE}
+PIDS = st.builds(
+    Pid,
+    kp=st.floats(0.0, 50.0),
+    ki=st.floats(0.0, 20.0),
+    kd=st.floats(0.0, 2.0),
+    kff=st.floats(0.0, 1.0),
+    derivative_cutoff=st.floats(1.0, 300.0),
+    integral_limit=st.just(1e6),
+)
+
+
+# --- gains that change under way -------------------------------------------------------------
+
+
+@given(before=PIDS, after=PIDS, loop=st.sampled_from(list(LOOPS)))
+def test_new_gains_make_no_jump(before: Pid, after: Pid, loop: str) -> None:
+    """M9, I6: the next output is the last one and a period's integral and rate, no more."""
+    law = LOOPS[loop]
+    one = resting(in_amps=loop == "current_pid", percent_per_volt=1.0, max_torque=1e9)
+    one.joint.max_drive = one.joint.max_output = 1e9
+    gains(one.joint.torque_pid, kff=1.0)
+    pid = getattr(one.joint, loop)
+    set_gains(pid, before, PERIOD)
+    one.joint.start(law)
+    one.joint.hold(0.3)
+    one.joint.command_torque(0.4)
+    one.set(position=0.1, velocity=0.2, torque=0.1, current=0.25)
+    last = outputs(one, 20)[-1]
+    rate = pid.derivative
+    set_gains(pid, after, PERIOD)
+    now = outputs(one, 1)[0]
+    integrated = after.ki * PERIOD * pid.error
+    assert now - last == pytest.approx(integrated + after.kd * (pid.derivative - rate), abs=1e-6)
+
+
+def test_an_integral_limit_that_falls_cuts_the_integral() -> None:
+    """I5: the bound of the new gains holds from the next cycle on, whatever was made up for."""
+    one = resting()
+    set_gains(one.joint.position_pid, Pid(kp=0.0, ki=1000.0, integral_limit=30.0), PERIOD)
+    one.joint.start(Law.POSITION)
+    one.set(position=-0.1)
+    assert outputs(one, 400)[-1] == pytest.approx(30.0)
+    set_gains(one.joint.position_pid, Pid(kp=0.0, ki=1000.0, integral_limit=4.0), PERIOD)
+    assert outputs(one, 1)[0] == pytest.approx(4.0)
+
+
+def test_gains_as_the_loops_hold_them() -> None:
+    """I5, P7: ki·T, and the rate's low pass as α = 1 − exp(−2π f T)."""
+    one = OneJoint()
+    pid = Pid(kp=3.0, ki=50.0, kd=0.2, kff=0.7, derivative_cutoff=40.0, integral_limit=6.0)
+    set_gains(one.joint.torque_pid, pid, 0.002)
+    loop = one.joint.torque_pid
+    assert (loop.kp, loop.kd, loop.kff, loop.limit) == (3.0, 0.2, 0.7, 6.0)
+    assert loop.ki_period == pytest.approx(0.1)
+    assert loop.alpha == pytest.approx(1.0 - math.exp(-2.0 * math.pi * 40.0 * 0.002))
+
+
+# --- anti-windup -----------------------------------------------------------------------------
+
+
+def wound(kind: str) -> OneJoint:
+    """A joint whose output is cut at 5 by one of its bounds, its error positive for a while."""
+    bounds = {
+        "torque": {"max_torque": 5.0},
+        "drive": {"max_drive": 5.0},
+        "current": {"max_output": 5.0, "in_amps": True, "percent_per_volt": 1.0},
+    }
+    one = resting(**bounds[kind])
+    loop = one.joint.current_pid if kind == "current" else one.joint.torque_pid
+    gains(one.joint.torque_pid, kff=1.0)
+    gains(loop, kp=0.1, ki_period=0.1)
+    one.joint.start(Law.TORQUE)
+    one.joint.command_torque(3.0)
+    assert outputs(one, 200)[-1] == 5.0
+    return one
+
+
+@pytest.mark.parametrize("kind", ["torque", "drive", "current"])
+def test_no_loop_winds_up(kind: str) -> None:
+    """I5, P7, P10: while the output is cut the integral part stands still, and leaves at once."""
+    one = wound(kind)
+    loop = one.joint.current_pid if kind == "current" else one.joint.torque_pid
+    reached = loop.integral
+    assert 0.0 < reached <= 5.0
+    outputs(one, 100)
+    assert loop.integral == reached
+    one.set(torque=4.0, current=4.0)  # the error is −1 now
+    change = outputs(one, 5)
+    assert change[0] < 5.0
+    assert np.diff(change) == pytest.approx(-0.1)
+
+
+def test_the_position_loop_does_not_wind_up() -> None:
+    """I5: nor where the lead of the reference over a blocked joint is bounded (P14)."""
+    one = resting(max_torque=5.0)
+    gains(one.joint.position_pid, kp=10.0, ki_period=1.0)
+    one.joint.start(Law.POSITION)
+    one.joint.hold(0.4)
+    assert outputs(one, 300)[-1] == 5.0
+    assert 0.0 <= one.joint.position_pid.integral <= 5.0
+    one.set(position=0.5)
+    assert outputs(one, 6)[-1] < 0.0
+
+
+def test_an_integral_that_helps_goes_on() -> None:
+    """I5: only what pushes further beyond the bound is taken back."""
+    one = wound("torque")
+    loop = one.joint.torque_pid
+    loop.integral = 50.0
+    one.set(torque=3.5)  # the error is −0.5, the output still cut
+    assert outputs(one, 10).tolist() == [5.0] * 10
+    assert loop.integral == pytest.approx(50.0 - 10 * 0.1 * 0.5)
+
+
+# --- constants and conversions ---------------------------------------------------------------
+
+
+def controller(config: BoardConfig) -> Controller:
+    return Controller(config, State(config))
+
+
+def test_constants_of_a_joint() -> None:
+    """P10: the winding's a/(1 − a), a = exp(−T R/L), at most three; limits and motor as given."""
+    one = OneJoint()
+    own = joint("a", inertia_min=0.2, inertia_mean=0.5, inertia_max=0.9)
+    set_constants(one.joint, own, 0.002)
+    made = one.joint
+    assert (made.limit_lower, made.limit_upper) == (LIMITS.lower, LIMITS.upper)
+    assert (made.max_velocity, made.max_acceleration) == (LIMITS.velocity, LIMITS.acceleration)
+    assert (made.max_torque, made.max_output) == (LIMITS.torque, LIMITS.output)
+    assert (made.inertia_min, made.inertia) == (0.2, 0.5)
+    assert made.lead == pytest.approx(1.0 / (math.exp(0.002 * 1.0 / 1e-3) - 1.0))
+    assert made.percent_per_volt == pytest.approx(100.0 / 48.0)
+    assert made.torque_per_ampere == MOTOR.torque_per_ampere == pytest.approx(5.0)
+    set_constants(made, replace(own, motor=replace(MOTOR, inductance=1.0)), 0.002)
+    assert made.lead == 3.0
+
+
+def test_conversions_to_a_pwm() -> None:
+    """P10: percent per N·m = 100/V · R/(kt·n), and of the back-EMF 100/V · Ke·n per rad/s."""
+    made = controller(board_config(joint("a")))
+    made.arm(np.array([0]), Law.POSITION, direct=False)
+    one = made.joints[0]
+    assert not one.in_amps
+    assert one.per_torque == pytest.approx(100.0 / 48.0 * 1.0 / 5.0)
+    assert one.per_speed == pytest.approx(100.0 / 48.0 * MOTOR.back_emf)
+    assert (one.per_feed, one.max_drive) == (1.0, LIMITS.output)
+
+
+def test_conversions_to_a_current_reference() -> None:
+    """P8, P10: amperes below the peak current; an open-loop output stays a PWM."""
+    made = controller(board_config(joint("a"), output="current"))
+    made.arm(np.array([0]), Law.TORQUE, direct=False)
+    one = made.joints[0]
+    assert one.in_amps
+    assert (one.per_torque, one.per_speed) == (pytest.approx(1.0 / 5.0), 0.0)
+    assert one.per_feed == pytest.approx(0.01 * LIMITS.peak_current)
+    assert one.max_drive == pytest.approx(0.95 * LIMITS.peak_current)
+    made.arm(np.array([0]), Law.OUTPUT, direct=False)
+    assert not one.in_amps
+    assert (one.per_feed, one.max_drive) == (1.0, LIMITS.output)
+
+
+def test_direct_gains_are_those_of_position_direct() -> None:
+    """P4: the second set where there is one; a reconfiguration keeps which set runs."""
+    own = joint("a", position_pid=Pid(kp=10.0), direct_pid=Pid(kp=20.0))
+    config = board_config(own, joint("b", position_pid=Pid(kp=30.0)))
+    made = controller(config)
+    made.arm(np.array([0, 1]), Law.POSITION, direct=True)
+    assert [one.position_pid.kp for one in made.joints] == [20.0, 30.0]
+    changed = replace(own, position_pid=Pid(kp=11.0), direct_pid=Pid(kp=21.0))
+    made.reconfigure(replace(config, joints=(changed, config.joints[1])))
+    assert [one.position_pid.kp for one in made.joints] == [21.0, 30.0]
+    made.arm(np.array([0]), Law.POSITION, direct=False)
+    assert made.joints[0].position_pid.kp == 11.0
+
+
+def test_a_law_brings_the_power_and_takes_it() -> None:
+    """M1, M10: of the joints that get it, and of no other."""
+    config = board_config(joint("a"), joint("b"))
+    state = State(config)
+    made = Controller(config, state)
+    state.output[:] = 7.0
+    made.arm(np.array([1]), Law.TORQUE, direct=False)
+    assert state.powered.tolist() == [0.0, 1.0]
+    made.arm(np.array([1]), Law.OFF, direct=False)
+    assert state.powered.tolist() == [0.0, 0.0]
+    assert state.output.tolist() == [7.0, 0.0]
+
+
+def test_stiffness_and_damping_outlive_a_reconfiguration() -> None:
+    """I6: they start as configured and are the user's from then on."""
+    own = joint(
+        "a", impedance=Impedance(stiffness=40.0, damping=4.0, max_stiffness=99.0, max_damping=9.0)
+    )
+    config = board_config(own)
+    made = controller(config)
+    assert (made.joints[0].stiffness, made.joints[0].damping) == (40.0, 4.0)
+    made.joints[0].stiffness = 90.0
+    made.reconfigure(config)
+    assert made.joints[0].stiffness == 90.0

@@ -1,0 +1,264 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/laws.py: what the laws follow keeps to speed, acceleration and limits (SPEC P9, P14)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from joints import OneJoint, gains
+from pure import load_python
+
+from control_board_ros.core.modes import Law
+
+PERIOD, SPEED, ACCELERATION = 0.001, 3.0, 20.0
+PYTHON = load_python()
+FOLLOWED = ("followed", "followed_velocity", "followed_acceleration")
+PERIODS = st.sampled_from([0.001, 0.002, 0.01])
+
+
+def standing(position: float = 0.0, **constants: float) -> OneJoint:
+    """A powered joint at a position, whose laws follow what it is told."""
+    one = OneJoint(**constants)
+    one.set(position=position)
+    one.step(2)
+    one.joint.hold(position)
+    one.joint.start(Law.POSITION)
+    return one
+
+
+def keeps_its_limits(one: OneJoint, rows: np.ndarray, lower: float, upper: float) -> None:
+    """P14: speed and acceleration; P9: bounds; and what is fed forward is what happens."""
+    position, velocity, acceleration = rows.T
+    period = one.joint.period
+    assert np.abs(velocity).max() <= SPEED + 1e-9
+    assert np.abs(np.diff(velocity)).max() <= ACCELERATION * period + 1e-9
+    assert np.all((position >= lower - 1e-9) & (position <= upper + 1e-9))
+    assert np.abs(np.diff(position) - velocity[1:] * period).max() < 1e-11
+    told = np.abs(np.diff(velocity) - acceleration[1:] * period) < 1e-9
+    assert np.all(told | (velocity[1:] == 0.0))  # not in the cycle that comes to rest
+
+
+# --- braking ---------------------------------------------------------------------------------
+
+
+@given(distance=st.floats(1e-9, 20.0), acceleration=st.floats(0.1, 500.0), period=PERIODS)
+def test_brake_speed_ends_within_the_distance(
+    distance: float, acceleration: float, period: float
+) -> None:
+    """P14: braked by a·T per cycle from it, a joint ends at rest just there; faster it would not.
+
+    The speed after k cycles is v − k·a·T, the way Σ v_k·T; the last, shorter step brings it to
+    rest.
+    """
+    speed = PYTHON.brake_speed(distance, acceleration, period)
+    step = acceleration * period
+    cycles = math.ceil(speed / step - 1e-9)
+    way = period * sum(speed - k * step for k in range(cycles))
+    assert way == pytest.approx(distance, rel=1e-6)
+    assert speed <= math.sqrt(2.0 * acceleration * distance) + 0.5 * step * (1.0 + 1e-9)
+
+
+@given(
+    distances=st.tuples(st.floats(0.0, 5.0), st.floats(0.0, 5.0)),
+    acceleration=st.floats(0.1, 100.0),
+)
+def test_brake_speed_grows_with_the_distance(
+    distances: tuple[float, float], acceleration: float
+) -> None:
+    """P14: without a gap where the number of cycles changes."""
+    near, far = (PYTHON.brake_speed(d, acceleration, PERIOD) for d in sorted(distances))
+    assert near <= far + 1e-12
+
+
+def test_brake_speed_at_its_ends() -> None:
+    """P9: nothing beyond a limit, no bound where none is known, one cycle for the last step."""
+    assert PYTHON.brake_speed(0.0, 20.0, PERIOD) == 0.0
+    assert PYTHON.brake_speed(-1.0, 20.0, PERIOD) == 0.0
+    assert PYTHON.brake_speed(math.inf, 20.0, PERIOD) == 1e9
+    assert PYTHON.brake_speed(1e300, 20.0, PERIOD) == 1e9
+    assert PYTHON.brake_speed(1e-6, 20.0, PERIOD) == pytest.approx(1e-3)
+    assert PYTHON.brake_speed(2e-5, 20.0, PERIOD) == pytest.approx(0.02)  # a·T² in one cycle
+    assert PYTHON.brake_speed(6e-5, 20.0, PERIOD) == pytest.approx(0.04)  # and in two
+
+
+# --- steps and any sequence ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.01])
+@pytest.mark.parametrize("target", [1.9, 0.1, 0.001, -1.5])
+def test_a_step_is_the_fastest_way_there(target: float, period: float) -> None:
+    """P4, P14: bang, coast, bang, in the least time to some cycles, ending there without passing.
+
+    T = 2√(d/a) while 2√(d·a)/2 ≤ v, else d/v + v/a
+    """
+    one = standing(period=period)
+    one.joint.step_to(target)
+    way = abs(target)
+    least = 2.0 * math.sqrt(way / ACCELERATION)
+    if way > SPEED**2 / ACCELERATION:
+        least = way / SPEED + SPEED / ACCELERATION
+    rows = one.record(round(2.0 / period), *FOLLOWED)
+    keeps_its_limits(one, rows, min(0.0, target), max(0.0, target))
+    arrived = int(np.argmax(rows[:, 0] == target)) + 1
+    assert rows[-1].tolist() == [target, 0.0, 0.0]
+    assert arrived * period <= 1.02 * least + 4 * period
+    assert one.joint.reference == target
+    assert not one.joint.active
+
+
+COMMANDS = st.lists(
+    st.tuples(
+        st.sampled_from(["step_to", "step_with", "roll", "move"]),
+        st.floats(-2.5, 2.5),
+        st.floats(-4.0, 4.0),
+        st.integers(1, 300),
+    ),
+    min_size=1,
+    max_size=8,
+)
+
+
+def tell(one: OneJoint, kind: str, position: float, velocity: float) -> None:
+    """Give a joint a reference, bounded as the board bounds it."""
+    joint = one.joint
+    position = min(max(position, joint.lower), joint.upper)
+    if kind == "step_to":
+        joint.step_to(position)
+    elif kind == "step_with":
+        joint.step_with(position, velocity)
+    elif kind == "roll":
+        joint.roll(min(max(velocity, -SPEED), SPEED), 1.0 + abs(position) * 5.0)
+    else:
+        joint.move(position, abs(velocity), 0.0)
+
+
+@given(COMMANDS, st.sampled_from([0.001, 0.004]))
+def test_no_sequence_of_references_passes_a_limit(
+    commands: list[tuple[str, float, float, int]], period: float
+) -> None:
+    """P9, P14: any kinds in any order, with any moves, velocities and feed-forwards."""
+    one = standing(period=period)
+    rows = []
+    for kind, position, velocity, cycles in commands:
+        tell(one, kind, position, velocity)
+        rows.append(one.record(cycles, *FOLLOWED))
+    one.joint.step_to(one.joint.reference)
+    rows.append(one.record(round(3.0 / period), *FOLLOWED))
+    keeps_its_limits(one, np.concatenate(rows), -2.0, 2.0)
+    assert rows[-1][-1].tolist() == [one.joint.reference, 0.0, 0.0]
+
+
+@given(
+    step=st.floats(-1.9, 1.9),
+    later=st.floats(-1.9, 1.9),
+    when=st.integers(1, 400),
+)
+def test_a_new_step_starts_from_the_present_speed(step: float, later: float, when: int) -> None:
+    """P4, P14: led back it brakes first; it passes no further than that takes, and arrives."""
+    one = standing()
+    one.joint.step_to(step)
+    first = one.record(when, *FOLLOWED)
+    one.joint.step_to(later)
+    second = one.record(1500, *FOLLOWED)
+    keeps_its_limits(one, np.concatenate([first, second]), -2.0, 2.0)
+    start, speed = first[-1, :2]
+    braked = start + speed * abs(speed) / (2.0 * ACCELERATION)
+    slack = 2.0 * ACCELERATION * PERIOD**2 + abs(speed) * PERIOD + 0.1 * abs(speed) * 0.008
+    assert second[:, 0].max() <= max(start, later, braked) + slack
+    assert second[:, 0].min() >= min(start, later, braked) - slack
+    assert second[-1, 0] == later
+
+
+# --- limits ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_velocity_brakes_ahead_of_a_limit(sign: float) -> None:
+    """P5, P9, P14: at full speed towards it, and at rest just there."""
+    one = standing()
+    one.joint.roll(sign * SPEED, ACCELERATION)
+    rows = one.record(2000, *FOLLOWED)
+    keeps_its_limits(one, rows, -2.0, 2.0)
+    assert np.abs(rows[:, 1]).max() == pytest.approx(SPEED)
+    assert rows[-1, 0] == pytest.approx(sign * 2.0, abs=1e-9)
+    assert rows[-1, 1] == pytest.approx(0.0, abs=1e-9)
+    assert one.joint.reference == pytest.approx(sign * 2.0, abs=1e-9)
+    least = 2.0 / SPEED + SPEED / ACCELERATION
+    assert np.argmax(np.abs(rows[:, 0]) > 1.999) * PERIOD < 1.02 * least + 0.03
+
+
+def test_a_move_and_a_velocity_together_keep_the_speed() -> None:
+    """P6, P14: the velocity gives way to the move, and is there again after it."""
+    one = standing(-1.5)
+    one.joint.roll(0.4, ACCELERATION)
+    one.joint.move(1.0, 1.7, 0.0)  # its peak is 2.76 rad/s
+    names = ("followed_velocity", "rolled_velocity", "moved_velocity")
+    followed, rolled, moved = one.record(1700, *names)[30:].T  # once the velocity is ramped
+    assert moved.max() == pytest.approx(1.875 * 2.5 / 1.7, rel=1e-3)
+    assert followed.max() == pytest.approx(SPEED)
+    assert rolled.min() == pytest.approx(SPEED - moved.max(), abs=1e-6)
+    assert rolled[-1] == pytest.approx(0.4)
+
+
+def test_a_joint_found_outside_comes_in_and_stays_in() -> None:
+    """P9: its bounds follow it inwards, never out again."""
+    one = standing(2.3, upper=2.3)
+    one.joint.step_to(2.1)
+    one.step(300)
+    assert one.joint.upper == pytest.approx(2.1)
+    one.joint.step_to(2.3)
+    rows = one.record(500, *FOLLOWED)
+    assert rows[:, 0].max() <= 2.1 + 1e-12
+    one.joint.step_to(1.0)
+    one.step(1000)
+    assert one.joint.upper == 2.0
+
+
+def test_a_joint_without_calibration_keeps_the_bounds_it_has() -> None:
+    """K7, P9: no limit is known that could close behind it."""
+    one = standing(2.3, upper=math.inf, calibrated=False)
+    one.joint.step_to(1.0)
+    one.step(1000)
+    assert one.joint.upper == math.inf
+
+
+# --- a joint that cannot follow --------------------------------------------------------------
+
+
+def test_a_blocked_joint_is_led_by_its_torque_limit_and_let_go_gently() -> None:
+    """P14: q_ref leads by at most τ_max/kp; free again, it goes on at a reference's speed."""
+    one = standing()
+    gains(one.joint.position_pid, kp=200.0)
+    one.joint.step_to(1.8)
+    blocked = one.record(1000, "followed", "output")
+    assert blocked[:, 0].max() == pytest.approx(60.0 / 200.0, abs=SPEED * PERIOD)
+    assert np.abs(blocked[:, 1]).max() <= 60.0
+    assert one.joint.reference == 1.8
+    rows = [blocked[-1, 0]]
+    for _ in range(2000):
+        one.set(position=one.joint.followed)
+        one.step()
+        rows.append(one.joint.followed)
+    velocity = np.diff(rows) / PERIOD
+    assert np.abs(velocity).max() <= SPEED + 1e-9
+    assert np.abs(np.diff(velocity)).max() <= ACCELERATION * PERIOD + 1e-6
+    assert rows[-1] == 1.8
+
+
+def test_a_joint_pushed_away_brings_its_reference_along_no_further() -> None:
+    """P14: pushed beyond the lead, it comes back on a path within the limits, not by a leap."""
+    one = standing()
+    gains(one.joint.position_pid, kp=200.0)
+    one.set(position=1.0)
+    one.step()
+    assert one.joint.followed == pytest.approx(0.7)
+    assert one.joint.reference == 0.0
+    assert one.get("output") == pytest.approx(-60.0)
+    one.set(position=0.0)
+    rows = one.record(1000, *FOLLOWED)
+    assert np.abs(rows[1:, 1]).max() <= SPEED + 1e-9
+    assert rows[-1, 0] == 0.0

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/laws.py: how a law begins: it takes over the load, from rest or from motion (SPEC M9)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from joints import Body, OneJoint, gains, outputs, resting
+
+from control_board_ros.core.modes import Law
+
+LAWS = (Law.POSITION, Law.IMPEDANCE, Law.TORQUE)
+FREE = (Law.IMPEDANCE, Law.TORQUE)
+
+
+def tuned(one: OneJoint, *, kff: float = 1.0) -> OneJoint:
+    """With gains of every loop, as a well-tuned joint of 1 kg·m² has them."""
+    gains(one.joint.position_pid, kp=900.0, kd=50.0, ki_period=0.9, alpha=0.9, limit=60.0)
+    gains(one.joint.torque_pid, kp=0.3, ki_period=0.02, kff=kff, limit=60.0)
+    one.joint.stiffness, one.joint.damping = 100.0, 15.0
+    return one
+
+
+# --- from rest -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kff", [0.0, 0.6, 1.0])
+@pytest.mark.parametrize("feed", [0.0, 4.0])
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_at_rest_a_law_begins_with_the_load(law: Law, feed: float, kff: float) -> None:
+    """M9: neither drop nor jerk, whatever gains the loops have and whatever u_ff gives."""
+    one = tuned(resting(7.0), kff=kff)
+    one.joint.position_pid.kff = kff
+    one.joint.hold(0.0)
+    one.joint.output_offset = feed
+    one.joint.torque_offset = 3.0
+    one.joint.start(law)
+    assert not one.joint.settling
+    assert one.joint.torque_reference == 7.0
+    assert outputs(one, 20) == pytest.approx(7.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("feed", [0.0, 4.0])
+def test_u_ff_is_not_taken_for_load_where_it_does_not_act(feed: float) -> None:
+    """K6, M9: while u_ff is off, the whole torque is the loop's."""
+    one = tuned(resting(7.0))
+    one.joint.output_offset, one.joint.feeds = feed, False
+    one.joint.start(Law.POSITION)
+    assert outputs(one, 5) == pytest.approx(7.0, abs=1e-9)
+
+
+def test_open_loop_begins_with_nothing() -> None:
+    """M9: output := 0 until one is given."""
+    one = tuned(resting(7.0))
+    one.joint.start(Law.OUTPUT)
+    assert outputs(one, 5).tolist() == [0.0] * 5
+
+
+@pytest.mark.parametrize("law", LAWS, ids=str)
+def test_a_joint_under_load_stays_where_it_is(law: Law) -> None:
+    """M9: from a mass held by one law to the same mass held by another."""
+    one = tuned(OneJoint())
+    body = Body(one, load=-8.0)
+    one.step(2)
+    one.joint.start(Law.POSITION)
+    here = body.step(8000)[-1, 0]
+    one.joint.hold(here)
+    one.joint.start(law)
+    rows = body.step(1000)
+    assert np.abs(rows[:, 0] - here).max() < 1e-5
+    assert rows[:, 2] == pytest.approx(8.0, abs=0.01)
+
+
+def test_the_load_is_the_filtered_torque_of_a_joint_at_rest() -> None:
+    """M9: sensor noise is not taken over as load: a mean over about 10 ms is."""
+    random = np.random.default_rng(4)
+    taken = []
+    for _ in range(40):
+        one = tuned(OneJoint())
+        for noise in random.normal(0.0, 1.0, 60):
+            one.set(torque=5.0 + noise)
+            one.step()
+        one.joint.start(Law.IMPEDANCE)
+        taken.append(one.joint.load_taken)
+    assert np.mean(taken) == pytest.approx(5.0, abs=0.15)
+    assert np.std(taken) < 0.35  # √(0.1 / 1.9) = 0.23
+
+
+# --- from motion -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("friction", [0.0, 1.0])
+@pytest.mark.parametrize("load", [-8.0, 0.0, 8.0])
+@pytest.mark.parametrize("law", FREE, ids=str)
+def test_a_joint_in_motion_comes_to_rest_and_stays(law: Law, load: float, friction: float) -> None:
+    """M9: what is taken over is what carries it, not what braking or friction added."""
+    one = tuned(OneJoint())
+    body = Body(one, load=load, friction=friction)
+    one.step(2)
+    one.joint.start(Law.POSITION)
+    body.step(500)
+    one.joint.roll(0.6, 10.0)
+    body.step(300)
+    assert body.velocity == pytest.approx(0.6, abs=0.01)
+    one.joint.hold(body.position)
+    one.joint.start(law)
+    assert one.joint.settling
+    here = body.position
+    rows = body.step(3000)
+    assert not one.joint.settling
+    assert np.abs(rows[-500:, 1]).max() < 1e-3
+    assert np.ptp(rows[-500:, 0]) < 1e-4
+    assert np.abs(rows[:, 0] - here).max() < 0.05
+    assert one.joint.known_load() == pytest.approx(-load, abs=friction + 0.2)
+
+
+def moving(law: Law, torque: float = 4.0) -> OneJoint:
+    """A joint that moves on at 0.3 rad/s whatever it is given, just entering a law."""
+    one = tuned(OneJoint())
+    one.set(velocity=0.3, torque=torque)
+    one.step(40)
+    one.joint.start(law)
+    return one
+
+
+@pytest.mark.parametrize("law", FREE, ids=str)
+def test_a_joint_that_never_rests_is_waited_for_half_a_second(law: Law) -> None:
+    """M9: held by the position law until then; the load is what is known by then."""
+    one = moving(law)
+    one.step(499)
+    assert one.joint.settling
+    one.step()
+    assert not one.joint.settling
+    assert one.joint.torque_command == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("law", FREE, ids=str)
+def test_a_joint_that_rests_is_waited_for_30_ms(law: Law) -> None:
+    """M9: rest long enough for the filter of the load."""
+    one = moving(law)
+    one.step(10)
+    one.set(velocity=0.0)
+    one.step(30)
+    assert one.joint.settling
+    one.step(5)
+    assert not one.joint.settling
+
+
+def test_a_reference_does_not_wait_longer_than_50_ms() -> None:
+    """M9, P1: a move that comes meanwhile begins, with the load as known by then."""
+    one = moving(Law.IMPEDANCE)
+    one.step(10)
+    one.joint.move(0.5, 1.0, 0.0)
+    one.step(39)
+    assert one.joint.settling
+    one.step()
+    assert not one.joint.settling
+    assert one.joint.moving
+
+
+@pytest.mark.parametrize("give", ["offer_torque", "command_torque"])
+def test_a_torque_ends_the_wait_at_once(give: str) -> None:
+    """P7, P11, M9: what the user gives acts in the next cycle."""
+    one = moving(Law.TORQUE if give == "command_torque" else Law.IMPEDANCE)
+    gains(one.joint.torque_pid, kp=0.0, ki_period=0.0, kff=1.0)
+    one.joint.stiffness = one.joint.damping = 0.0
+    one.step(10)
+    getattr(one.joint, give)(2.5)
+    assert not one.joint.settling
+    assert outputs(one, 1)[0] == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize("law", [Law.POSITION, Law.OUTPUT, Law.OFF], ids=str)
+def test_other_laws_wait_for_nothing(law: Law) -> None:
+    """M9: the position law brakes by itself; open loop and off have no load to give."""
+    assert not moving(law).joint.settling
+
+
+def test_acceleration_is_no_load() -> None:
+    """M9: known_load = τ − J·a where the joint has not rested."""
+    one = tuned(OneJoint(inertia=2.0))
+    for k in range(20):
+        one.set(velocity=0.01 * k, torque=23.0)  # 10 rad/s²
+        one.step()
+    assert one.joint.known_load() == pytest.approx(3.0)
+    assert not one.joint.at_rest()
