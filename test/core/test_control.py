@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/control.py: gains that change under way, anti-windup, constants, conversions to the drive."""
+"""core/control.py: gains that change under way, anti-windup, constants, the drive."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def test_the_position_law_is_bounded_in_speed_only() -> None:
 @pytest.mark.parametrize("inertia", [1.0, 2.0, 5.0])
 @pytest.mark.parametrize("torque", [60.0, 15.0, -60.0])
 def test_no_torque_drives_a_joint_too_fast(period: float, inertia: float, torque: float) -> None:
-    """P14: within 5 % of the speed limit, at the least inertia and far above, and it gets there."""
+    """P14: within 5 % of the speed limit, at the least inertia and above; and it gets there."""
     one = commanded(torque, period=period, limit_lower=-99.0, limit_upper=99.0)
     speeds = Body(one, inertia=inertia).step(round(1.5 / period))[:, 1]
     assert np.abs(speeds).max() <= 1.05 * SPEED
@@ -113,7 +113,7 @@ def test_no_torque_drives_a_joint_too_fast(period: float, inertia: float, torque
 @pytest.mark.parametrize("inertia", [1.0, 2.5])
 @pytest.mark.parametrize("load", [-10.0, 0.0, 10.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("law", [Law.TORQUE, Law.OUTPUT, Law.IMPEDANCE], ids=str)
+@pytest.mark.parametrize("law", [Law.TORQUE, Law.OUTPUT, Law.IMPEDANCE], ids=lambda law: law.name)
 def test_no_law_drives_a_joint_over_a_limit(
     law: Law, sign: float, load: float, inertia: float, period: float
 ) -> None:

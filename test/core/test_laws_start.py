@@ -26,7 +26,7 @@ def tuned(one: OneJoint, *, kff: float = 1.0) -> OneJoint:
 
 @pytest.mark.parametrize("kff", [0.0, 0.6, 1.0])
 @pytest.mark.parametrize("feed", [0.0, 4.0])
-@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_at_rest_a_law_begins_with_the_load(law: Law, feed: float, kff: float) -> None:
     """M9: neither drop nor jerk, whatever gains the loops have and whatever u_ff gives."""
     one = tuned(resting(7.0), kff=kff)
@@ -56,7 +56,7 @@ def test_open_loop_begins_with_nothing() -> None:
     assert outputs(one, 5).tolist() == [0.0] * 5
 
 
-@pytest.mark.parametrize("law", LAWS, ids=str)
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.name)
 def test_a_joint_under_load_stays_where_it_is(law: Law) -> None:
     """M9: from a mass held by one law to the same mass held by another."""
     one = tuned(OneJoint())
@@ -91,7 +91,7 @@ def test_the_load_is_the_filtered_torque_of_a_joint_at_rest() -> None:
 
 @pytest.mark.parametrize("friction", [0.0, 1.0])
 @pytest.mark.parametrize("load", [-8.0, 0.0, 8.0])
-@pytest.mark.parametrize("law", FREE, ids=str)
+@pytest.mark.parametrize("law", FREE, ids=lambda law: law.name)
 def test_a_joint_in_motion_comes_to_rest_and_stays(law: Law, load: float, friction: float) -> None:
     """M9: what is taken over is what carries it, not what braking or friction added."""
     one = tuned(OneJoint())
@@ -123,7 +123,7 @@ def moving(law: Law, torque: float = 4.0) -> OneJoint:
     return one
 
 
-@pytest.mark.parametrize("law", FREE, ids=str)
+@pytest.mark.parametrize("law", FREE, ids=lambda law: law.name)
 def test_a_joint_that_never_rests_is_waited_for_half_a_second(law: Law) -> None:
     """M9: held by the position law until then; the load is what is known by then."""
     one = moving(law)
@@ -134,7 +134,7 @@ def test_a_joint_that_never_rests_is_waited_for_half_a_second(law: Law) -> None:
     assert one.joint.torque_command == pytest.approx(4.0)
 
 
-@pytest.mark.parametrize("law", FREE, ids=str)
+@pytest.mark.parametrize("law", FREE, ids=lambda law: law.name)
 def test_a_joint_that_rests_is_waited_for_30_ms(law: Law) -> None:
     """M9: rest long enough for the filter of the load."""
     one = moving(law)
@@ -170,7 +170,7 @@ def test_a_torque_ends_the_wait_at_once(give: str) -> None:
     assert outputs(one, 1)[0] == pytest.approx(2.5)
 
 
-@pytest.mark.parametrize("law", [Law.POSITION, Law.OUTPUT, Law.OFF], ids=str)
+@pytest.mark.parametrize("law", [Law.POSITION, Law.OUTPUT, Law.OFF], ids=lambda law: law.name)
 def test_other_laws_wait_for_nothing(law: Law) -> None:
     """M9: the position law brakes by itself; open loop and off have no load to give."""
     assert not moving(law).joint.settling

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/laws.py: direct positions as programs send them: steps, and streams of any rate (SPEC P4)."""
+"""core/laws.py: direct positions as programs send them, steps and streams (SPEC P4)."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def test_an_irregular_stream_may_falter(name: str) -> None:
 
 @pytest.mark.parametrize("every", [1, 10, 20])
 def test_the_end_of_a_stream_is_a_stop(every: int) -> None:
-    """P4, P14: 1.5 of its intervals later it ends; the joint brakes and rests at its last position.
+    """P4, P14: 1.5 intervals later it ends; the joint brakes, and rests at its last position.
 
     It passes that by no more than the way of those intervals and of braking.
     """
