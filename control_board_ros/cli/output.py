@@ -62,12 +62,14 @@ def put(result: Any) -> None:
     Raises:
         ReaderGone: nobody reads any more.
     """
+    end = "\n"
+    if not isinstance(result, str):  # rich itself would end the program on a closed pipe
+        screen = console()
+        with screen.capture() as captured:
+            screen.print(result)
+        result, end = captured.get(), ""
     try:
-        if isinstance(result, str):
-            print(result, flush=True)
-        else:
-            console().print(result)
-            sys.stdout.flush()
+        print(result, end=end, flush=True)
     except BrokenPipeError as error:
         raise ReaderGone from error
 

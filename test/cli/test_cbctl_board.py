@@ -279,6 +279,30 @@ def test_a_reader_that_has_enough(cbctl: Any, ask: Any) -> None:
         assert live.stderr.read() == ""
 
 
+def test_watch_into_a_pipe(cbctl: Any, ask: Any) -> None:
+    """Frames come as they are taken; who has read enough ends it: cbctl watch | head -3."""
+    with cbctl.start("watch", "--rate", "20") as live:
+        assert live.stdout is not None
+        assert live.stderr is not None
+        lines = [live.stdout.readline() for _ in range(3 * 10)]  # a frame: title, rule, 7, empty
+        assert [line.split()[:2] for line in lines[::10]] == [["joint", "mode"]] * 3
+        assert lines[9::10] == ["\n"] * 3
+        assert "\x1b" not in "".join(lines)
+        live.stdout.close()
+        assert live.wait(timeout=20) == 0
+        assert live.stderr.read() == ""
+
+
+def test_watch_into_a_file(cbctl: Any, ask: Any, tmp_path: Any) -> None:
+    """Every frame is in the file before the next one is taken."""
+    path = tmp_path / "frames"
+    with path.open("w") as file:
+        live = subprocess.Popen(cbctl.command("watch"), env=cbctl.environment, stdout=file)
+        until(lambda: path.read_text().count("joint ") >= 3)
+        live.send_signal(signal.SIGINT)
+        assert live.wait(timeout=20) == 0
+
+
 def test_info(cbctl: Any, ask: Any) -> None:
     """Joints with their index, kind, limits in force, stops and modes."""
     read = ask("info")

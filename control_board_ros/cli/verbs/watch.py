@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Annotated, Any
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from ..output import bar, console, mode_text, position_text, show, table
+from ..output import bar, console, mode_text, position_text, put, show, table
 from ..session import Session
 from ..words import UsageError
 from .arguments import Joints
@@ -47,7 +48,10 @@ def watch(
     once: Annotated[bool, typer.Option("--once", help="Show it once and end.")] = False,
     rate: Annotated[float, typer.Option(help="Times a second.")] = 10.0,
 ) -> None:
-    """Watch joints live; Ctrl-C ends it. With --json a line per time."""
+    """Watch joints live; Ctrl-C ends it. Into a pipe or file: frame after frame, as they come.
+
+    With --json a line per time.
+    """
     session: Session = context.obj
     if not 0.0 < rate <= 100.0:
         raise UsageError(f"--rate {rate:g} is not valid; give times a second, above 0 up to 100")
@@ -63,21 +67,29 @@ def watch(
 
 
 def follow(session: Session, names: list[str], period: float) -> None:
-    """Show the rows again and again."""
-    if session.options.json:
-        while True:
-            show(session, read_rows(session, names), str)
-            time.sleep(period)
+    """Show the rows again and again: in place where somebody looks, else frame after frame."""
+    screen = console()
+    limits: Limits = {} if session.options.json else session.limits(names)
+    if session.options.json or not screen.is_terminal:
+        follow_in_lines(session, names, limits, period)
     from rich.live import Live
 
-    rows, limits = read_rows(session, names), session.limits(names)
-    screen = console()
-    first = render(session, rows, limits, screen.width)
+    first = render(session, read_rows(session, names), limits, screen.width)
     with Live(first, console=screen, auto_refresh=False) as live:
         while True:
             rows = read_rows(session, names)
             live.update(render(session, rows, limits, screen.width), refresh=True)
             time.sleep(period)
+
+
+def follow_in_lines(session: Session, names: list[str], limits: Limits, period: float) -> NoReturn:
+    """Print frames, each flushed at once and followed by an empty line; JSON: a line each."""
+    while True:
+        rows = read_rows(session, names)
+        show(session, rows, partial(render, session, rows, limits, console().width))
+        if not session.options.json:
+            put("")
+        time.sleep(period)
 
 
 def read_rows(session: Session, names: list[str]) -> dict[str, dict[str, Any]]:
