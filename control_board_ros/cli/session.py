@@ -126,6 +126,10 @@ class Session:
         joint = self.robot.get(name)
         return joint is not None and joint.prismatic
 
+    def torque_unit(self, name: str) -> str:
+        """N·m; of a sliding joint N."""
+        return "N" if self.slides(name) else "N·m"
+
     @cached_property
     def robot(self) -> Mapping[str, JointDescription]:
         """Kind and limits of each joint, from the board's URDF; empty when it has none."""

@@ -166,13 +166,14 @@ class ClientBase:
         """A request was made: states from before it do not count any more."""
         self._states.wanted = self._states.heard + SETTLING
 
-    def _state(self) -> Steps[State]:
-        """The last state, one that shows what was asked for before."""
+    def _state(self, *, fresh: bool = True) -> Steps[State]:
+        """The last state; a fresh one shows what was asked for before."""
         states, link = self._states, self._link
         yield from self._find()
         link.subscribe(BoardState, "state", states.on_message)
-        yield from link.settle()
-        yield from link.until(lambda: states.heard >= states.wanted, link.answer_timeout)
+        if fresh or states.message is None:
+            yield from link.settle()
+            yield from link.until(lambda: states.heard >= states.wanted, link.answer_timeout)
         states.wanted = min(states.wanted, states.heard)
         if states.message is None:
             raise link.timed_out("state")

@@ -96,9 +96,12 @@ class ControlBoardClient(GoalOperations, ModeShortcuts):
         return self._view.names or self.wait_until_found()
 
     @operation
-    def get_state(self) -> Steps[State]:
-        """The last state of all joints, one that shows what was asked for before."""
-        return (yield from self._state())
+    def get_state(self, *, fresh: bool = True) -> Steps[State]:
+        """The last state of all joints, one that shows what was asked for before.
+
+        With ``fresh=False`` the last one heard, without waiting once there is one.
+        """
+        return (yield from self._state(fresh=fresh))
 
     @operation
     def wait_for_state(

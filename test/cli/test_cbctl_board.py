@@ -217,6 +217,35 @@ def test_torque_and_output(cbctl: Any, ask: Any) -> None:
     assert ask("impedance", "6")[LAST]["torque_offset"] == 0.1
 
 
+@pytest.mark.parametrize(
+    ("verb", "mode", "value"), [("torque", "torq", "0.2Nm"), ("output", "open", "1%")]
+)
+def test_an_interrupted_stream_says_what_is_true(
+    cbctl: Any, ask: Any, verb: str, mode: str, value: str
+) -> None:
+    """P7, P8: Ctrl-C sends zero, says so, and says that nothing holds the joint; exit code 1."""
+    ask.mode("6", mode)
+    streaming = cbctl.start(verb, f"6={value}", "--for", "40s")
+    until(lambda: ask("references", "6")[LAST][verb] != 0.0)
+    streaming.send_signal(signal.SIGINT)
+    out, err = streaming.communicate(timeout=20)
+    assert streaming.returncode == 1
+    does = "gives 0 N·m" if verb == "torque" else "gets 0 %"
+    assert out.startswith(f"stopped: {LAST} {does} at ")
+    assert ask("references", "6")[LAST][verb] == 0.0
+    assert "interrupted after " in err
+    assert f"nothing holds {LAST} now; hold with: cbctl mode {LAST} pos" in err
+
+
+def test_what_is_refused_draws_no_bar(cbctl: Any, ask: Any) -> None:
+    """M4: one line, with the way out."""
+    for words in (["velocity", "0=0.1"], ["torque", "0=1", "--for", "1s"]):
+        refused = cbctl(*words)
+        assert refused.code == 1
+        assert "streaming " not in refused.err.replace("streaming until Ctrl-C", "")
+        assert f"switch with: cbctl mode {FIRST} " in refused.err
+
+
 def test_stop(cbctl: Any, ask: Any) -> None:
     """P3: all joints, when none is named."""
     assert ask("move", "0=1", "--speed", "0.2", "--no-wait")["success"] is True

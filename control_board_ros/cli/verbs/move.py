@@ -79,20 +79,27 @@ def what_they_do(session: Session, names: list[str]) -> str:
     client = session.client
     modes = client.get_control_mode(names)
     positions = client.get_encoder(names).tolist()
+    torques, outputs = client.get_ref_torque(names), client.get_output(names)
+    doing = [
+        DOING.get(mode.code, "is").format(torque=torque, output=output, unit=unit)
+        for mode, torque, output, unit in zip(
+            modes, torques, outputs, map(session.torque_unit, names), strict=True
+        )
+    ]
     return ", ".join(
-        f"{name} {DOING.get(mode.code, 'is')} at {session.show_angle(name, q)} ({mode.name})"
-        for name, mode, q in zip(names, modes, positions, strict=True)
+        f"{name} {does} at {session.show_angle(name, q)} ({mode.name})"
+        for name, does, q, mode in zip(names, doing, positions, modes, strict=True)
     )
 
 
-#: What a joint does in a mode when nothing is asked of it.
+#: What a joint does in a mode when nothing more is asked of it.
 DOING = {
     "pos": "holds",
     "posd": "holds",
     "vel": "holds",
     "mix": "holds",
-    "torq": "gives its last torque",
-    "open": "gets its last output",
+    "torq": "gives {torque:.3g} {unit}",
+    "open": "gets {output:.3g} %",
     "idl": "is free, without power,",
     "hwfa": "is in fault, without power,",
     "cal": "is calibrating",

@@ -10,18 +10,21 @@ from ..session import Session
 
 
 class Bar:
-    """``with Bar(session, "moving") as bar: bar.update(0.5, "1.2 s")``."""
+    """``with Bar(session, "moving") as bar: bar.update(0.5, "1.2 s")``.
 
-    def __init__(self, session: Session, label: str) -> None:
+    Of what has no end known beforehand (``endless``) only the text is shown.
+    """
+
+    def __init__(self, session: Session, label: str, *, endless: bool = False) -> None:
         self._progress: Any = None
         self._label = label
         if not session.options.json:
             from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
+            share = () if endless else (BarColumn(), TaskProgressColumn())
             self._progress = Progress(
                 TextColumn("{task.description}"),
-                BarColumn(),
-                TaskProgressColumn(),
+                *share,
                 TextColumn("{task.fields[text]}"),
                 console=console(stderr=True),
             )

@@ -5,13 +5,14 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from ..output import DONE, REFUSED, conclude
+from ..output import REFUSED, conclude, note, short_names
 from ..session import Session
 from ..words import UsageError, quantity
 from .move import what_they_do
+from .progress import Bar
 
 if TYPE_CHECKING:
     from control_board_ros.core.reply import Reply
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 RATE = 50.0
 #: s to wait for the end of a ramp.
 RAMP_TIMEOUT = 5.0
+#: Joints whose positions are shown meanwhile.
+SHOWN = 2
 
 Send = Callable[[list[str], list[float]], "Reply"]
 
@@ -52,29 +55,69 @@ def settle(session: Session, names: list[str]) -> None:
 def stream(session: Session, send: Send, values: dict[str, float], seconds: float | None) -> int:
     """Send references until the time is over or Ctrl-C, then zero; the exit code.
 
-    It ends early when the board ignores them: a joint has left its mode.
+    It ends early when the board ignores them: a joint has left its mode. Ctrl-C before the time
+    is over is exit code 1; where no time was given it is the end asked for.
     """
-    names, numbers = list(values), list(values.values())
-    interrupted = False
-    reply = None
+    names = list(values)
+    start = time.monotonic()
+    reply, interrupted = None, False
     try:
-        start = due = time.monotonic()
-        while seconds is None or due - start < seconds:
-            reply = send(names, numbers)
+        for reply in sent(session, send, values, seconds):
             if not reply:
                 break
-            due += 1.0 / RATE
-            time.sleep(max(due - time.monotonic(), 0.0))
     except KeyboardInterrupt:
-        interrupted = True
+        interrupted = seconds is not None
     if reply is not None and not reply:
         if taken := accepted_joints(reply):
             end(session, send, taken)
         return conclude(session, reply)
+    if interrupted:
+        note(session, f"interrupted after {time.monotonic() - start:.1f} s of {seconds:g} s")
     last = end(session, send, names)
-    told = f"stopped: {what_they_do(session, names)}"
-    code = conclude(session, last, told)
-    return REFUSED if code != DONE or (interrupted and seconds is not None) else DONE
+    code = conclude(session, last, f"stopped: {what_they_do(session, names)}")
+    unheld(session, names)
+    return REFUSED if interrupted else code
+
+
+def sent(
+    session: Session, send: Send, values: dict[str, float], seconds: float | None
+) -> Iterator[Reply]:
+    """Send references at RATE, showing how the joints stand; the reply to each."""
+    names, numbers = list(values), list(values.values())
+    session.client.get_state()  # later ones are read without waiting
+    start = due = time.monotonic()
+    yield send(names, numbers)  # what is refused at once needs no bar
+    with Bar(session, "streaming", endless=seconds is None) as bar:
+        while seconds is None or due - start < seconds:
+            elapsed = due - start
+            left = "Ctrl-C stops" if seconds is None else f"{seconds - elapsed:.1f} s"
+            share = 0.0 if seconds is None else elapsed / seconds
+            bar.update(share, f"{where(session, names)}, {left}")
+            due += 1.0 / RATE
+            time.sleep(max(due - time.monotonic(), 0.0))
+            yield send(names, numbers)
+        bar.update(1.0, "done")
+
+
+def where(session: Session, names: list[str]) -> str:
+    """The positions last heard of some joints, as many as a line has room for."""
+    state = session.client.get_state(fresh=False)
+    shorts = short_names(state.names)
+    told = [
+        f"{shorts[name]} {session.show_angle(name, float(state.position[j]))}"
+        for j, name in enumerate(state.names)
+        if name in names
+    ]
+    return ", ".join(told[:SHOWN]) + (", …" if len(told) > SHOWN else "")
+
+
+def unheld(session: Session, names: list[str]) -> None:
+    """Say which joints nothing holds, now that their torque or output is zero."""
+    modes = session.client.get_control_mode(names)
+    loose = [n for n, mode in zip(names, modes, strict=True) if mode.code in ("torq", "open")]
+    if loose:
+        words = " ".join(loose)
+        note(session, f"nothing holds {words} now; hold with: cbctl mode {words} pos")
 
 
 def accepted_joints(reply: Reply) -> list[str]:
