@@ -275,6 +275,22 @@ def test_faults_and_clear(cbctl: Any, ask: Any) -> None:
     assert ask("faults", "--all")[FIRST]["active"] is False
 
 
+def test_who_has_no_power_is_told_at_once(cbctl: Any, ask: Any) -> None:
+    """M10, F1: a joint without power falls; where it is, and what holds it."""
+    idle = cbctl("mode", "0", "idl")
+    assert (idle.code, idle.out) == (0, f"{FIRST}: idl\n")
+    assert idle.err.startswith(f"free to fall, without power: {FIRST} at ")
+    assert idle.err.endswith(f"; hold with: cbctl mode {FIRST} pos\n")
+    assert cbctl("mode", "0", "pos").err == ""
+    fault = cbctl("mode", "0", "icur")
+    assert f"; clear with: cbctl clear {FIRST}\n" in fault.err
+    cleared = cbctl("clear")
+    assert cleared.code == 0
+    assert f"{FIRST} at " in cleared.err
+    assert "hold with: cbctl mode all pos" in cbctl("mode", "all", "idl").err
+    assert cbctl("mode", "0", "idl", "--json").err == ""
+
+
 def test_calibrate(cbctl: Any, ask: Any) -> None:
     """K1, K3: progress, and the end."""
     done = cbctl("calibrate", "0", "1")

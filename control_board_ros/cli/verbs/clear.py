@@ -8,6 +8,7 @@ from typing import Any
 import typer
 
 from ..output import DONE, REFUSED, short_names, show, table
+from ..power import tell_of_falling
 from ..session import Session
 from .arguments import Joints
 from .faults import read_faults
@@ -24,6 +25,7 @@ def clear(context: typer.Context, joints: Joints = None) -> int:
         {"success": not stuck, "joints": rows},
         lambda: render(rows) if rows else f"nothing to clear: none of {len(names)} is in fault",
     )
+    tell_of_falling(session, [name for name, row in rows.items() if row["cleared"]])
     return REFUSED if stuck else DONE
 
 
@@ -48,6 +50,4 @@ def render(rows: dict[str, dict[str, Any]]) -> Any:
     for name, row in rows.items():
         now = "[green]idle, cleared[/]" if row["cleared"] else "[bold red]the cause persists[/]"
         shown.add_row(shorts[name], row["fault"], now)
-    if all(row["cleared"] for row in rows.values()):
-        shown.caption = "power them with: cbctl mode JOINT pos"
     return shown

@@ -6,6 +6,7 @@ from __future__ import annotations
 import typer
 
 from ..output import conclude
+from ..power import tell_of_falling
 from ..session import Session
 from .arguments import JointsThenMode
 from .mode import joints_and_mode
@@ -17,4 +18,7 @@ def interaction(context: typer.Context, words: JointsThenMode) -> int:
     joints, wanted = joints_and_mode(words, "cbctl interaction all comp")
     names = session.joints(joints)
     reply = session.client.set_interaction_mode(names, wanted)
-    return conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
+    code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
+    answers = zip(reply.joints, reply.answers, strict=True)
+    tell_of_falling(session, [name for name, answer in answers if answer == "unsupported"])
+    return code

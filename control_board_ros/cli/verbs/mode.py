@@ -6,6 +6,7 @@ from __future__ import annotations
 import typer
 
 from ..output import conclude
+from ..power import tell_of_falling
 from ..session import Session
 from ..words import UsageError
 from .arguments import JointsThenMode
@@ -17,7 +18,11 @@ def mode(context: typer.Context, words: JointsThenMode) -> int:
     joints, wanted = joints_and_mode(words, "cbctl mode all pos")
     names = session.joints(joints)
     reply = session.client.set_control_mode(names, wanted)
-    return conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
+    code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
+    changed = ("accepted", "unsupported")
+    answers = zip(reply.joints, reply.answers, strict=True)
+    tell_of_falling(session, [name for name, answer in answers if answer in changed])
+    return code
 
 
 def joints_and_mode(words: list[str], example: str) -> tuple[list[str], str]:
