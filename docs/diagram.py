@@ -50,37 +50,41 @@ with the angle and the limits that it had before.
 MOTION = """\
 ## What happens on entering a mode
 
-The position reference becomes the measured position, the output reference zero. A law that gives a
-torque takes over the *load*: gravity, payload, a steady push. It is the measured torque without
-what acceleration adds (`inertia_mean` times the measured acceleration); gearbox friction is not in
-it, since the sensor lies beyond the gearbox, and what `u_ff` and `tau_ff` already give is taken off.
+The position reference becomes the measured position, the output reference zero. A law that
+gives a torque takes over the *load*: gravity, payload, a steady push. It is the measured torque
+without what acceleration adds (`inertia_mean` times the measured acceleration); gearbox
+friction is not in it, since the sensor lies beyond the gearbox, and what `u_ff` and `tau_ff`
+already give is taken off.
 
 * **At rest** the load is the measured torque, filtered over 10 ms. POSITION, POSITION_DIRECT,
   VELOCITY and MIXED start from it whatever the interaction mode.
-* **In motion**, or at the first reading, a joint that enters COMPLIANT or TORQUE is first brought to
-  rest by the position law, for 30 ms of rest and 0.5 s at most; the load is what carries it then.
-  A reference that comes meanwhile waits for 50 ms at most; a torque or a `tau_ff` acts at once.
-* **TORQUE** holds the joint until the first torque reference comes: the load, and around it a hold of
-  at most a tenth of the torque limit. Pushed harder, the joint gives way and stays where it is left.
-  From the first reference on nothing but the reference acts: at a pose that is no equilibrium, or no
-  stable one, the arm moves, as every arm does.
+* **In motion**, or at the first reading, a joint that enters COMPLIANT or TORQUE is first
+  brought to rest by the position law: it brakes within the acceleration limit and comes back to
+  where the mode was entered. After 30 ms of rest, 0.5 s at most, the load is what carries it. A
+  reference that comes meanwhile is followed, and waits for the load 50 ms at most; a torque or
+  a `tau_ff` acts at once.
+* **TORQUE** holds the joint until the first torque reference comes: the load, and around it a
+  hold of at most a tenth of the torque limit. Pushed harder, the joint gives way and stays
+  where it is left. From the first reference on nothing but the reference acts: at a pose that
+  is no equilibrium, or no stable one, the arm moves, as every arm does.
 * **Stop in COMPLIANT** takes the load over in the same way.
 
-Error of the load, measured on the shipped arms against the torque that carries the joint 1.5 s later:
-below 0.01 % of the torque limit at rest; in motion 0.2 % (iiwa) and 2.7 % (panda, whose joints still
-push each other after 0.5 s). What it does to the position stands in [motion.md](motion.md).
+Error of the load, measured on the shipped arms against the torque that carries the joint 1.5 s
+later: below 0.01 % of the torque limit at rest; in motion 0.2 % (iiwa) and 2.7 % (panda, whose
+joints still push each other after 0.5 s). What it does to the position stands in
+[motion.md](motion.md).
 
 ## What no mode does
 
-* Drive a joint faster than its speed limit, or towards a software limit faster than it can brake
-  (0.7 of `limits.acceleration`); beyond a limit it is brought back. The reference itself keeps to
-  speed, acceleration and limits in every position mode, so this is felt in TORQUE, OPENLOOP and
-  COMPLIANT only, or when a joint that was held back is let go.
-* Let a position reference run ahead of a joint that is blocked: it waits where the torque limit is
-  reached, and goes on from there.
+* Drive a joint faster than its speed limit, or towards a software limit faster than it can
+  brake (0.7 of `limits.acceleration`); beyond a limit it is brought back. The reference itself
+  keeps to speed, acceleration and limits in every position mode, so this is felt in TORQUE,
+  OPENLOOP and COMPLIANT only, or when a joint that was held back is let go.
+* Let a position reference run ahead of a joint that is blocked: it waits where the torque limit
+  is reached, and goes on from there.
 
-The measured torque is that of the gearbox. The simulated rotor turns with the link, so while a joint
-accelerates the torque holds the rotor's share, too.
+The measured torque is that of the gearbox. The simulated rotor turns with the link, so while a
+joint accelerates the torque holds the rotor's share, too.
 """
 
 

@@ -35,6 +35,8 @@ from .vocabs import CommandKind, ControlMode
 K = CommandKind
 Bools = NDArray[np.bool_]
 Verdict = tuple[Answer, str]
+#: Shorter moves are slower than asked for without a word: rad, and m where the joint slides.
+WORTH_A_WORD = {False: 5e-4, True: 5e-5}
 #: What will be done instead of what was asked for, by joint.
 Notes = dict[int, str]
 
@@ -309,8 +311,8 @@ class Commands(Machine):
         for j, distance, speed, time in zip(
             chosen.tolist(), way.tolist(), speeds.tolist(), times, strict=True
         ):
-            if distance < 0.99 * speed * time and time > 2.0 * self.period:
-                sliding = self.config.joints[j].kind == "prismatic"
+            sliding = self.config.joints[j].kind == "prismatic"
+            if distance < 0.99 * speed * time and distance > WORTH_A_WORD[sliding]:
                 notes[j] = (
                     f"{self.names[j]}: takes {time:.3g} s, at a mean speed of "
                     f"{quantity(K.VELOCITY, distance / time, sliding)} "

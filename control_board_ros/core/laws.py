@@ -420,6 +420,8 @@ def observe(j: Joint, position: cython.double, velocity: cython.double) -> cytho
 def settle(j: Joint) -> cython.void:
     """Take the load over once it is known, or has been waited for long enough."""
     elapsed: cython.double
+    if j.active and not j.awaited:
+        return  # it still brakes
     j.settle_cycles += 1
     elapsed = j.settle_cycles * j.period
     if (
@@ -739,7 +741,9 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
 
     No faster than the speed limit; where no position law keeps it inside its limits, no faster
     towards one than it can brake, and back from beyond it. The motor's torque for that follows
-    from the last cycle's, whatever load and friction are:  τ ≤ τ_last + ½ J_min·((v_top − q̇)/horizon − q̈).
+    from the last cycle's, whatever load and friction are:
+
+    τ ≤ τ_last + ½ J_min·((v_top − q̇)/horizon − q̈)
     """
     top: cython.double = PURSUIT * j.max_velocity
     bottom: cython.double = -top
