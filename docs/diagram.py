@@ -70,8 +70,8 @@ already give is taken off.
 * **Stop in COMPLIANT** takes the load over in the same way.
 
 Error of the load, measured on the shipped arms against the torque that carries the joint 1.5 s
-later: below 0.01 % of the torque limit at rest; in motion 0.2 % (iiwa) and 2.7 % (panda, whose
-joints still push each other after 0.5 s). What it does to the position stands in
+later: below 0.01 % of the torque limit at rest; in motion 0.8 % (iiwa) and 1.1 % (panda), while
+the other joints still sway. What it does to the position stands in
 [motion.md](motion.md).
 
 ## What no mode does

@@ -35,7 +35,11 @@ SPRING = 0.25  # greatest stiffness, of the position loop's
 
 def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
     """Add the gains that are missing to the parameters of one joint, in place."""
-    give = values.setdefault
+
+    def give(name: str, value: float) -> float:
+        given: float = values.setdefault(name, float(f"{value:.3g}"))
+        return given
+
     torque, least, greatest = (
         values[name] for name in ("limits.torque", "inertia_min", "inertia_max")
     )
@@ -54,7 +58,7 @@ def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
     give("position_pid.integral_limit", torque)
     give("position_pid.derivative_cutoff", CUTOFF)
     for name in ("kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"):
-        give(f"direct_pid.{name}", values[f"position_pid.{name}"])
+        values.setdefault(f"direct_pid.{name}", values[f"position_pid.{name}"])
     give("torque_pid.integral_limit", torque)
     stiffest = give("impedance.max_stiffness", SPRING * kp)
     stiffness = give("impedance.stiffness", SOFTEST * stiffest)
