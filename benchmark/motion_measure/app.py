@@ -11,6 +11,7 @@ import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from .measure import Finding, Line, measure, worst
 from .page import BEFORE, FIGURES, PAGE, load, notes_of, page
@@ -27,20 +28,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
     if unknown := [row for row in rows if row not in ROWS]:
         parser.error(f"--rows {unknown[0]!r} unknown; choose from {','.join(ROWS)}")
-    if asked.page and (asked.robot or asked.rows or asked.joint or asked.scenes):
-        parser.error("--page takes the figures of all robots; leave out what chooses some")
+    if asked.page and (asked.rows or asked.joint):
+        parser.error("--page takes whole robots; leave out --rows and --joint")
     only_draw = asked.plots and not asked.page
-    record: dict[str, object] = {}
-    chosen = asked.robot or ([] if asked.scenes or only_draw else list(ROBOTS))
-    for name in chosen:
+    record: dict[str, Any] = load(FIGURES) if asked.page else {}
+    path = FIGURES if asked.page else asked.json and Path(asked.json)
+    for name in asked.robot or ([] if asked.scenes or only_draw else list(ROBOTS)):
         record[name] = _one(name, rows, asked)
-    scenes = "all" if asked.page else asked.scenes
+        if path:
+            save(path, record)
+    scenes = asked.scenes or ("all" if asked.page and not asked.robot else "")
     if scenes:
-        record["scenes"] = play(list(SCENES) if scenes == "all" else scenes.split(","))
-    if asked.json:
-        save(Path(asked.json), record)
-    if asked.page:
-        save(FIGURES, record)
+        played = play(list(SCENES) if scenes == "all" else scenes.split(","))
+        record["scenes"] = {**record.get("scenes", {}), **played}
+        if path:
+            save(path, record)
     if asked.page or asked.plots:
         document(plots=asked.plots)
     return 0
@@ -78,7 +80,9 @@ def _parser() -> argparse.ArgumentParser:
         "--scenes", nargs="?", const="all", help=f"play scenes: all, or of {','.join(SCENES)}"
     )
     parser.add_argument("--json", metavar="FILE", help="write the figures; with --each, all")
-    parser.add_argument("--page", action="store_true", help="measure all, write docs/motion.md")
+    parser.add_argument(
+        "--page", action="store_true", help="measure, record, write docs/motion.md"
+    )
     parser.add_argument("--plots", action="store_true", help="draw its pictures from the record")
     return parser
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from .robots import ROBOTS
 from .rows import ROWS, Quantity, Row
 from .scenes import SCENES
 
@@ -24,7 +25,8 @@ HEAD = """\
 
 How well each joint moves: `make motion` measures every shipped robot and five URDFs from
 elsewhere, whose parameters are derived, and writes this page. `make motion
-ARGS="--robot panda --rows step,sine --each"` prints a part of it.
+ARGS="--robot panda --rows step,sine --each"` prints a part of it, `ARGS="--page --robot panda"`
+writes one robot's figures anew.
 
 The figures are simulated: board and plant run in one process on simulated time, so the same
 commit gives the same figures on every machine. Each is the worst over all joints and over the
@@ -45,7 +47,7 @@ def load(path: Path) -> dict[str, Any]:
 
 def page(now: Mapping[str, Any], before: Mapping[str, Any], notes: str) -> str:
     """The whole page; ``notes`` is its hand-written part."""
-    robots = [name for name in now if name != "scenes"]
+    robots = [name for name in ROBOTS if name in now]
     parts = [HEAD, "## All robots\n\n", _overview(now, robots)]
     for name in robots:
         kind = "derived" if now[name]["derived"] else "shipped"

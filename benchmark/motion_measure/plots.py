@@ -43,7 +43,7 @@ def _save(figure: Any, name: str) -> None:
 def _reach(now: Mapping[str, Any], before: Mapping[str, Any]) -> None:
     """Every figure over its goal, one dot per robot, before (hollow) and now."""
     lines = [(r, q) for r in ROWS.values() for q in r.quantities if q.shipped]
-    robots = [name for name in now if name != "scenes"]
+    robots = [name for name in ROBOTS if name in now]
     figure, axes = plt.subplots(figsize=(10, 6), constrained_layout=True)
     for n, name in enumerate(robots):
         for record, style in ((before.get(name), "none"), (now[name], f"C{n}")):

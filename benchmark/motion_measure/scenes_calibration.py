@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from control_board_ros.core.vocabs import ControlMode as M
 from control_board_ros.sim.simulation import Simulation
 
+from .rig import RefusedError
+
 JOINT = "l_wrist_prosup"
 
 
@@ -49,7 +51,9 @@ def aborted() -> float:
     """How many modes besides IDLE an uncalibrated joint accepts after an abort (K7)."""
     with Simulation.load("icub_left_arm") as sim:
         sim.run(0.5)
-        board, joint = sim.board, "l_elbow"
+        board, joint = sim.board, JOINT  # on its way to its stop, or waiting for its turn
+        if board.get_control_mode(joint) != [M.CALIBRATING]:
+            raise RefusedError(f"{joint} is not calibrating")
         board.set_control_mode(joint, "fidl")
         accepted = 0
         for mode in ("pos", "posd", "vel", "mix", "torq", "open"):

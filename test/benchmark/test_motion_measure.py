@@ -14,7 +14,7 @@ import pytest
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmark"
 sys.path.insert(0, str(BENCHMARK))
 try:
-    from motion_measure import app, force_rows
+    from motion_measure import app, force_rows, page
     from motion_measure.measure import Finding, worst
     from motion_measure.rig import Failure, Record, Rig, Window
     from motion_measure.robots import ROBOTS, poses
@@ -95,3 +95,11 @@ def test_a_fault_costs_the_figure_and_the_rig_goes_on() -> None:
     assert ROWS["push"].measure is not None
     assert ROWS["push"].measure(rig, 3)["deflection"] > 0.0
     rig.close()
+
+
+def test_the_page_is_what_was_recorded() -> None:
+    """docs/motion.md says the recorded figures; `make motion` writes both."""
+    now, before = page.load(page.FIGURES), page.load(page.BEFORE)
+    assert set(now) <= {*ROBOTS, "scenes"}
+    assert "scenes" in now
+    assert page.PAGE.read_text("utf-8") == page.page(now, before, page.notes_of(page.PAGE))
