@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The worst figures of docs/motion.md, held on simulated time (SPEC P1, P4, P5, P7, P14, I5, M9).
+
+A few joints of three robots in one pose each; `make motion` measures all of them in all poses.
+What is to be reached stands in benchmark/motion_measure/rows.py.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+BENCHMARK = Path(__file__).resolve().parents[2] / "benchmark"
+sys.path.insert(0, str(BENCHMARK))
+try:
+    from motion_measure.measure import measure, worst
+    from motion_measure.rig import Rig
+    from motion_measure.robots import ROBOTS, poses
+    from motion_measure.rows import ROWS
+    from motion_measure.scenes import SCENES
+finally:
+    sys.path.remove(str(BENCHMARK))
+
+pytestmark = [pytest.mark.physics, pytest.mark.slow, pytest.mark.timeout(300)]
+
+#: robot -> the pose and the joints that are watched: a strong one and a light one.
+WATCHED = {
+    "iiwa": ("stretched", (1, 5)),
+    "panda": ("stretched", (1, 4)),
+    "xarm6": ("home", (2,)),
+}
+#: Every change of mode at rest takes 100 s of simulated time: of one robot, where it is hardest.
+RESTING = "panda"
+#: Scenes that take no more than a second or two.
+SHORT = ("freed", "short_move", "u_ff", "stop", "hard_stop", "weak_stop", "aborted")
+
+
+@pytest.fixture(scope="module", params=WATCHED)
+def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
+    made = Rig.load(ROBOTS[request.param])
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if row != "rest"])
+def test_joints_move_as_well_as_is_to_be_reached(rig: Rig, row: str) -> None:
+    """P1, P4, P5, P7, P14, I5, M9: no figure of these joints is beyond its bound."""
+    hold(rig, row)
+
+
+def test_no_joint_sags_on_a_change_of_mode_at_rest() -> None:
+    """M9, I4: every ordered pair of control and interaction modes, at rest."""
+    rig = Rig.load(ROBOTS[RESTING])
+    hold(rig, "rest")
+    rig.close()
+
+
+def hold(rig: Rig, row: str) -> None:
+    """Measure a row on the watched joints; it must be reached."""
+    pose, joints = WATCHED[rig.name]
+    if row == "motion":
+        joints = joints[:1]  # twenty changes each
+    positions = poses(ROBOTS[rig.name], rig.home, rig.windows)[pose]
+    failures = len(rig.failures)
+    findings = list(measure(rig, {pose: positions}, [row], joints))
+    assert rig.failures[failures:] == []
+    for line in worst(findings, [], rig.derived, [row]):
+        assert line.worst is not None, f"{line.quantity.text}: nothing was measured"
+        assert line.reached is not False, (
+            f"{line.quantity.text}: {line.worst.value:.3g} {line.quantity.unit} of "
+            f"{line.worst.joint}; to reach: {line.reach:g}"
+        )
+
+
+@pytest.mark.parametrize("key", SHORT)
+def test_what_went_wrong_once_does_not_again(key: str) -> None:
+    """K6, K7, P1, P14, P11, M9, I10: each scene's figure is within its bound."""
+    scene = SCENES[key]
+    value = scene.play()
+    assert value <= scene.reach, f"{scene.text}: {value:.3g} {scene.unit}"
