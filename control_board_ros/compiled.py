@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which laws run: the compiled ones, or their source as Python, and why.
+"""Whether what runs in every cycle is compiled, or its source runs as Python, and why.
 
 A compiled module lies beside its source and is imported in its place. It knows which source it
 was made from; where that has changed since, as in an editable checkout, the source runs.
@@ -13,7 +13,11 @@ from importlib.machinery import EXTENSION_SUFFIXES, SourceFileLoader
 from importlib.util import module_from_spec, source_hash, spec_from_file_location
 from pathlib import Path
 
-LAWS = "control_board_ros.core.laws"
+#: What is compiled where that is possible; setup.py (COMPILED) names the same modules.
+MODULES = (
+    "control_board_ros.core.laws",
+    "control_board_ros.sim.drive",
+)
 
 _outdated: set[str] = set()
 
@@ -45,16 +49,23 @@ def source_of(name: str) -> Path:
     return folder / f"{name.rpartition('.')[2]}.py"
 
 
-def is_compiled(name: str = LAWS) -> bool:
-    """Whether a module runs compiled."""
-    module = importlib.import_module(name)
-    return str(module.__file__).endswith(tuple(EXTENSION_SUFFIXES))
+def is_compiled() -> bool:
+    """Whether all of MODULES run compiled."""
+    return not _uncompiled()
 
 
-def describe(name: str = LAWS) -> str:
+def _uncompiled() -> list[str]:
+    """Those of MODULES that run as Python."""
+    files = {name: str(importlib.import_module(name).__file__) for name in MODULES}
+    return [name for name in MODULES if not files[name].endswith(tuple(EXTENSION_SUFFIXES))]
+
+
+def describe() -> str:
     """``compiled``, or ``uncompiled (why and what to do)``."""
-    if is_compiled(name):
+    names = _uncompiled()
+    if not names:
         return "compiled"
-    if name in _outdated:
-        return f"uncompiled ({source_of(name).name} has changed since; install it again)"
+    changed = " and ".join(source_of(name).name for name in names if name in _outdated)
+    if changed:
+        return f"uncompiled ({changed} changed since; install it again)"
     return "uncompiled (slower; install again with Cython and a C compiler)"

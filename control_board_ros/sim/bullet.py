@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from struct import Struct
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -22,6 +21,7 @@ from ..core.config import BoardConfig
 from ..core.measurement import Array
 from .config import SimulationConfig
 from .display import check_display
+from .drive import StateRows
 from .errors import PlantError, PlantGone
 from .followers import Followers
 from .prepare import prepare
@@ -87,10 +87,7 @@ class BulletBody:
         except BaseException:
             self.close()
             raise
-        n = len(self._joints)
-        self._pack = Struct(f"{2 * n}d").pack_into
-        self._state = np.zeros((2, n))
-        self._bytes = self._state.data.cast("B")
+        self.attach(np.zeros((2, len(self._joints))))
         self._apply: Callable[..., None] = partial(
             bullet.setJointMotorControlArray,
             self._body,
@@ -103,7 +100,7 @@ class BulletBody:
     def attach(self, state: Array) -> None:
         """Refresh ``state``, shape (2, n), position and velocity, from now on."""
         self._state = state
-        self._bytes = state.data.cast("B")
+        self._take = StateRows(state[0].data, state[1].data).take
         self._refresh()
 
     def step(self, torque: Array) -> bool:
@@ -190,11 +187,7 @@ class BulletBody:
         return self._camera.picture(positions, list(self._boxes.values()), width, height)
 
     def _refresh(self) -> bool:
-        states = bullet.getJointStates(self._body, self._joints, self._client)
-        positions, velocities, _, _ = zip(*states)  # noqa: B905 - in the cycle
-        self._pack(self._bytes, 0, *positions, *velocities)
-        total = sum(positions)
-        return bool(total - total == 0.0)  # neither infinite nor not a number
+        return self._take(bullet.getJointStates(self._body, self._joints, self._client))
 
     def _save(self) -> None:
         bullet.removeState(self._saved, physicsClientId=self._client)

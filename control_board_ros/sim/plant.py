@@ -84,7 +84,7 @@ class SimulatedPlant:
         self._rate = board.control_rate
         self._steps = range(simulation.steps_per_cycle(board.control_rate))
         self._motors = Motors(board, simulation)
-        self._sensors = Sensors(simulation)
+        self._sensors = Sensors(simulation, self._motors)
         self._faults = Injector(board.joints, board.period)
         self._home = np.zeros((2, len(board.joints)))
         self._home[0] = [joint.home for joint in simulation.joints]
@@ -141,7 +141,7 @@ class SimulatedPlant:
             self._recover()
         if cycle % self._heat_cycles == 0:
             self._keep()
-        self._sensors.sample(motors)
+        self._sensors.sample()
 
     def push(self, joint: int | str, torque: float) -> None:
         """Push a joint from outside with a torque, N·m, until it is set to 0.
@@ -177,8 +177,8 @@ class SimulatedPlant:
         self._motors.rest()
         self._sensors.alarm(None)
         self._alarmed = False
-        self._sensors.sample(self._motors)
-        self._sensors.sample_temperature(self._motors)
+        self._sensors.sample()
+        self._sensors.sample_temperature()
 
     def close(self) -> None:
         """Let go of the body; safe to call twice."""
@@ -193,7 +193,7 @@ class SimulatedPlant:
     def _keep(self) -> None:
         """What need not be done in every cycle: warm the windings, remember a good pose."""
         self._motors.warm()
-        self._sensors.sample_temperature(self._motors)
+        self._sensors.sample_temperature()
         self._good[...] = self._motors.state
 
     def _recover(self) -> None:

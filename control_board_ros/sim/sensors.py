@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.faults import FaultCode
 from ..core.measurement import ROWS, Row
 from .config import SimulationConfig
+from .drive import Sampler
 from .motor import Motors
 
 
@@ -17,45 +17,28 @@ class Sensors:
 
     Attributes:
         values: Readings, shape (ROWS, n), reused from sample to sample.
+        sample: Reads encoders, torque sensors, speeds and currents.
     """
 
-    def __init__(self, simulation: SimulationConfig) -> None:
+    def __init__(self, simulation: SimulationConfig, motors: Motors) -> None:
         encoders = [joint.encoder for joint in simulation.joints]
+        self._motors = motors
         self.values = np.zeros((ROWS, len(encoders)))
-        self._torque = self.values[Row.TORQUE]
-        self._position = self.values[Row.POSITION]
-        self._rates = self.values[Row.VELOCITY : Row.CURRENT + 1]
         self._alarm = self.values[Row.ALARM]
-        self._zero = np.array([encoder.zero for encoder in encoders])
+        zero = np.array([encoder.zero for encoder in encoders])
         resolution = np.array([encoder.resolution for encoder in encoders])
-        quantised = resolution > 0.0
-        self._resolution = np.where(quantised, resolution, 1.0)
-        self._counts = 1.0 / self._resolution
-        self._shifted, self._coarse = bool(self._zero.any()), bool(quantised.any())
-        self._some: NDArray[np.bool_] | None = None if quantised.all() else quantised
-        self._rounded = np.zeros(len(encoders))
+        counts = 1.0 / np.where(resolution > 0.0, resolution, 1.0)
+        truth = (motors.position, motors.velocity, motors.torque, motors.current)
+        rows = [self.values[row] for row in (Row.POSITION, Row.VELOCITY, Row.TORQUE, Row.CURRENT)]
+        self.sample = Sampler(
+            [row.data for row in truth],
+            [row.data for row in rows],
+            [row.data for row in (zero, counts, resolution)],
+        ).sample
 
-    def sample(self, motors: Motors) -> None:
-        """Read encoders, torque sensors, speeds and currents."""
-        position = self._position
-        if self._shifted:
-            np.add(motors.position, self._zero, position)
-        else:
-            position[...] = motors.position
-        if self._coarse:
-            rounded = self._rounded
-            np.multiply(position, self._counts, rounded)
-            np.rint(rounded, rounded)
-            if self._some is None:
-                np.multiply(rounded, self._resolution, position)
-            else:
-                np.multiply(rounded, self._resolution, position, where=self._some)
-        self._torque[...] = motors.torque
-        self._rates[...] = motors.rates
-
-    def sample_temperature(self, motors: Motors) -> None:
+    def sample_temperature(self) -> None:
         """Read the windings."""
-        self.values[Row.TEMPERATURE] = motors.temperature
+        self.values[Row.TEMPERATURE] = self._motors.temperature
 
     def alarm(self, code: FaultCode | None) -> None:
         """Raise an alarm of the hardware on every joint, or none."""

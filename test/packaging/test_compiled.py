@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The laws run compiled and as plain Python, and it can be told which."""
+"""What runs in every cycle runs compiled and as plain Python, and it can be told which."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 import pytest
-from pure import NAME, laws_as_python, load_python
+from pure import SUFFIX as AS_PYTHON
+from pure import as_python, load_python
 from rig import ready
 from test_metadata import PYPROJECT, ROOT, XML, setup_list
 
@@ -43,6 +44,7 @@ def run(code: str, folder: Path, **environment: str) -> str:
 
 def test_build_descriptions_name_the_compiled_modules() -> None:
     """What is compiled from them is made anew when they change; Cython is asked for."""
+    assert setup_list("COMPILED") == list(compiled.MODULES)
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     sources = re.search(r"^SOURCES := ((?:.*\\\n)*.*)$", makefile, re.MULTILINE)
     assert sources is not None
@@ -92,20 +94,21 @@ def test_the_stand_in_changes_nothing() -> None:
     assert nocython.declare(nocython.bint, visibility="public") is False
 
 
-def test_the_laws_run_without_cython(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("name", compiled.MODULES)
+def test_the_modules_run_without_cython(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cython", None)
-    assert load_python().cython is nocython
+    assert load_python(name).cython is nocython
 
 
 def test_boards_can_be_made_with_either() -> None:
     from control_board_ros.core import control, laws
 
     before = vars(control).copy()
-    with laws_as_python() as python:
+    with as_python() as python:
         held = [value for value in vars(control).values() if hasattr(value, "__module__")]
-        assert python.__name__ == NAME
-        assert str(python.__file__).endswith(".py")
-        assert NAME in {value.__module__ for value in held}
+        assert list(python) == list(compiled.MODULES)
+        assert all(str(module.__file__).endswith(".py") for module in python.values())
+        assert laws.__name__ + AS_PYTHON in {value.__module__ for value in held}
         assert laws.__name__ not in {value.__module__ for value in held}
     assert vars(control) == before
 
@@ -128,10 +131,10 @@ def test_both_give_the_same_bits() -> None:
         ]
 
     running = states()
-    with laws_as_python():
-        as_python = states()
+    with as_python():
+        python = states()
     assert len(set(running)) > 100
-    assert as_python == running
+    assert python == running
 
 
 @pytest.mark.skipif(
@@ -143,15 +146,15 @@ def test_the_installed_laws_are_compiled(tmp_path: Path) -> None:
 
 @pytest.fixture(name="copy")
 def copied_package(tmp_path: Path) -> Path:
-    """A copy of the installed package's core, found first by interpreters started beside it."""
+    """A copy of the installed package's core and of what else is compiled, found first by
+    interpreters started beside it.
+    """
     where = "import control_board_ros; print(control_board_ros.__path__[0])"
     source, target = Path(run(where, tmp_path)), tmp_path / "control_board_ros"
-    (target / "core").mkdir(parents=True)
-    for name in ("__init__.py", "compiled.py"):
-        shutil.copy(source / name, target)
-    for path in (source / "core").iterdir():
-        if path.is_file():
-            shutil.copy(path, target / "core")
+    for pattern in ("__init__.py", "compiled.py", "core/*.*", "sim/__init__.py", "sim/drive.*"):
+        for path in source.glob(pattern):
+            (target / path.relative_to(source)).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, target / path.relative_to(source))
     assert run(where, tmp_path) == str(target)
     return target
 
@@ -163,7 +166,7 @@ def test_a_changed_source_runs_in_the_place_of_the_compiled_module(copy: Path) -
     with (copy / "core/laws.py").open("a", encoding="utf-8") as file:
         file.write("\nCHANGED = 42\n")
     told = run(TELL, copy.parent)
-    assert told == "uncompiled (laws.py has changed since; install it again)"
+    assert told == "uncompiled (laws.py changed since; install it again)"
     code = (
         "from control_board_ros.core import laws; from control_board_ros.core.laws import CHANGED"
     )

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated joint between its bridge and its link: winding, gearbox, bearing, sensors.
+
+One joint at a time, one physics step h at a time, exact while the joint's speed dq is held::
+
+    L di/dt = V − R i − Ke dq,   V = pwm/100 · Vs,   Ke = kt N
+    torque  = kt N η mean i − coulomb tanh(dq/eps) − viscous dq
+
+Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
+by bit, where there is none. Units: rad, rad/s, N·m, A, V, Ω, s; m and N for prismatic joints.
+"""
+
+from __future__ import annotations
+
+try:
+    import cython
+except ImportError:
+    from ..core import nocython as cython
+
+if cython.compiled:
+    from cython.cimports.libc.math import rint, tanh
+else:
+    from math import tanh
+
+    def rint(value: float) -> float:
+        """The nearest whole number, the even one of two; NaN stays NaN."""
+        return round(value, 0)
+
+
+@cython.cclass
+class Drive:
+    """One joint's drive: constants, which ``motor`` and ``bearing`` work out, and state.
+
+    Args:
+        constants: Values of attributes; all of them but the state.
+    """
+
+    # --- winding ----------------------------------------------------------------------------
+    resistance = cython.declare(cython.double, visibility="public")
+    back_emf = cython.declare(cython.double, visibility="public")  # Ke, V·s/rad
+    volts = cython.declare(cython.double, visibility="public")  # per percent of PWM
+    torque_per_ampere = cython.declare(cython.double, visibility="public")  # kt N η
+    settled = cython.declare(cython.double, visibility="public")  # s, after a step
+    settled_mean = cython.declare(cython.double, visibility="public")  # m, its mean over it
+    # --- gearbox ----------------------------------------------------------------------------
+    coulomb = cython.declare(cython.double, visibility="public")
+    viscous = cython.declare(cython.double, visibility="public")
+    per_slip = cython.declare(cython.double, visibility="public")  # 1/eps
+    # --- bearing ----------------------------------------------------------------------------
+    bearing_torque = cython.declare(cython.double, visibility="public")  # B
+    bending = cython.declare(cython.double, visibility="public")  # σ h
+    damping = cython.declare(cython.double, visibility="public")  # c
+    # --- state ------------------------------------------------------------------------------
+    powered = cython.declare(cython.bint, visibility="public")  # the bridge is closed
+    current = cython.declare(cython.double, visibility="public")
+    bent = cython.declare(cython.double, visibility="public")  # torque of the bristle, y
+
+    def __init__(self, **constants: float) -> None:
+        self.powered = True
+        self.current = self.bent = 0.0
+        for name, value in constants.items():
+            setattr(self, name, value)
+
+
+@cython.cfunc
+def motor_torque(d: Drive, velocity: cython.double, pwm: cython.double) -> cython.double:
+    """Torque of the motor in one step; its current moves on.
+
+    With i_inf = (V − Ke dq)/R, towards which the winding settles, and x = h R/L::
+
+        mean i = i + m (i_inf − i)      m = 1 − s/x
+        i'     = i + s (i_inf − i)      s = 1 − exp(−x)
+        torque = kt N η mean i
+
+    An open bridge lets no current flow.
+    """
+    missing: cython.double
+    mean: cython.double
+    if not d.powered:
+        d.current = 0.0
+        return 0.0
+    missing = (d.volts * pwm - d.back_emf * velocity) / d.resistance - d.current
+    mean = d.current + d.settled_mean * missing
+    d.current += d.settled * missing
+    return d.torque_per_ampere * mean
+
+
+@cython.cfunc
+def gearbox_friction(d: Drive, velocity: cython.double) -> cython.double:
+    """Friction before the torque sensor: coulomb tanh(dq/eps) + viscous dq."""
+    return d.coulomb * tanh(velocity * d.per_slip) + d.viscous * velocity
+
+
+@cython.cfunc
+def bearing_friction(d: Drive, velocity: cython.double) -> cython.double:
+    """Friction beyond the torque sensor: a bristle that bends until it slips (see ``bearing``).
+
+    y' = clip(y + σ dq h, ± B);  friction = clip(y' + c dq, ± B)
+    """
+    most: cython.double = d.bearing_torque
+    d.bent = max(min(d.bent + d.bending * velocity, most), -most)
+    return max(min(d.bent + d.damping * velocity, most), -most)
+
+
+@cython.cclass
+class Drives:
+    """The drives of a plant, and views of the arrays that everybody reads.
+
+    Args:
+        drives: Of class Drive.
+        rows: Velocity and PWM (read), current, torque of the gearbox, torque on the link
+            (written): a buffer of n doubles each.
+    """
+
+    drives: list[Drive]
+    velocity: cython.double[::1]
+    pwm: cython.double[::1]
+    current: cython.double[::1]
+    torque: cython.double[::1]
+    applied: cython.double[::1]
+
+    def __init__(self, drives: list[Drive], rows: list[object]) -> None:
+        self.drives = drives
+        self.velocity, self.pwm, self.current, self.torque, self.applied = rows
+
+    def step(self) -> None:
+        """One physics step of all joints."""
+        k: cython.Py_ssize_t
+        d: Drive
+        velocity: cython.double
+        torque: cython.double
+        for k in range(len(self.drives)):
+            d = self.drives[k]
+            velocity = self.velocity[k]
+            torque = motor_torque(d, velocity, self.pwm[k]) - gearbox_friction(d, velocity)
+            self.current[k] = d.current
+            self.torque[k] = torque
+            self.applied[k] = torque - bearing_friction(d, velocity)
+
+
+@cython.cclass
+class Sampler:
+    """Undamaged sensors of a plant: q_read = rint((q + zero)·counts)/counts, the others as is.
+
+    Args:
+        truth: Position, velocity, torque, current: a buffer of n doubles each.
+        readings: Where they are read into, the same.
+        encoders: Zero, rad, counts, 1/rad, and resolution, rad (0: no counts): the same.
+    """
+
+    position: cython.double[::1]
+    velocity: cython.double[::1]
+    torque: cython.double[::1]
+    current: cython.double[::1]
+    read_position: cython.double[::1]
+    read_velocity: cython.double[::1]
+    read_torque: cython.double[::1]
+    read_current: cython.double[::1]
+    zero: cython.double[::1]
+    counts: cython.double[::1]
+    resolution: cython.double[::1]
+
+    def __init__(self, truth: list[object], readings: list[object], encoders: list[object]):
+        self.position, self.velocity, self.torque, self.current = truth
+        self.read_position, self.read_velocity, self.read_torque, self.read_current = readings
+        self.zero, self.counts, self.resolution = encoders
+
+    def sample(self) -> None:
+        """Read all joints."""
+        k: cython.Py_ssize_t
+        reading: cython.double
+        for k in range(len(self.position)):
+            reading = self.position[k] + self.zero[k]
+            if self.resolution[k] > 0.0:
+                reading = rint(reading * self.counts[k]) * self.resolution[k]
+            self.read_position[k] = reading
+            self.read_velocity[k] = self.velocity[k]
+            self.read_torque[k] = self.torque[k]
+            self.read_current[k] = self.current[k]
+
+
+@cython.cclass
+class StateRows:
+    """Takes the joint states of a physics engine apart.
+
+    Args:
+        position: A buffer of n doubles, rad.
+        velocity: A buffer of n doubles, rad/s.
+    """
+
+    position: cython.double[::1]
+    velocity: cython.double[::1]
+
+    def __init__(self, position: object, velocity: object) -> None:
+        self.position, self.velocity = position, velocity
+
+    def take(self, states: tuple[tuple[float, ...], ...]) -> bool:
+        """Keep position and velocity of each joint; false where a position is no number.
+
+        Args:
+            states: One tuple per joint that begins with position and velocity.
+        """
+        k: cython.Py_ssize_t
+        state: tuple[float, ...]
+        total: cython.double = 0.0
+        for k in range(len(states)):
+            state = states[k]
+            self.position[k] = state[0]
+            self.velocity[k] = state[1]
+            total += self.position[k]
+        return total - total == 0.0  # neither infinite nor not a number
