@@ -30,7 +30,11 @@ MESSAGES = "control_board_msgs"
 MSG_DEFS = HERE / "msg_defs"
 # Plain Python in Cython's pure mode; runs as it is where it cannot be compiled. pyproject.toml
 # (cache-keys) and the Makefile (SOURCES) name the same files.
-COMPILED = ["control_board_ros.core.laws", "control_board_ros.sim.drive"]
+COMPILED = [
+    "control_board_ros.core.laws",
+    "control_board_ros.core.monitor",
+    "control_board_ros.sim.drive",
+]
 PYTHON_DIR = f"lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
 
 # Another version, or an unpinned name, can belong to another ROS distribution.

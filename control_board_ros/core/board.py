@@ -48,11 +48,11 @@ class Board(Requests, Commands, ModeShortcuts):
         """
         self._read(measurement)
         if self.configure_next:
-            self.watch.mend(self.state, self._last)
+            self.watch.mend(self._last)
             self.complete_configuration()
-        if not self.watch.healthy(self.state, measurement.values):
+        if not self.watch.healthy(measurement.values):
             self._raise_faults(self._last)
-        if self.watch.heat.news:
+        if self.watch.monitor.news:
             self._warn_of_heat()
         if self._calibrators:
             self._calibrate()
@@ -73,7 +73,7 @@ class Board(Requests, Commands, ModeShortcuts):
             self.state.done.copy(),
             self.state.rejected.copy(),
             self.state.calibrated.copy(),
-            self.watch.heat.used,
+            self.watch.used.copy(),
             self._torque_sensor,
         )
 

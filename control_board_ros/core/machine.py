@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from .calibration import TYPES, CalibrationError, CalibrationStatus, Calibrator
+from .causes import Cause
 from .config import BoardConfig
 from .control import Controller
 from .faults import FaultCode, FaultRecord
@@ -34,7 +35,7 @@ from .modes import (
 from .references import References
 from .state import Joints, State, span
 from .vocabs import CommandKind, ControlMode, InteractionMode
-from .watch import Cause, Watch
+from .watch import Watch
 
 #: Events that nobody takes are dropped from here on, oldest first.
 EVENTS_KEPT = 1000
@@ -82,7 +83,6 @@ class Machine:
         self.controller = Controller(config, state)
         self.references = References(config, state, self.controller.joints)
         self.watch = Watch(config, state)
-        self._strained = self.watch.heat.strained
         self.accepts = np.zeros((len(CommandKind), self.count), dtype=bool)
         self.calibration = [CalibrationStatus(name) for name in self.names]
         self._calibrators: dict[int, Calibrator] = {}
@@ -158,13 +158,11 @@ class Machine:
 
     def _warn_of_heat(self) -> None:
         """Tell who comes near a fault by heat (F6)."""
-        heat = self.watch.heat
-        for j in np.flatnonzero(heat.strained.any(axis=0)).tolist():
-            if self.faults[j].active:
-                continue
-            for key, text in heat.warnings(j, self._strained):
-                self.tell("warning", key, j, f"{self.names[j]}: {text}")
-        self._strained, heat.news = heat.strained, False
+        self.watch.monitor.news = False
+        for j in range(self.count):
+            for key, text in self.watch.warnings(j).items():
+                if not self.faults[j].active:
+                    self.tell("warning", key, j, f"{self.names[j]}: {text}")
 
     # --- faults ---------------------------------------------------------------------------
 
@@ -205,7 +203,7 @@ class Machine:
 
     def _raise_faults(self, last: Any) -> None:
         causes = self.watch.causes()
-        self.watch.mend(self.state, last)
+        self.watch.mend(last)
         for j, cause in causes.items():
             self.raise_fault(j, cause.code, cause.text)
 

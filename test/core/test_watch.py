@@ -37,7 +37,7 @@ def test_a_motor_tells_its_travel_whatever_its_inductance(rate: float, electrica
         fastest = max(fastest, abs(rig.board.state.velocity[0]))
     rig.tick(8 - rig.board.cycle % 8)
     watch, state = rig.board.watch, rig.board.state
-    while watch._countdown != 8:
+    while watch.monitor.countdown != 8:
         rig.tick()
     travelled = watch.travelled[0]
     assert abs(state.position[0] - start) > 0.1
@@ -47,8 +47,8 @@ def test_a_motor_tells_its_travel_whatever_its_inductance(rate: float, electrica
 
 def test_the_weight_of_a_cycle_s_first_current() -> None:
     """One half where the cycle is short against L/R, none where it is long."""
-    ratios = np.array([1e-9, 1e-3, 1.0, 1e3])
-    assert first_weight(ratios) == pytest.approx([0.5, 0.49992, 0.41802, 1e-3], abs=1e-5)
+    weights = [first_weight(ratio) for ratio in (1e-9, 1e-3, 1.0, 1e3)]
+    assert weights == pytest.approx([0.5, 0.49992, 0.41802, 1e-3], abs=1e-5)
 
 
 # Heat (F6) -----------------------------------------------------------------------------------

@@ -14,7 +14,6 @@ import pybullet_data
 import pytest
 from plants import joint, link, robot
 
-from control_board_ros.core.watch import Check
 from control_board_ros.sim.simulation import Simulation
 
 DATA = Path(pybullet_data.getDataPath())
@@ -81,8 +80,8 @@ def test_a_robot_from_elsewhere_moves_at_speed_without_a_fault(name: str, tmp_pa
             for _ in range(int(random.integers(50, 800))):
                 simulation.step()
                 travelled += np.abs(board.state.velocity) * board.period
-                watched = np.abs(board.watch._slow[Check.TRAVEL])
-                assert (watched < 0.5 * board.watch._slow_limit[Check.TRAVEL]).all()
+                for monitor in board.watch.joints:
+                    assert abs(monitor.travel) < 0.5 * monitor.max_travel
             faults = [f"{fault.name}: {fault.text}" for fault in board.faults if fault.active]
             assert faults == [], simulation.time
         assert (travelled > 0.02).all()
