@@ -202,10 +202,16 @@ class Machine:
         return None
 
     def _raise_faults(self, last: Any) -> None:
-        causes = self.watch.causes()
+        modes = self.state.control_modes
+        causes = {
+            j: self.watch.cause(j)
+            for j in self.watch.unhealthy()
+            if next_mode(modes[j], Event.FAULT) is not None  # in a fault, the first cause is kept
+        }
         self.watch.mend(last)
         for j, cause in causes.items():
-            self.raise_fault(j, cause.code, cause.text)
+            if cause is not None:
+                self.raise_fault(j, cause.code, cause.text)
 
     def _expire(self) -> None:
         """Reference timeouts (P12): a velocity stops and holds, a torque or output faults."""

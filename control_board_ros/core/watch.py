@@ -122,10 +122,9 @@ class Watch:
         healthy: bool = self.monitor.step()
         return healthy
 
-    def causes(self) -> dict[int, Cause]:
-        """The joints that the last reading found unhealthy, each with its first cause."""
-        found = ((j, self.cause(j)) for j in range(len(self.joints)))
-        return {j: cause for j, cause in found if cause is not None}
+    def unhealthy(self) -> list[int]:
+        """The joints that the last reading found to have a cause to be in HW_FAULT."""
+        return [j for j, monitor in enumerate(self.joints) if monitor.failed()]
 
     def cause(self, j: int) -> Cause | None:
         """What the last reading found wrong with a joint; None when nothing (F3)."""
