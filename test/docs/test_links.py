@@ -38,6 +38,11 @@ def test_links_lead_somewhere(page: Path) -> None:
             assert anchor in anchors(target), f"{link}: no such heading"
 
 
+def test_links_are_found() -> None:
+    """Or the test above would look at nothing."""
+    assert "config" in LINK.findall((ROOT / "README.md").read_text("utf-8"))
+
+
 def test_no_page_holds_a_path_of_one_machine() -> None:
     for page in PAGES:
         assert not re.search(r"/(?:home|root|work|Users)/\w", page.read_text("utf-8")), page

@@ -83,7 +83,9 @@ def test_every_import_is_a_declared_dependency() -> None:
     """In package.xml for rosdep and colcon, and in setup.py for pip."""
     in_xml = {node.text for node in XML if node.tag in {"depend", "exec_depend"}}
     wheels = {re.split(r"[\[=<>]", entry)[0] for entry in setup_list("ROS_WHEELS")}
-    for package in imported_packages() - NOT_ROS - OPTIONAL:
+    imported = imported_packages()
+    assert {"rclpy", "std_srvs"} <= imported
+    for package in imported - NOT_ROS - OPTIONAL:
         assert package in in_xml, f"{package} is imported and not in package.xml"
         wheel = "ros-jazzy-rclpy" if package == "rclpy" else f"ros-{package.replace('_', '-')}"
         comes_with_rclpy = package in {"ament_index_python", "rclpy", "rcl_interfaces"}

@@ -147,6 +147,16 @@ def test_no_output_finds_a_wrong_stop(output: float, weight: float) -> None:
     )
     if calibrate(rig) == "":
         assert rig.run(0.5).position[0] == pytest.approx(truth(rig), abs=2e-3)
+    else:
+        assert rig.modes() == [M.HW_FAULT]
+        assert rig.tick().output[0] == 0.0
+
+
+def test_a_strong_output_finds_the_stop() -> None:
+    """K6, K5: the search above ends in a calibration where the drive carries the load."""
+    rig = rig_with(lambda _, q, dq: 0.5 * np.cos(q) - 2.0 * dq, replace(STOP, output=-4.0))
+    assert calibrate(rig) == ""
+    assert rig.run(0.5).position[0] == pytest.approx(truth(rig), abs=2e-3)
 
 
 def test_a_joint_that_does_not_come_back() -> None:
