@@ -29,20 +29,6 @@ def commanded(kind):
     return rig, getattr(rig.board, send), getattr(rig.board, get), value
 
 
-def everything(rig):
-    """All that a rejected reference must leave alone."""
-    board = rig.board
-    return (
-        [getattr(board, get)(None).tolist() for _, get, _ in COMMANDS.values()],
-        board.get_control_mode(),
-        board.get_interaction_mode(),
-        board.get_ref_speed().tolist(),
-        board.get_ref_acceleration().tolist(),
-        [board.state.position_reference.tolist(), board.state.torque_reference.tolist()],
-        [record.active for record in board.get_faults()],
-    )
-
-
 @pytest.mark.parametrize("bad", NOT_FINITE)
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_what_is_not_finite_is_ignored_and_the_other_joint_is_served(kind, bad):
@@ -68,7 +54,8 @@ def test_speeds_and_accelerations_out_of_range_ignore_their_joint(kind, bad):
     rig, send, get, value = commanded(kind)
     reply = send(["left", "right"], [value, value], [bad, 0.5])
     assert reply.answers == (Answer.IGNORED, Answer.ACCEPTED)
-    assert "must be above 0 and up to" in reply.message
+    told = "must be above 0 and up to" if math.isfinite(bad) else "is not a finite number"
+    assert told in reply.message
     assert get("left").tolist() != [value]
     assert rig.board.snapshot().rejected_commands.tolist() == [1, 0, 0]
 
@@ -143,10 +130,10 @@ def test_a_denormal_speed_makes_a_very_slow_move_and_no_infinite_one():
 def test_a_command_that_is_wrong_as_a_whole_changes_nothing(kind, joints, values, words):
     """M7, P13: lengths, unknown joints, joints named twice: one line, counted, nothing done."""
     rig, send, _, _ = commanded(kind)
-    before = everything(rig)
+    before = rig.everything()
     reply = send(joints, values)
     assert not reply
-    assert everything(rig) == before
+    assert rig.everything() == before
     assert "\n" not in reply.message
     assert len(reply.message) < 400
     assert re.search(words, reply.message), reply.message
@@ -203,28 +190,6 @@ def test_a_velocity_ends_at_the_limit(side):
     assert rig.modes()[0] is M.VELOCITY
 
 
-@pytest.mark.parametrize("mode", list(TAKES)[:7])
-@pytest.mark.parametrize("kind", COMMANDS)
-def test_every_kind_in_every_mode(kind, mode):
-    """M3, M4: a mode takes its kinds; all else moves nothing, is counted, and is not kept."""
-    rig = ready()
-    rig.enter(mode, ["left", "right"])
-    send, get, value = COMMANDS[kind]
-    before = everything(rig)
-    reply = getattr(rig.board, send)("left", value)
-    if kind in TAKES[mode]:
-        assert reply
-        assert getattr(rig.board, get)("left").tolist() == [value]
-        return
-    assert reply.answers == (Answer.IGNORED,)
-    assert f"mode is {mode.name}" in reply.message
-    assert everything(rig) == before
-    assert rig.board.snapshot().rejected_commands.tolist() == [1, 0, 0]
-    still = rig.run(0.1).position[0]
-    rig.enter(MODE[kind], ["left"])  # never kept for a later mode
-    assert rig.run(0.3).position[0] == pytest.approx(still, abs=0.2 * DEGREE)
-
-
 @pytest.mark.parametrize(
     ("outputs", "torques", "words"),
     [
@@ -263,12 +228,12 @@ def test_bad_speeds_and_impedances_are_refused_whole(method, values):
     """I6, P2, M7: all or nothing, also for the joints whose values were good."""
     rig = ready()
     board = rig.board
-    before = everything(rig), [a.tolist() for a in board.get_impedance()]
+    before = rig.everything(), [a.tolist() for a in board.get_impedance()]
     reply = getattr(board, method)("right", *values)
     assert not reply
     good = [[10.0, v] if isinstance(v, float) else v for v in values]
     assert not getattr(board, method)(["left", "right"], *good)
-    assert (everything(rig), [a.tolist() for a in board.get_impedance()]) == before
+    assert (rig.everything(), [a.tolist() for a in board.get_impedance()]) == before
     assert reply.answers == () or set(reply.answers) == {Answer.REFUSED}
     assert "\n" not in reply.message
 
@@ -298,13 +263,13 @@ def test_odd_joints_are_refused(odd):
     """M7: whatever stands for a joint, the board answers and changes nothing."""
     rig = ready()
     rig.enter(M.POSITION)
-    before = everything(rig)
+    before = rig.everything()
     board = rig.board
     replies = [board.set_control_mode(odd, "vel"), board.position_move(odd, 0.1), board.stop(odd)]
     replies += [board.set_interaction_mode(odd, "comp"), board.set_impedance(odd, 1.0, 1.0)]
     assert not any(replies)
     assert all("\n" not in reply.message for reply in replies)
-    assert everything(rig) == before
+    assert rig.everything() == before
 
 
 @pytest.mark.parametrize(
@@ -314,12 +279,12 @@ def test_odd_modes_are_refused(odd):
     """M6, M7: whatever stands for a mode, the board answers and changes nothing."""
     rig = ready()
     rig.enter(M.POSITION)
-    before = everything(rig)
+    before = rig.everything()
     replies = [rig.board.set_control_mode(None, odd), rig.board.set_interaction_mode(None, odd)]
     replies.append(rig.board.set_control_mode(["left", "right"], ["vel", odd]))
     assert not any(replies)
     assert all("\n" not in reply.message and len(reply.message) < 400 for reply in replies)
-    assert everything(rig) == before
+    assert rig.everything() == before
 
 
 @pytest.mark.parametrize("odd", [*TEXTS, object(), {}, [object()] * 3, [[1.0, 2.0], [3.0]], []])
@@ -327,9 +292,9 @@ def test_odd_modes_are_refused(odd):
 def test_odd_values_are_refused(kind, odd):
     """P13: whatever stands for a number, the board answers and changes nothing."""
     rig, send, _, _ = commanded(kind)
-    before = everything(rig)
+    before = rig.everything()
     reply = send(None, odd)
     assert not reply
     assert "must be numbers" in reply.message or "for 3 joints" in reply.message
-    assert everything(rig) == before
+    assert rig.everything() == before
     assert rig.board.snapshot().rejected_commands.tolist() == [1, 1, 1]

@@ -153,6 +153,19 @@ class Rig:
         """The control modes of all joints."""
         return self.board.get_control_mode(None)
 
+    def everything(self) -> tuple[Any, ...]:
+        """All that a rejected reference must leave alone, of all joints."""
+        board, state = self.board, self.board.state
+        return (
+            [getattr(board, get)(None).tolist() for _, get, _ in COMMANDS.values()],
+            board.get_control_mode(),
+            board.get_interaction_mode(),
+            board.get_ref_speed().tolist(),
+            board.get_ref_acceleration().tolist(),
+            [state.position_reference.tolist(), state.torque_reference.tolist()],
+            [record.active for record in board.get_faults()],
+        )
+
     def warnings(self) -> list[str]:
         """The texts of the warnings since the last call."""
         return [event.text for event in self.board.take_events() if event.level == "warning"]

@@ -121,32 +121,58 @@ def test_requests_in_a_status(status: ControlMode) -> None:
     assert rig.modes() == [M.IDLE if left else status]
 
 
-@pytest.mark.parametrize("mode", list(TAKES), ids=str)
-@pytest.mark.parametrize("interaction", [STIFF, COMPLIANT], ids=str)
+def in_mode(mode: ControlMode, interaction: InteractionMode) -> Rig:
+    """One joint in a mode or status, with an interaction mode."""
+    if mode not in SELECTABLE:
+        return in_status(mode, startup_interaction=interaction)
+    rig = ready(board_config(joint("left", startup_interaction=interaction)))
+    rig.enter(mode, "left")
+    return rig
+
+
+#: The matrix of M3 and M4; without a configuration there is no interaction mode but STIFF (I8).
+MATRIX = [(mode, STIFF) for mode in TAKES]
+MATRIX += [(mode, COMPLIANT) for mode in TAKES if mode is not M.NOT_CONFIGURED]
+
+
+@pytest.mark.parametrize(("mode", "interaction"), MATRIX, ids=str)
 def test_each_mode_takes_its_commands(mode: ControlMode, interaction: InteractionMode) -> None:
-    """M3, M4, I3, N4: what each mode and status takes; what it does not is counted."""
-    if mode in SELECTABLE:
-        rig = ready(board_config(joint("left")))
-        rig.board.set_interaction_mode("left", interaction)
-        rig.enter(mode, "left")
-    else:
-        rig = in_status(mode)
+    """M3, M4, M11, I3, N4: each mode and status, each interaction mode, each kind of reference.
+
+    What a mode takes is read back; what it does not is counted, and changes nothing else.
+    """
+    rig = in_mode(mode, interaction)
     board = rig.board
+    assert board.get_interaction_mode() == [interaction]
     for kind, (method, getter, value) in COMMANDS.items():
-        before = board.snapshot().rejected_commands[0]
-        last = getattr(board, getter)("left")[0]
+        before, rejected = rig.everything(), board.snapshot().rejected_commands[0]
         reply = getattr(board, method)("left", value)
         taken = kind in TAKES[mode]
         assert bool(reply) is taken
-        assert board.snapshot().rejected_commands[0] == before + (not taken)
-        assert getattr(board, getter)("left")[0] == (value if taken else last)
-        if not taken:
+        assert board.snapshot().rejected_commands[0] == rejected + (not taken)
+        if taken:
+            assert getattr(board, getter)("left")[0] == value
+        else:
             want = Answer.REFUSED if mode is M.NOT_CONFIGURED else Answer.IGNORED
             assert reply.answers == (want,)
-            assert mode.name in reply.message
-    assert rig.modes() == [mode]
+            assert f"left ignored: mode is {mode.name}" in reply.message
+            assert rig.everything() == before
     rig.tick()
     assert rig.modes() == [mode]
+
+
+@pytest.mark.parametrize("mode", [*SELECTABLE, M.HW_FAULT], ids=str)
+def test_what_a_mode_ignores_is_never_kept(mode: ControlMode) -> None:
+    """M4, M9: it moves nothing now, nor in any mode that would have taken it."""
+    rig = in_mode(mode, STIFF)
+    ignored = [kind for kind in COMMANDS if kind not in TAKES[mode]]
+    for kind in ignored:
+        getattr(rig.board, COMMANDS[kind][0])("left", COMMANDS[kind][2])
+    rig.run(0.1)
+    for later, kinds in TAKES.items():
+        if kinds & set(ignored):
+            rig.enter(later, "left")
+            assert rig.run(0.2).position[0] == pytest.approx(0.0, abs=3e-3)
 
 
 def test_rejected_commands_touch_no_state(rig: Rig) -> None:
