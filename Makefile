@@ -23,16 +23,19 @@ unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check bench motion soak conformance mutants docs setup clean distclean
+.PHONY: help run test test-long check bench motion soak conformance mutants docs setup clean distclean
 
 help: ## Say what there is
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
 
 run: setup ## Start the arm; ARGS="--ros-args --params-file …" go to the node
 	@$(BIN)/control_board $(ARGS)
 
 test: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests; ARGS="-k M4" go to pytest
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup $(ARGS)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not slow" $(ARGS)
+
+test-long: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests that take more than 5 s each
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m slow $(ARGS)
 
 check: setup $(STAMPS)/test $(STAMPS)/dev ## Run ruff, mypy --strict and import-linter
 	$(BIN)/ruff check .
@@ -52,7 +55,7 @@ soak: setup $(STAMPS)/test $(STAMPS)/dev ## Run the board for a long time under 
 conformance: setup $(STAMPS)/test ## Print rule -> tests -> result, write docs/conformance.md
 	@$(BIN)/python test/spec/conformance.py $(ARGS)
 
-mutants: setup $(STAMPS)/test ## Break each row of the mode tables: a test must fail
+mutants: setup $(STAMPS)/test ## Break the core in small ways: a test must fail; ARGS=--all for every way
 	@$(BIN)/python test/spec/mutants.py $(ARGS)
 
 docs: setup $(STAMPS)/test $(STAMPS)/dev ## Write the generated pages of docs/; ARGS=--pictures draws anew

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+from dataclasses import dataclass
 from pathlib import Path
 
 
@@ -35,27 +36,49 @@ def runtime_folder() -> Path:
     return folder
 
 
-def lock_name(full_name: str, domain: str) -> int:
-    """Take the lock of a node's full name on a ROS domain; held until the process ends.
+@dataclass(frozen=True, slots=True)
+class NameLock:
+    """A lock that is held until it is released, or the process ends in any way."""
 
-    Returns:
-        The open file; closing it gives the lock back.
+    path: Path
+    file: int
+
+    def release(self) -> None:
+        """Give the lock back, and leave no file behind."""
+        self.path.unlink(missing_ok=True)
+        os.close(self.file)
+
+
+def lock_name(full_name: str, domain: str) -> NameLock:
+    """Take the lock of a node's full name on a ROS domain.
 
     Raises:
         NameTakenError: with the other's pid.
         OSError: there is no folder for locks.
     """
     path = runtime_folder() / f"domain{domain}{full_name.replace('/', '.')}.lock"
-    file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        pid = os.read(file, 32).decode(errors="replace").strip() or "unknown"
-        os.close(file)
-        raise NameTakenError(
-            f"{full_name} is already running on domain {domain}, pid {pid}; stop it first, "
-            f"or start this one under another name: --ros-args -r __node:=name"
-        ) from None
+    while True:
+        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            pid = os.read(file, 32).decode(errors="replace").strip() or "unknown"
+            os.close(file)
+            raise NameTakenError(
+                f"{full_name} is already running on domain {domain}, pid {pid}; stop it first, "
+                f"or start this one under another name: --ros-args -r __node:=name"
+            ) from None
+        if is_at(file, path):
+            break
+        os.close(file)  # its holder removed it meanwhile
     os.ftruncate(file, 0)
     os.write(file, f"{os.getpid()}\n".encode())
-    return file
+    return NameLock(path, file)
+
+
+def is_at(file: int, path: Path) -> bool:
+    """Whether an open file is the one that a path names now."""
+    try:
+        return os.path.samestat(os.fstat(file), path.stat())
+    except FileNotFoundError:
+        return False

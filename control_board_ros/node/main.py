@@ -85,9 +85,7 @@ class KnownError(Exception):
 
 def run(arguments: list[str], ended: threading.Event) -> int:
     """From the arguments to a running node, and back."""
-    from ..sim.errors import PlantError, PlantGone
     from ..sim.params_file import SettingsError
-    from ..sim.plant import SimulatedPlant
     from .parameters import settings_from_arguments
 
     check_arguments(arguments)
@@ -104,6 +102,17 @@ def run(arguments: list[str], ended: threading.Event) -> int:
     except OSError as error:
         raise KnownError(1, f"no lock for {full_name}: {error}; set XDG_RUNTIME_DIR") from None
     try:
+        return run_alone(start, ended)
+    finally:
+        lock.release()
+
+
+def run_alone(start: Start, ended: threading.Event) -> int:
+    """From the settings to a running node, and back."""
+    from ..sim.errors import PlantError, PlantGone
+    from ..sim.plant import SimulatedPlant
+
+    try:
         plant = SimulatedPlant(start.settings.board, start.settings.simulation)
     except PlantGone as error:
         raise KnownError(4, str(error)) from None
@@ -113,7 +122,6 @@ def run(arguments: list[str], ended: threading.Event) -> int:
         complain(refused)
     failure = serve(start, plant, ended)
     plant.close()
-    os.close(lock)
     if isinstance(failure, PlantGone):
         raise KnownError(4, str(failure))
     if failure is not None:

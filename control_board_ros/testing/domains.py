@@ -58,12 +58,25 @@ def free_domain() -> Iterator[int]:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 continue
-            if not _in_use(domain):
-                yield domain
-                return
+            if not _is_there(path, lock.fileno()):
+                continue
+            try:
+                if not _in_use(domain):
+                    yield domain
+                    return
+            finally:
+                path.unlink()  # while it is locked: who waits for it makes another
     raise AssertionError(
         f"no free ROS domain in {first}-{last}; set CONTROL_BOARD_TEST_DOMAINS to a wider range"
     )
+
+
+def _is_there(path: Path, file: int) -> bool:
+    """Whether a path still names an open file; its last holder removes it."""
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file))
+    except FileNotFoundError:
+        return False
 
 
 def _in_use(domain: int) -> bool:

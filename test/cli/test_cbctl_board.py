@@ -20,7 +20,6 @@ pytestmark = [
     pytest.mark.ros,
     pytest.mark.physics,
     pytest.mark.xdist_group("cbctl_board"),
-    pytest.mark.timeout(120),
 ]
 
 FIRST, SECOND, LAST = (f"lbr_iiwa_joint_{k}" for k in (1, 2, 7))

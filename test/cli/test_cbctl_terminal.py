@@ -19,7 +19,6 @@ pytestmark = [
     pytest.mark.ros,
     pytest.mark.physics,
     pytest.mark.xdist_group("cbctl_terminal"),
-    pytest.mark.timeout(120),
 ]
 
 

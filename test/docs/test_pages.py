@@ -24,7 +24,6 @@ FOLLOWED = [
 
 
 @pytest.mark.ros
-@pytest.mark.timeout(240)  # a quarter of it on an idle machine
 @pytest.mark.parametrize("page", FOLLOWED, ids=lambda page: page.stem)
 def test_what_a_page_tells_to_do_works(page: Path, reader: Reader) -> None:
     reader.follow(page)

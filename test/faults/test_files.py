@@ -18,7 +18,7 @@ from plants import PENDULUM
 
 from control_board_ros.testing import child_environment
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
+pytestmark = pytest.mark.ros
 
 HEAD = "control_board:\n  ros__parameters:\n    "
 BOMB = (

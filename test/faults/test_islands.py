@@ -45,7 +45,6 @@ def island(kind: str, *words: str) -> str:
 
 
 @pytest.mark.ros
-@pytest.mark.timeout(90)
 @pytest.mark.skipif(
     not (allowed("net") and shutil.which("ip")),
     reason="needs root and iproute2 for a network namespace",
@@ -56,7 +55,6 @@ def test_streams_are_back_within_5_s_of_a_broken_loopback() -> None:
 
 
 @pytest.mark.ros
-@pytest.mark.timeout(90)
 @pytest.mark.skipif(
     not allowed("mount"), reason="needs root for a mount namespace with a small disk"
 )

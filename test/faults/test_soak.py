@@ -17,7 +17,6 @@ SOAK = Path(__file__).parents[2] / "benchmark" / "soak.py"
 
 @pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.timeout(120)
 def test_a_short_soak(tmp_path: Path) -> None:
     """Promise P10: no reply lost, every fault found, no memory grown, nothing ends."""
     figures = tmp_path / "figures.json"

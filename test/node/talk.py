@@ -19,7 +19,7 @@ from control_board_ros.testing import BoardProcess, ros_node
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STREAM = QoSProfile(depth=100)
-TIMEOUT = 20.0
+TIMEOUT = 120.0  # s; a guard against what never comes, on the busiest machine
 
 
 class Talker:
@@ -156,6 +156,14 @@ class Talker:
         deadline = time.monotonic() + TIMEOUT
         while set(self.modes()) != {"pos"}:
             assert time.monotonic() < deadline, self.modes()
+
+
+def until(good: Callable[[], bool]) -> None:
+    """Wait until something is so."""
+    deadline = time.monotonic() + TIMEOUT
+    while not good():
+        assert time.monotonic() < deadline, "it did not come to pass"
+        time.sleep(0.01)
 
 
 @contextlib.contextmanager

@@ -24,7 +24,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_srvs.srv import Trigger
 from talk import LATCHED, Talker, stamp_of
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
+pytestmark = pytest.mark.ros
 
 NODE = ("control_board", "/")
 

@@ -11,7 +11,7 @@ import pytest
 from control_board_msgs import msg
 from talk import Talker, minimum_jerk, stamp_of
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(90)]
+pytestmark = pytest.mark.ros
 
 DEGREE = math.pi / 180.0
 

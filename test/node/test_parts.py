@@ -39,8 +39,6 @@ from control_board_ros.node.throttle import ThrottledLog
 from control_board_ros.node.wire import Template
 from control_board_ros.testing import free_domain
 
-pytestmark = pytest.mark.timeout(30)
-
 
 class Served:
     """A node served by the executor in a thread, and what its callbacks raised."""
@@ -188,10 +186,32 @@ def test_lock_is_per_name_and_domain(tmp_path: Any, monkeypatch: pytest.MonkeyPa
         with pytest.raises(NameTakenError, match=f"pid {os.getpid()}"):
             lock_name("/left/control_board", "40")
         for name, domain in (("/right/control_board", "40"), ("/left/control_board", "41")):
-            os.close(lock_name(name, domain))
+            lock_name(name, domain).release()
     finally:
-        os.close(held)
-    os.close(lock_name("/left/control_board", "40"))
+        held.release()
+    lock_name("/left/control_board", "40").release()
+    assert not list(tmp_path.rglob("*.lock"))
+
+
+def test_a_lock_that_is_removed_meanwhile_is_none(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever opened the file before its holder removed it takes the one that is there then."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    first = lock_name("/x", "1")
+    opened = os.open
+
+    def late(path: Any, *arguments: Any) -> int:
+        file = opened(path, *arguments)
+        monkeypatch.setattr(os, "open", opened)
+        first.release()
+        return file
+
+    monkeypatch.setattr(os, "open", late)
+    second = lock_name("/x", "1")
+    with pytest.raises(NameTakenError):
+        lock_name("/x", "1")
+    second.release()
 
 
 def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -202,7 +222,7 @@ def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPat
         "lock_name('/x', '1'); os.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode != 0
-    os.close(lock_name("/x", "1"))
+    lock_name("/x", "1").release()
 
 
 def test_names_and_values_of_messages() -> None:
