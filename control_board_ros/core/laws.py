@@ -52,15 +52,17 @@ HOLD_SHARE = cython.declare(cython.double, 0.1)
 #: A way so long that no braking is in sight, rad or m.
 FAR = cython.declare(cython.double, 1e9)
 #: Within which time the protection takes the speed to what is allowed, s.
-HORIZON = cython.declare(cython.double, 0.005)
+HORIZON = cython.declare(cython.double, 0.008)
 #: Time constant of the way back from beyond a limit, s.
 RETURN = cython.declare(cython.double, 0.1)
 #: Part of the acceleration limit that the protection brakes with, ahead of a limit.
 BRAKING = cython.declare(cython.double, 0.7)
-#: Part of the least inertia that it reckons with: the winding lags behind.
-CAUTION = cython.declare(cython.double, 0.5)
+#: The inertia that it reckons with: so many times the least one, which is felt while the other
+#: joints give way, but no more than this part of the mean one: the winding lags behind.
+EAGER = cython.declare(cython.double, 1.3)
+CAUTION = cython.declare(cython.double, 0.8)
 #: Far from its limits it looks at a joint that is faster than this part of the speed limit.
-NEAR = cython.declare(cython.double, 0.5)
+NEAR = cython.declare(cython.double, 0.3)
 #: How far what is followed may lead a joint, in position errors worth the torque limit.
 LEAD = cython.declare(cython.double, 1.0)
 #: Speed that the position law may reach, over the limit: room for a reference at the limit.
@@ -743,7 +745,7 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
     towards one than it can brake, and back from beyond it. The motor's torque for that follows
     from the last cycle's, whatever load and friction are:
 
-    τ ≤ τ_last + ½ J_min·((v_top − q̇)/horizon − q̈)
+    τ ≤ τ_last + J·((v_top − q̇)/horizon − q̈),  J = min(1.3 J_min, 0.8 J_mean)
     """
     top: cython.double = PURSUIT * j.max_velocity
     bottom: cython.double = -top
@@ -756,7 +758,7 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
             note_limit(j)
     coasting: cython.double = j.per_speed * j.velocity
     span: cython.double = HORIZON if 3.0 * j.period < HORIZON else 3.0 * j.period
-    inertia: cython.double = CAUTION * j.inertia_min
+    inertia: cython.double = min(EAGER * j.inertia_min, CAUTION * j.inertia)
     rate: cython.double = inertia / span
     base: cython.double = j.current * j.torque_per_ampere - inertia * j.acceleration
     bound: cython.double = base + rate * (top - j.velocity)

@@ -15,7 +15,7 @@ from pure import load_python
 from control_board_ros.core.modes import Law
 
 PERIOD, SPEED, ACCELERATION = 0.001, 3.0, 20.0
-PYTHON = load_python()
+PYTHON = load_python("control_board_ros.core.laws")
 FOLLOWED = ("followed", "followed_velocity", "followed_acceleration")
 PERIODS = st.sampled_from([0.001, 0.002, 0.01])
 

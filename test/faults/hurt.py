@@ -68,7 +68,7 @@ def prepare_raising() -> None:
     for owner in (services.Services, topics.Commands):
         for name in [name for name in vars(owner) if not name.startswith("_")]:
             wrap(owner, name)
-    wrap(trajectory.TrajectoryFollower, "on_message")
+    wrap(trajectory.TrajectoryTopic, "on_message")
     for motion in (motions.MoveMotion, motions.CalibrateMotion):
         wrap(motion, "look")
 

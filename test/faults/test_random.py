@@ -119,7 +119,7 @@ def test_random_users(seed, output):
                     assert snapshot.output[j] == 0.0
                 if before[j] is M.HW_FAULT and not user.freed:
                     assert mode is M.HW_FAULT  # P4
-            assert board.references.trajectories.done.shape == (3,)
+            assert board.state.done.shape == (3,)
     assert len(board.events) <= 1000
     rig.plant.clear_injected()
     for name in board.names:
