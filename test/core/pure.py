@@ -16,8 +16,8 @@ from control_board_ros.compiled import MODULES, source_of
 SUFFIX = "_as_python"
 
 
-def load_python(name: str) -> ModuleType:
-    """A new module of a compiled module's source, uncompiled, called name + SUFFIX."""
+def load_python(name: str = MODULES[0]) -> ModuleType:
+    """A new module of a compiled module's source (the laws), uncompiled, called name + SUFFIX."""
     running = importlib.import_module(name)
     path = str(source_of(running.__name__))
     spec = spec_from_file_location(

@@ -30,7 +30,7 @@ from control_board_ros.sim.plant import SimulatedPlant
 M = ControlMode
 MODES = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
 WEAK = {"nominal_current": 1.0, "overload_time": 0.03, "output": 45.0}
-BRIEF = Timeouts(velocity=0.03, torque=0.05, output=0.05)
+BRIEF = Timeouts(velocity=0.1, torque=0.05, output=0.05)
 #: Joints of four kinds, one after the other along the board.
 KINDS_OF_JOINTS: tuple[dict[str, Any], ...] = (
     {"limits": WEAK, "timeouts": BRIEF},
@@ -103,17 +103,18 @@ def script(rig: Rig) -> Iterator[str]:
                 board.set_ref_torque(None, [way * 60.0] * count)
                 board.position_move(None, [way * 9.0] * count, [3.0] * count)
                 yield f"limits {mode.name} {way}"
+    sensing = [j for j in everyone if rig.config.joints[j].torque_sensor]
     for number, kind in enumerate(KINDS):
-        board.set_control_mode(None, M.FORCE_IDLE)
+        rig.plant.reset()
+        board.power_cycle()
+        rig.tick(2)
         board.set_control_mode(None, (M.POSITION, M.VELOCITY)[number % 2])
         board.position_move(None, [(-1.0) ** number] * count, [2.0] * count)
         board.velocity_move(None, [1.0] * count)
         yield f"before {kind}"
-        whole = [j for j in everyone if not board.faults[j].active] or [0]
-        sensing = [j for j in whole if rig.config.joints[j].torque_sensor] or [0]
         rig.plant.inject(sensing[number % len(sensing)], kind, persistent=number % 2 == 0)
         for _ in range(2):
-            board.velocity_move(None, [3.0] * count)
+            board.velocity_move(None, [3.0] * count, [20.0] * count)
             yield kind
         rig.plant.clear_injected()
         yield f"after {kind}"
