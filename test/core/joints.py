@@ -60,7 +60,9 @@ class OneJoint:
         self._laws = module.Laws([self.joint], views, memoryview(self.done))
 
     def set(self, **measured: float) -> None:
-        """What is measured from now on."""
+        """What is measured from now on; without friction the current is that of the torque."""
+        if "torque" in measured:
+            measured = {"current": measured["torque"] / self.joint.torque_per_ampere} | measured
         for name, value in measured.items():
             self.rows[name][0] = value
 

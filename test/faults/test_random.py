@@ -83,7 +83,8 @@ class User:
                 plant.push(choose.randrange(3), choose.choice([0.0, 0.0, 10.0, -30.0]))
             case 1:
                 kind = choose.choice(list(KINDS))
-                plant.inject(choose.randrange(3), kind, choose.random() < 0.3)
+                sensed = 2 if kind == "torque_sensor" else 3  # the third joint has none
+                plant.inject(choose.randrange(sensed), kind, choose.random() < 0.3)
             case 2:
                 plant.clear_injected()
 

@@ -383,8 +383,8 @@ def test_derivative_is_filtered() -> None:
     pid = Pid(kp=0.0, kd=10.0, derivative_cutoff=20.0)
     rig = held(joint("left", position_pid=pid, back_emf_compensation=0.0))
     rig.enter("pos")
-    rig.plant.values[Row.VELOCITY] = -1.0
-    outputs = column(rig.record(0.05), "output") / (10.0 * PER_TORQUE)
+    rig.plant.values[Row.VELOCITY] = -0.5
+    outputs = column(rig.record(0.05), "output") / (5.0 * PER_TORQUE)
     n = np.arange(1, len(outputs) + 1)
     assert outputs == pytest.approx(1.0 - np.exp(-2 * math.pi * 20.0 * PERIOD * n), rel=1e-9)
 
