@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from .words import DEGREE
@@ -23,8 +23,9 @@ DONE, REFUSED, USAGE = 0, 1, 2
 
 #: Columns of a table that goes into a file or a pipe.
 PIPE_WIDTH = 160
-#: Columns from which on names of joints are shown whole.
-WIDE = 100
+
+#: A range that no joint has, rad or m: that of one without limits.
+ENDLESS = 1e5
 
 #: Colours of modes by code: green holds or moves, yellow drives, red needs somebody.
 COLOURS = {
@@ -143,28 +144,6 @@ def mode_text(code: str, name: str = "") -> Text:
     return Text(name or code, style=COLOURS.get(code, ""))
 
 
-def table(*columns: str, right: Sequence[str] = (), fold: Sequence[str] = ()) -> Any:
-    """An empty table in the house style; the columns of ``fold`` may take several lines."""
-    from rich import box
-    from rich.table import Table
-
-    empty = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
-    for column in columns:
-        justify: Any = "right" if column in right else "left"
-        empty.add_column(column, justify=justify, no_wrap=column not in fold, overflow="fold")
-    return empty
-
-
-def short_names(names: Sequence[str]) -> dict[str, str]:
-    """Names for a table: where there is no room, without the words that all begin with but one."""
-    words = [name.split("_") for name in names]
-    k = 0
-    if console().width < WIDE and len(names) > 1:
-        while len({tuple(word[k : k + 2]) for word in words}) == 1:
-            k += 1
-    return {name: "_".join(word[k:]) for name, word in zip(names, words, strict=True)}
-
-
 def position_text(value: float, prismatic: bool) -> str:
     """A position for people."""
     if not math.isfinite(value):
@@ -172,9 +151,16 @@ def position_text(value: float, prismatic: bool) -> str:
     return f"{value * 1000:z.1f} mm" if prismatic else f"{value / DEGREE:z.1f}°"
 
 
+def force_text(value: float, prismatic: bool, digits: int = 1) -> str:
+    """A torque, or of a sliding joint a force, for people."""
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:z.{digits}f} {'N' if prismatic else 'N·m'}"
+
+
 def bar(value: float, lower: float, upper: float, width: int = 12) -> str:
     """Where a value lies between its limits: ``├────●─────┤``; empty without limits."""
-    if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+    if not 0.0 < upper - lower < ENDLESS:
         return ""
     share = min(max((value - lower) / (upper - lower), 0.0), 1.0)
     k = round(share * (width - 1)) if math.isfinite(share) else 0

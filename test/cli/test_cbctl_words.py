@@ -12,7 +12,7 @@ import pytest
 
 from control_board_ros.cli.limits import JointLimits, check_targets, limits_of
 from control_board_ros.cli.options import hoist, split_ros_arguments
-from control_board_ros.cli.output import bar, conclude, plain, short_names
+from control_board_ros.cli.output import bar, conclude, plain
 from control_board_ros.cli.robot import describe
 from control_board_ros.cli.verbs.faults import when
 from control_board_ros.cli.verbs.mode import joints_and_mode
@@ -187,6 +187,7 @@ def test_bars() -> None:
     assert bar(-9.0, -1.0, 1.0, 5) == "├●────┤"
     assert bar(9.0, -1.0, 1.0, 5) == "├────●┤"
     assert bar(0.0, -math.inf, math.inf) == ""
+    assert bar(0.0, -1e6, 1e6) == ""  # the limits that a continuous joint has in parameters
     assert len(bar(math.nan, -1.0, 1.0, 5)) == 7
 
 
@@ -196,21 +197,6 @@ def test_what_json_cannot_say() -> None:
         "a": [1.0, None, [None]],
         "2": "x",
     }
-
-
-def test_short_names(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In a narrow terminal names lose what all begin with, but one word of it."""
-    monkeypatch.setattr("control_board_ros.cli.output.WIDE", 10_000)
-    assert list(short_names(["lbr_iiwa_joint_1", "lbr_iiwa_joint_2"]).values()) == [
-        "joint_1",
-        "joint_2",
-    ]
-    assert short_names(["l_elbow", "l_arm", "l"]) == {
-        "l_elbow": "l_elbow",
-        "l_arm": "l_arm",
-        "l": "l",
-    }
-    assert short_names(["only_one"]) == {"only_one": "only_one"}
 
 
 def test_stamps() -> None:

@@ -9,7 +9,8 @@ import pytest
 from rich.console import Console
 
 from control_board_ros.cli.limits import limits_of
-from control_board_ros.cli.verbs.watch import TITLES, render, shortened
+from control_board_ros.cli.tables import short_names
+from control_board_ros.cli.verbs.watch import TITLES, render
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
 ICUB = ["l_shoulder_pitch", "l_shoulder_roll", "l_elbow"]
@@ -28,7 +29,7 @@ def drawn(names: list[str], width: int, fault: str = "", **more: Any) -> list[st
         "fault": fault,
         "calibrated": True,
     }
-    session: Any = SimpleNamespace(slides=lambda name: False)
+    session: Any = SimpleNamespace(slides=lambda name: False, names=names)
     limits: Any = dict.fromkeys(names, limits_of([-3.0, 3.0, -3.1, 3.1, 2.0, 10.0, 100.0]))
     rows = dict.fromkeys(names, row | more)
     out = io.StringIO()
@@ -43,7 +44,7 @@ def test_names_modes_and_positions_are_never_cut(names: list[str], width: int, f
     lines = drawn(names, width, fault)
     assert all(len(line) <= width for line in lines)
     text = "\n".join(lines)
-    for name in shortened(names):
+    for name in short_names(names).values():
         assert name in text
     assert text.count("posd") == len(names)
     assert text.count("-166.2°") == len(names) * (2 if "reference" in text else 1)
@@ -79,7 +80,7 @@ def test_eighty_columns_drop_the_least_important_first() -> None:
 def test_names_lose_the_words_all_begin_with_but_the_last(
     names: list[str], short: list[str]
 ) -> None:
-    assert shortened(names) == short
+    assert list(short_names(names).values()) == short
 
 
 def test_who_is_not_calibrated_is_marked() -> None:

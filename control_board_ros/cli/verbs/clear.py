@@ -7,9 +7,10 @@ from typing import Any
 
 import typer
 
-from ..output import DONE, REFUSED, short_names, show, table
+from ..output import DONE, REFUSED, show
 from ..power import tell_of_falling
 from ..session import Session
+from ..tables import grid
 from .arguments import Joints
 from .faults import read_faults
 
@@ -19,11 +20,12 @@ def clear(context: typer.Context, joints: Joints = None) -> int:
     session: Session = context.obj
     names = session.joints(joints)
     rows = clear_faults(session, names)
+    nothing = f"nothing to clear: none of {len(names)} is in fault"
     stuck = any(not row["cleared"] for row in rows.values())
     show(
         session,
         {"success": not stuck, "joints": rows},
-        lambda: render(rows) if rows else f"nothing to clear: none of {len(names)} is in fault",
+        lambda: render(session, rows) if rows else nothing,
     )
     tell_of_falling(session, [name for name, row in rows.items() if row["cleared"]])
     return REFUSED if stuck else DONE
@@ -44,10 +46,13 @@ def clear_faults(session: Session, names: list[str]) -> dict[str, dict[str, Any]
     return rows
 
 
-def render(rows: dict[str, dict[str, Any]]) -> Any:
-    shown = table("joint", "fault", "now", fold=("fault",))
-    shorts = short_names(list(rows))
-    for name, row in rows.items():
-        now = "[green]idle, cleared[/]" if row["cleared"] else "[bold red]the cause persists[/]"
-        shown.add_row(shorts[name], row["fault"], now)
-    return shown
+def render(session: Session, rows: dict[str, dict[str, Any]]) -> Any:
+    from rich.text import Text
+
+    states = {True: Text("idle, cleared", "green"), False: Text("the cause persists", "bold red")}
+    columns = {
+        "joint": list(rows),
+        "fault": [row["fault"] for row in rows.values()],
+        "now": [states[row["cleared"]] for row in rows.values()],
+    }
+    return grid(columns, names=session.names, fold=("fault",))

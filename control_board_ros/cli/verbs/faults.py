@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Any
 
 import typer
 
-from ..output import short_names, show, table
+from ..output import show
 from ..session import Session
+from ..tables import grid
 from .arguments import Joints
 
 #: Before this a stamp is simulated time, not a date, s.
@@ -28,7 +30,7 @@ def faults(
     records = read_faults(session, session.joints(joints))
     rows = {n: r for n, r in records.items() if r["active"] or (every and r["code"] >= 0)}
     cleared = sum(1 for r in records.values() if r["code"] >= 0 and not r["active"])
-    show(session, rows, lambda: render(rows, len(records), cleared))
+    show(session, rows, lambda: render(rows, list(records), cleared))
 
 
 def read_faults(session: Session, names: list[str]) -> dict[str, dict[str, Any]]:
@@ -44,16 +46,22 @@ def read_faults(session: Session, names: list[str]) -> dict[str, dict[str, Any]]
     }
 
 
-def render(rows: dict[str, dict[str, Any]], count: int, cleared: int) -> Any:
+def render(rows: dict[str, dict[str, Any]], names: Sequence[str], cleared: int) -> Any:
     if not rows:
+        count = len(names)
         past = f"; {cleared} had one that is cleared: cbctl faults --all" if cleared else ""
         return f"no fault on {count} joint{'s' if count != 1 else ''}{past}"
-    shown = table("joint", "", "code", "fault", "since", right=("code",), fold=("fault",))
-    shorts = short_names(list(rows))
-    for name, row in rows.items():
-        state = "[bold red]in fault[/]" if row["active"] else "[bright_black]cleared[/]"
-        shown.add_row(shorts[name], state, str(row["code"]), row["text"], when(row["stamp"]))
-    return shown
+    from rich.text import Text
+
+    states = {True: Text("in fault", "bold red"), False: Text("cleared", "bright_black")}
+    columns: dict[str, list[Any]] = {
+        "joint": list(rows),
+        "": [states[row["active"]] for row in rows.values()],
+        "code": [str(row["code"]) for row in rows.values()],
+        "fault": [row["text"] for row in rows.values()],
+        "since": [when(row["stamp"]) for row in rows.values()],
+    }
+    return grid(columns, names=names, right=("code",), fold=("fault",))
 
 
 def when(stamp: float) -> str:

@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from ..output import conclude, show, table
+from ..output import conclude, show
 from ..session import Session, by_joint
+from ..tables import grid
 from .arguments import Joints
 
 
@@ -27,7 +28,7 @@ def impedance(
     names = session.joints(joints)
     if stiffness is None and damping is None:
         rows = read_impedance(session, names)
-        show(session, rows, lambda: render(rows))
+        show(session, rows, lambda: render(session, rows))
         return 0
     if stiffness is None:
         reply = session.client.set_impedance(
@@ -56,17 +57,20 @@ def read_impedance(session: Session, names: list[str]) -> dict[str, dict[str, fl
     }
 
 
-def render(rows: dict[str, dict[str, float]]) -> Any:
-    columns = ("stiffness", "max", "damping", "max ", "torque offset")
-    shown = table("joint", *columns, right=columns)
-    for name, row in rows.items():
-        shown.add_row(
-            name,
-            f"{row['stiffness']:g}",
-            f"{row['max_stiffness']:g}",
-            f"{row['damping']:g}",
-            f"{row['max_damping']:g}",
-            f"{row['torque_offset']:.3g}",
-        )
-    shown.caption = "N·m/rad, N·m·s/rad, N·m; sliding joints: N/m, N·s/m, N"
-    return shown
+def render(session: Session, rows: dict[str, dict[str, float]]) -> Any:
+    fields = {
+        "stiffness": "stiffness",
+        "max": "max_stiffness",
+        "damping": "damping",
+        "max ": "max_damping",
+        "torque offset": "torque_offset",
+    }
+    columns = {
+        title: [f"{row[field]:.4g}" for row in rows.values()] for title, field in fields.items()
+    }
+    return grid(
+        {"joint": list(rows), **columns},
+        names=session.names,
+        right=list(fields),
+        caption="N·m/rad, N·m·s/rad, N·m; sliding joints: N/m, N·s/m, N",
+    )

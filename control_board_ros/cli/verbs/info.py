@@ -3,16 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import typer
 
 from ..limits import FIELDS
-from ..output import position_text, short_names, show, table
+from ..output import ENDLESS, position_text, show
 from ..session import Session
-
-#: A range that no joint has, rad or m: the stops of one without stops.
-ENDLESS = 1e5
+from ..tables import grid
 
 
 def info(context: typer.Context) -> None:
@@ -43,28 +42,44 @@ def read_info(session: Session) -> dict[str, Any]:
     return {"board": client.board_name, "joints": rows}
 
 
-def render(value: dict[str, Any]) -> Any:
-    columns = ("", "joint", "kind", "limits", "stops", "modes", "int.")
-    shown = table(*columns, right=("", "limits", "stops"), fold=("modes",))
-    shorts = short_names(list(value["joints"]))
-    shown.title = value["board"]
-    for name, row in value["joints"].items():
-        prismatic = row["kind"] == "prismatic"
-        shown.add_row(
-            str(row["index"]),
-            shorts[name],
-            row["kind"] or "-",
-            range_text(row["lower"], row["upper"], prismatic),
-            range_text(row["hard_lower"], row["hard_upper"], prismatic),
-            " ".join(row["control_modes"]),
-            " ".join(row["interaction_modes"]),
-        )
-    return shown
+def render(value: dict[str, Any], width: int | None = None) -> Any:
+    rows = value["joints"]
+    slides = [row["kind"] == "prismatic" for row in rows.values()]
+    columns = {
+        "": [str(row["index"]) for row in rows.values()],
+        "joint": list(rows),
+        "kind": [row["kind"] or "-" for row in rows.values()],
+        "limits": ranges(rows, "lower", "upper", slides),
+        "stops": ranges(rows, "hard_lower", "hard_upper", slides),
+        "modes": [" ".join(row["control_modes"]) for row in rows.values()],
+        "int.": [" ".join(row["interaction_modes"]) for row in rows.values()],
+    }
+    return grid(
+        columns,
+        names=list(rows),
+        keys=2,
+        right=("", "limits", "stops"),
+        fold=("modes",),
+        title=value["board"],
+        width=width,
+    )
+
+
+def ranges(
+    rows: dict[str, dict[str, Any]], low: str, high: str, slides: Sequence[bool]
+) -> list[str]:
+    """The cells of a column of ranges."""
+    return [
+        range_text(row[low], row[high], prismatic)
+        for row, prismatic in zip(rows.values(), slides, strict=True)
+    ]
 
 
 def range_text(low: float | None, high: float | None, prismatic: bool) -> str:
-    """``-168.0…168.0°``; a dash where it is not known, or endless."""
-    if low is None or high is None or not high - low < ENDLESS:
+    """``-168.0…168.0°``; a dash where it is not known."""
+    if low is None or high is None:
         return "-"
+    if not high - low < ENDLESS:
+        return "endless"
     start = position_text(low, prismatic).rstrip("° m")
     return f"{start}…{position_text(high, prismatic)}"

@@ -7,8 +7,9 @@ from typing import Any
 
 import typer
 
-from ..output import mode_text, show, table
+from ..output import mode_text, show
 from ..session import Session
+from ..tables import grid
 from .arguments import Joints
 
 UNCALIBRATED = "not calibrated"
@@ -23,16 +24,19 @@ def modes(context: typer.Context, joints: Joints = None) -> None:
     rows = read_modes(session, session.joints(joints))
 
     def render() -> Any:
-        shown = table("joint", "control mode", "interaction mode")
-        for name, row in rows.items():
+        columns: dict[str, list[Any]] = {
+            "joint": list(rows),
+            "control mode": [],
+            "interaction mode": [],
+        }
+        for row in rows.values():
             control, interaction = row["control_mode"], row["interaction_mode"]
             note = f" ({UNCALIBRATED})" if lacks_calibration(row) else ""
-            shown.add_row(
-                name,
-                mode_text(control, f"{control:5}{row['control_mode_name']}{note}"),
-                mode_text(interaction, f"{interaction:5}{row['interaction_mode_name']}"),
-            )
-        return shown
+            text = f"{control:5}{row['control_mode_name']}{note}"
+            columns["control mode"].append(mode_text(control, text))
+            text = f"{interaction:5}{row['interaction_mode_name']}"
+            columns["interaction mode"].append(mode_text(interaction, text))
+        return grid(columns, names=session.names)
 
     show(session, rows, render)
 

@@ -7,9 +7,12 @@ from typing import Any
 
 import typer
 
-from ..output import position_text, short_names, show, table
+from ..output import force_text, position_text, show
 from ..session import Session, by_joint
+from ..tables import grid
 from .arguments import Joints
+
+TITLES = ("position", "direct", "velocity", "torque", "output", "speed", "accel.")
 
 
 def references(context: typer.Context, joints: Joints = None) -> None:
@@ -36,19 +39,18 @@ def read_references(session: Session, names: list[str]) -> dict[str, dict[str, f
 
 
 def render(session: Session, rows: dict[str, dict[str, float]]) -> Any:
-    columns = ("position", "direct", "velocity", "torque", "output", "speed", "accel.")
-    shorts = short_names(list(rows))
-    shown = table("joint", *columns, right=columns)
+    columns: dict[str, list[str]] = {"joint": list(rows)} | {title: [] for title in TITLES}
     for name, row in rows.items():
         prismatic = session.slides(name)
-        shown.add_row(
-            shorts[name],
+        cells = (
             position_text(row["position"], prismatic),
             position_text(row["direct_position"], prismatic),
             position_text(row["velocity"], prismatic) + "/s",
-            f"{row['torque']:.2f} {'N' if prismatic else 'N·m'}",
+            force_text(row["torque"], prismatic, 2),
             f"{row['output']:.1f} %",
             position_text(row["speed"], prismatic) + "/s",
             position_text(row["acceleration"], prismatic) + "/s²",
         )
-    return shown
+        for title, cell in zip(TITLES, cells, strict=True):
+            columns[title].append(cell)
+    return grid(columns, names=session.names, right=TITLES)

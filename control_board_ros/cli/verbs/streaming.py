@@ -8,8 +8,9 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from ..output import REFUSED, conclude, note, short_names
+from ..output import REFUSED, conclude, note
 from ..session import Session
+from ..tables import short_names
 from ..words import UsageError, quantity
 from .move import what_they_do
 from .progress import Bar

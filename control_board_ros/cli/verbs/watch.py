@@ -4,13 +4,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from ..output import bar, console, mode_text, position_text, put, show, table
+from ..output import bar, console, force_text, mode_text, position_text, put, show
 from ..session import Session
+from ..tables import drawn, needed, short_names, text_of
 from ..words import UsageError
 from .arguments import Joints
 from .faults import read_faults
@@ -116,11 +118,8 @@ def read_rows(session: Session, names: list[str]) -> dict[str, dict[str, Any]]:
 
 def render(session: Session, rows: dict[str, dict[str, Any]], limits: Limits, width: int) -> Any:
     """The table, with what a terminal of this width has room for."""
-    columns = fitted(columns_of(session, rows, limits), width)
-    shown = table(*columns, right=RIGHT)
-    for cells in zip(*columns.values(), strict=True):
-        shown.add_row(*cells)
-    return shown
+    columns = fitted(columns_of(session, rows, limits), session.names, width)
+    return drawn(columns, RIGHT)
 
 
 def columns_of(
@@ -141,8 +140,8 @@ def columns_of(
             Text(position_text(row["position"], prismatic)),
             Text(scale),
             Text(position_text(row["position_reference"], prismatic)),
-            Text(f"{row['torque']:z.1f}{'N' if prismatic else 'N·m'}"),
-            Text(f"{row['output']:z.0f}%"),
+            Text(force_text(row["torque"], prismatic)),
+            Text(f"{row['output']:z.0f} %"),
             Text(trouble, style="red"),
         )
         for title, cell in zip(TITLES, cells, strict=True):
@@ -150,34 +149,25 @@ def columns_of(
     return columns
 
 
-def fitted(columns: dict[str, list[Text]], width: int) -> dict[str, list[Text]]:
+def fitted(
+    columns: dict[str, list[Text]], names: Sequence[str], width: int
+) -> dict[str, list[Text]]:
     """Columns that fit: names without what all begin with, then without the least important."""
     columns = dict(columns)
-    short = shortened([cell.plain for cell in columns["joint"]])
-    if needed(columns) > width:
-        for cell, name in zip(columns["joint"], short, strict=True):
-            cell.plain = name
+    if least(columns) > width:
+        shorts = short_names([cell.plain for cell in columns["joint"]], names)
+        columns["joint"] = [text_of(shorts[cell.plain]) for cell in columns["joint"]]
     for title in DISPENSABLE:
-        if needed(columns) <= width:
+        if least(columns) <= width:
             break
         del columns[title]
-    room = FAULT_WIDTH + max(width - needed(columns), 0)
+    room = FAULT_WIDTH + max(width - least(columns), 0)
     for cell in columns["fault"]:
         cell.truncate(room, overflow="ellipsis")
     return columns
 
 
-def needed(columns: dict[str, list[Text]]) -> int:
+def least(columns: dict[str, list[Text]]) -> int:
     """The characters that columns take; a long fault is cut rather than other columns."""
-    widths = [max(len(title), *(c.cell_len for c in cells)) for title, cells in columns.items()]
-    widths[-1] = min(widths[-1], FAULT_WIDTH)
-    return sum(widths) + 2 * len(widths)
-
-
-def shortened(names: list[str]) -> list[str]:
-    """Names without the words that all of them begin with, but for the last such word."""
-    words = [name.split("_") for name in names]
-    k = 0
-    while len(names) > 1 and len({tuple(word[k : k + 2]) for word in words}) == 1:
-        k += 1
-    return ["_".join(word[k:]) for word in words]
+    fault = max(cell.cell_len for cell in columns["fault"])
+    return needed(columns, ()) - max(fault - FAULT_WIDTH, 0)

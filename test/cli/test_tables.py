@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of cbctl in terminals of many widths: nothing is cut."""
+
+from __future__ import annotations
+
+import io
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from control_board_ros.cli.tables import grid, short_names
+from control_board_ros.cli.verbs.impedance import render as draw_impedance
+from control_board_ros.cli.verbs.info import render as draw_info
+from control_board_ros.cli.verbs.references import render as draw_references
+
+IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
+WIDTHS = [40, 60, 80, 120]
+#: The largest numbers that the shipped robots show, in the units of the board.
+REFERENCE = {
+    "position": -2.93215,
+    "direct_position": -2.93215,
+    "velocity": -2.3562,
+    "torque": -320.25,
+    "output": -100.0,
+    "speed": 2.3562,
+    "acceleration": 25.0,
+}
+JOINT = {
+    "index": 0,
+    "kind": "revolute",
+    "lower": -2.93215,
+    "upper": 2.93215,
+    "hard_lower": -2.96706,
+    "hard_upper": 2.96706,
+    "control_modes": ["pos", "posd", "vel", "mix", "torq", "open", "idl"],
+    "interaction_modes": ["stif", "comp"],
+}
+
+
+def drawn(table: Any, width: int) -> str:
+    """What a terminal of this width shows."""
+    out = io.StringIO()
+    Console(file=out, width=width).print(table)
+    return out.getvalue()
+
+
+def narrowed(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
+    """Let the tables find a terminal of this width."""
+    screen = lambda: SimpleNamespace(width=width)  # noqa: E731
+    monkeypatch.setattr("control_board_ros.cli.tables.console", screen)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("names", [IIWA, IIWA[:1]], ids=["all", "one"])
+def test_references(monkeypatch: pytest.MonkeyPatch, width: int, names: list[str]) -> None:
+    """Every number is there whole, with its unit, beside the short name of its joint."""
+    narrowed(monkeypatch, width)
+    session: Any = SimpleNamespace(slides=lambda name: False, names=IIWA)
+    text = drawn(draw_references(session, dict.fromkeys(names, REFERENCE)), width)
+    assert all(len(line) <= width for line in text.splitlines())
+    for value in ("-168.0°", "-135.0°/s", "-320.25 N·m", "-100.0 %", "135.0°/s", "1432.4°/s²"):
+        assert text.count(value) >= len(names), value
+    assert all(name.removeprefix("lbr_iiwa_") in text for name in names)
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_info(width: int) -> None:
+    """Limits, stops and modes of every joint, none of them broken within a word."""
+    rows = {name: JOINT | {"index": k} for k, name in enumerate(IIWA)}
+    text = drawn(draw_info({"board": "/control_board", "joints": rows}, width), width)
+    assert all(len(line) <= width for line in text.splitlines())
+    assert text.startswith("/control_board\n")
+    assert text.count("-168.0…168.0°") == 7
+    assert text.count("-170.0…170.0°") == 7
+    words = text.split()
+    for word in ("revolute", *JOINT["control_modes"], *JOINT["interaction_modes"]):
+        assert words.count(word) == 7, word
+    name = IIWA[6] if width == 120 else "joint_7"
+    assert name in words
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_impedance(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
+    """Two columns have one title; four digits of each number are shown."""
+    narrowed(monkeypatch, width)
+    row = {
+        "stiffness": 1000.0,
+        "max_stiffness": 5000.0,
+        "damping": 114.8213,
+        "max_damping": 1088.14,
+        "torque_offset": -33.1234,
+    }
+    session: Any = SimpleNamespace(names=IIWA)
+    text = drawn(draw_impedance(session, dict.fromkeys(IIWA, row)), width)
+    assert all(len(line) <= width for line in text.splitlines())
+    for value in ("1000", "5000", "114.8", "1088", "-33.12"):
+        assert text.split().count(value) == 7
+    assert text.split().count("max") == 2
+
+
+def test_a_continuous_joint_is_endless() -> None:
+    """Its parameters hold limits that no joint has: they are not shown as numbers."""
+    wheel = JOINT | {"kind": "continuous", "lower": -1e6, "upper": 1e6}
+    wheel |= {"hard_lower": float("-inf"), "hard_upper": float("inf")}
+    text = drawn(draw_info({"board": "/b", "joints": {"wheel": wheel}}, 120), 120)
+    assert text.split().count("endless") == 2
+    unknown = JOINT | {"lower": None, "upper": None}
+    text = drawn(draw_info({"board": "/b", "joints": {"a": unknown}}, 120), 120)
+    assert "revolute       -  -170.0…170.0°" in text
+
+
+def test_a_name_wider_than_the_terminal_takes_more_lines() -> None:
+    """Broken, not cut: all characters are there."""
+    name = "a_joint_of_a_very_long_name"
+    text = drawn(grid({"joint": [name], "position": ["-168.0°"]}, width=20), 20)
+    assert all(len(line) <= 20 for line in text.splitlines())
+    assert text.count("-168.0°") == 1
+    assert "".join(line[:11].strip() for line in text.splitlines()[2:]) == name
+
+
+def test_short_names() -> None:
+    """Names lose what all of the board begin with, but one word of it; also a joint alone."""
+    assert list(short_names(IIWA[:2]).values()) == ["joint_1", "joint_2"]
+    assert short_names(IIWA[:1], IIWA) == {IIWA[0]: "joint_1"}
+    names = ["l_elbow", "l_arm", "l"]
+    assert short_names(names) == dict(zip(names, names, strict=True))
+    assert short_names(["only_one"]) == {"only_one": "only_one"}
