@@ -376,7 +376,7 @@ def test_the_simulation(cbctl: Any, ask: Any) -> None:
 
 def test_shell_from_a_pipe(cbctl: Any, ask: Any) -> None:
     """Many lines, one connection; what fails does not end it, and shows in the exit code."""
-    lines = "mode 0 vel\n# a comment\n\ncbctl modes 0 --json\nmode 0 'pos\nshell\nexit\nmodes\n"
+    lines = "mode 0 vel\n# a comment\n\ncbctl modes 0 --json\nmode 0 'pos\nshell\nquit\nmodes\n"
     done = cbctl("shell", text=lines)
     assert done.code == 2
     first, second = done.out.splitlines()
@@ -388,12 +388,20 @@ def test_shell_from_a_pipe(cbctl: Any, ask: Any) -> None:
     assert "the shell is connected" in ask("modes", "--board", "other")["message"]
 
 
-def test_completion_of_joints(cbctl: Any, ask: Any) -> None:
-    """Tab asks the board for its joints."""
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("cbctl modes lbr_iiwa_joint_3", ["lbr_iiwa_joint_3"]),
+        ("cbctl move joint_1=0 joint_3", ["joint_3="]),
+        ("cbctl mode 4 t", ["torq"]),
+    ],
+)
+def test_completion_in_bash(cbctl: Any, ask: Any, line: str, words: list[str]) -> None:
+    """Tab asks the board for its joints, and offers short names; modes after a joint."""
     environment = cbctl.environment | {
         "_CBCTL_COMPLETE": "complete_bash",
-        "COMP_WORDS": "cbctl modes lbr_iiwa_joint_3",
-        "COMP_CWORD": "2",
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(len(line.split()) - 1),
     }
 
     def completed() -> bool:  # Tab gives up soon, a busy machine is slow
@@ -405,7 +413,7 @@ def test_completion_of_joints(cbctl: Any, ask: Any) -> None:
             timeout=30,
             check=False,
         )
-        return done.stdout.split() == ["lbr_iiwa_joint_3"]
+        return done.stdout.split() == words
 
     until(completed)
 

@@ -103,7 +103,7 @@ def test_narrow_watch(cbctl: Any) -> None:
 
 
 def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
-    """Verbs at a prompt; Tab completes, Ctrl-C drops a line, Ctrl-D ends; lines are kept."""
+    """Verbs at a prompt; Tab completes, Ctrl-C drops a line, quit ends; lines are kept."""
     with terminal(cbctl, "shell", XDG_STATE_HOME=str(tmp_path)) as at:
         at.see("connected to /control_board")
         at.see("cbctl>")
@@ -114,5 +114,12 @@ def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
         at.see("interaction")
         at.type("\x03")
         at.see("cbctl>")
-        at.type("\x04")
+        at.type("move joi")
+        at.see("joint_7=")
+        at.type("\x03")
+        at.see("cbctl>")
+        at.type("? move\r")
+        at.see("minimum-jerk profile")
+        at.see("cbctl>")
+        at.type("quit\r")
     assert "modes lbr_iiwa_joint_5" in (tmp_path / "cbctl" / "history").read_text()

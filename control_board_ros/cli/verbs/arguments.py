@@ -7,16 +7,15 @@ from typing import Annotated
 
 import typer
 
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
-
+from ..offers import offers
 from ..options import Options
 from ..session import Session
 
 COMPLETION_TIMEOUT = 2.0  # s; a Tab must not hang
 
 
-def joint_names(context: typer.Context, incomplete: str) -> list[str]:
-    """Names for Tab, from the board itself; none when there is no board."""
+def next_words(context: typer.Context, incomplete: str) -> list[str]:
+    """Words for Tab, with the joints of the board itself; none when there is no board."""
     from control_board_ros.client import BoardError
 
     given = context.parent.params if context.parent is not None else {}
@@ -31,35 +30,22 @@ def joint_names(context: typer.Context, incomplete: str) -> list[str]:
             names = session.names
     except BoardError:
         return []
-    return [name for name in names if name.startswith(incomplete)]
-
-
-def joint_or_mode(context: typer.Context, incomplete: str) -> list[str]:
-    """Joints, and the modes that may be asked for."""
-    codes = [mode.code for mode in (*ControlMode, *InteractionMode)]
-    codes = [code for code in codes if code.startswith(incomplete)]
-    return codes + joint_names(context, incomplete)
-
-
-def joint_value(context: typer.Context, incomplete: str) -> list[str]:
-    """``JOINT=``."""
-    return [f"{name}=" for name in joint_names(context, incomplete)]
+    typed = context.params.get("words") or context.params.get("joints") or []
+    return offers(context.info_name or "", typed, incomplete, names)
 
 
 Joints = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[JOINT]…", help="Joints; none: all.", autocompletion=joint_names),
+    typer.Argument(metavar="[JOINT]…", help="Joints; none: all.", autocompletion=next_words),
 ]
 JointsThenMode = Annotated[
     list[str],
-    typer.Argument(
-        metavar="JOINT… MODE", help="Joints, then a mode.", autocompletion=joint_or_mode
-    ),
+    typer.Argument(metavar="JOINT… MODE", help="Joints, then a mode.", autocompletion=next_words),
 ]
 Values = Annotated[
     list[str],
     typer.Argument(
-        metavar="JOINT=VALUE…", help="A value for each joint.", autocompletion=joint_value
+        metavar="JOINT=VALUE…", help="A value for each joint.", autocompletion=next_words
     ),
 ]
 For = Annotated[

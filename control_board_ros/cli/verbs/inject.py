@@ -7,17 +7,11 @@ from typing import Annotated
 
 import typer
 
+from ..offers import FAULTS
 from ..output import conclude
 from ..session import Session
 from ..words import UsageError
-from .arguments import joint_names
-
-FAULTS = ("overcurrent", "encoder", "torque_sensor", "overheating", "external")
-
-
-def joint_or_fault(context: typer.Context, incomplete: str) -> list[str]:
-    """What Tab offers."""
-    return [f for f in FAULTS if f.startswith(incomplete)] + joint_names(context, incomplete)
+from .arguments import next_words
 
 
 def inject(
@@ -27,7 +21,7 @@ def inject(
         typer.Argument(
             metavar="JOINT… FAULT",
             help=f"Joints, then one of {', '.join(FAULTS)}.",
-            autocompletion=joint_or_fault,
+            autocompletion=next_words,
         ),
     ] = None,
     persistent: Annotated[

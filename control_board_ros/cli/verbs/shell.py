@@ -6,22 +6,22 @@ from __future__ import annotations
 import os
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import typer
 
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
-
+from ..offers import offers
 from ..output import DONE, USAGE, complain, note
 from ..session import Session
 
 LEAVE = ("exit", "quit")
+HELP = ("help", "?")
 
 
 def shell(context: typer.Context) -> int:
-    """Type verbs one after the other over one connection; Ctrl-D ends it.
+    """Type verbs one after the other over one connection; help lists them, quit ends it.
 
     Lines may come from a pipe; then the exit code is that of the last line that failed.
     """
@@ -53,6 +53,8 @@ def serve(lines: Iterable[str], do: Callable[[list[str]], int]) -> int:
             break
         if words[0] == "cbctl":
             words = words[1:]
+        if words[:1] and words[0] in HELP:
+            words = [*words[1:2], "--help"]
         if words[:1] == ["shell"]:
             complain("this is the shell already")
             code = USAGE
@@ -66,19 +68,23 @@ def piped() -> Iterator[str]:
     yield from sys.stdin
 
 
-def typed(session: Session, context: typer.Context, names: Iterable[str]) -> Iterator[str]:
+def typed(session: Session, context: typer.Context, names: Sequence[str]) -> Iterator[str]:
     """Lines from a person, with history and completion."""
     from prompt_toolkit import PromptSession
-    from prompt_toolkit.completion import NestedCompleter, WordCompleter
+    from prompt_toolkit.completion import Completer, Completion
     from prompt_toolkit.history import FileHistory
 
     group: Any = context.parent.command if context.parent is not None else None
-    codes = [mode.code for mode in (*ControlMode, *InteractionMode)]
-    words = WordCompleter([*names, *(f"{name}=" for name in names), *codes, "all"])
-    verbs = {verb: words for verb in group.commands if verb != "shell"}
-    completer = NestedCompleter({**verbs, **dict.fromkeys(LEAVE)})
-    prompt: Any = PromptSession(history=FileHistory(str(history())), completer=completer)
-    note(session, f"connected to {session.client.board_name}; Ctrl-D ends, --help lists the verbs")
+    verbs = [verb for verb in group.commands if verb != "shell"]
+
+    class Offers(Completer):
+        def get_completions(self, document: Any, _: Any) -> Iterator[Any]:
+            incomplete = document.get_word_before_cursor(WORD=True)
+            for word in line_offers(document.text_before_cursor, verbs, names):
+                yield Completion(word, -len(incomplete))
+
+    prompt: Any = PromptSession(history=FileHistory(str(history())), completer=Offers())
+    note(session, f"connected to {session.client.board_name}; help lists the verbs, quit ends")
     while True:
         try:
             yield prompt.prompt("cbctl> ")
@@ -86,6 +92,20 @@ def typed(session: Session, context: typer.Context, names: Iterable[str]) -> Ite
             continue
         except EOFError:
             return
+
+
+def line_offers(line: str, verbs: Sequence[str], names: Sequence[str]) -> list[str]:
+    """What may follow a line that is being typed: verbs, or what the verb takes."""
+    words = [*line.split(" ")]
+    before, incomplete = [word for word in words[:-1] if word], words[-1]
+    if before[:1] == ["cbctl"]:
+        before = before[1:]
+    if not before or (before[0] in HELP and len(before) == 1):
+        first = [*verbs, *HELP, *LEAVE] if not before else verbs
+        return [verb for verb in first if verb.startswith(incomplete)]
+    if before[0] not in verbs:
+        return []
+    return offers(before[0], before[1:], incomplete, names)
 
 
 def history() -> Path:

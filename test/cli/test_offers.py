@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What Tab offers, in the shell of cbctl and in others."""
+
+from __future__ import annotations
+
+import pytest
+
+from control_board_ros.cli.offers import MODE_CODES, offers
+from control_board_ros.cli.verbs.shell import line_offers
+
+IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 4)]
+SHORT = ["joint_1", "joint_2", "joint_3"]
+VERBS = ["modes", "mode", "move", "info", "interaction"]
+
+
+def test_modes_are_those_that_can_be_set() -> None:
+    """M6: no status is offered, and nothing that no joint has."""
+    assert MODE_CODES == ("pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("", [*VERBS, "help", "?", "exit", "quit"]),
+        ("mo", ["modes", "mode", "move"]),
+        ("qu", ["quit"]),
+        ("help mov", ["move"]),
+        ("cbctl mov", ["move"]),
+        ("move ", [f"{name}=" for name in SHORT]),
+        ("move joint_1=3 j", [f"{name}=" for name in SHORT]),
+        ("move lbr_iiwa_joint_2", ["lbr_iiwa_joint_2="]),
+        ("mode ", [*SHORT, "all"]),
+        ("mode 4 ", list(MODE_CODES)),
+        ("mode 4 po", ["pos", "posd"]),
+        ("mode 4 joint_", SHORT),
+        ("interaction all ", ["stif", "comp"]),
+        ("modes joint_3", ["joint_3"]),
+        ("info ", []),
+        ("nonsense ", []),
+    ],
+)
+def test_a_line_of_the_shell(line: str, words: list[str]) -> None:
+    assert line_offers(line, VERBS, IIWA) == words
+
+
+def test_a_fault_follows_joints() -> None:
+    assert offers("inject", ["joint_1"], "e", IIWA) == ["encoder", "external"]
+    assert offers("inject", [], "", IIWA) == [*SHORT, "all"]
+    assert offers("move", [], "--", IIWA) == []
