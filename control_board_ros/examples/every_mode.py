@@ -3,8 +3,8 @@
 
     python -m control_board_ros.examples.every_mode every_mode.png
 
-No ROS is needed: the script holds the board and steps the simulation itself. Plotting needs
-matplotlib (``pip install matplotlib``).
+No ROS is needed: the script holds the board and steps the simulation itself. The picture needs
+matplotlib (``pip install matplotlib``); without it, the script tells in words what happened.
 """
 
 from __future__ import annotations
@@ -159,14 +159,37 @@ def plot(recording: Recording, path: str) -> None:
 
 
 def main() -> None:
-    """Walk, say what happened, plot."""
+    """Walk, say what happened, plot where matplotlib is there."""
     path = sys.argv[1] if len(sys.argv) > 1 else "every_mode.png"
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        drawing = False
+    else:
+        drawing = True
     with Simulation.load("iiwa") as simulation:
         recording = walk(simulation)
         for event in simulation.board.take_events():
             print(f"{event.level}: {event.text}")
-    plot(recording, path)
-    print(f"{len(recording.snapshots)} cycles through {len(recording.bands)} modes; see {path}")
+    for line in told(recording):
+        print(line)
+    done = f"{len(recording.snapshots)} cycles through {len(recording.bands)} modes"
+    if drawing:
+        plot(recording, path)
+        print(f"{done}; see {path}")
+    else:
+        print(f"{done}; for the picture: pip install matplotlib, then run this again")
+
+
+def told(recording: Recording) -> list[str]:
+    """One line per mode: when, and from where to where the joint went."""
+    lines = []
+    for start, end, title in recording.bands:
+        shots = [shot for shot in recording.snapshots if start < shot.time <= end]
+        first, last = (np.degrees(shot.position[J]) for shot in (shots[0], shots[-1]))
+        name = title.replace("\n", ", ")
+        lines.append(f"{start:5.2f} to {end:5.2f} s  {name:18} {first:7.1f}° to {last:7.1f}°")
+    return lines
 
 
 if __name__ == "__main__":
