@@ -14,6 +14,7 @@ import typer
 
 from .. import __version__
 from . import verbs
+from .helping import Verbs, reflowed
 from .options import PLAIN, Options, hoist, split_ros_arguments
 from .output import DONE, REFUSED, USAGE, ReaderGone, fail, put, put_json
 from .session import Session
@@ -28,7 +29,8 @@ line. Exit codes: 0 done, 1 refused or no board, 2 wrong usage.
 
 app = typer.Typer(
     name="cbctl",
-    help=HELP,
+    cls=Verbs,
+    help=reflowed(HELP),
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

@@ -107,18 +107,34 @@ def note(session: Session, text: str) -> None:
         console(stderr=True).print(text, markup=False, soft_wrap=True)
 
 
+#: What the board says of its services, in the words of cbctl.
+IN_CBCTL = {
+    "call ~/pause with data: true first": "pause it first with: cbctl pause",
+    "~/step ": "step ",
+    "configure the board first (service configure)": "configure it first with: cbctl configure",
+}
+
+
+def in_cbctl(message: str) -> str:
+    """A message of the board with the next step as one types it here."""
+    for theirs, ours in IN_CBCTL.items():
+        message = message.replace(theirs, ours)
+    return message
+
+
 def conclude(session: Session, reply: Reply, text: str = "", **more: Any) -> int:
     """Print what became of a request; the exit code."""
+    message = in_cbctl(reply.message)
     if session.options.json:
         joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}
-        value = {"success": bool(reply), "message": reply.message, "joints": joints} | more
+        value = {"success": bool(reply), "message": message, "joints": joints} | more
         put_json(value)
     elif not reply:
-        complain(reply.message)
+        complain(message)
     else:
-        put(text or reply.message or "done")
-        if text and reply.message:  # what will be done in place of what was asked for
-            note(session, reply.message)
+        put(text or message or "done")
+        if text and message:  # what will be done in place of what was asked for
+            note(session, message)
     return DONE if reply else REFUSED
 
 

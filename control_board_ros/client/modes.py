@@ -110,18 +110,24 @@ class ModeOperations(ClientBase):
 
     @operation
     def set_impedance(
-        self, joints: Joints, stiffness: Values, damping: Values | None = None
+        self, joints: Joints, stiffness: Values | None = None, damping: Values | None = None
     ) -> Steps[Reply]:
         """Set spring and damper, at any time; they act in the next cycle (I6).
 
-        Without ``damping`` the board chooses one that fits the stiffness.
+        Without ``damping`` the board chooses one that fits the stiffness; without ``stiffness``
+        this one stays as it is.
         """
+        if stiffness is None and damping is None:
+            return refused("neither stiffness nor damping given; send one of them, or both")
         try:
             selection = yield from self._select(joints)
+            if stiffness is None:
+                present = yield from self._get(GetImpedance, "get_impedance", joints)
+                stiffness = present.stiffness
             count = len(selection.names)
             fields = {
-                "stiffness": spread(stiffness, count, "stiffness").tolist(),
-                "damping": [] if damping is None else spread(damping, count, "damping").tolist(),
+                "stiffness": for_each(stiffness, count, "stiffness"),
+                "damping": [] if damping is None else for_each(damping, count, "damping"),
             }
         except RequestError as error:
             return refused(str(error))
@@ -145,6 +151,17 @@ class ModeOperations(ClientBase):
         """τ_ff of the impedance law: as a user set it, else the load on entering COMPLIANT."""
         response = yield from self._get(GetImpedance, "get_impedance", joints)
         return np.array(response.torque_offset)
+
+
+def for_each(values: Values, count: int, what: str) -> list[float]:
+    """A value for each joint; one value, alone or in a list, goes to all.
+
+    Raises:
+        RequestError: the length fits neither, or the values are no numbers.
+    """
+    alone = values[0] if isinstance(values, Sequence | np.ndarray) and len(values) == 1 else values
+    spread_out: list[float] = spread(alone, count, what).tolist()
+    return spread_out
 
 
 def mode_texts(modes: Any, parse: Callable[[Any], Vocab]) -> list[str]:

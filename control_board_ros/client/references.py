@@ -33,7 +33,7 @@ from control_board_ros.core.selection import RequestError, Selection, spread
 from control_board_ros.core.vocabs import CommandKind, ControlMode
 from control_board_ros.interfaces import Floats, Joints, Values
 
-from .modes import ModeOperations
+from .modes import ModeOperations, for_each
 from .waiting import Steps, operation
 
 K = CommandKind
@@ -130,9 +130,9 @@ class ReferenceOperations(ModeOperations):
             selection = yield from self._select(joints)
             count = len(selection.names)
             if speeds is not None:
-                fields["speeds"] = spread(speeds, count, "speed").tolist()
+                fields["speeds"] = for_each(speeds, count, "speed")
             if accelerations is not None:
-                fields["accelerations"] = spread(accelerations, count, "acceleration").tolist()
+                fields["accelerations"] = for_each(accelerations, count, "acceleration")
         except RequestError as error:
             return refused(str(error))
         reply = yield from self._change(

@@ -75,6 +75,10 @@ def test_help(alone: Any) -> None:
     assert {"stop", "impedance", "faults", "clear", "calibrate", "watch"} <= set(verbs)
     assert alone().code == 2
     assert alone("move", "-h").code == 0
+    assert "<bool>" not in shown.out
+    assert "Angles are in rad, or take a unit: 90deg" in " ".join(shown.out.split())
+    assert all(len(line) == 120 for line in shown.out.splitlines() if line.startswith("│"))
+    assert "<list" not in alone("modes", "-h").out
     program = f"from control_board_ros.cli import main; [main([v, '--help']) for v in {verbs}]"
     done = subprocess.run(
         [sys.executable, "-c", program],

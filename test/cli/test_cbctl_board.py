@@ -63,6 +63,10 @@ def test_what_the_board_refuses(cbctl: Any, ask: Any) -> None:
     assert (refused.code, refused.err) == (1, "")
     assert refused.json["joints"] == {FIRST: "unsupported"}
     assert "does not implement icur" in refused.json["message"]
+    message = ask("mode", "0", "posi")["message"]
+    assert message.startswith("control mode 'posi' unknown; did you mean 'pos'?; one of pos (")
+    assert "hwfa" not in message
+    assert "icur" not in message
     assert "'joint_9' unknown; " in ask("mode", "joint_9", "vel")["message"]
     assert "could be lbr_iiwa_joint_1, " in ask("mode", "joint", "vel")["message"]
 
@@ -80,6 +84,8 @@ def test_interaction_and_impedance(cbctl: Any, ask: Any) -> None:
     assert (read["stiffness"], read["damping"]) == (124.0, 5.0)
     assert "max" in cbctl("impedance").out
     assert "is not allowed" in ask("impedance", "0", "-k", "-1")["message"]
+    message = ask("interaction", "0", "rigid")["message"]
+    assert message == "interaction mode 'rigid' unknown; one of stif (STIFF), comp (COMPLIANT)"
 
 
 def test_move(cbctl: Any, ask: Any) -> None:
@@ -104,6 +110,8 @@ def test_move_is_refused(cbctl: Any, ask: Any) -> None:
     assert refused.code == 1
     assert "mode is VELOCITY" in refused.err
     assert "Traceback" not in refused.err
+    assert "moving" not in refused.err
+    assert ask("move", "0=1", "--speed", "0")["message"].startswith("--speed 0 is not valid; ")
     message = ask("move", "1=5mm")["message"]
     assert message == f"{SECOND} is revolute; give its value in rad or deg"
 
@@ -363,6 +371,7 @@ def test_info(cbctl: Any, ask: Any) -> None:
 
 def test_the_simulation(cbctl: Any, ask: Any) -> None:
     """The verbs that concern the whole board: pause, step, resume, reset, configure."""
+    assert ask("step", "10")["message"].endswith("; pause it first with: cbctl pause")
     assert "cbctl resume" in cbctl("pause").out
     assert cbctl("step", "10").out == "advanced by 10\n"
     assert "is not valid" in ask("step", "0")["message"]

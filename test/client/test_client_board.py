@@ -111,6 +111,14 @@ def test_interaction_and_impedance(client: ControlBoardClient) -> None:
     reply = client.set_impedance(0, most[0] + 1.0, 1.0)
     assert not reply
     assert "is not allowed" in reply.message
+    assert client.set_impedance([0, 1], [150.0], [10.0])
+    assert client.set_impedance([0, 1], damping=12.0)
+    assert [values.tolist() for values in client.get_impedance([0, 1])] == [
+        [150.0] * 2,
+        [12.0] * 2,
+    ]
+    assert "send one of them" in client.set_impedance(0).message
+    assert client.set_impedance(0, 200.0, 20.0)
     reply = client.set_impedance(0, [1.0, 2.0], 1.0)
     assert not reply
     assert "2 stiffness for 1 joint" in reply.message
@@ -147,6 +155,9 @@ def test_reference_speeds(client: ControlBoardClient) -> None:
     assert client.set_ref_speed(None, 0.5)
     assert client.set_ref_acceleration([1, 2], [0.6, 0.7])
     assert client.get_ref_speed().tolist() == [0.5] * 7
+    assert client.get_ref_acceleration([2, 1]).tolist() == [0.7, 0.6]
+    assert client.set_reference_speed(None, [0.4])
+    assert client.get_ref_speed().tolist() == [0.4] * 7
     assert client.get_ref_acceleration([2, 1]).tolist() == [0.7, 0.6]
     assert client.set_reference_speed(0, 0.3, 0.4)
     assert client.get_ref_speed(0).tolist() == [0.3]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import typer
 
+from ..helping import Verb, reflowed
 from .calibrate import calibrate
 from .clear import clear
 from .completion import completion
@@ -43,4 +44,6 @@ def register(app: typer.Typer) -> None:
     """Add every verb to the application."""
     for section, verbs in SECTIONS.items():
         for verb in verbs:
-            app.command(verb.__name__.replace("_", "-"), rich_help_panel=section)(verb)
+            name = verb.__name__.replace("_", "-")
+            text = reflowed(verb.__doc__)
+            app.command(name, cls=Verb, help=text, rich_help_panel=section)(verb)

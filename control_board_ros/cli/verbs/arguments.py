@@ -36,16 +36,16 @@ def next_words(context: typer.Context, incomplete: str) -> list[str]:
 
 Joints = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[JOINT]…", help="Joints; none: all.", autocompletion=next_words),
+    typer.Argument(metavar="JOINT", help="Joints; none: all.", autocompletion=next_words),
 ]
 JointsThenMode = Annotated[
     list[str],
-    typer.Argument(metavar="JOINT… MODE", help="Joints, then a mode.", autocompletion=next_words),
+    typer.Argument(metavar="JOINT MODE", help="Joints, then a mode.", autocompletion=next_words),
 ]
 Values = Annotated[
     list[str],
     typer.Argument(
-        metavar="JOINT=VALUE…", help="A value for each joint.", autocompletion=next_words
+        metavar="JOINT=VALUE", help="A value for each joint.", autocompletion=next_words
     ),
 ]
 For = Annotated[

@@ -30,12 +30,7 @@ def impedance(
         rows = read_impedance(session, names)
         show(session, rows, lambda: render(session, rows))
         return 0
-    if stiffness is None:
-        reply = session.client.set_impedance(
-            names, session.client.get_impedance(names)[0], damping
-        )
-    else:  # without a damping the board chooses one that fits
-        reply = session.client.set_impedance(names, stiffness, damping)
+    reply = session.client.set_impedance(names, stiffness, damping)
     return conclude(session, reply, f"impedance set: {', '.join(names)}")
 
 

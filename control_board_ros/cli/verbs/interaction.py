@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import typer
 
+from control_board_ros.core.vocabs import parse_interaction_mode
+
+from ..offers import LAST_WORDS
 from ..output import conclude
 from ..power import tell_of_falling
 from ..session import Session
 from .arguments import JointsThenMode
-from .mode import joints_and_mode
+from .mode import check_mode, joints_and_mode
 
 
 def interaction(context: typer.Context, words: JointsThenMode) -> int:
@@ -17,6 +20,7 @@ def interaction(context: typer.Context, words: JointsThenMode) -> int:
     session: Session = context.obj
     joints, wanted = joints_and_mode(words, "cbctl interaction all comp")
     names = session.joints(joints)
+    check_mode(wanted, parse_interaction_mode, LAST_WORDS["interaction"])
     reply = session.client.set_interaction_mode(names, wanted)
     code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
     answers = zip(reply.joints, reply.answers, strict=True)

@@ -10,7 +10,7 @@ import typer
 
 from ..output import REFUSED, conclude, fail, note
 from ..session import Session
-from ..words import assignments, quantity
+from ..words import UsageError, assignments, quantity
 from .arguments import Speed, Values
 from .progress import Bar
 
@@ -27,7 +27,7 @@ def move(
     """Move joints along a minimum-jerk profile (mode pos or mix). Ctrl-C stops them."""
     session: Session = context.obj
     values = session.targets(assignments(words, "position"))
-    speeds = None if speed is None else quantity(speed, "speed").value
+    speeds = None if speed is None else speed_above_zero(speed)
     names, positions = list(values), list(values.values())
     client = session.client
     if not wait:
@@ -55,6 +55,18 @@ def move(
         for name, q in reached.items()
     )
     return conclude(session, reply, told, positions=reached)
+
+
+def speed_above_zero(text: str) -> float:
+    """The speed of ``--speed``.
+
+    Raises:
+        UsageError: no speed, or none above 0.
+    """
+    value = quantity(text, "speed").value
+    if value <= 0.0:
+        raise UsageError(f"--speed {text} is not valid; give a speed above 0, e.g. 20deg")
+    return value
 
 
 def arrived(

@@ -12,6 +12,7 @@ from ..session import Session
 class Bar:
     """``with Bar(session, "moving") as bar: bar.update(0.5, "1.2 s")``.
 
+    It is drawn from the first update on: what is refused at once needs none.
     Of what has no end known beforehand (``endless``) only the text is shown.
     """
 
@@ -31,15 +32,14 @@ class Bar:
             self._task = self._progress.add_task(label, total=1.0, text="")
 
     def __enter__(self) -> Bar:
-        if self._progress is not None:
-            self._progress.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._progress is not None:
+        if self._progress is not None and self._progress.live.is_started:
             self._progress.stop()
 
     def update(self, share: float, text: str = "") -> None:
         """Show a share from 0 to 1."""
         if self._progress is not None:
+            self._progress.start()
             self._progress.update(self._task, completed=min(max(share, 0.0), 1.0), text=text)
