@@ -17,15 +17,19 @@ from std_srvs.srv import SetBool, Trigger
 from control_board_ros.core.faults import FaultRecord
 from control_board_ros.core.reply import Reply, accepted, refused
 from control_board_ros.core.selection import RequestError
-from control_board_ros.interfaces import Floats, Joints, ModeShortcuts
+from control_board_ros.core.vocabs import CommandKind
+from control_board_ros.interfaces import Floats, Joints, ModeShortcuts, Values
 
 from .base import State, seconds
-from .goals import GoalOperations
 from .link import LATCHED, Link
+from .modes import for_each
+from .parameters import ParameterOperations
+from .references import Fields
 from .waiting import Aio, Steps, operation
+from .yarp_names import name_here
 
 
-class ControlBoardClient(GoalOperations, ModeShortcuts):
+class ControlBoardClient(ParameterOperations, ModeShortcuts):
     """A control board somewhere on ROS, with the methods of the in-process one.
 
     Args:
@@ -69,6 +73,12 @@ class ControlBoardClient(GoalOperations, ModeShortcuts):
     ) -> None:
         self.close()
 
+    def __getattr__(self, name: str) -> Any:
+        """Say where a method of YARP is found here."""
+        here = None if name.startswith("_") else name_here(name, dir(type(self)))
+        hint = f"; here it is {here}, and angles are in rad" if here else ""
+        raise AttributeError(f"{type(self).__name__} has no {name!r}{hint}")
+
     def log_deprecated(self, text: str) -> None:
         """Warn in the log of the user's node (D1)."""
         self._link.user.get_logger().warning(text)
@@ -94,6 +104,10 @@ class ControlBoardClient(GoalOperations, ModeShortcuts):
     def names(self) -> tuple[str, ...]:
         """Joint names in the board's order."""
         return self._view.names or self.wait_until_found()
+
+    def get_axes(self) -> int:
+        """How many joints the board has."""
+        return len(self.names)
 
     @operation
     def get_state(self, *, fresh: bool = True) -> Steps[State]:
@@ -143,6 +157,33 @@ class ControlBoardClient(GoalOperations, ModeShortcuts):
         """Measured torques."""
         measured: Floats = yield from self._measured("torque", joints)
         return measured
+
+    @operation
+    def get_current(self, joints: Joints = None) -> Steps[Floats]:
+        """Motor currents, A."""
+        measured: Floats = yield from self._measured("current", joints)
+        return measured
+
+    @operation
+    def get_temperature(self, joints: Joints = None) -> Steps[Floats]:
+        """Temperatures of the windings, °C; NaN where there is no sensor."""
+        measured: Floats = yield from self._measured("temperature", joints)
+        return measured
+
+    @operation
+    def relative_move(
+        self, joints: Joints, distances: Values, speeds: Values | None = None
+    ) -> Steps[Reply]:
+        """Start moves by so much from the measured positions, as position_move does (P1)."""
+        try:
+            selection = yield from self._select(joints)
+            ways = for_each(distances, len(selection.names), "distances")
+        except RequestError as error:
+            return refused(str(error))
+        state = yield from self._state()
+        targets = state.position[selection.joints] + ways
+        fields: Fields = {"positions": targets, "speeds": speeds}
+        return (yield from self._command(CommandKind.POSITION, selection.names, fields))
 
     @operation
     def check_motion_done(self, joints: Joints = None) -> Steps[list[bool]]:

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a method of YARP is found here: the same words in snake_case, one name for one and all."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+#: YARP's names that are other words here.
+OTHER_WORDS = {
+    "get_encoder_timed": "get_state",
+    "get_encoders_timed": "get_state",
+    "get_axis_name": "names",
+    "set_ref_duty_cycle": "set_output",
+    "get_ref_duty_cycle": "get_output",
+    "get_duty_cycle": "get_state",
+    "get_impedance_offset": "get_torque_offset",
+    "set_impedance_offset": "set_feedforward",
+    "get_last_joint_fault": "get_faults",
+    "calibrate_axis_with_params": "calibrate",
+    "calibrate_robot": "calibrate",
+    "calibration_done": "get_calibration",
+    "get_pid": "get_gains",
+    "set_pid": "set_parameters",
+    "set_limits": "set_parameters",
+    "get_vel_limits": "get_velocity_limits",
+    "get_ref_velocitie": "get_ref_velocity",
+}
+
+
+def snake_case(name: str) -> str:
+    """``setRefSpeeds`` as ``set_ref_speeds``."""
+    return re.sub(r"(?<=[a-z0-9])([A-Z])", r"_\1", name).lower()
+
+
+def name_here(name: str, known: Collection[str]) -> str | None:
+    """The name that a method of YARP has here; None where there is none."""
+    snake = snake_case(name)
+    for word in (snake, snake.removesuffix("s")):
+        found = OTHER_WORDS.get(word, word)
+        if found in known and found != name:
+            return found
+    return None
