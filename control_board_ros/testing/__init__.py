@@ -12,10 +12,11 @@ A test starts the node as a process of its own, on a ROS domain of its own, and 
                 client = ControlBoardClient(node, board.name)
                 assert client.set_control_mode(None, "vel")
 
-With pytest, ``from control_board_ros.testing import control_board, control_board_options``
-gives the same as the fixture ``control_board``; override ``control_board_options`` to pass
-arguments of :func:`board_process`. The process is stopped with SIGTERM when the block ends and
-must then exit with code 0; what it printed stands in the error when a test fails.
+With ``pytest -p control_board_ros.testing``, the fixture ``control_board`` gives the same (or
+``from control_board_ros.testing import control_board, control_board_options``); override
+``control_board_options`` to pass arguments of :func:`board_process`. The process is stopped with
+SIGTERM when the block ends and must then exit with code 0; what it printed stands in the error
+when a test fails.
 
 Domains: each board takes a free one of 40 to 99 (``CONTROL_BOARD_TEST_DOMAINS=30-39`` chooses
 others) and holds a lock file as long as it runs, so that pytest-xdist workers never meet.

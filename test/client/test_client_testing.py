@@ -169,3 +169,24 @@ def test_the_fixture(pytester: Any) -> None:
     )
     result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
     result.assert_outcomes(passed=1)
+
+
+@pytest.mark.ros
+@pytest.mark.physics
+def test_the_plugin_needs_no_import(pytester: Any) -> None:
+    """The fixtures are there, and options may be overridden, without a word of import."""
+    pytester.makepyfile(
+        """
+        import pytest
+
+        @pytest.fixture
+        def control_board_options():
+            return {"name": "arm"}
+
+        def test_my_controller(control_board):
+            assert control_board.name == "/arm"
+        """
+    )
+    plugin = ("-p", "control_board_ros.testing")
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", *plugin)
+    result.assert_outcomes(passed=1)
