@@ -16,6 +16,8 @@ from typing import Any
 
 import pytest
 
+from control_board_ros.testing import board_process
+
 pytestmark = [
     pytest.mark.ros,
     pytest.mark.physics,
@@ -367,6 +369,27 @@ def test_info(cbctl: Any, ask: Any) -> None:
     shown = cbctl("info").out
     assert "-168.0…168.0°" in shown
     assert "-170.0…170.0°" in shown
+
+
+def test_param(cbctl: Any, ask: Any, tmp_path: Any) -> None:
+    """P9: parameters are shown, set all or none, and saved to a file that a board starts with."""
+    name = f"{FIRST}.limits.upper"
+    before = ask("param", "show", "joint_1.limits.upper")
+    assert before == {name: pytest.approx(math.radians(168.0), abs=1e-4)}
+    assert cbctl("param", "show", name).out == f"{name}: {before[name]}\n"
+    assert ask("param", "set", "0.limits.upper=2")["success"] is True
+    assert ask("info")["joints"][FIRST]["upper"] == 2.0
+    refused = ask("param", "set", f"{name}=1.9", f"{SECOND}.limits.upper=99")
+    assert "at most the hard stop" in refused["message"]
+    assert ask("param", "show", name) == {name: 2.0}
+    assert "did you mean" in ask("param", "set", "joint_1.limits.uper=1")["message"]
+    assert "write NAME=VALUE" in ask("param", "set", "joint_1.limits.upper")["message"]
+    path = tmp_path / "saved.yaml"
+    assert cbctl("param", "save", str(path)).out.endswith(f"--params-file {path}\n")
+    with board_process(config=path) as other:
+        assert type(cbctl)(other.environment)("param", "show", name, "--json").json == {name: 2.0}
+    assert "cannot write" in ask("param", "save", str(tmp_path / "no" / "file"))["message"]
+    assert ask("param", "set", f"{name}={before[name]}")["success"] is True
 
 
 def test_the_simulation(cbctl: Any, ask: Any) -> None:

@@ -21,6 +21,7 @@ from .mode import mode
 from .modes import modes
 from .move import move
 from .output import output
+from .param import param
 from .references import references
 from .shell import shell
 from .simulation import pause, reset, resume, step
@@ -34,7 +35,7 @@ SECTIONS = {
     "Look": (modes, watch, info, references, faults),
     "Modes": (mode, interaction, impedance, clear),
     "Motion": (move, direct, velocity, torque, output, stop, speed, feedforward),
-    "Board": (calibrate, configure, power_cycle),
+    "Board": (calibrate, configure, power_cycle, param),
     "Simulation": (pause, resume, step, reset, inject),
     "Terminal": (shell, completion),
 }
