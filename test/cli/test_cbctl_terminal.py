@@ -123,3 +123,27 @@ def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
         at.see("cbctl>")
         at.type("quit\r")
     assert "modes lbr_iiwa_joint_5" in (tmp_path / "cbctl" / "history").read_text()
+
+
+def test_jog(cbctl: Any) -> None:
+    """P5: a joint moves while a key is held, and the terminal is as before at the end."""
+    assert cbctl("mode", "joint_7", "vel").code == 0
+    with terminal(cbctl, "jog", "joint_7", "--speed", "20deg") as at:
+        at.see("joint_7 0.0°")
+        for _ in range(40):
+            at.type("\x1b[C")
+            time.sleep(0.03)  # as a keyboard repeats
+        at.see("→ 20.0°/s")
+        at.type("q")
+        at.see("stopped: lbr_iiwa_joint_7 holds at ")
+        at.see("(VELOCITY)")
+    references = cbctl("references", "joint_7", "--json").json["lbr_iiwa_joint_7"]
+    assert references["velocity"] == 0.0
+    assert (
+        cbctl("watch", "joint_7", "--once", "--json").json["lbr_iiwa_joint_7"]["position"] > 0.03
+    )
+
+
+def test_jog_says_what_it_needs(cbctl: Any) -> None:
+    """A keyboard, and a joint that takes velocities."""
+    assert "jog needs a keyboard" in cbctl("jog").err

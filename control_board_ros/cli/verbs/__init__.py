@@ -17,6 +17,7 @@ from .impedance import impedance
 from .info import info
 from .inject import inject
 from .interaction import interaction
+from .jog import jog
 from .mode import mode
 from .modes import modes
 from .move import move
@@ -34,7 +35,7 @@ from .watch import watch
 SECTIONS = {
     "Look": (modes, watch, info, references, faults),
     "Modes": (mode, interaction, impedance, clear),
-    "Motion": (move, direct, velocity, torque, output, stop, speed, feedforward),
+    "Motion": (move, jog, direct, velocity, torque, output, stop, speed, feedforward),
     "Board": (calibrate, configure, power_cycle, param),
     "Simulation": (pause, resume, step, reset, inject),
     "Terminal": (shell, completion),
