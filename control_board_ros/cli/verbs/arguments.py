@@ -40,7 +40,7 @@ Joints = Annotated[
 ]
 JointsThenMode = Annotated[
     list[str],
-    typer.Argument(metavar="JOINT MODE", help="Joints, then a mode.", autocompletion=next_words),
+    typer.Argument(metavar="JOINT… MODE", help="Joints, then a mode.", autocompletion=next_words),
 ]
 Values = Annotated[
     list[str],

@@ -19,7 +19,7 @@ def inject(
     words: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="JOINT FAULT",
+            metavar="JOINT… FAULT",
             help=f"Joints, then one of {', '.join(FAULTS)}.",
             autocompletion=next_words,
         ),

@@ -54,7 +54,7 @@ def jog_with_keys(session: Session, names: list[str], state: Jog) -> list[str]:
     """Send velocities as the keys say until the end; the joints that were moved."""
     from rich.live import Live
 
-    session.client.get_state()  # later ones are read without waiting
+    line(session, names[0], state)  # from now on it is known without waiting
     moving, used = "", dict[str, None]()
     screen = console(stderr=True)
     with keys_at_once() as terminal, Live(console=screen, auto_refresh=False) as live:

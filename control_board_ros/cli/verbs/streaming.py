@@ -85,10 +85,10 @@ def sent(
 ) -> Iterator[Reply]:
     """Send references at RATE, showing how the joints stand; the reply to each."""
     names, numbers = list(values), list(values.values())
-    session.client.get_state()  # later ones are read without waiting
-    start = due = time.monotonic()
-    yield send(names, numbers)  # what is refused at once needs no bar
+    where(session, names)  # from now on it is known without waiting
     with Bar(session, "streaming", endless=seconds is None) as bar:
+        start = due = time.monotonic()
+        yield send(names, numbers)  # what is refused at once draws no bar
         while seconds is None or due - start < seconds:
             elapsed = due - start
             left = "Ctrl-C stops" if seconds is None else f"{seconds - elapsed:.1f} s"
