@@ -216,12 +216,12 @@ def test_torque_and_output(cbctl: Any, ask: Any) -> None:
     assert ask("torque", "6=0.1")["success"] is False
     ask.mode("6", "torq")
     assert "stay until changed" in cbctl("torque", "6=0.1Nm").out
-    assert ask("references", "6")[LAST]["torque"] == 0.1
+    until(lambda: ask("references", "6")[LAST]["torque"] == 0.1)
     assert "stopped" in cbctl("torque", "6=0.2", "--for", "200ms").out
-    assert ask("references", "6")[LAST]["torque"] == 0.0
+    until(lambda: ask("references", "6")[LAST]["torque"] == 0.0)
     ask.mode("6", "open")
     assert "1 %" in cbctl("output", "6=1%").out
-    assert ask("references", "6")[LAST]["output"] == 1.0
+    until(lambda: ask("references", "6")[LAST]["output"] == 1.0)
     assert ask("feedforward", "6", "--torque", "0.1")["success"] is True
     assert ask("impedance", "6")[LAST]["torque_offset"] == 0.1
 
