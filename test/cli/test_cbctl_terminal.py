@@ -137,11 +137,12 @@ def test_jog(cbctl: Any) -> None:
         at.type("q")
         at.see("stopped: lbr_iiwa_joint_7 holds at ")
         at.see("(VELOCITY)")
-    references = cbctl("references", "joint_7", "--json").json["lbr_iiwa_joint_7"]
-    assert references["velocity"] == 0.0
-    assert (
-        cbctl("watch", "joint_7", "--once", "--json").json["lbr_iiwa_joint_7"]["position"] > 0.03
-    )
+    asked = cbctl("references", "joint_7", "--json")
+    assert asked.code == 0, asked
+    assert asked.json["lbr_iiwa_joint_7"]["velocity"] == 0.0
+    asked = cbctl("watch", "joint_7", "--once", "--json")
+    assert asked.code == 0, asked
+    assert asked.json["lbr_iiwa_joint_7"]["position"] > 0.03
 
 
 def test_jog_says_what_it_needs(cbctl: Any) -> None:
