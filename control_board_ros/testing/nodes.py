@@ -23,6 +23,7 @@ def ros_node(
     used in one process, one after the other or at the same time.
     """
     from rclpy.context import Context
+    from rclpy.exceptions import InvalidHandle
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rclpy.node import Node
 
@@ -38,7 +39,8 @@ def ros_node(
     def run() -> None:
         with contextlib.suppress(ExternalShutdownException):
             while not ended.is_set():
-                executor.spin_once()
+                with contextlib.suppress(InvalidHandle):  # destroyed by the test meanwhile
+                    executor.spin_once()
 
     try:
         if spin:

