@@ -6,7 +6,7 @@ from __future__ import annotations
 from common import Effort, Figure, at_most, medians, number
 from cycles import MIXED, compare
 
-from control_board_ros.sim import settings
+from control_board_ros.settings import loading as settings
 
 
 def run(effort: Effort) -> list[Figure]:

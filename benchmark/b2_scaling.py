@@ -11,7 +11,7 @@ from chains import chain
 from common import Effort, Figure, at_most, medians, number
 from cycles import MIXED, compare
 
-from control_board_ros.sim import settings
+from control_board_ros.settings import loading as settings
 
 # pybullet 3.2.7 cannot read the joints of a body that has more than 127 of them.
 LENGTHS = (7, 32, 127)

@@ -11,8 +11,8 @@ from common import Effort, Figure, at_least
 from processes import board
 from sensor_msgs.msg import JointState
 
-from control_board_ros.sim import settings
-from control_board_ros.sim.simulation import Simulation
+from control_board_ros.settings import loading as settings
+from control_board_ros.simulation import Simulation
 from control_board_ros.testing import free_domain, ros_node
 
 STATE_RATE = 100  # Hz of simulated time

@@ -55,7 +55,7 @@ def physics() -> None:
     """Read, command and step pybullet at 1 kHz until the input ends."""
     from cycles import BareCycles
 
-    from control_board_ros.sim import settings
+    from control_board_ros.settings import loading as settings
 
     arm = settings.load("iiwa")
     cycles = BareCycles(arm, [[0.0] * len(arm.board.joints)])

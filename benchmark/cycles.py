@@ -16,9 +16,10 @@ from time import perf_counter
 from control_board_ros.core.board import Board
 from control_board_ros.core.measurement import Array
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
-from control_board_ros.sim.bullet import BulletBody, bullet
+from control_board_ros.settings.loading import Settings
+from control_board_ros.sim.bodies.bullet import BulletBody
+from control_board_ros.sim.bodies.world import bullet
 from control_board_ros.sim.plant import SimulatedPlant
-from control_board_ros.sim.settings import Settings
 
 M = ControlMode
 CHUNK = 100  # cycles between two commands; less than the velocity timeout (P12)

@@ -82,8 +82,8 @@ def slope(points: list[tuple[float, float]]) -> float:
 
 def switch_the_core(count: int) -> list[Promise]:
     """Mode switches of an arm in process; a control cycle for every hundred."""
-    from control_board_ros.sim.settings import load
-    from control_board_ros.sim.simulation import Simulation
+    from control_board_ros.settings.loading import load
+    from control_board_ros.simulation import Simulation
 
     settings = load("iiwa")
     choose = random.Random(1).choices(MODES, k=1000)

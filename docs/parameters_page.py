@@ -7,7 +7,7 @@ from itertools import groupby
 
 from interface_page import header, row
 
-from control_board_ros.sim.schema import rows
+from control_board_ros.settings.schema import rows
 
 INTRODUCTION = """\
 Every parameter of `control_board`: the board's own, and those of each joint. Files to start from

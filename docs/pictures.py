@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from control_board_ros.examples import every_mode
-from control_board_ros.sim.simulation import Simulation
+from control_board_ros.simulation import Simulation
 
 IMAGES = Path(__file__).parent / "images"
 MOVES = {1: 30.0, 3: -30.0, 5: 30.0}  # joint: degrees

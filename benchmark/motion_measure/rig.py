@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from control_board_ros.core.config import JointConfig
 from control_board_ros.core.reply import Reply
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
-from control_board_ros.sim.settings import Settings, load
-from control_board_ros.sim.simulation import Simulation
+from control_board_ros.settings.loading import Settings, load
+from control_board_ros.simulation import Simulation
 
 from .robots import Robot
 

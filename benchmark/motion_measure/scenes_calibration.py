@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable
 
 from control_board_ros.core.vocabs import ControlMode as M
-from control_board_ros.sim.simulation import Simulation
+from control_board_ros.simulation import Simulation
 
 from .rig import RefusedError
 
@@ -64,7 +64,7 @@ def aborted() -> float:
 
 def _zero(joint: str) -> float:
     """The encoder's zero of a joint of the iCub's left arm, rad: what the board must find."""
-    from control_board_ros.sim.settings import load
+    from control_board_ros.settings.loading import load
 
     settings = load("icub_left_arm")
     return next(one.encoder.zero for one in settings.simulation.joints if one.name == joint)

@@ -19,7 +19,7 @@ from ..core.board import Board
 from ..core.state import Snapshot
 from ..core.vocabs import ControlMode as M
 from ..core.vocabs import InteractionMode
-from ..sim.simulation import Simulation
+from ..simulation import Simulation
 
 JOINT = "lbr_iiwa_joint_4"
 J = 3

@@ -85,7 +85,7 @@ class KnownError(Exception):
 
 def run(arguments: list[str], ended: threading.Event) -> int:
     """From the arguments to a running node, and back."""
-    from ..sim.params_file import SettingsError
+    from ..settings.params_file import SettingsError
     from .parameters import settings_from_arguments
 
     check_arguments(arguments)

@@ -23,9 +23,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from ..core.config import BoardConfig
-from ..sim.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
-from ..sim.schema import BOARD, JOINT, JOINT_DEFAULTS, Kind, Parameter
-from ..sim.settings import Settings, load_layers
+from ..settings.loading import Settings, load_layers
+from ..settings.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
+from ..settings.schema import BOARD, JOINT, JOINT_DEFAULTS, Kind, Parameter
 
 NODE = "control_board"
 

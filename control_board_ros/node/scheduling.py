@@ -11,7 +11,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from ..sim.schema import BOARD_BY_NAME
+from ..settings.schema import BOARD_BY_NAME
 
 
 def take_priority(values: Mapping[str, Any]) -> str:

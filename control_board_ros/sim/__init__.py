@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The plant: motors, sensors, the simulated arm, and the settings of all of it."""
+"""The plant: motors, sensors, injected faults, and the bodies they move."""

@@ -28,9 +28,9 @@ import numpy as np
 from ..core.config import BoardConfig
 from ..core.faults import FaultCode
 from ..core.measurement import Actuation, Array, Measurement
+from .bodies.ideal import IdealBody
 from .config import SimulationConfig
 from .errors import PlantError, PlantGone
-from .ideal import IdealBody
 from .injection import Injector
 from .motor import Motors
 from .sensors import Sensors
@@ -62,7 +62,7 @@ def make_body(board: BoardConfig, simulation: SimulationConfig) -> Body:
     """The body that the configuration asks for."""
     if simulation.urdf is None:
         return IdealBody(board, simulation)
-    from .bullet import BulletBody  # pybullet starts only where it is used
+    from .bodies.bullet import BulletBody  # pybullet starts only where it is used
 
     return BulletBody(board, simulation)
 

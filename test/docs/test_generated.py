@@ -9,7 +9,7 @@ from pathlib import Path
 
 from documents import ROOT
 
-from control_board_ros.sim.schema import rows
+from control_board_ros.settings.schema import rows
 
 
 def generate(*arguments: str) -> subprocess.CompletedProcess[str]:

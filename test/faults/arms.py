@@ -9,8 +9,8 @@ from typing import Any
 
 from control_board_ros.core.measurement import Array
 from control_board_ros.core.vocabs import ControlMode
-from control_board_ros.sim.settings import load
-from control_board_ros.sim.simulation import Simulation
+from control_board_ros.settings.loading import load
+from control_board_ros.simulation import Simulation
 
 J1, J2, J4 = (f"lbr_iiwa_joint_{k}" for k in (1, 2, 4))
 

@@ -11,7 +11,7 @@ import pytest
 
 from control_board_ros.core.config import BoardConfig
 from control_board_ros.node.parameters import Parameters, settings_from_arguments
-from control_board_ros.sim.settings import Settings, SettingsError, load
+from control_board_ros.settings.loading import Settings, SettingsError, load
 from control_board_ros.testing import free_domain, ros_node
 
 rcl_interfaces = pytest.importorskip("rcl_interfaces.msg")

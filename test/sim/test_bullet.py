@@ -29,9 +29,9 @@ from plants import (
 
 from control_board_ros.core.config import ConfigError, Motor
 from control_board_ros.core.measurement import Row
+from control_board_ros.description.rotor import angles_of, rotation_of, with_rotor_inertia
 from control_board_ros.sim.config import Mimic, MotorModel
 from control_board_ros.sim.plant import PlantError, SimulatedPlant
-from control_board_ros.sim.rotor import angles_of, rotation_of, with_rotor_inertia
 
 pytestmark = pytest.mark.physics
 BARE = MotorModel()

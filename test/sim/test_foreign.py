@@ -14,7 +14,7 @@ import pybullet_data
 import pytest
 from plants import joint, link, robot
 
-from control_board_ros.sim.simulation import Simulation
+from control_board_ros.simulation import Simulation
 
 DATA = Path(pybullet_data.getDataPath())
 HERE = Path(__file__).parent

@@ -9,7 +9,7 @@ import numpy as np
 import pybullet_data
 import pytest
 
-from control_board_ros.sim.simulation import Simulation
+from control_board_ros.simulation import Simulation
 
 KUKA = str(Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf")
 #: Stretched out, level: where gravity pulls most.

@@ -13,7 +13,7 @@ import pytest
 
 from control_board_ros.core.config import JointConfig, Pid
 from control_board_ros.core.vocabs import ControlMode as M
-from control_board_ros.sim.simulation import Simulation
+from control_board_ros.simulation import Simulation
 
 pytestmark = pytest.mark.physics
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from control_board_ros.core.measurement import Array
 from control_board_ros.core.selection import Selector
-from control_board_ros.sim import settings
+from control_board_ros.settings import loading as settings
 from control_board_ros.sim.plant import SimulatedPlant
 
 from .rig import Rig

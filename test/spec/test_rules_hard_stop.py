@@ -13,8 +13,8 @@ import pytest
 from control_board_ros.core.calibration import CalibrationError, HardStop
 from control_board_ros.core.config import BoardConfig, Calibration, ConfigError, JointConfig, Pid
 from control_board_ros.core.measurement import Array
+from control_board_ros.sim.bodies.ideal import IdealBody
 from control_board_ros.sim.config import SimulationConfig
-from control_board_ros.sim.ideal import IdealBody
 from control_board_ros.sim.plant import SimulatedPlant
 
 from .rig import M, Rig, board_config, joint, simulation_config

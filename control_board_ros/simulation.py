@@ -12,11 +12,11 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
-from ..core.board import Board
-from ..core.config import BoardConfig
-from .config import SimulationConfig
-from .plant import Body, SimulatedPlant
-from .settings import load
+from .core.board import Board
+from .core.config import BoardConfig
+from .settings.loading import load
+from .sim.config import SimulationConfig
+from .sim.plant import Body, SimulatedPlant
 
 
 class Simulation:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from control_board_ros.core.board import Board
 from control_board_ros.core.parts import DEGREE
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
-from control_board_ros.sim.robots import ROBOTS
-from control_board_ros.sim.settings import load
-from control_board_ros.sim.simulation import Simulation
+from control_board_ros.description.robots import ROBOTS
+from control_board_ros.settings.loading import load
+from control_board_ros.simulation import Simulation
 
 pytestmark = [pytest.mark.physics]
 needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")

@@ -20,15 +20,15 @@ from pathlib import Path
 from typing import Any
 
 from ..core.config import BoardConfig, ConfigError
+from ..description.assumed import Assumed
+from ..description.derive import complete
+from ..description.robots import ROBOTS, load_robot
+from ..description.urdf import Urdf, UrdfError
+from ..sim.config import SimulationConfig
 from . import build
-from .assumed import Assumed
-from .config import SimulationConfig
-from .derive import complete
 from .params_file import Entry, Layer, SettingsError, read_file, shown
-from .robots import ROBOTS, load_robot
 from .schema import BOARD, BOARD_BY_NAME, JOINT, JOINT_BY_NAME, JOINT_DEFAULTS, find_row
 from .shipped import find_config
-from .urdf import Urdf, UrdfError
 from .values import convert
 
 __all__ = ["Settings", "SettingsError", "find_config", "load", "load_layers"]

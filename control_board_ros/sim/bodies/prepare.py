@@ -7,11 +7,11 @@ import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core.config import BoardConfig, ConfigError
-from .config import Mimic, SimulationConfig
-from .motor import reflected_inertia
-from .rotor import Moments, normalise_axis, with_rotor_inertia
-from .urdf import load
+from ...core.config import BoardConfig, ConfigError
+from ...description.rotor import Moments, normalise_axis, with_rotor_inertia
+from ...description.urdf import load
+from ..config import Mimic, SimulationConfig
+from ..motor import reflected_inertia
 
 
 @dataclass(frozen=True, slots=True)

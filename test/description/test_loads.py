@@ -11,13 +11,14 @@ import pybullet_data
 import pytest
 from plants import GRIPPER, PENDULUM, SLIDER, joint, link, robot
 
-from control_board_ros.sim.bullet import BulletBody, bullet, connect
-from control_board_ros.sim.bullet import load as load_body
-from control_board_ros.sim.loads import POSES, Loads, loads, poses
+from control_board_ros.description.loads import POSES, Loads, loads, poses
+from control_board_ros.description.robots import load_robot
+from control_board_ros.description.urdf import Urdf, parse
+from control_board_ros.settings.loading import load
+from control_board_ros.sim.bodies.bullet import BulletBody
+from control_board_ros.sim.bodies.world import bullet, connect
+from control_board_ros.sim.bodies.world import load as load_body
 from control_board_ros.sim.motor import reflected_inertia
-from control_board_ros.sim.robots import load_robot
-from control_board_ros.sim.settings import load
-from control_board_ros.sim.urdf import Urdf, parse
 
 DATA = pybullet_data.getDataPath()
 ROBOTS = ["iiwa", "panda", f"{DATA}/cartpole.urdf", f"{DATA}/r2d2.urdf"]

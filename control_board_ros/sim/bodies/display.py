@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 
-from .errors import PlantError
+from ..errors import PlantError
 
 
 def check_display() -> None:

@@ -11,8 +11,8 @@ import pybullet_data
 import pytest
 from plants import link, robot
 
-from control_board_ros.sim.loads import loads
-from control_board_ros.sim.settings import Settings, load
+from control_board_ros.description.loads import loads
+from control_board_ros.settings.loading import Settings, load
 
 DATA = pybullet_data.getDataPath()
 FOREIGN = [f"{DATA}/{name}" for name in ("kuka_iiwa/model.urdf", "cartpole.urdf", "r2d2.urdf")]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm in pybullet; the only file that imports it.
+"""The arm in pybullet.
 
 pybullet's own joint motors and dampers are off: every torque comes from our motors. Hard stops
 are the board's hard limits (the URDF's, unless the configuration narrows them); they are hard
@@ -10,54 +10,27 @@ window: they are loaded for a picture only.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.config import BoardConfig
-from ..core.measurement import Array
-from .config import SimulationConfig
-from .display import check_display
-from .drive import StateRows
-from .errors import PlantError, PlantGone
+from ...core.config import BoardConfig
+from ...core.measurement import Array
+from ...description.rotor import Moments
+from ..config import SimulationConfig
+from ..drive import StateRows
+from ..errors import PlantError, PlantGone
+from .camera import Camera
 from .followers import Followers
 from .prepare import prepare
-from .rotor import Moments
-from .terminal import captured_output, file_in_memory
-
-with captured_output():
-    import pybullet as bullet
-
-if TYPE_CHECKING:
-    from .camera import Camera
-
-__all__ = ["Box", "BulletBody", "bullet", "connect", "load"]
+from .world import Box, bullet, connect, load
 
 MOVING = (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC)
 FOLLOWING_FORCE = 1e4
 #: pybullet neither reads nor drives the joints of a larger robot.
 MOST_JOINTS = 127
-
-
-@dataclass(frozen=True, slots=True)
-class Box:
-    """A fixed box: centre and half its edges, m, along the world's axes."""
-
-    centre: tuple[float, float, float]
-    half_extents: tuple[float, float, float]
-
-    def put(self, client: int) -> int:
-        """Put it into a world; the number of its body."""
-        shape = bullet.createCollisionShape(
-            bullet.GEOM_BOX, halfExtents=self.half_extents, physicsClientId=client
-        )
-        look = bullet.createVisualShape(
-            bullet.GEOM_BOX, halfExtents=self.half_extents, physicsClientId=client
-        )
-        return int(bullet.createMultiBody(0.0, shape, look, self.centre, physicsClientId=client))
 
 
 class BulletBody:
@@ -177,8 +150,6 @@ class BulletBody:
 
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """A picture of the robot and the obstacles, RGB, shape (height, width, 3)."""
-        from .camera import Camera  # it imports this module
-
         if self._camera is None:
             self._camera = Camera(self._text, self._simulation)
         every = range(bullet.getNumJoints(self._body, self._client))
@@ -256,55 +227,3 @@ class BulletBody:
             velocityGains=[1.0] * len(positions),
             physicsClientId=self._client,
         )
-
-
-def connect(*, gui: bool) -> int:
-    """Start a physics server; its number.
-
-    Raises:
-        PlantError: a window is asked for and there is no display, or no server starts.
-    """
-    if gui:
-        check_display()
-    with captured_output() as lines:
-        client = bullet.connect(bullet.GUI if gui else bullet.DIRECT)
-        said = lines()
-    if client < 0:
-        reason = "; ".join(said)[:300]
-        raise PlantError(f"pybullet cannot start a physics server ({reason}); try again")
-    return int(client)
-
-
-def load(client: int, text: str, simulation: SimulationConfig, *, visuals: bool) -> int:
-    """Load a prepared description into an empty world; the number of the body.
-
-    Raises:
-        PlantError: pybullet refuses it; one line with what pybullet said.
-    """
-    bullet.setGravity(*simulation.gravity, physicsClientId=client)
-    bullet.setPhysicsEngineParameter(
-        fixedTimeStep=simulation.physics_step,
-        numSubSteps=0,
-        enableFileCaching=0,
-        useSplitImpulse=0,  # else a stop met at speed is never fully restored
-        deterministicOverlappingPairs=1,
-        physicsClientId=client,
-    )
-    looks = 0 if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
-    with file_in_memory("urdf") as file, captured_output() as lines:
-        file.write(text.encode())
-        file.flush()
-        try:
-            body = bullet.loadURDF(
-                f"/proc/self/fd/{file.fileno()}",
-                useFixedBase=simulation.base_fixed,
-                flags=bullet.URDF_USE_INERTIA_FROM_FILE | looks,
-                physicsClientId=client,
-            )
-        except bullet.error as error:
-            said = [str(error), *lines()]
-            reason = "; ".join(line.strip() for line in said if line.strip())[:300]
-            raise PlantError(
-                f"urdf: pybullet cannot load it ({reason}); check the robot's URDF"
-            ) from None
-    return int(body)

@@ -18,8 +18,8 @@ from ..core.config import (
     Timeouts,
 )
 from ..core.vocabs import parse_control_mode, parse_interaction_mode
-from .config import Encoder, JointSimulation, Mimic, MotorModel, SimulationConfig
-from .urdf import Urdf
+from ..description.urdf import Urdf
+from ..sim.config import Encoder, JointSimulation, Mimic, MotorModel, SimulationConfig
 
 T = TypeVar("T")
 Values = Mapping[str, Any]

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ..core.config import BoardConfig
-from .config import SimulationConfig
+from ..sim.config import SimulationConfig
 from .parameter import JOINT_DEFAULTS, Kind, Parameter, default_of, flag, number, string, strings
 from .schema_joint import JOINT
 

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from .bullet import Box, bullet, connect, load
-from .config import SimulationConfig
+from ..config import SimulationConfig
+from .world import Box, bullet, connect, load
 
 
 class Camera:

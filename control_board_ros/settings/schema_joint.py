@@ -17,7 +17,7 @@ from ..core.config import (
     Timeouts,
 )
 from ..core.vocabs import InteractionMode
-from .config import Encoder, MotorModel
+from ..sim.config import Encoder, MotorModel
 from .parameter import Kind, Parameter, default_of, flag, number, string, strings
 
 

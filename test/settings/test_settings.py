@@ -15,9 +15,9 @@ import pytest
 
 from control_board_ros.core.parts import DEGREE
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
-from control_board_ros.sim import params_file, schema, yaml_tree
-from control_board_ros.sim.robots import ROBOTS
-from control_board_ros.sim.settings import Settings, SettingsError, find_config, load
+from control_board_ros.description.robots import ROBOTS
+from control_board_ros.settings import params_file, schema, yaml_tree
+from control_board_ros.settings.loading import Settings, SettingsError, find_config, load
 
 J2 = "lbr_iiwa_joint_2"
 needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
@@ -476,8 +476,8 @@ def test_joint_defaults_are_for_the_start_only() -> None:
 
 
 def test_every_default_is_allowed_by_its_own_row() -> None:
-    from control_board_ros.sim.params_file import Entry
-    from control_board_ros.sim.values import convert
+    from control_board_ros.settings.params_file import Entry
+    from control_board_ros.settings.values import convert
 
     for row in (*schema.BOARD, *schema.JOINT):
         assert row.description.endswith("."), row.name
@@ -488,9 +488,9 @@ def test_every_default_is_allowed_by_its_own_row() -> None:
 
 
 def test_every_value_of_the_settings_is_allowed_by_its_row(iiwa: Settings) -> None:
-    from control_board_ros.sim.params_file import Entry
-    from control_board_ros.sim.schema import find_row
-    from control_board_ros.sim.values import convert
+    from control_board_ros.settings.params_file import Entry
+    from control_board_ros.settings.schema import find_row
+    from control_board_ros.settings.values import convert
 
     for name, value in iiwa.values.items():
         row = find_row(name, iiwa.board.names)

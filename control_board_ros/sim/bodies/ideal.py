@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from ..core.config import BoardConfig
-from ..core.measurement import Array
-from .config import SimulationConfig
-from .motor import reflected_inertia
+from ...core.config import BoardConfig
+from ...core.measurement import Array
+from ..config import SimulationConfig
+from ..motor import reflected_inertia
 
 
 class IdealBody:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..core.measurement import Array
-from .config import Mimic
+from ...core.measurement import Array
+from ..config import Mimic
 
 
 class Followers:

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from .errors import OneLineError
+from ..description.errors import OneLineError
 
 DEPTH_CAP = 16
 VALUE_CAP = 20_000

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from control_board_ros.sim import urdf_tree
-from control_board_ros.sim.urdf import Urdf, UrdfError, load, parse
+from control_board_ros.description import urdf_tree
+from control_board_ros.description.urdf import Urdf, UrdfError, load, parse
 
 INERTIAL = "<inertial><mass value='1'/><inertia ixx='0.1' iyy='0.1' izz='0.1'/></inertial>"
 LIMIT = "<limit lower='-1' upper='1' effort='10' velocity='2'/>"

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from control_board_ros.sim import robots
-from control_board_ros.sim.robots import ROBOTS, load_robot
-from control_board_ros.sim.urdf import UrdfError
+from control_board_ros.description import robots
+from control_board_ros.description.robots import ROBOTS, load_robot
+from control_board_ros.description.urdf import UrdfError
 
 needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A world of pybullet: a physics server of its own, boxes in it, and the robot loaded into it.
+
+The only file that imports pybullet; ``bullet`` and ``camera`` use it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..config import SimulationConfig
+from ..errors import PlantError
+from .display import check_display
+from .terminal import captured_output, file_in_memory
+
+with captured_output():
+    import pybullet as bullet
+
+__all__ = ["Box", "bullet", "connect", "load"]
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A fixed box: centre and half its edges, m, along the world's axes."""
+
+    centre: tuple[float, float, float]
+    half_extents: tuple[float, float, float]
+
+    def put(self, client: int) -> int:
+        """Put it into a world; the number of its body."""
+        shape = bullet.createCollisionShape(
+            bullet.GEOM_BOX, halfExtents=self.half_extents, physicsClientId=client
+        )
+        look = bullet.createVisualShape(
+            bullet.GEOM_BOX, halfExtents=self.half_extents, physicsClientId=client
+        )
+        return int(bullet.createMultiBody(0.0, shape, look, self.centre, physicsClientId=client))
+
+
+def connect(*, gui: bool) -> int:
+    """Start a physics server; its number.
+
+    Raises:
+        PlantError: a window is asked for and there is no display, or no server starts.
+    """
+    if gui:
+        check_display()
+    with captured_output() as lines:
+        client = bullet.connect(bullet.GUI if gui else bullet.DIRECT)
+        said = lines()
+    if client < 0:
+        reason = "; ".join(said)[:300]
+        raise PlantError(f"pybullet cannot start a physics server ({reason}); try again")
+    return int(client)
+
+
+def load(client: int, text: str, simulation: SimulationConfig, *, visuals: bool) -> int:
+    """Load a prepared description into an empty world; the number of the body.
+
+    Raises:
+        PlantError: pybullet refuses it; one line with what pybullet said.
+    """
+    bullet.setGravity(*simulation.gravity, physicsClientId=client)
+    bullet.setPhysicsEngineParameter(
+        fixedTimeStep=simulation.physics_step,
+        numSubSteps=0,
+        enableFileCaching=0,
+        useSplitImpulse=0,  # else a stop met at speed is never fully restored
+        deterministicOverlappingPairs=1,
+        physicsClientId=client,
+    )
+    looks = 0 if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
+    with file_in_memory("urdf") as file, captured_output() as lines:
+        file.write(text.encode())
+        file.flush()
+        try:
+            body = bullet.loadURDF(
+                f"/proc/self/fd/{file.fileno()}",
+                useFixedBase=simulation.base_fixed,
+                flags=bullet.URDF_USE_INERTIA_FROM_FILE | looks,
+                physicsClientId=client,
+            )
+        except bullet.error as error:
+            said = [str(error), *lines()]
+            reason = "; ".join(line.strip() for line in said if line.strip())[:300]
+            raise PlantError(
+                f"urdf: pybullet cannot load it ({reason}); check the robot's URDF"
+            ) from None
+    return int(body)
