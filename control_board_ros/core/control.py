@@ -10,11 +10,12 @@ import math
 
 import numpy as np
 
-from .config import BoardConfig, JointConfig, Pid
+from .config import BoardConfig, JointConfig, Pid, damping_for
 from .laws import Joint, Laws
 from .laws import Pid as Loop
+from .measurement import Array
 from .modes import Law
-from .state import Joints, State
+from .state import Indices, Joints, State
 
 #: A current reference stays below what would be an overcurrent, by this part of it.
 PEAK_SHARE = 0.95
@@ -26,8 +27,7 @@ MOST_LEAD = 3.0
 class Controller:
     """From references and measurements to the output of every motor.
 
-    Attributes: joints (of ``laws.Joint``, in the board's order), max_torque (N·m, shape (n,)),
-    max_percent (PWM, shape (n,)).
+    Attributes: joints (of ``laws.Joint``, in the board's order).
     """
 
     def __init__(self, config: BoardConfig, state: State) -> None:
@@ -54,9 +54,6 @@ class Controller:
     def reconfigure(self, config: BoardConfig) -> None:
         """Take new constants and gains; the laws that run go on with them, without a jump."""
         self._config = config
-        limits = [joint.limits for joint in config.joints]
-        self.max_torque = np.array([limit.torque for limit in limits])
-        self.max_percent = np.array([limit.output for limit in limits])
         for joint, own in zip(self.joints, config.joints, strict=True):
             set_constants(joint, own, config.period)
         for j in range(len(self.joints)):
@@ -84,6 +81,19 @@ class Controller:
             state.powered[j] = float(law is not Law.OFF)
             if law is Law.OFF:
                 state.output[j] = 0.0
+
+    def set_impedance(self, joints: Indices, stiffness: Array, damping: Array | None) -> None:
+        """Set spring and damper (I6), N·m/rad and N·m·s/rad, shapes (k,).
+
+        Without damping it is what goes with the stiffness (``damping_for``).
+        """
+        for k, j in enumerate(joints.tolist()):
+            joint = self.joints[j]
+            joint.stiffness = float(stiffness[k])
+            if damping is None:
+                joint.damping = damping_for(joint.stiffness, self._config.joints[j])
+            else:
+                joint.damping = float(damping[k])
 
     def _set_law(self, j: int, law: Law, direct: bool) -> None:
         """The gains and the conversions to the drive that go with a law."""

@@ -217,7 +217,7 @@ class Follower:
         names = [self._board.names[j] for j in run.joints[columns]]
         if why:
             text = f"trajectory of {', '.join(names)} ended: {why}"
-            self._board.tell("info", "trajectory", int(run.joints[columns][0]), text)
+            self._board.events.add("info", "trajectory", names[0], text)
         if columns.all():
             self._runs.remove(run)
         else:

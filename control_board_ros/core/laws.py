@@ -190,10 +190,10 @@ class Joint:
     move_cycles = cython.declare(cython.double, visibility="public")  # past
     moved = cython.declare(cython.double, visibility="public")
     moved_velocity = cython.declare(cython.double, visibility="public")
-    rolled = cython.declare(cython.double, visibility="public")  # ∫v dt
-    rolled_velocity = cython.declare(cython.double, visibility="public")
-    roll_target = cython.declare(cython.double, visibility="public")
-    roll_step = cython.declare(cython.double, visibility="public")  # rad/s per cycle
+    ramped = cython.declare(cython.double, visibility="public")  # ∫v dt
+    ramp_velocity = cython.declare(cython.double, visibility="public")
+    ramp_target = cython.declare(cython.double, visibility="public")
+    ramp_step = cython.declare(cython.double, visibility="public")  # rad/s per cycle
     direct_velocity = cython.declare(cython.double, visibility="public")
     direct_age = cython.declare(cython.double, visibility="public")  # cycles since the last one
     direct_interval = cython.declare(cython.double, visibility="public")  # s to the one before
@@ -242,8 +242,8 @@ class Joint:
         """
         self.moving = False
         self.moved = self.reference = self.followed = position
-        self.moved_velocity = self.reference_velocity = self.rolled = 0.0
-        self.rolled_velocity = self.roll_target = 0.0
+        self.moved_velocity = self.reference_velocity = self.ramped = 0.0
+        self.ramp_velocity = self.ramp_target = 0.0
         self.followed_velocity = clamp(self.velocity, -self.max_velocity, self.max_velocity)
         self.followed_acceleration = self.direct_velocity = 0.0
         self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
@@ -270,15 +270,15 @@ class Joint:
         self.brake_time = brake
         self.move_cycles = 0.0
         self.moved = self.reference
-        self.rolled = 0.0
+        self.ramped = 0.0
         self.awaited = self.settling
 
     @cython.ccall
-    def roll(self, velocity: cython.double, acceleration: cython.double) -> cython.void:
+    def ramp(self, velocity: cython.double, acceleration: cython.double) -> cython.void:
         """Ramp the velocity reference to a new value (P5)."""
         self.active = True
-        self.roll_target = velocity
-        self.roll_step = acceleration * self.period
+        self.ramp_target = velocity
+        self.ramp_step = acceleration * self.period
         self.awaited = self.settling
 
     @cython.ccall
@@ -305,8 +305,8 @@ class Joint:
     def step_with(self, position: cython.double, velocity: cython.double) -> cython.void:
         """Take a direct position that has a velocity of its own (P4)."""
         self.active, self.moving = True, False
-        self.moved, self.rolled = position, 0.0
-        self.moved_velocity = self.rolled_velocity = self.roll_target = 0.0
+        self.moved, self.ramped = position, 0.0
+        self.moved_velocity = self.ramp_velocity = self.ramp_target = 0.0
         self.reference, self.reference_velocity = position, 0.0
         self.direct_velocity = velocity
         self.direct_age, self.direct_interval = 0.0, STREAM_WINDOW
@@ -444,15 +444,15 @@ def advance(j: Joint) -> cython.void:
     if j.moving:
         advance_move(j)
     velocity = j.moved_velocity
-    if j.roll_target != 0.0 or j.rolled_velocity != 0.0:
-        advance_roll(j)
-        velocity += j.rolled_velocity
+    if j.ramp_target != 0.0 or j.ramp_velocity != 0.0:
+        advance_ramp(j)
+        velocity += j.ramp_velocity
     if j.direct_age < INFINITE:
         j.direct_age += 1.0
         j.anchor_age += 1.0
     else:
         j.reference_velocity = velocity
-    j.reference = clamp(j.moved + j.rolled, j.lower, j.upper)
+    j.reference = clamp(j.moved + j.ramped, j.lower, j.upper)
     follow(j)
     # A joint found outside its limits may come in, not go out again (P9).
     if j.lower < j.limit_lower and j.calibrated:
@@ -504,7 +504,7 @@ def advance_move(j: Joint) -> cython.void:
 
 
 @cython.cfunc
-def advance_roll(j: Joint) -> cython.void:
+def advance_ramp(j: Joint) -> cython.void:
     """The velocity reference: ramped (P5), and no more than speed and limits leave (P14).
 
     Together with a move it keeps to the speed limit, and brakes ahead of a position limit.
@@ -513,7 +513,7 @@ def advance_roll(j: Joint) -> cython.void:
     up: cython.double
     down: cython.double
     v: cython.double = clamp(
-        j.roll_target, j.rolled_velocity - j.roll_step, j.rolled_velocity + j.roll_step
+        j.ramp_target, j.ramp_velocity - j.ramp_step, j.ramp_velocity + j.ramp_step
     )
     up = brake_speed(j.upper - j.reference, j.max_acceleration, j.period)
     down = brake_speed(j.reference - j.lower, j.max_acceleration, j.period)
@@ -522,8 +522,8 @@ def advance_roll(j: Joint) -> cython.void:
         -(down if down < j.max_velocity else j.max_velocity),
         up if up < j.max_velocity else j.max_velocity,
     )
-    j.rolled_velocity = total - j.moved_velocity if total != j.moved_velocity + v else v
-    j.rolled += j.rolled_velocity * j.period
+    j.ramp_velocity = total - j.moved_velocity if total != j.moved_velocity + v else v
+    j.ramped += j.ramp_velocity * j.period
 
 
 @cython.cfunc
@@ -569,7 +569,7 @@ def follow(j: Joint) -> cython.void:
     if (
         j.followed == goal
         and fabs(velocity) <= step * 1e-6
-        and not (j.moving or j.roll_target != 0.0 or j.rolled_velocity != 0.0)
+        and not (j.moving or j.ramp_target != 0.0 or j.ramp_velocity != 0.0)
         and j.direct_velocity == 0.0
         and (j.direct_age == INFINITE or j.direct_age * j.period > STREAM)
     ):

@@ -1,29 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mode machine of all joints: the one engine that looks TRANSITIONS up (SPEC M, F, K, N).
+"""The mode machine of all joints: the one engine that looks TRANSITIONS up (SPEC M, F, N).
 
-It owns what belongs to being in a mode (entering one, faults and their records, calibrations
-and configuration) and emits events; it takes no requests from users.
+It answers requests (facts, verdict, effect), and owns what belongs to being in a mode: entering
+one, faults and their records, the configuration. Calibrations run in ``calibrations``.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from .calibration import TYPES, CalibrationError, CalibrationStatus, Calibrator
+from .calibrations import Calibrations
 from .causes import Cause
 from .config import BoardConfig
 from .control import Controller
+from .decisions import Facts, Verdict, Wanted, decide
+from .events import Events
+from .explanations import explain
+from .fault_monitor import FaultMonitor
 from .faults import FaultCode, FaultRecord
-from .joint_hand import JointHand
+from .measurement import Array
 from .modes import (
     ACCEPTS,
+    CALIBRATES,
+    CONFIGURED,
     DIRECT_GAINS,
-    LAWS,
     STATES,
     Choice,
     Event,
@@ -33,12 +35,11 @@ from .modes import (
     next_mode,
 )
 from .references import References
+from .reply import Reply, decided
+from .selection import Selection
 from .state import Joints, State, span
+from .timeouts import ReferenceTimeouts
 from .vocabs import CommandKind, ControlMode, InteractionMode
-from .watch import Watch
-
-#: Events that nobody takes are dropped from here on, oldest first.
-EVENTS_KEPT = 1000
 
 #: ACCEPTS as columns over the kinds of command, shape (kinds, 1).
 ACCEPTED = {
@@ -46,64 +47,122 @@ ACCEPTED = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class BoardEvent:
-    """Something that happened in a cycle and belongs in a log.
+class Machine:
+    """The joints of a board and what mode each is in, from a power-on to the next.
 
-    Attributes: level (``info``, ``warning`` or ``error``), key (what repeats of it share),
-    joint (name), text (one line).
+    Args:
+        config: of the board.
+        state: whose modes, faults and calibrations it changes.
+        controller, references, timeouts, monitor: what a change of mode starts afresh.
+        events: takes what belongs in a log.
+
+    Attributes: calibrations, configure_next (the configuration completes in the next cycle).
     """
 
-    level: str
-    key: str
-    joint: str
-    text: str
-
-
-class Machine:
-    """The joints of a board and what mode each is in."""
-
-    def __init__(self, config: BoardConfig) -> None:
-        self.config = config
-        self.names = config.names
-        self.count = len(config.joints)
-        self.period = config.period
-        self.cycle = 0
-        self.time = 0.0
-        self.modes_version = 0
-        self.faults_version = 0
-        self.faults = [FaultRecord(name) for name in self.names]
-        self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
-        self.state = State(config)
-        self._build()
-
-    def _build(self) -> None:
-        """Everything that a power-on makes anew (N1)."""
-        config, state = self.config, self.state
-        self.controller = Controller(config, state)
-        self.references = References(config, state, self.controller.joints)
-        self.watch = Watch(config, state)
-        self.accepts = np.zeros((len(CommandKind), self.count), dtype=bool)
-        self.calibration = [CalibrationStatus(name) for name in self.names]
-        self._calibrators: dict[int, Calibrator] = {}
-        self._former: dict[int, tuple[float, bool]] = {}  # offset, calibrated: before it began
-        self._shifted = False
-        group = {name: i for i, names in enumerate(config.calibration_groups) for name in names}
-        self._groups = [group.get(name, len(group)) for name in self.names]
-        state.offset[:] = 0.0
+    def __init__(
+        self,
+        config: BoardConfig,
+        state: State,
+        controller: Controller,
+        references: References,
+        timeouts: ReferenceTimeouts,
+        monitor: FaultMonitor,
+        events: Events,
+    ) -> None:
+        self.config, self.state = config, state
+        self.controller, self.references = controller, references
+        self.timeouts, self.monitor = timeouts, monitor
+        self.events = events
+        self.calibrations = Calibrations(self)
         self.configure_next = config.autoconfigure
-        self.blind = True  # no reading since power-on
-        for j in range(self.count):
-            state.calibrated[j] = False
-            state.interaction_modes[j] = InteractionMode.STIFF
-        for j in range(self.count):
+        for j in range(state.n):
             self.go(j, Event.POWER_ON)
 
-    def reset(self) -> None:
-        """Back to power-on (N1): records of faults stay readable, nothing else (F5)."""
-        self.faults = [fault.cleared() for fault in self.faults]
-        self.faults_version += 1
-        self._build()
+    def reconfigure(self, config: BoardConfig, timeout_cycles: Array) -> None:
+        """Take new limits and timeouts while running; timeouts in cycles, shape (kinds, n)."""
+        self.config = config
+        self.timeouts.reconfigure(timeout_cycles)
+        state = self.state
+        for j in range(state.n):
+            joint = slice(j, j + 1)
+            self.monitor.arm(joint, on=self.is_configured(j), calibrated=state.calibrated)
+            if state.faults[j].active:
+                self.monitor.let_cool(j, FaultCode(state.faults[j].code))
+            if j not in self.calibrations and state.powered[j]:
+                self.references.bound(joint)
+
+    # --- requests: decided for every joint, then written --------------------------------------
+
+    def request(self, selection: Selection, wanted: Sequence[Wanted]) -> Reply:
+        """Decide a request joint by joint, then carry it out and answer (M7).
+
+        Args:
+            selection: The joints, shape (k,).
+            wanted: What is asked of each: a key of REQUESTS, an interaction mode, or
+                Event.CALIBRATE.
+        """
+        joints = selection.joints.tolist()
+        facts = [self.facts(j) for j in joints]
+        verdicts = [decide(known, what) for known, what in zip(facts, wanted, strict=True)]
+        reasons = [
+            explain(verdict.reason, known, what)
+            for verdict, known, what in zip(verdicts, facts, wanted, strict=True)
+        ]
+        self._carry_out(joints, verdicts, wanted)
+        answers = [verdict.answer for verdict in verdicts]
+        return decided(selection.names, list(zip(answers, reasons, strict=True)))
+
+    def facts(self, j: int) -> Facts:
+        """What a decision on a joint rests on."""
+        state = self.state
+        fault = state.faults[j]
+        return Facts(
+            joint=self.config.joints[j],
+            mode=state.control_modes[j],
+            interaction=state.interaction_modes[j],
+            calibrated=bool(state.calibrated[j]),
+            fault=fault,
+            cause=self.monitor.cause(j) if fault.active else None,
+            time=state.time,
+        )
+
+    def _carry_out(
+        self, joints: list[int], verdicts: list[Verdict], wanted: Sequence[Wanted]
+    ) -> None:
+        """Write what was decided; plain changes into one mode for all their joints at once."""
+        entering: dict[ControlMode, list[int]] = {}
+        for j, verdict, what in zip(joints, verdicts, wanted, strict=True):
+            effect = verdict.effect
+            if isinstance(effect, InteractionMode):
+                self._store_interaction(j, effect)
+            elif isinstance(effect, ControlMode):
+                entering.setdefault(effect, []).append(j)
+            elif effect is Event.UNSUPPORTED:
+                assert not isinstance(what, Event)
+                text = f"{what.code} ({what.name}) was asked for"
+                self.raise_fault(j, FaultCode.UNSUPPORTED, text)
+            elif effect is Event.CALIBRATE:
+                self.calibrations.start(j)
+            elif effect is not None:
+                self._force_idle(j)
+        for mode, chosen in entering.items():
+            self.enter(chosen, mode)
+
+    def _store_interaction(self, j: int, wanted: InteractionMode) -> None:
+        """Store an interaction mode; where the law changes with it the joint stops (I3, I4)."""
+        mode, before = self.state.control_modes[j], self.state.interaction_modes[j]
+        self.state.interaction_modes[j] = wanted
+        self.state.modes_version += 1
+        if law_of(mode, before) is not law_of(mode, wanted):
+            self.enter([j], mode)
+
+    def _force_idle(self, j: int) -> None:
+        """FORCE_IDLE (F4, K2); on a fault whose cause is gone it clears it (F2)."""
+        self.go(j, Event.FORCE_IDLE)
+        if self.state.faults[j].active:
+            self.monitor.forget(j)
+            self.state.faults[j] = self.state.faults[j].cleared()
+            self.state.faults_version += 1
 
     # --- the engine -----------------------------------------------------------------------
 
@@ -121,8 +180,8 @@ class Machine:
             self.state.interaction_modes[j] = joint.calibration.interaction_mode
             target = joint.calibration.control_mode
         assert isinstance(target, ControlMode)
-        if target is not ControlMode.CALIBRATING:
-            self._drop_calibrator(j)
+        if target not in CALIBRATES:
+            self.calibrations.abort(j)  # K2, K4
         self.enter([j], target)
         return True
 
@@ -132,197 +191,110 @@ class Machine:
         chosen = span(joints)
         for j in joints:
             state.control_modes[j] = mode
-        for j in joints:
             controller.joints[j].output_command = 0.0
-        calibrating = Law.CALIBRATOR in LAWS.get(mode, {}).values()
+        calibrating = mode in CALIBRATES
         self.references.reset(chosen, bounded=not calibrating)
+        self.timeouts.cancel(chosen)
         for interaction in {state.interaction_modes[j] for j in joints}:
             some = [j for j in joints if state.interaction_modes[j] is interaction]
             law = Law.POSITION if calibrating else law_of(mode, interaction)
             self.set_law(span(some), law, direct=mode in DIRECT_GAINS, feeds=not calibrating)
-        on = mode is not ControlMode.NOT_CONFIGURED
-        self.watch.arm(chosen, on=on, calibrated=state.calibrated)
-        self.accepts[:, chosen] = ACCEPTED[mode]
-        self.modes_version += 1
+        self.monitor.arm(chosen, on=mode in CONFIGURED, calibrated=state.calibrated)
+        state.accepts[:, chosen] = ACCEPTED[mode]
+        state.modes_version += 1
 
     def set_law(
         self, joints: Joints, law: Law, *, direct: bool = False, feeds: bool = True
     ) -> None:
         """Let a law of control run joints from their present torque on."""
         self.controller.arm(joints, law, direct=direct, feeds=feeds)
-        self.watch.power(joints, self.state.powered)
+        self.monitor.power(joints, self.state.powered)
 
     def tell(self, level: str, key: str, j: int, text: str) -> None:
-        """Emit an event."""
-        self.events.append(BoardEvent(level, key, self.names[j], text))
+        """Add an event of a joint: ``<joint>: <text>``."""
+        name = self.config.names[j]
+        self.events.add(level, key, name, f"{name}: {text}")
 
-    def _warn_of_heat(self) -> None:
-        """Tell who comes near a fault by heat (F6)."""
-        self.watch.monitor.news = False
-        for j in range(self.count):
-            for key, text in self.watch.warnings(j).items():
-                if not self.faults[j].active:
-                    self.tell("warning", key, j, f"{self.names[j]}: {text}")
+    def is_configured(self, j: int) -> bool:
+        """Whether a joint has left NOT_CONFIGURED."""
+        return self.state.control_modes[j] in CONFIGURED
 
     # --- faults ---------------------------------------------------------------------------
 
     def raise_fault(self, j: int, code: FaultCode, text: str) -> None:
         """Put a joint into HW_FAULT; the first cause is kept (F1, F5)."""
         trigger = Event.UNSUPPORTED if code is FaultCode.UNSUPPORTED else Event.FAULT
-        calibrating = j in self._calibrators
+        calibrating = j in self.calibrations
         if not self.go(j, trigger):
             return
-        self.faults[j] = FaultRecord(
-            self.names[j],
-            active=True,
-            code=int(code),
-            text=f"{code.title}, {text}",
-            stamp=self.time,
+        state, name = self.state, self.config.names[j]
+        state.faults[j] = FaultRecord(
+            name, active=True, code=int(code), text=f"{code.title}, {text}", stamp=state.time
         )
-        self.faults_version += 1
+        state.faults_version += 1
         if calibrating:  # K4
-            self.calibration[j] = replace(
-                self.calibration[j], phase="failed", message=self.faults[j].text
-            )
-        self.watch.let_cool(j, code)
-        self.watch.forget(j)
-        self.tell(
-            "error", f"fault {int(code)}", j, f"{self.names[j]}: fault, {code.title}: {text}"
-        )
+            self.calibrations.fail(j, state.faults[j].text)
+        self.monitor.let_cool(j, code)
+        self.monitor.forget(j)
+        self.tell("error", f"fault {int(code)}", j, f"fault, {code.title}: {text}")
 
-    def clear_fault(self, j: int) -> Cause | None:
-        """FORCE_IDLE on a faulted joint; the cause when it persists (F2, F3)."""
-        cause = self.watch.cause(j)
-        if cause is not None:
-            return cause
-        self.go(j, Event.FORCE_IDLE)
-        self.watch.forget(j)
-        self.faults[j] = self.faults[j].cleared()
-        self.faults_version += 1
-        return None
+    def check_faults(self, last: Array) -> None:
+        """Raise the faults that the last reading shows (F1).
 
-    def _raise_faults(self, last: Any) -> None:
+        Args:
+            last: the reading before, shape (ROWS, n); it stands in for what is not a number.
+        """
         modes = self.state.control_modes
-        causes = {
-            j: self.watch.cause(j)
-            for j in self.watch.unhealthy()
+        causes: dict[int, Cause | None] = {
+            j: self.monitor.cause(j)
+            for j in self.monitor.unhealthy()
             if next_mode(modes[j], Event.FAULT) is not None  # in a fault, the first cause is kept
         }
-        self.watch.mend(last)
+        self.monitor.replace_broken(last)
         for j, cause in causes.items():
             if cause is not None:
                 self.raise_fault(j, cause.code, cause.text)
 
-    def _expire(self) -> None:
+    def warn_of_heat(self) -> None:
+        """Tell who comes near a fault by heat (F6)."""
+        for j in range(self.state.n):
+            for key, text in self.monitor.warnings(j).items():
+                if not self.state.faults[j].active:
+                    self.tell("warning", key, j, text)
+
+    def expire(self) -> None:
         """Reference timeouts (P12): a velocity stops and holds, a torque or output faults."""
-        late = self.references.expired(self.cycle)
+        late = self.timeouts.expired(self.state.cycle)
         if late is None:
             return
-        for j in late:
-            if self.accepts[CommandKind.VELOCITY, j]:
-                if not self.references.rolls(int(j)):
-                    continue  # it was stopped before: nothing to tell
+        for j in late.tolist():
+            if not self.state.accepts[CommandKind.VELOCITY, j]:
+                text = "references stopped while the motor drives"
+                self.raise_fault(j, FaultCode.REFERENCE_TIMEOUT, text)
+            elif self.references.is_ramping(j):
                 self.references.halt(np.array([j]))
                 timeout = self.config.joints[j].timeouts.velocity
                 text = f"no velocity reference for {timeout:g} s; it stops and holds"
-                self.tell("info", "velocity timeout", j, f"{self.names[j]}: {text}")
-            else:
-                self.raise_fault(
-                    int(j),
-                    FaultCode.REFERENCE_TIMEOUT,
-                    "references stopped while the motor drives",
-                )
+                self.tell("info", "velocity timeout", j, text)
 
-    # --- configuration and calibration -----------------------------------------------------
+    # --- configuration ----------------------------------------------------------------------
 
-    def complete_configuration(self) -> None:
+    def complete_configuration(self, *, blind: bool) -> None:
         """The whole configuration is in: every joint leaves NOT_CONFIGURED (N2, N3).
 
-        Before the first reading it waits for it: a joint holds where it is, not where it was.
+        Args:
+            blind: there is no reading yet, so it waits for one: a joint holds where it is, not
+                where it was.
         """
-        self.configure_next = self.blind
-        if self.blind:
+        self.configure_next = blind
+        if blind:
             return
         for j, joint in enumerate(self.config.joints):
-            if self.state.control_modes[j] is not ControlMode.NOT_CONFIGURED:
+            if self.is_configured(j):
                 continue
             if joint.calibration is not None and joint.calibration.required:
-                self.start_calibration(j)
+                self.calibrations.start(j)
                 continue
-            self.set_offset(j, joint.calibration.zero if joint.calibration else 0.0)
-            self.state.calibrated[j] = True
-            self.references.last[CommandKind.POSITION, j] = self.state.position[j]
-            self.references.last[CommandKind.POSITION_DIRECT, j] = self.state.position[j]
+            self.calibrations.set_offset(j, joint.calibration.zero if joint.calibration else 0.0)
+            self.calibrations.know_angle(j)
             self.go(j, Event.CONFIGURED)
-
-    def start_calibration(self, j: int) -> bool:
-        """The calibration command (K1); false when the table refuses it."""
-        calibration = self.config.joints[j].calibration
-        assert calibration is not None
-        if next_mode(self.state.control_modes[j], Event.CALIBRATE) is None:
-            return False
-        self._former[j] = float(self.state.offset[j]), bool(self.state.calibrated[j])
-        self.state.calibrated[j] = False
-        self._calibrators[j] = TYPES[calibration.type](
-            calibration, JointHand(self, j), self.period
-        )
-        self.calibration[j] = CalibrationStatus(self.names[j], running=True, phase="waiting")
-        return self.go(j, Event.CALIBRATE)
-
-    def set_offset(self, j: int, offset: float) -> None:
-        """Take reading − offset as the joint angle."""
-        state = self.state
-        state.position[j] += state.offset[j] - offset
-        state.offset[j] = offset
-        self._shifted = bool(self.state.offset.any())
-
-    def _calibrate(self) -> None:
-        """Step the calibrators of the group whose turn it is (K1, K3, K4)."""
-        turn = min(self._groups[j] for j in self._calibrators)
-        for j in [j for j in self._calibrators if self._groups[j] == turn]:
-            calibrator = self._calibrators[j]
-            try:
-                done = calibrator.step()
-            except CalibrationError as error:
-                self.raise_fault(j, FaultCode.CALIBRATION, str(error))
-                continue
-            progress = calibrator.progress
-            self.calibration[j] = CalibrationStatus(
-                self.names[j], running=True, progress=progress.fraction, phase=progress.phase
-            )
-            if done:
-                self._finish_calibration(j)
-
-    def _finish_calibration(self, j: int) -> None:
-        del self._calibrators[j]
-        self.state.calibrated[j] = True
-        self.references.last[CommandKind.POSITION, j] = self.state.position[j]
-        self.references.last[CommandKind.POSITION_DIRECT, j] = self.state.position[j]
-        self.calibration[j] = CalibrationStatus(
-            self.names[j], done=True, progress=1.0, phase="done"
-        )
-        self.go(j, Event.CALIBRATED)
-        self.tell("info", "calibrated", j, f"{self.names[j]}: calibrated")
-
-    def lacks_calibration(self, j: int) -> bool:
-        """Whether a joint requires a calibration and has none (K7)."""
-        calibration = self.config.joints[j].calibration
-        required = calibration is not None and calibration.required
-        return required and not self.state.calibrated[j]
-
-    def _drop_calibrator(self, j: int) -> None:
-        """End a calibration that is not done: what it changed is taken back (K2, K4).
-
-        A joint that requires it is left uncalibrated (K7), another as it was: its former
-        angle and its limits hold.
-        """
-        if self._calibrators.pop(j, None) is None:
-            return
-        calibration, (offset, calibrated) = self.config.joints[j].calibration, self._former[j]
-        assert calibration is not None
-        self.set_offset(j, offset)
-        self.state.calibrated[j] = calibrated and not calibration.required
-        status = self.calibration[j]
-        self.calibration[j] = CalibrationStatus(
-            status.name, progress=status.progress, phase="aborted", message="aborted"
-        )

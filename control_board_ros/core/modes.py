@@ -60,17 +60,22 @@ SELECTABLE = (
     M.IDLE,
 )
 
-#: Modes that a joint can be in; the index of a mode here is its number in the state arrays.
+#: Modes that a joint can be in.
 STATES = (*SELECTABLE, M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED)
-INDEX = {mode: i for i, mode in enumerate(STATES)}
 
 #: Known vocabs that no joint implements (SPEC V): asking for one is a user fault (M5).
 UNIMPLEMENTED = (M.CURRENT, M.VELOCITY_DIRECT)
 
-#: What set_control_mode takes besides: M6 refuses everything else.
-REQUESTABLE = (*SELECTABLE, M.FORCE_IDLE, *UNIMPLEMENTED)
-
 Trigger = ControlMode | Event
+
+#: What set_control_mode takes, and what it sets off; everything else is refused (M6).
+REQUESTS: dict[ControlMode, Trigger] = {
+    **{mode: mode for mode in SELECTABLE},  # M1
+    M.FORCE_IDLE: Event.FORCE_IDLE,  # F2, F4, K2
+    **dict.fromkeys(UNIMPLEMENTED, Event.UNSUPPORTED),  # M5
+}
+REQUESTABLE = tuple(REQUESTS)
+
 TRANSITIONS: dict[tuple[ControlMode, Trigger], ControlMode | Choice] = {
     **{(a, b): b for a in SELECTABLE for b in SELECTABLE},  # M1
     **{(a, Event.FORCE_IDLE): M.IDLE for a in SELECTABLE},  # F4
@@ -110,6 +115,12 @@ LAWS: dict[ControlMode, dict[InteractionMode, Law]] = {
     M.CALIBRATING: dict.fromkeys(InteractionMode, Law.CALIBRATOR),  # K1, I8
 }
 
+#: Modes of a joint whose configuration is in (N2): checks are in force, references are counted.
+CONFIGURED = frozenset({*SELECTABLE, M.HW_FAULT, M.CALIBRATING})
+
+#: Modes in which a calibrator has its joint (K1): no limits are known, no feed-forward acts (K6).
+CALIBRATES = frozenset({M.CALIBRATING})
+
 #: Modes that use the second set of position gains, where a joint has one.
 DIRECT_GAINS = frozenset({M.POSITION_DIRECT})
 
@@ -121,9 +132,6 @@ UNCALIBRATED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 
 #: Modes in which an interaction mode can be asked for and is stored (I1, I2).
 STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})
-
-#: Modes in which no feed-forward acts, and offering one is ignored (K6, M4).
-NO_FEEDFORWARD = frozenset({M.CALIBRATING})
 
 #: Modes in which a stop does something, and those that are at rest by themselves (P3).
 STOPPABLE = frozenset({M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED})

@@ -45,7 +45,7 @@ INFINITE = cython.declare(cython.double, float("inf"))
 
 @cython.cclass
 class JointMonitor:
-    """What is known of one joint; ``core.watch`` fills in constants and limits."""
+    """What is known of one joint; ``core.fault_monitor`` fills in constants and limits."""
 
     # --- constants of the configuration -----------------------------------------------------
     travel_per_output = cython.declare(cython.double, visibility="public")

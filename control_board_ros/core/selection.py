@@ -3,15 +3,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from .measurement import Array
+from .modes import REQUESTABLE, REQUESTS
 from .state import Indices
+from .vocabs import (
+    ControlMode,
+    InteractionMode,
+    Vocab,
+    parse_control_mode,
+    parse_interaction_mode,
+)
+
+V = TypeVar("V", bound=Vocab)
 
 #: Selections of at most this many different requests are remembered.
 REMEMBERED = 256
@@ -91,13 +101,14 @@ class Selector:
         return f"joint {shown!r} unknown{hint}; joints: {', '.join(self.names[:16])}{many}"
 
 
-def spread(values: Any, count: int, what: str) -> Array:
-    """One float per chosen joint: a single value goes to all of them.
+def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> Array:
+    """One float per chosen joint: a single number goes to all of them.
 
     Args:
         values: a number or ``count`` numbers; not checked for being finite.
         count: how many joints were chosen.
         what: what the values are, for the message.
+        one_for_all: whether a list of one number goes to all of them, too.
 
     Raises:
         RequestError: the length fits neither, or the values are no numbers.
@@ -108,9 +119,80 @@ def spread(values: Any, count: int, what: str) -> Array:
         raise RequestError(f"{what} must be numbers; send one per joint") from None
     if array.shape == (count,):
         return array
-    if array.ndim == 0:
-        return np.full(count, float(array))
+    if array.ndim == 0 or (one_for_all and array.shape == (1,)):
+        return np.full(count, float(array.item()))
     raise RequestError(
         f"{array.size} {what} for {count} joint{'s' if count != 1 else ''}; "
         "send one value per named joint"
     )
+
+
+def all_within(
+    selection: Selection, what: str, values: Any, most: Array, *, zero: bool = False
+) -> Array:
+    """The values of a request, one per joint, shape (k,); one value goes to all of them.
+
+    Args:
+        selection: the joints.
+        what: what the values are, for the message.
+        values: as a user gave them.
+        most: the greatest allowed of every joint of the board, shape (n,).
+        zero: whether 0 is allowed, too.
+
+    Raises:
+        RequestError: a value is not above 0 and up to the most, or there are too many.
+    """
+    count = len(selection.names)
+    array = spread(values, count, what, one_for_all=True)
+    high = most[selection.joints]
+    bad = ~(((array >= 0.0) if zero else (array > 0.0)) & (array <= high))
+    if bad.any():
+        k = int(np.argmax(bad))
+        allowed = f"from 0 to {high[k]:.6g}" if zero else f"above 0, up to {high[k]:.6g}"
+        raise RequestError(
+            f"{what} {array[k]:.6g} of {selection.names[k]} is not allowed; "
+            f"send a number {allowed}"
+        )
+    return array
+
+
+def control_modes(modes: Any, count: int) -> list[ControlMode]:
+    """The control modes of a request, one per joint; one mode goes to all of them.
+
+    Raises:
+        ValueError: an unknown mode, a status that cannot be set (M6), or too few or many.
+    """
+    wanted = _parse_all(modes, count, parse_control_mode)
+    for mode in wanted:
+        if mode not in REQUESTS:
+            allowed = ", ".join(m.code for m in REQUESTABLE[:8])
+            raise RequestError(
+                f"{mode.code} ({mode.name}) is a status that cannot be set; set one of {allowed}"
+            )
+    return wanted
+
+
+def interaction_modes(modes: Any, count: int) -> list[InteractionMode]:
+    """The interaction modes of a request, one per joint; one mode goes to all of them.
+
+    Raises:
+        ValueError: an unknown mode, or too few or many.
+    """
+    return _parse_all(modes, count, parse_interaction_mode)
+
+
+def _parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
+    if isinstance(modes, str | int):
+        return [parse(modes)] * count
+    try:
+        parsed = [parse(mode) for mode in modes]
+    except TypeError:  # not a list of them: one, of a kind that says itself what it is
+        parsed = [parse(modes)]
+    if len(parsed) == 1:
+        return parsed * count
+    if len(parsed) != count:
+        raise RequestError(
+            f"{len(parsed)} modes for {count} joint{'s' if count != 1 else ''}; "
+            "send one mode per named joint, or one for all"
+        )
+    return parsed

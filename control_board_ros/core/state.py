@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .config import BoardConfig
+from .faults import FaultRecord
 from .measurement import ROWS, Array, Row
-from .vocabs import ControlMode, InteractionMode
+from .vocabs import CommandKind, ControlMode, InteractionMode
 
 Indices = NDArray[np.intp]
 
@@ -106,11 +107,13 @@ class Snapshot:
 
 
 class State:
-    """The arrays that the parts of a board share.
+    """What the parts of a board share: arrays, one column per joint, and records.
 
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
     joint angle), calibrated, powered (1.0 where the bridge is on), done (no position move runs),
-    control_modes and interaction_modes, rejected.
+    control_modes and interaction_modes, accepts (by kind of reference, shape (kinds, n)), rejected
+    (commands ignored so far), faults (the last one of each joint), time (s, of the last reading),
+    cycle, modes_version and faults_version (they grow when a mode or a fault record changes).
     """
 
     def __init__(self, config: BoardConfig) -> None:
@@ -132,9 +135,24 @@ class State:
         self.powered: Array = np.zeros(n)
         self.rejected: NDArray[np.uint64] = np.zeros(n, dtype=np.uint64)
         self.calibrated: NDArray[np.bool_] = np.zeros(n, dtype=np.bool_)
-        self.done: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)  # no position move runs
+        self.done: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)
+        self.accepts: NDArray[np.bool_] = np.zeros((len(CommandKind), n), dtype=np.bool_)
         self.control_modes = [ControlMode.NOT_CONFIGURED] * n
         self.interaction_modes = [InteractionMode.STIFF] * n
+        self.faults = [FaultRecord(name) for name in config.names]
+        self.time = 0.0
+        self.cycle = 0
+        self.modes_version = 0
+        self.faults_version = 0
+
+    def power_on(self) -> None:
+        """Forget what a power-on forgets (N1); records of faults stay readable (F5)."""
+        self.offset[:] = 0.0
+        self.calibrated[:] = False
+        self.accepts[:] = False
+        self.interaction_modes[:] = [InteractionMode.STIFF] * self.n
+        self.faults[:] = [fault.cleared() for fault in self.faults]
+        self.faults_version += 1
 
     def numbers(self, joints: Joints) -> list[int]:
         """The indices of joints, for loops."""

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..core.board import Board
+from ..core.events import BoardEvent
 from ..core.faults import FaultRecord
-from ..core.machine import BoardEvent
 from ..core.state import Snapshot
 from ..core.vocabs import ControlMode, InteractionMode
 from .time_base import TimeBase

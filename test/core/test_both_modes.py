@@ -145,7 +145,7 @@ def pushed(rig: Rig, mode: ControlMode, torque: float) -> Iterator[str]:
 
 def parts_of(rig: Rig) -> dict[str, bytes]:
     """All arrays of board and plant."""
-    state, watch, motors = rig.board.state, rig.board.watch, rig.plant._motors
+    state, watch, motors = rig.board.state, rig.board.monitor, rig.plant._motors
     return {
         "state": state.block.tobytes(),
         "done": state.done.tobytes(),
@@ -163,7 +163,7 @@ def parts_of(rig: Rig) -> dict[str, bytes]:
 
 def insides(rig: Rig) -> list[str]:
     """All numbers that the compiled objects hold, joint by joint, to the last bit."""
-    objects: list[Any] = [*rig.board.watch.joints, *rig.plant._motors._drives]
+    objects: list[Any] = [*rig.board.monitor.joints, *rig.plant._motors._drives]
     for one in rig.board.controller.joints:
         objects += [one, one.position_pid, one.torque_pid, one.current_pid]
     return [
@@ -183,7 +183,7 @@ def run(count: int, output: str) -> tuple[list[tuple[str, dict[str, bytes]]], li
             rig.tick()
             cycles.append((name, parts_of(rig)))
             met |= {*rig.modes(), *rig.board.get_interaction_mode(None)}
-        met |= {FaultCode(fault.code) for fault in rig.board.faults if fault.active}
+        met |= {FaultCode(fault.code) for fault in rig.board.get_faults() if fault.active}
         events = rig.board.take_events()
         met |= {event.key for event in events}
         numbers += [event.text for event in events]

@@ -35,7 +35,7 @@ def test_position_pid() -> None:
 def test_the_inertia_s_share_is_fed_forward(inertia: float) -> None:
     """I5: J·a_ref is all that a loop without gains gives, while the reference accelerates."""
     one = started(Law.POSITION, inertia=inertia)
-    one.joint.roll(0.3, 5.0)
+    one.joint.ramp(0.3, 5.0)
     expected = np.where(np.arange(100) < 60, 5.0 * inertia, 0.0)
     assert outputs(one, 100) == pytest.approx(expected, abs=1e-6)
 

@@ -112,7 +112,7 @@ def test_a_step_is_the_fastest_way_there(target: float, period: float) -> None:
 
 COMMANDS = st.lists(
     st.tuples(
-        st.sampled_from(["step_to", "step_with", "roll", "move"]),
+        st.sampled_from(["step_to", "step_with", "ramp", "move"]),
         st.floats(-2.5, 2.5),
         st.floats(-4.0, 4.0),
         st.integers(1, 300),
@@ -130,8 +130,8 @@ def tell(one: OneJoint, kind: str, position: float, velocity: float) -> None:
         joint.step_to(position)
     elif kind == "step_with":
         joint.step_with(position, velocity)
-    elif kind == "roll":
-        joint.roll(min(max(velocity, -SPEED), SPEED), 1.0 + abs(position) * 5.0)
+    elif kind == "ramp":
+        joint.ramp(min(max(velocity, -SPEED), SPEED), 1.0 + abs(position) * 5.0)
     else:
         joint.move(position, abs(velocity), 0.0)
 
@@ -180,7 +180,7 @@ def test_a_new_step_starts_from_the_present_speed(step: float, later: float, whe
 def test_a_velocity_brakes_ahead_of_a_limit(sign: float) -> None:
     """P5, P9, P14: at full speed towards it, and at rest just there."""
     one = standing()
-    one.joint.roll(sign * SPEED, ACCELERATION)
+    one.joint.ramp(sign * SPEED, ACCELERATION)
     rows = one.record(2000, *FOLLOWED)
     keeps_its_limits(one, rows, -2.0, 2.0)
     assert np.abs(rows[:, 1]).max() == pytest.approx(SPEED)
@@ -194,14 +194,14 @@ def test_a_velocity_brakes_ahead_of_a_limit(sign: float) -> None:
 def test_a_move_and_a_velocity_together_keep_the_speed() -> None:
     """P6, P14: the velocity gives way to the move, and is there again after it."""
     one = standing(-1.5)
-    one.joint.roll(0.4, ACCELERATION)
+    one.joint.ramp(0.4, ACCELERATION)
     one.joint.move(1.0, 1.7, 0.0)  # its peak is 2.76 rad/s
-    names = ("followed_velocity", "rolled_velocity", "moved_velocity")
-    followed, rolled, moved = one.record(1700, *names)[30:].T  # once the velocity is ramped
+    names = ("followed_velocity", "ramp_velocity", "moved_velocity")
+    followed, ramped, moved = one.record(1700, *names)[30:].T  # once the velocity is ramped
     assert moved.max() == pytest.approx(1.875 * 2.5 / 1.7, rel=1e-3)
     assert followed.max() == pytest.approx(SPEED)
-    assert rolled.min() == pytest.approx(SPEED - moved.max(), abs=1e-6)
-    assert rolled[-1] == pytest.approx(0.4)
+    assert ramped.min() == pytest.approx(SPEED - moved.max(), abs=1e-6)
+    assert ramped[-1] == pytest.approx(0.4)
 
 
 def test_a_joint_found_outside_comes_in_and_stays_in() -> None:

@@ -143,10 +143,10 @@ def test_a_move_of_no_distance_ends_in_one_cycle() -> None:
 def test_ramp_arrives_and_never_passes(velocity: float, target: float, rate: float) -> None:
     """P5: v moves towards its target by at most a·T per cycle and stays there."""
     one = at(0.0)
-    one.joint.roll(velocity, ACCELERATION)
+    one.joint.ramp(velocity, ACCELERATION)
     one.step(round(3.0 / ACCELERATION / PERIOD) + 2)
     assert one.joint.reference_velocity == pytest.approx(velocity, abs=1e-12)
-    one.joint.roll(target, rate)
+    one.joint.ramp(target, rate)
     cycles = int(abs(target - velocity) / (rate * PERIOD)) + 2
     way = one.record(cycles, "reference_velocity")[:, 0]
     assert np.abs(np.diff(way, prepend=velocity)).max() <= rate * PERIOD * (1 + 1e-9) + 1e-12

@@ -80,9 +80,11 @@ def test_a_robot_from_elsewhere_moves_at_speed_without_a_fault(name: str, tmp_pa
             for _ in range(int(random.integers(50, 800))):
                 simulation.step()
                 travelled += np.abs(board.state.velocity) * board.period
-                for monitor in board.watch.joints:
+                for monitor in board.monitor.joints:
                     assert abs(monitor.travel) < 0.5 * monitor.max_travel
-            faults = [f"{fault.name}: {fault.text}" for fault in board.faults if fault.active]
+            faults = [
+                f"{fault.name}: {fault.text}" for fault in board.get_faults() if fault.active
+            ]
             assert faults == [], simulation.time
         assert (travelled > 0.02).all()
 
@@ -107,5 +109,5 @@ def test_gains_hold_from_200_to_4000_hz(name: str, rate: float, output: str) -> 
         for _ in range(round(0.2 * rate)):
             simulation.step()
             fastest = np.maximum(fastest, np.abs(board.state.velocity))
-        assert [fault.text for fault in board.faults if fault.active] == []
+        assert [fault.text for fault in board.get_faults() if fault.active] == []
         assert fastest.max() < 0.01

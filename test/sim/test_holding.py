@@ -31,7 +31,7 @@ def test_an_arm_stretched_out_holds_for_ever(name: str) -> None:
             assert board.position_move(j, target, 0.5)
         simulation.run(16.0)
         before = board.snapshot().temperature
-        assert [fault.text for fault in board.faults if fault.active] == []
+        assert [fault.text for fault in board.get_faults() if fault.active] == []
         board.take_events()
         simulation.run(3.0)
         snapshot = board.snapshot()

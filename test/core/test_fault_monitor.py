@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from spec.rig import MOTOR, board_config, held, joint, ready
 
+from control_board_ros.core.fault_monitor import first_weight
 from control_board_ros.core.faults import FaultCode
 from control_board_ros.core.measurement import Row
 from control_board_ros.core.parts import DEGREE
 from control_board_ros.core.reply import Reply
 from control_board_ros.core.vocabs import ControlMode
-from control_board_ros.core.watch import first_weight
 
 M = ControlMode
 
@@ -36,7 +36,7 @@ def test_a_motor_tells_its_travel_whatever_its_inductance(rate: float, electrica
         rig.tick(int(random.integers(1, 20)))
         fastest = max(fastest, abs(rig.board.state.velocity[0]))
     rig.tick(8 - rig.board.cycle % 8)
-    watch, state = rig.board.watch, rig.board.state
+    watch, state = rig.board.monitor, rig.board.state
     while watch.monitor.countdown != 8:
         rig.tick()
     travelled = watch.travelled[0]

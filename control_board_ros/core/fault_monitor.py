@@ -39,8 +39,8 @@ JUMP_RADIANS, JUMP_METRES = 0.5 * DEGREE, 1e-3
 APART = 1e-3
 
 
-class Watch:
-    """Watches n joints.
+class FaultMonitor:
+    """Finds the causes of hardware faults in the readings of n joints.
 
     Attributes: joints (of JointMonitor), monitor, travelled (by each motor since power-on as its
     own equation tells while its bridge is on, shape (n,), rad; grows every SLOW cycles), used
@@ -77,7 +77,7 @@ class Watch:
         for monitor, joint in zip(self.joints, config.joints, strict=True):
             monitor.set(travel_constants(joint, self._period))
             monitor.set(heat_constants(joint.limits))
-        self._limits = [watched_limits(joint, self._period) for joint in config.joints]
+        self._limits = [checked_limits(joint, self._period) for joint in config.joints]
 
     def arm(self, joints: Joints, *, on: bool, calibrated: NDArray[np.bool_]) -> None:
         """Set the limits of joints, or none while they are not configured (N1).
@@ -137,6 +137,12 @@ class Watch:
             return bound_cause(check, monitor, joint, float(self._values[ROWS_OF[check], j]))
         return slow_cause(check, monitor, joint, SLOW * self._period)
 
+    def has_news(self) -> bool:
+        """Whether a joint has come near a fault by heat since this was last asked (F6)."""
+        news = bool(self.monitor.news)
+        self.monitor.news = False
+        return news
+
     def warnings(self, j: int) -> dict[str, str]:
         """What a joint is to be warned of that it was not when this was last asked (F6)."""
         found = warnings(self.joints[j])
@@ -151,7 +157,7 @@ class Watch:
         """
         self.joints[j].forget_travel()
 
-    def mend(self, last: Array) -> None:
+    def replace_broken(self, last: Array) -> None:
         """Replace what is not a number by the last good reading; it must not spread.
 
         Args:
@@ -179,7 +185,7 @@ def travel_constants(joint: JointConfig, period: float) -> dict[str, float]:
     }
 
 
-def watched_limits(joint: JointConfig, period: float) -> dict[str, float]:
+def checked_limits(joint: JointConfig, period: float) -> dict[str, float]:
     """The limits of a joint that is configured; attributes of JointMonitor."""
     limits, timeouts = joint.limits, joint.timeouts
     slack = JUMP_METRES if joint.kind == "prismatic" else JUMP_RADIANS

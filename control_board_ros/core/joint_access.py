@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The hand that a board lends a calibrator."""
+"""What a board lets a calibrator do with its joint."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from .machine import Machine
 
 
-class JointHand:
+class JointAccess:
     """What a calibrator may do with its joint; see calibrator.Hand."""
 
     __slots__ = ("_column", "_j", "_machine")
@@ -37,7 +37,7 @@ class JointHand:
 
     @property
     def travelled(self) -> float:
-        return float(self._machine.watch.travelled[self._j])
+        return float(self._machine.monitor.travelled[self._j])
 
     @property
     def current(self) -> float:
@@ -52,7 +52,7 @@ class JointHand:
         self._machine.set_law(self._column, Law.OUTPUT, feeds=False)
 
     def set_offset(self, offset: float) -> None:
-        self._machine.set_offset(self._j, offset)
+        self._machine.calibrations.set_offset(self._j, offset)
         self._machine.references.reset(self._column, bounded=False)
 
     def move(self, target: float, speed: float) -> None:

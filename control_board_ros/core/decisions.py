@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What becomes of a request, for one joint: decided from facts and the tables of ``modes``.
+
+``decide`` is total: every request has a Verdict for every joint in every mode. Nothing is written
+here; ``machine`` carries out what is decided, ``explanations`` puts it into words.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from .causes import Cause
+from .config import JointConfig
+from .faults import FaultRecord
+from .modes import (
+    ACCEPTS,
+    AT_REST,
+    CALIBRATES,
+    CONFIGURED,
+    REQUESTS,
+    STOPPABLE,
+    STORES_INTERACTION,
+    UNCALIBRATED_MODES,
+    Event,
+    Trigger,
+    next_mode,
+)
+from .reply import Answer
+from .vocabs import CommandKind, ControlMode, InteractionMode
+
+Wanted = ControlMode | InteractionMode | Event
+
+
+class Reason(Enum):
+    """Why a joint does not do what was asked for."""
+
+    NONE = auto()
+    IN_FAULT = auto()
+    CALIBRATING = auto()
+    UNCALIBRATED = auto()  # K7
+    NOT_CONFIGURED = auto()  # N4
+    UNSUPPORTED = auto()  # M5, I7
+    CAUSE_PERSISTS = auto()  # F2
+    NO_CALIBRATOR = auto()  # K1
+    OTHER_MODE = auto()  # M3
+    NOT_FINITE = auto()  # P13
+    OUT_OF_RANGE = auto()  # P13
+    NOTHING_TO_STOP = auto()  # P3
+    NO_FEEDFORWARD = auto()  # K6
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """What a decision on one joint rests on.
+
+    Attributes: joint (its configuration), mode, interaction, calibrated (K7), fault (its last
+    one), cause (of a fault that is active and would come back now), time (s, of the reading).
+    """
+
+    joint: JointConfig
+    mode: ControlMode
+    interaction: InteractionMode
+    calibrated: bool
+    fault: FaultRecord
+    cause: Cause | None
+    time: float
+
+    @property
+    def lacks_calibration(self) -> bool:
+        """Whether the joint requires a calibration and has none (K7)."""
+        calibration = self.joint.calibration
+        return calibration is not None and calibration.required and not self.calibrated
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The answer for a joint, the reason where it is not accepted, and what to carry out.
+
+    Attributes: answer, reason, effect (a trigger of the mode machine, an interaction mode to
+    store, or None: nothing changes).
+    """
+
+    answer: Answer
+    reason: Reason = Reason.NONE
+    effect: Trigger | InteractionMode | None = None
+
+
+FINE = Verdict(Answer.ACCEPTED)
+
+#: Why a joint in such a mode takes no request; absent: it does, unless it lacks a calibration.
+UNAVAILABLE = {
+    ControlMode.HW_FAULT: Reason.IN_FAULT,
+    ControlMode.CALIBRATING: Reason.CALIBRATING,
+    ControlMode.NOT_CONFIGURED: Reason.NOT_CONFIGURED,
+}
+
+
+def decide(facts: Facts, wanted: Wanted) -> Verdict:
+    """What becomes of a request.
+
+    Args:
+        facts: Of one joint.
+        wanted: A control mode that can be asked for (a key of REQUESTS), an interaction mode, or
+            Event.CALIBRATE.
+    """
+    if isinstance(wanted, InteractionMode):
+        return _decide_interaction(facts, wanted)
+    if wanted is Event.CALIBRATE:
+        return _decide_calibration(facts)
+    assert isinstance(wanted, ControlMode)
+    return _decide_control_mode(facts, wanted)
+
+
+def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
+    """M1, M5, M8, F2, F4, K2, K7."""
+    trigger = REQUESTS[wanted]
+    if trigger is wanted and wanted not in facts.joint.control_modes:
+        trigger = Event.UNSUPPORTED
+    target = next_mode(facts.mode, trigger)
+    if target is None or (facts.lacks_calibration and wanted not in UNCALIBRATED_MODES):
+        return _refused(facts)
+    if trigger is Event.UNSUPPORTED:
+        return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, trigger)
+    if facts.cause is not None:
+        return Verdict(Answer.REFUSED, Reason.CAUSE_PERSISTS)
+    return FINE if target is facts.mode else Verdict(Answer.ACCEPTED, effect=trigger)
+
+
+def _decide_interaction(facts: Facts, wanted: InteractionMode) -> Verdict:
+    """I1, I2, I4, I7."""
+    if facts.mode not in STORES_INTERACTION:
+        return _refused(facts)
+    if wanted not in facts.joint.interaction_modes:
+        if next_mode(facts.mode, Event.UNSUPPORTED) is None:
+            return _refused(facts)
+        return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, Event.UNSUPPORTED)
+    return FINE if wanted is facts.interaction else Verdict(Answer.ACCEPTED, effect=wanted)
+
+
+def _decide_calibration(facts: Facts) -> Verdict:
+    """K1, N4."""
+    if facts.joint.calibration is None:
+        return Verdict(Answer.REFUSED, Reason.NO_CALIBRATOR)
+    if facts.mode not in CONFIGURED or next_mode(facts.mode, Event.CALIBRATE) is None:
+        return _refused(facts)
+    return Verdict(Answer.ACCEPTED, effect=Event.CALIBRATE)
+
+
+def decide_stop(facts: Facts) -> Verdict:
+    """What becomes of a stop: it acts where a position reference is followed (P3)."""
+    if facts.mode in STOPPABLE or facts.mode in AT_REST:
+        return FINE
+    return Verdict(Answer.IGNORED, Reason.NOTHING_TO_STOP)
+
+
+def decide_reference(
+    facts: Facts, kind: CommandKind, values: tuple[float, ...], fits: bool = True
+) -> Verdict:
+    """What becomes of a reference (M4, P13).
+
+    Args:
+        facts: Of one joint.
+        kind: Of the reference.
+        values: It, and what comes along.
+        fits: Whether what comes along is in its range.
+    """
+    if kind not in ACCEPTS.get(facts.mode, ()):
+        return _ignored(facts, _unavailable(facts, Reason.OTHER_MODE))
+    if not all(math.isfinite(value) for value in values):
+        return _ignored(facts, Reason.NOT_FINITE)
+    return FINE if fits else _ignored(facts, Reason.OUT_OF_RANGE)
+
+
+def decide_feedforward(facts: Facts, values: tuple[float, ...]) -> Verdict:
+    """What becomes of feed-forward terms (P11, K6, M4)."""
+    if facts.mode in CALIBRATES:
+        return _ignored(facts, Reason.NO_FEEDFORWARD)
+    if not all(math.isfinite(value) for value in values):
+        return _ignored(facts, Reason.NOT_FINITE)
+    return FINE
+
+
+def _ignored(facts: Facts, reason: Reason) -> Verdict:
+    """Commands are ignored (M4); before the configuration is in, refused (N4)."""
+    answer = Answer.IGNORED if facts.mode in CONFIGURED else Answer.REFUSED
+    return Verdict(answer, reason)
+
+
+def _refused(facts: Facts) -> Verdict:
+    return Verdict(Answer.REFUSED, _unavailable(facts, Reason.UNCALIBRATED))
+
+
+def _unavailable(facts: Facts, otherwise: Reason) -> Reason:
+    """Why a joint in its mode takes nothing; ``otherwise`` where the mode is not the reason."""
+    if facts.mode in UNAVAILABLE:
+        return UNAVAILABLE[facts.mode]
+    return Reason.UNCALIBRATED if facts.lacks_calibration else otherwise

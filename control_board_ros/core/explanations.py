@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Verdicts in words: one line each with cause, value, what is allowed, and the next step.
+
+The only place where the texts of replies about single joints are made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from .config import JointConfig
+from .decisions import Facts, Reason, Wanted
+from .modes import Event, modes_accepting
+from .reply import quantity
+from .vocabs import CommandKind, ControlMode, InteractionMode
+
+#: Why a request for a joint is not carried out.
+REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
+    Reason.IN_FAULT: lambda facts, _: (
+        f"{facts.joint.name} is in HW_FAULT ({facts.fault.text}, "
+        f"{facts.time - facts.fault.stamp:.1f} s ago); send FORCE_IDLE first"
+    ),
+    Reason.CALIBRATING: lambda facts, _: (
+        f"{facts.joint.name} is CALIBRATING; wait until it is done, or abort it with FORCE_IDLE"
+    ),
+    Reason.UNCALIBRATED: lambda facts, _: (
+        f"{facts.joint.name} is not calibrated; "
+        f"calibrate it first: cbctl calibrate {facts.joint.name}"
+    ),
+    Reason.NOT_CONFIGURED: lambda facts, _: (
+        f"{facts.joint.name} is {facts.mode.name}; configure the board first (service configure)"
+    ),
+    Reason.UNSUPPORTED: lambda facts, wanted: (
+        f"{facts.joint.name} does not implement {asked(wanted)} and is now in HW_FAULT; "
+        f"it has {offered(facts, wanted)}; send FORCE_IDLE, then one of these"
+    ),
+    Reason.CAUSE_PERSISTS: lambda facts, _: persisting(facts),
+    Reason.NO_CALIBRATOR: lambda facts, _: (
+        f"{facts.joint.name} has no calibrator; give it {facts.joint.name}.calibration.type"
+    ),
+}
+
+#: Why a stop does nothing to a joint.
+STOP_TEXTS: dict[ControlMode, str] = {
+    ControlMode.CALIBRATING: "abort it with FORCE_IDLE, or wait until it is done",
+    ControlMode.NOT_CONFIGURED: "configure the board first (service configure)",
+}
+STOP_OTHERWISE = "set idl to take its power"
+
+
+def explain(reason: Reason, facts: Facts, wanted: Wanted) -> str:
+    """Why a request for a joint was not carried out; empty where it was."""
+    return REQUEST_TEXTS[reason](facts, wanted) if reason is not Reason.NONE else ""
+
+
+def explain_stop(facts: Facts) -> str:
+    """Why a stop did nothing to a joint."""
+    advice = STOP_TEXTS.get(facts.mode, STOP_OTHERWISE)
+    return f"{facts.joint.name} is {facts.mode.name}, where stop does nothing; {advice}"
+
+
+def explain_reference(
+    reason: Reason, facts: Facts, kind: CommandKind, values: tuple[float, ...], allowed: str = ""
+) -> str:
+    """Why a joint's part of a reference was ignored; empty where it was not.
+
+    Args:
+        reason: Of the verdict.
+        facts: Of the joint.
+        kind: Of the reference.
+        values: It, and what came along.
+        allowed: What may come along, in words.
+    """
+    if reason is Reason.NONE:
+        return ""
+    if reason is Reason.NOT_FINITE:
+        why = not_finite(values)
+    elif reason is Reason.OUT_OF_RANGE:
+        why = allowed
+    else:
+        why = wrong_mode(reason, facts, kind)
+    return f"{kind} reference for {facts.joint.name} ignored: {why}"
+
+
+def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...]) -> str:
+    """Why a joint's part of a feed-forward was ignored; empty where it was not."""
+    if reason is Reason.NONE:
+        return ""
+    mode = f"mode is {facts.mode.name}, where none acts"
+    why = mode if reason is Reason.NO_FEEDFORWARD else not_finite(values)
+    return f"feedforward for {facts.joint.name} ignored: {why}"
+
+
+def explain_bound(joint: JointConfig, kind: CommandKind, asked: float, taken: float) -> str:
+    """What a limit made of a reference (P1, P9, P14)."""
+    sliding = joint.kind == "prismatic"
+    shown = quantity(kind, taken, sliding), quantity(kind, asked, sliding)
+    return f"{joint.name}: {kind} bounded to {shown[0]} ({shown[1]} was asked for)"
+
+
+def explain_slower(joint: JointConfig, way: float, speed: float, time: float) -> str:
+    """What limits make of a move: how long it takes (P1); rad, rad/s, s."""
+    sliding = joint.kind == "prismatic"
+    mean = quantity(CommandKind.VELOCITY, way / time, sliding)
+    return (
+        f"{joint.name}: takes {time:.3g} s, at a mean speed of {mean} "
+        f"({quantity(CommandKind.VELOCITY, speed, sliding)} was asked for), "
+        "by its limits of speed and acceleration"
+    )
+
+
+def range_text(what: str | None, value: float, most: float) -> str:
+    """What may come along with a reference."""
+    digits = ".6g" if f"{value:.6g}" != f"{most:.6g}" else ".17g"
+    return f"{what} must be above 0 and up to {most:{digits}}, not {value:{digits}}"
+
+
+def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
+    """Why a joint takes no references of a kind now, and what to do."""
+    name, mode = facts.joint.name, facts.mode.name
+    if reason is Reason.IN_FAULT:
+        return f"mode is {mode} ({facts.fault.text}); clear it with: cbctl clear {name}"
+    if reason is Reason.NOT_CONFIGURED:
+        return f"mode is {mode}; configure the board first (service configure)"
+    if reason is Reason.CALIBRATING:
+        return f"mode is {mode}; wait until it is done"
+    if reason is Reason.UNCALIBRATED:
+        return f"it is not calibrated; calibrate it first: cbctl calibrate {name}"
+    codes = [m.code for m in modes_accepting(kind) if m in facts.joint.control_modes]
+    if not codes:
+        return f"mode is {mode}, and the joint has no mode for it"
+    return f"mode is {mode}; switch with: cbctl mode {name} {codes[0]}"
+
+
+def persisting(facts: Facts) -> str:
+    """Why a fault cannot be cleared yet (F2)."""
+    assert facts.cause is not None
+    return (
+        f"{facts.joint.name} stays in {facts.mode.name}: the cause persists "
+        f"({facts.cause.code.title}, {facts.cause.text}); {facts.cause.advice}, "
+        "then send FORCE_IDLE again"
+    )
+
+
+def not_finite(values: tuple[float, ...]) -> str:
+    """Which of the values is none."""
+    bad = next(value for value in values if not math.isfinite(value))
+    return f"{bad} is not a finite number"
+
+
+def asked(wanted: Wanted) -> str:
+    """A mode as code and name."""
+    return wanted.name if isinstance(wanted, Event) else f"{wanted.code} ({wanted.name})"
+
+
+def offered(facts: Facts, wanted: Wanted) -> str:
+    """What a joint has instead of a mode that it does not implement."""
+    joint = facts.joint
+    compliant = isinstance(wanted, InteractionMode)
+    have = joint.interaction_modes if compliant else joint.control_modes
+    return ", ".join(mode.code for mode in have)
