@@ -1,16 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page docs/interface.md: the names on ROS, and each message, service and action.
 
-Names, types and QoS come from the table that a test compares with a running node
-(test/node/interface_table.py); fields and their meaning come from msg_defs/.
+Names, types, QoS and meaning come from control_board_ros/interface.py, fields and theirs from
+msg_defs/, and which mode accepts what from the table of the core.
 """
 
 from __future__ import annotations
 
-import importlib.util
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
+
+from control_board_ros.core.modes import modes_accepting
+from control_board_ros.interface import (
+    ACTIONS,
+    COMMAND_TOPICS,
+    PUBLISHED,
+    SERVICES,
+    STREAM,
+    Endpoint,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = {
@@ -19,48 +28,6 @@ PARTS = {
     "action": ("Goal", "Result", "Feedback"),
 }
 TITLES = {"msg": "Messages", "srv": "Services", "action": "Actions"}
-
-QOS = {
-    "RV": "reliable, keep last 10",
-    "RT": "reliable, transient local, depth 1",
-    "BV": "best effort, depth 1",
-}
-
-#: What no definition of ours says: names of standard types, and when state is sent.
-MEANING = {
-    "joint_states": "Measured position, velocity and torque (NaN without a torque sensor) of "
-    "every joint, `state_rate` times a second, stamped with the time of the reading. For "
-    "robot_state_publisher and RViz.",
-    "~/modes": "Modes of every joint, on every change, also of a change that lasts one cycle.",
-    "~/state": "What the board measures and follows, `state_rate` times a second on average, on "
-    "whole control cycles; at most one per cycle.",
-    "~/faults": "The joints in fault now, on every change.",
-    "robot_description": "The URDF.",
-    "/diagnostics": "Once a second: loop rate, overruns, worst latency, rejected commands, "
-    "faults. One entry for the board and one per joint.",
-    "/clock": "The time of the stamps, where `publish_clock` or `use_sim_time` is set or "
-    "`real_time_factor` is or has been other than 1. See [Time](#time).",
-    "~/command/position": "Moves along minimum-jerk profiles. Accepted in POSITION, MIXED.",
-    "~/command/position_direct": "Position steps. Accepted in POSITION_DIRECT.",
-    "~/command/velocity": "Velocities; they expire after `timeouts.velocity`. Accepted in "
-    "VELOCITY, MIXED.",
-    "~/command/torque": "Torques. Accepted in TORQUE.",
-    "~/command/output": "PWM in percent. Accepted in OPENLOOP.",
-    "~/command/feedforward": "Terms added to the output, or to the impedance torque. Accepted in "
-    "every mode.",
-    "~/joint_trajectory": "Points to follow, interpolated. Accepted in POSITION_DIRECT. See "
-    "[Trajectories](#trajectories).",
-    "~/external_torque": "Simulation only, with `allow_fault_injection`: a push on the joints, "
-    "N·m, until the next one.",
-    "~/configure": "The configuration is complete: joints leave NOT_CONFIGURED. Needed only with "
-    "`autoconfigure: false`.",
-    "~/power_cycle": "Back to power-on.",
-    "~/clear_injected_faults": "Simulation only: remove injected causes. The joints stay in "
-    "HW_FAULT until FORCE_IDLE.",
-    "~/pause": "Simulation only: `data: true` stops simulated time, `data: false` lets it go on.",
-    "~/reset": "Simulation only: back to the initial pose and power-on, without pushes and "
-    "injected faults.",
-}
 
 INTRODUCTION = """\
 Names that begin with `~` are below the node's name (`/control_board` by default), others below
@@ -157,40 +124,34 @@ def definitions() -> dict[str, Definition]:
     return {f"control_board_msgs/{p.parent.name}/{p.stem}": read(p) for p in files}
 
 
-def interface_table() -> ModuleType:
-    """The table of names that a running node is compared with."""
-    path = ROOT / "test" / "node" / "interface_table.py"
-    spec = importlib.util.spec_from_file_location("interface_table", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def meaning(endpoint: Endpoint) -> str:
+    """What an endpoint is for, and for a command, in which modes."""
+    if endpoint.reference is None:
+        return endpoint.meaning
+    modes = ", ".join(mode.name for mode in modes_accepting(endpoint.reference))
+    return f"{endpoint.meaning} Accepted in {modes}."
 
 
 def page() -> str:
     """The whole page."""
-    known, names = definitions(), interface_table()
+    known = definitions()
 
     def link(kind: str) -> str:
-        short = kind.replace("/msg/", "/").replace("/srv/", "/").replace("/action/", "/")
         ours = known.get(kind)
-        return f"[{ours.name}](#{ours.anchor})" if ours else short
+        package, _, name = kind.split("/")
+        return f"[{ours.name}](#{ours.anchor})" if ours else f"{package}/{name}"
 
-    def meaning(name: str, kind: str) -> str:
-        return MEANING[name] if name in MEANING else first_sentence(known[kind].about)
+    def rows(endpoints: Iterable[Endpoint]) -> list[str]:
+        return [row(f"`{e.name}`", link(e.type), meaning(e)) for e in endpoints]
 
     lines = ["# The ROS interface", "", INTRODUCTION]
     lines += ["## Published", "", *header("topic", "type", "QoS", "content")]
-    for name, (kind, qos) in {**names.PUBLISHED, **names.CLOCK}.items():
-        lines.append(row(f"`{name}`", link(kind), QOS[qos], meaning(name, kind)))
-    lines += ["", "## Command topics", "", COMMANDS.format(qos=QOS["RV"])]
-    lines += header("topic", "type", "what it does")
-    for name, (kind, _) in names.SUBSCRIBED.items():
-        lines.append(row(f"`{name}`", link(kind), meaning(name, kind)))
-    for title, table in (("Services", names.SERVICES), ("Actions", names.ACTIONS)):
+    lines += [row(f"`{e.name}`", link(e.type), str(e.qos), meaning(e)) for e in PUBLISHED]
+    lines += ["", "## Command topics", "", COMMANDS.format(qos=STREAM)]
+    lines += [*header("topic", "type", "what it does"), *rows(COMMAND_TOPICS)]
+    for title, endpoints in (("Services", SERVICES), ("Actions", ACTIONS)):
         lines += ["", f"## {title}", "", *header(title[:-1].lower(), "type", "what it does")]
-        lines += [row(f"`{n}`", link(kind), meaning(n, kind)) for n, kind in table.items()]
+        lines += rows(endpoints)
     lines += ["", "## Trajectories", "", TRAJECTORIES, "## Time", "", TIME]
     lines += ["## Definitions of control_board_msgs", ""]
     lines += ["In Python: `from control_board_msgs.msg import JointModes`; `.srv` and `.action`."]
@@ -214,7 +175,3 @@ def header(*titles: str) -> list[str]:
 
 def row(*cells: str) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-
-def first_sentence(text: str) -> str:
-    return text.partition(". ")[0].rstrip(".") + "."

@@ -1,0 +1,280 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every topic, service and action of a board, once: name, type, QoS and meaning.
+
+The node offers these, the client asks for them, and docs/interface.md is made from them; a test
+compares them, and a running node, with a golden copy (test/node/interface_table.py). Types are
+text until they are loaded, so that importing this module imports no message.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from .core.vocabs import CommandKind
+
+K = CommandKind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QoS:
+    """Quality of service: history keep last, of so many messages; durability volatile or latched.
+
+    ``latched`` is DDS's transient local: who comes late gets the last message.
+    """
+
+    depth: int
+    reliable: bool = True
+    latched: bool = False
+
+    def profile(self) -> Any:
+        """A new rclpy QoSProfile; rclpy writes ``qos_overrides`` into the one it is given."""
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+        reliable, latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+        return QoSProfile(
+            depth=self.depth,
+            reliability=reliable if self.reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=latched if self.latched else DurabilityPolicy.VOLATILE,
+        )
+
+    def __str__(self) -> str:
+        reliability = "reliable" if self.reliable else "best effort"
+        history = f"depth {self.depth}" if self.depth == 1 else f"keep last {self.depth}"
+        return ", ".join([reliability, *["transient local"] * self.latched, history])
+
+
+STREAM = QoS(depth=10)
+LATCHED = QoS(depth=1, latched=True)
+NEWEST = QoS(depth=1, reliable=False)
+#: With rclpy's depth of 10, a hundred clients that call at once lose most of their answers.
+REQUESTS = QoS(depth=1000)
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A topic, service or action of a board.
+
+    Attributes:
+        kind: what it is: the board publishes a topic and listens to a command.
+        name: below the node's with ``~/``, absolute with ``/``, else below the node's namespace.
+        type: full name of the interface, ``package/msg/Name``.
+        qos: of the topic; of a service's requests and responses, and of an action's services.
+        meaning: for people, in sentences.
+        reference: the kind of reference that a command sets, where it sets one.
+        optional: whether there are boards that do not offer it.
+    """
+
+    kind: Literal["topic", "command", "service", "action"]
+    name: str
+    type: str
+    qos: QoS
+    meaning: str
+    reference: CommandKind | None = None
+    optional: bool = False
+
+    @property
+    def short(self) -> str:
+        """The name without what it is below: ``set_control_mode``, ``command/position``."""
+        return self.name.removeprefix("~").removeprefix("/")
+
+    def of(self, board: str) -> str:
+        """The name on ROS for a board of this full name: ``/icub/left_arm/modes``."""
+        if self.name.startswith("~"):
+            return board.rstrip("/") + self.name.removeprefix("~")
+        if self.name.startswith("/"):
+            return self.name
+        namespace, slash, _ = board.rpartition("/")
+        return f"{namespace}{slash}{self.name}"
+
+    def load(self) -> Any:
+        """The Python class of the type; the first call imports its package."""
+        package, kind, name = self.type.split("/")
+        return getattr(importlib.import_module(f"{package}.{kind}"), name)
+
+
+def full(kind: str, name: str) -> str:
+    """The full name of a type; one without a package is of control_board_msgs."""
+    return name if "/" in name else f"control_board_msgs/{kind}/{name}"
+
+
+def topic(name: str, type_: str, qos: QoS, meaning: str, *, optional: bool = False) -> Endpoint:
+    """What the board publishes."""
+    return Endpoint("topic", name, full("msg", type_), qos, meaning, optional=optional)
+
+
+def command(name: str, type_: str, meaning: str, reference: K | None = None) -> Endpoint:
+    """What the board listens to: fire and forget; ``qos_overrides`` parameters change the QoS."""
+    return Endpoint("command", name, full("msg", type_), STREAM, meaning, reference)
+
+
+def service(name: str, type_: str, meaning: str) -> Endpoint:
+    """What the board answers."""
+    return Endpoint("service", name, full("srv", type_), REQUESTS, meaning)
+
+
+def action(name: str, type_: str, meaning: str) -> Endpoint:
+    """What takes time: a goal, feedback, a result."""
+    return Endpoint("action", name, full("action", type_), REQUESTS, meaning)
+
+
+# -- published --------------------------------------------------------------------------------
+
+JOINT_STATES = topic(
+    "joint_states",
+    "sensor_msgs/msg/JointState",
+    STREAM,
+    "Measured position, velocity and torque (NaN without a torque sensor) of every joint, "
+    "`state_rate` times a second, stamped with the time of the reading. For "
+    "robot_state_publisher and RViz.",
+)
+MODES = topic(
+    "~/modes",
+    "JointModes",
+    LATCHED,
+    "Modes of every joint, on every change, also of a change that lasts one cycle.",
+)
+STATE = topic(
+    "~/state",
+    "BoardState",
+    STREAM,
+    "What the board measures and follows, `state_rate` times a second on average, on whole "
+    "control cycles; at most one per cycle.",
+)
+FAULTS = topic("~/faults", "JointFaults", LATCHED, "The joints in fault now, on every change.")
+ROBOT_DESCRIPTION = topic("robot_description", "std_msgs/msg/String", LATCHED, "The URDF.")
+DIAGNOSTICS = topic(
+    "/diagnostics",
+    "diagnostic_msgs/msg/DiagnosticArray",
+    STREAM,
+    "Once a second: loop rate, overruns, worst latency, rejected commands, faults. One entry for "
+    "the board and one per joint.",
+)
+CLOCK = topic(
+    "/clock",
+    "rosgraph_msgs/msg/Clock",
+    NEWEST,
+    "The time of the stamps, where `publish_clock` or `use_sim_time` is set or "
+    "`real_time_factor` is or has been other than 1. See [Time](#time).",
+    optional=True,
+)
+
+# -- commands ---------------------------------------------------------------------------------
+
+POSITION_COMMAND = command(
+    "~/command/position", "PositionCommand", "Moves along minimum-jerk profiles.", K.POSITION
+)
+POSITION_DIRECT_COMMAND = command(
+    "~/command/position_direct", "PositionDirectCommand", "Position steps.", K.POSITION_DIRECT
+)
+VELOCITY_COMMAND = command(
+    "~/command/velocity",
+    "VelocityCommand",
+    "Velocities; they expire after `timeouts.velocity`.",
+    K.VELOCITY,
+)
+TORQUE_COMMAND = command("~/command/torque", "TorqueCommand", "Torques.", K.TORQUE)
+OUTPUT_COMMAND = command("~/command/output", "OutputCommand", "PWM in percent.", K.OUTPUT)
+FEEDFORWARD_COMMAND = command(
+    "~/command/feedforward",
+    "FeedforwardCommand",
+    "Terms added to the output, or to the impedance torque. Accepted in every mode.",
+)
+JOINT_TRAJECTORY = command(
+    "~/joint_trajectory",
+    "trajectory_msgs/msg/JointTrajectory",
+    "Points to follow, interpolated; see [Trajectories](#trajectories).",
+    K.POSITION_DIRECT,
+)
+EXTERNAL_TORQUE = command(
+    "~/external_torque",
+    "TorqueCommand",
+    "Simulation only, with `allow_fault_injection`: a push on the joints, N·m, until the next "
+    "one.",
+)
+
+# -- services ---------------------------------------------------------------------------------
+
+SET_CONTROL_MODE = service(
+    "~/set_control_mode", "SetControlMode", "Set the control modes of joints."
+)
+GET_CONTROL_MODE = service(
+    "~/get_control_mode", "GetControlMode", "Read the control modes of joints."
+)
+SET_INTERACTION_MODE = service(
+    "~/set_interaction_mode", "SetInteractionMode", "Set the interaction modes of joints."
+)
+GET_INTERACTION_MODE = service(
+    "~/get_interaction_mode", "GetInteractionMode", "Read the interaction modes of joints."
+)
+GET_AVAILABLE_MODES = service(
+    "~/get_available_modes", "GetAvailableModes", "Read which modes each joint implements."
+)
+SET_IMPEDANCE = service(
+    "~/set_impedance", "SetImpedance", "Set the virtual spring and damper of joints, at any time."
+)
+GET_IMPEDANCE = service(
+    "~/get_impedance",
+    "GetImpedance",
+    "Read the virtual spring and damper of joints, and their limits.",
+)
+SET_REFERENCE_SPEED = service(
+    "~/set_reference_speed",
+    "SetReferenceSpeed",
+    "Set the speeds of position moves and the accelerations of velocity ramps, for commands "
+    "that give none.",
+)
+GET_REFERENCES = service(
+    "~/get_references", "GetReferences", "Read the last accepted reference of every kind."
+)
+STOP = service(
+    "~/stop",
+    "Stop",
+    "Stop the motion of joints: the position reference becomes the measured position.",
+)
+GET_FAULTS = service(
+    "~/get_faults", "GetFaults", "Read the last fault of joints, also after it was cleared."
+)
+CONFIGURE = service(
+    "~/configure",
+    "std_srvs/srv/Trigger",
+    "The configuration is complete: joints leave NOT_CONFIGURED. Needed only with "
+    "`autoconfigure: false`.",
+)
+POWER_CYCLE = service("~/power_cycle", "std_srvs/srv/Trigger", "Back to power-on.")
+INJECT_FAULT = service(
+    "~/inject_fault",
+    "InjectFault",
+    "Break something in the simulated joints, so that the board finds it.",
+)
+CLEAR_INJECTED_FAULTS = service(
+    "~/clear_injected_faults",
+    "std_srvs/srv/Trigger",
+    "Simulation only: remove injected causes. The joints stay in HW_FAULT until FORCE_IDLE.",
+)
+PAUSE = service(
+    "~/pause",
+    "std_srvs/srv/SetBool",
+    "Simulation only: `data: true` stops simulated time, `data: false` lets it go on.",
+)
+STEP = service("~/step", "Step", "Advance a paused simulation.")
+RESET = service(
+    "~/reset",
+    "std_srvs/srv/Trigger",
+    "Simulation only: back to the initial pose and power-on, without pushes and injected faults.",
+)
+
+# -- actions ----------------------------------------------------------------------------------
+
+CALIBRATE = action("~/calibrate", "Calibrate", "Calibrate joints.")
+MOVE = action("~/move", "Move", "Move joints along minimum-jerk profiles and wait for the end.")
+
+#: All of the above, in this order.
+ENDPOINTS: tuple[Endpoint, ...] = tuple(
+    value for value in list(globals().values()) if isinstance(value, Endpoint)
+)
+PUBLISHED = tuple(e for e in ENDPOINTS if e.kind == "topic")
+COMMAND_TOPICS = tuple(e for e in ENDPOINTS if e.kind == "command")
+SERVICES = tuple(e for e in ENDPOINTS if e.kind == "service")
+ACTIONS = tuple(e for e in ENDPOINTS if e.kind == "action")
