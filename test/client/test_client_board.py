@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control_board_ros import interfaces
+from control_board_ros import protocols
 from control_board_ros.client import BoardNotFound, BoardTimeout, ControlBoardClient
 from control_board_ros.core.reply import Answer
 from control_board_ros.core.selection import RequestError
@@ -27,8 +27,8 @@ NAMES = tuple(f"lbr_iiwa_joint_{k}" for k in range(1, 8))
 
 INTERFACES = [
     kind
-    for kind in vars(interfaces).values()
-    if getattr(kind, "_is_protocol", False) and kind.__module__ == interfaces.__name__
+    for kind in vars(protocols).values()
+    if getattr(kind, "_is_protocol", False) and kind.__module__ == protocols.__name__
 ]
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control_board_ros import interfaces
+from control_board_ros import protocols
 from control_board_ros.core.board import Board
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.vocabs import ControlMode
@@ -51,7 +51,7 @@ MODES = {
 @pytest.mark.parametrize("interface", list(SOURCE))
 def test_interfaces_are_offered(interface: str) -> None:
     """A: every method of §4 is in its Protocol, on the board and on the client, joints first."""
-    protocol = getattr(interfaces, interface)
+    protocol = getattr(protocols, interface)
     for kind in (Board, client_class()):
         assert issubclass(kind, protocol)
         for name in SOURCE[interface]:
@@ -183,7 +183,7 @@ def test_old_methods_write_to_the_log() -> None:
     """D1: where there is a log, the deprecation is written to it."""
     told: list[str] = []
 
-    class Logging(interfaces.ModeShortcuts):
+    class Logging(protocols.ModeShortcuts):
         def set_control_mode(self, joints: Any, modes: Any) -> bool:
             return True
 

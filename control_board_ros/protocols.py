@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The interfaces of SPEC A and D, in snake_case, as Protocols.
+
+The in-process board (``control_board_ros.core.board.Board``) and the ROS client
+(``control_board_ros.client.ControlBoardClient``) both offer all of them. In every method
+``joints`` comes first: an index, a name, a sequence of them, or None for all; a single value
+goes to every chosen joint. Set methods return a Reply, true when all was accepted; get methods
+return one entry per joint in the order asked. Units: rad, rad/s, rad/s², N·m, N·m/rad,
+N·m·s/rad, percent of PWM; m and N for prismatic joints.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .core.reply import Reply
+from .core.vocabs import ControlMode, InteractionMode
+
+Joints = int | str | Sequence[int | str] | None
+Values = float | Sequence[float] | NDArray[np.float64]
+Floats = NDArray[np.float64]
+Mode = ControlMode | str | int
+Interaction = InteractionMode | str | int
+
+
+@runtime_checkable
+class IControlMode2(Protocol):
+    """Set and get control modes."""
+
+    def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply: ...
+
+    def get_control_mode(self, joints: Joints = None) -> list[ControlMode]: ...
+
+
+@runtime_checkable
+class IInteractionMode(Protocol):
+    """Set and get interaction modes."""
+
+    def set_interaction_mode(
+        self, joints: Joints, modes: Interaction | Sequence[Interaction]
+    ) -> Reply: ...
+
+    def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]: ...
+
+
+@runtime_checkable
+class IImpedanceControl(Protocol):
+    """Stiffness and damping of the compliant interaction mode (I6)."""
+
+    def set_impedance(
+        self, joints: Joints, stiffness: Values, damping: Values | None = None
+    ) -> Reply: ...
+
+    def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]: ...
+
+
+@runtime_checkable
+class IPositionControl(Protocol):
+    """Position moves along a minimum-jerk trajectory (P1 to P3)."""
+
+    def position_move(
+        self, joints: Joints, positions: Values, speeds: Values | None = None
+    ) -> Reply: ...
+
+    def set_ref_speed(self, joints: Joints, speeds: Values) -> Reply: ...
+
+    def set_ref_acceleration(self, joints: Joints, accelerations: Values) -> Reply: ...
+
+    def get_ref_speed(self, joints: Joints = None) -> Floats: ...
+
+    def get_ref_acceleration(self, joints: Joints = None) -> Floats: ...
+
+    def get_target_position(self, joints: Joints = None) -> Floats: ...
+
+    def check_motion_done(self, joints: Joints = None) -> list[bool]: ...
+
+    def stop(self, joints: Joints = None) -> Reply: ...
+
+    def set_position_mode(self, joints: Joints = None) -> Reply: ...
+
+
+@runtime_checkable
+class IPositionDirect(Protocol):
+    """Position steps (P4)."""
+
+    def set_position(self, joints: Joints, positions: Values) -> Reply: ...
+
+    def get_ref_position(self, joints: Joints = None) -> Floats: ...
+
+    def set_position_direct_mode(self, joints: Joints = None) -> Reply: ...
+
+
+@runtime_checkable
+class ITorqueControl(Protocol):
+    """Joint torques (P7)."""
+
+    def set_ref_torque(self, joints: Joints, torques: Values) -> Reply: ...
+
+    def get_ref_torque(self, joints: Joints = None) -> Floats: ...
+
+    def get_torque(self, joints: Joints = None) -> Floats: ...
+
+    def set_torque_mode(self, joints: Joints = None) -> Reply: ...
+
+
+@runtime_checkable
+class IVelocityControl(Protocol):
+    """Joint velocities (P5)."""
+
+    def velocity_move(
+        self, joints: Joints, velocities: Values, accelerations: Values | None = None
+    ) -> Reply: ...
+
+    def get_ref_velocity(self, joints: Joints = None) -> Floats: ...
+
+    def set_velocity_mode(self, joints: Joints = None) -> Reply: ...
+
+
+@runtime_checkable
+class IOpenLoopControl(Protocol):
+    """PWM in percent (P8)."""
+
+    def set_output(self, joints: Joints, outputs: Values) -> Reply: ...
+
+    def get_output(self, joints: Joints = None) -> Floats: ...
+
+    def set_open_loop_mode(self, joints: Joints = None) -> Reply: ...
+
+
+@runtime_checkable
+class IEncoders(Protocol):
+    """Measured positions and velocities."""
+
+    def get_encoder(self, joints: Joints = None) -> Floats: ...
+
+    def get_encoder_speed(self, joints: Joints = None) -> Floats: ...
+
+
+@runtime_checkable
+class IControlMode(Protocol):
+    """The old interface (D1): deprecated, mapped as I9."""
+
+    def set_impedance_position_mode(self, joints: Joints = None) -> Reply: ...
+
+    def set_impedance_velocity_mode(self, joints: Joints = None) -> Reply: ...
+
+    def get_control_modes(self) -> list[ControlMode]: ...
+
+
+class ModeShortcuts:
+    """The mode shortcuts of §4 and the old interface of §5, on top of the two setters.
+
+    The class that inherits offers ``set_control_mode``, ``set_interaction_mode`` and
+    ``get_control_mode``, and overrides :meth:`log_deprecated` where it has a log. The methods
+    that the old IControlMode had (D1) raise a DeprecationWarning, those of IPositionControl,
+    IVelocityControl, ITorqueControl and IOpenLoopControl that bear the same name included.
+    """
+
+    set_control_mode: Any
+    set_interaction_mode: Any
+    get_control_mode: Any
+
+    def set_position_direct_mode(self, joints: Joints = None) -> Reply:
+        """Set POSITION_DIRECT."""
+        reply: Reply = self.set_control_mode(joints, ControlMode.POSITION_DIRECT)
+        return reply
+
+    def set_position_mode(self, joints: Joints = None) -> Reply:
+        """Set POSITION; deprecated (D1)."""
+        return self._old(joints, ControlMode.POSITION)
+
+    def set_velocity_mode(self, joints: Joints = None) -> Reply:
+        """Set VELOCITY; deprecated (D1)."""
+        return self._old(joints, ControlMode.VELOCITY)
+
+    def set_torque_mode(self, joints: Joints = None) -> Reply:
+        """Set TORQUE; deprecated (D1)."""
+        return self._old(joints, ControlMode.TORQUE)
+
+    def set_open_loop_mode(self, joints: Joints = None) -> Reply:
+        """Set OPENLOOP; deprecated (D1)."""
+        return self._old(joints, ControlMode.OPENLOOP)
+
+    def set_impedance_position_mode(self, joints: Joints = None) -> Reply:
+        """Set POSITION with COMPLIANT (I9); deprecated (D1)."""
+        return self._old(joints, ControlMode.POSITION, InteractionMode.COMPLIANT)
+
+    def set_impedance_velocity_mode(self, joints: Joints = None) -> Reply:
+        """Set VELOCITY with COMPLIANT (I9); deprecated (D1)."""
+        return self._old(joints, ControlMode.VELOCITY, InteractionMode.COMPLIANT)
+
+    def get_control_modes(self) -> list[ControlMode]:
+        """The control modes of all joints; deprecated (D1)."""
+        self._deprecate("get_control_modes", "get_control_mode()")
+        modes: list[ControlMode] = self.get_control_mode(None)
+        return modes
+
+    def log_deprecated(self, text: str) -> None:
+        """Where the text goes besides the DeprecationWarning; nowhere, unless overridden."""
+
+    def _old(
+        self, joints: Joints, mode: ControlMode, interaction: InteractionMode | None = None
+    ) -> Reply:
+        new = f"set_control_mode(joints, ControlMode.{mode.name})"
+        if interaction is not None:
+            new += f" and set_interaction_mode(joints, InteractionMode.{interaction.name})"
+        self._deprecate(OLD_NAMES[mode, interaction], new)
+        reply: Reply = self.set_control_mode(joints, mode)
+        if reply and interaction is not None:
+            reply = self.set_interaction_mode(joints, interaction)
+        return reply
+
+    def _deprecate(self, old: str, new: str) -> None:
+        text = f"{old} belongs to the old interface and is deprecated; use {new}"
+        warnings.warn(text, DeprecationWarning, stacklevel=4)
+        self.log_deprecated(text)
+
+
+OLD_NAMES: dict[tuple[ControlMode, InteractionMode | None], str] = {
+    (ControlMode.POSITION, None): "set_position_mode",
+    (ControlMode.VELOCITY, None): "set_velocity_mode",
+    (ControlMode.TORQUE, None): "set_torque_mode",
+    (ControlMode.OPENLOOP, None): "set_open_loop_mode",
+    (ControlMode.POSITION, InteractionMode.COMPLIANT): "set_impedance_position_mode",
+    (ControlMode.VELOCITY, InteractionMode.COMPLIANT): "set_impedance_velocity_mode",
+}
