@@ -18,8 +18,8 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
+from .goals import CalibrateGoal, Motion, MoveGoal, Outcome
 from .loop import ControlLoop
-from .motions import CalibrateMotion, Motion, MoveMotion, Outcome
 from .services import DEEP
 
 #: s between two looks at the motions under way (wall clock), which is the feedback's period.
@@ -52,8 +52,8 @@ class Actions:
                 result_timeout=RESULT_KEPT,
             )
             for name, kind, motion in (
-                ("~/move", Move, MoveMotion),
-                ("~/calibrate", Calibrate, CalibrateMotion),
+                ("~/move", Move, MoveGoal),
+                ("~/calibrate", Calibrate, CalibrateGoal),
             )
         ]
         steady = Clock(clock_type=ClockType.STEADY_TIME)

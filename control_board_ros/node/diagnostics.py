@@ -49,8 +49,8 @@ class Diagnostics:
         """The diagnostics of the time since the last call."""
         array = DiagnosticArray()
         array.header.stamp = now
-        loop, records = self._loop, self._loop.records
-        state, modes, faults = records.latest.snapshot, records.modes, records.faults
+        loop, snapshots = self._loop, self._loop.snapshots
+        state, modes, faults = snapshots.latest.snapshot, snapshots.modes, snapshots.faults
         rejected = state.rejected_commands.tolist()
         array.status.append(self._loop_status(loop.statistics(), sum(rejected)))
         for j, name in enumerate(self._names):
@@ -91,7 +91,7 @@ class Diagnostics:
             "rejected commands": rejected,
             "scheduling": scheduling(),
             "laws": describe(),
-            "joints in fault": sum(r.active for r in self._loop.records.faults.records),
+            "joints in fault": sum(r.active for r in self._loop.snapshots.faults.records),
         }
         return self._status("loop", level, text, values.items())
 

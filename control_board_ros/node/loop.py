@@ -6,7 +6,7 @@ Everything that touches the board does so between two cycles::
     with loop.exclusive() as board:
         reply = board.set_control_mode(["elbow"], "pos")
 
-What others read without a lock are frozen records, replaced whole: see ``loop.records``.
+What others read without a lock are frozen snapshots, replaced whole: see ``loop.snapshots``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..core.board import Board
 from ..core.measurement import Actuation, Plant
 from ..core.vocabs import ControlMode
 from .pacing import Divider, Pacer, Statistics, sharpen_timers
-from .records import Records
+from .snapshots import Snapshots
 from .time_base import NANOSECONDS, TimeBase
 
 #: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
@@ -39,7 +39,7 @@ class ControlLoop:
 
     Args:
         board, plant: what to run; the loop closes the plant at the end.
-        state_rate: how often ``records.latest`` is replaced, Hz of simulated time.
+        state_rate: how often ``snapshots.latest`` is replaced, Hz of simulated time.
         real_time_factor: simulated seconds per second; 0 = as fast as possible. Other than 1,
             stamps are simulated time.
         simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
@@ -69,7 +69,7 @@ class ControlLoop:
             simulated=simulated_stamps or real_time_factor != 1.0,
             shrinkage=round(0.5 * board.period * NANOSECONDS),
         )
-        self.records = Records(board, self.time_base)
+        self.snapshots = Snapshots(board, self.time_base)
         self.failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
         self._wake = threading.Event()
@@ -80,8 +80,8 @@ class ControlLoop:
         self._states = Divider(state_rate, board.config.control_rate)
         self._set_pace(real_time_factor)
         self.time_base.note(plant.read().time, time.time_ns())
-        self.records.note_changes()
-        self.records.note_state()
+        self.snapshots.note_changes()
+        self.snapshots.note_state()
 
     # -- life ---------------------------------------------------------------------------------
 
@@ -142,11 +142,11 @@ class ControlLoop:
 
     @property
     def state_rate(self) -> float:
-        """How often ``records.latest`` is replaced, on average, Hz of simulated time."""
+        """How often ``snapshots.latest`` is replaced, on average, Hz of simulated time."""
         return self._states.rate
 
     def set_state_rate(self, rate: float) -> None:
-        """Replace ``records.latest`` so often on average, on whole cycles, at most in each."""
+        """Replace ``snapshots.latest`` so often on average, on whole cycles, at most in each."""
         self._states = Divider(rate, self._board.config.control_rate)
 
     def pause(self, paused: bool) -> None:
@@ -196,13 +196,13 @@ class ControlLoop:
                 raise TypeError("this plant has no reset; it is not a simulation")
             reset()
             board.power_cycle()
-            self.records.note_changes()  # the next cycle may configure it already
+            self.snapshots.note_changes()  # the next cycle may configure it already
 
     def power_cycle(self) -> None:
         """Back to power-on; shown also where the next cycle configures the board."""
         with self.exclusive() as board:
             board.power_cycle()
-            self.records.note_changes()
+            self.snapshots.note_changes()
 
     # -- the thread ---------------------------------------------------------------------------
 
@@ -241,9 +241,9 @@ class ControlLoop:
             for hook in self.hooks:
                 hook(self._board, measurement.time)
             self._plant.write(self._board.tick(measurement))
-            self.records.note_changes()
+            self.snapshots.note_changes()
             if show:
-                self.records.note_state()
+                self.snapshots.note_state()
             self._tell_cycled()
             if self._paused:
                 self._count_step()
@@ -258,7 +258,7 @@ class ControlLoop:
         if self._paused and not self._steps and not self._stopping:
             self._wake.wait(PAUSED_PERIOD)
             with self.exclusive():
-                self.records.note_state()
+                self.snapshots.note_state()
         if not self._paused:
             self._pacer.restart()
             self.time_base.resume()
@@ -267,7 +267,7 @@ class ControlLoop:
         """One of the steps has run; after the last one, show the state and answer."""
         self._steps -= 1
         if not self._steps:
-            self.records.note_state()
+            self.snapshots.note_state()
             self._finish_steps("")
 
     def _tell_cycled(self) -> None:
@@ -290,8 +290,8 @@ class ControlLoop:
                 )
             board.tick(self._plant.read())
             self._cut_power()
-            self.records.note_changes()
-            self.records.note_state()
+            self.snapshots.note_changes()
+            self.snapshots.note_state()
             self._tell_cycled()
             self._finish_steps("the board is shutting down")
 
@@ -324,6 +324,6 @@ class Turn:
             for hook in loop.turn_hooks:
                 hook()
             if loop.paused:  # else the next cycle tells, when the request has its answer
-                loop.records.note_changes()
+                loop.snapshots.note_changes()
         finally:
             loop._lock.release()

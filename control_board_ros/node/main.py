@@ -26,7 +26,7 @@ from ..core.config import JointConfig
 from ..core.modes import ACCEPTS
 from ..core.vocabs import CommandKind, ControlMode
 from ..startup import announce_often, leave_out_the_generator
-from .lock import NameTakenError, lock_name, temporary_folder
+from .name_lock import NameTakenError, lock_name, temporary_folder
 from .scheduling import take_priority
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ def await_first_cycles(board: BoardNode, ended: threading.Event) -> None:
         return
     deadline = time.monotonic() + FIRST_CYCLES
     while (
-        ControlMode.NOT_CONFIGURED in board.loop.records.modes.control
+        ControlMode.NOT_CONFIGURED in board.loop.snapshots.modes.control
         and time.monotonic() < deadline
         and not ended.wait(0.005)
     ):
@@ -205,7 +205,7 @@ def await_first_cycles(board: BoardNode, ended: threading.Event) -> None:
 def welcome(board: BoardNode) -> str:
     """The joints with their limits and modes, and lines to paste."""
     config = board.parameters.settings.board
-    modes = board.loop.records.modes
+    modes = board.loop.snapshots.modes
     width = max(len(name) for name in (*config.names, "joint"))
     lines = [f"{'joint':{width}}    lower    upper  speed  modes"]
     for joint in config.joints:

@@ -22,8 +22,8 @@ from ..core.board import Board
 from ..core.config import BoardConfig
 from ..core.measurement import Plant
 from .actions import Actions
+from .command_subscription import CommandSubscription
 from .diagnostics import Diagnostics
-from .hearing import CommandTopic
 from .loop import ControlLoop
 from .messages import stamp
 from .parameters import Parameters, Start
@@ -164,9 +164,9 @@ class BoardNode:
 
         return answer
 
-    def _hear_commands(self, commands: Commands) -> list[CommandTopic]:
+    def _hear_commands(self, commands: Commands) -> list[CommandSubscription]:
         topics = [
-            CommandTopic(
+            CommandSubscription(
                 self.node,
                 kind,
                 f"~/{name}",
@@ -175,7 +175,9 @@ class BoardNode:
             for name, kind in COMMANDS.items()
         ]
         callback = self._hearing("joint_trajectory", self._trajectories.on_message)
-        topics.append(CommandTopic(self.node, JointTrajectory, "~/joint_trajectory", callback))
+        topics.append(
+            CommandSubscription(self.node, JointTrajectory, "~/joint_trajectory", callback)
+        )
         return topics
 
     def _hearing(self, name: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
@@ -220,7 +222,7 @@ class BoardNode:
 
     def _tell_events(self) -> None:
         """Log what happened in the control cycles (in the publisher's thread)."""
-        events = self.loop.records.events
+        events = self.loop.snapshots.events
         while events:
             event = events.popleft()
             write = self._write[event.level]
@@ -228,7 +230,7 @@ class BoardNode:
 
     def _each_second(self) -> None:
         self._throttled.flush()
-        now = stamp(self.loop.records.now())
+        now = stamp(self.loop.snapshots.now())
         self._diagnostics_publisher.publish(self._diagnostics.message(now))
         for topic in self._topics:
             topic.check()

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """State out: a thread of its own that publishes what the control loop has noted.
 
-It takes the loop's frozen records and never its lock, and keeps the middleware out of the
+It takes the loop's frozen snapshots and never its lock, and keeps the middleware out of the
 control thread: a slow network delays a message, not a control cycle.
 """
 
@@ -23,7 +23,7 @@ from std_msgs.msg import String
 from .loop import ControlLoop
 from .messages import joint_faults, joint_modes, set_stamp
 from .pacing import sharpen_timers
-from .wire import Template
+from .state_message import StateMessage
 
 STREAM = QoSProfile(depth=10)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -49,7 +49,7 @@ class StatePublisher:
 
     Args:
         node: to publish from.
-        loop: whose records are published.
+        loop: whose snapshots are published.
         description: the URDF.
         after: called in the publishing thread after each round, for the log.
         on_error: told of exceptions; the thread lives on.
@@ -64,7 +64,7 @@ class StatePublisher:
         after: Callable[[], None],
         on_error: Callable[[Exception, str], None],
     ) -> None:
-        self._loop, self._records, self._names = loop, loop.records, names
+        self._loop, self._snapshots, self._names = loop, loop.snapshots, names
         self._after, self._on_error = after, on_error
         self._node = node
         self._joint_states = self._publisher(JointState, "joint_states", STREAM)
@@ -73,8 +73,8 @@ class StatePublisher:
         self._faults = self._publisher(JointFaults, "~/faults", LATCHED)
         self._description = self._publisher(String, "robot_description", LATCHED)
         self._clock: Any = None
-        self._joint_state = Template(JointState(name=list(names)), JOINT_STATE, len(names))
-        self._board_state = Template(BoardState(names=list(names)), BOARD_STATE, len(names))
+        self._joint_state = StateMessage(JointState(name=list(names)), JOINT_STATE, len(names))
+        self._board_state = StateMessage(BoardState(names=list(names)), BOARD_STATE, len(names))
         if trouble := self._board_state.trouble or self._joint_state.trouble:
             node.get_logger().info(trouble)
         self._clock_message = Clock()
@@ -86,7 +86,7 @@ class StatePublisher:
         if not loop.time_base.follows_system:
             self.announce_clock()
         self._description.publish(String(data=description))
-        loop.records.on_change = self.wake
+        loop.snapshots.on_change = self.wake
 
     def _publisher(self, kind: Any, name: str, qos: QoSProfile) -> Any:
         return self._node.create_publisher(kind, name, qos, event_callbacks=QUIET)
@@ -133,19 +133,19 @@ class StatePublisher:
             self._on_error(error, "state publisher")
 
     def publish(self) -> None:
-        """Publish every record that is new; a state that nobody would hear costs nothing."""
-        records = self._records
-        while records.mode_changes:
-            modes = records.mode_changes.popleft()
+        """Publish every snapshot that is new; a state that nobody would hear costs nothing."""
+        snapshots = self._snapshots
+        while snapshots.mode_changes:
+            modes = snapshots.mode_changes.popleft()
             self._modes.publish(
                 joint_modes(self._names, modes.control, modes.interaction, modes.stamp)
             )
-        faults = records.faults
+        faults = snapshots.faults
         if faults is not self._published_faults:
             self._published_faults = faults
             self._faults.publish(joint_faults(faults.records, faults.raised, faults.stamp))
-        while records.states:
-            state = records.states.popleft()
+        while snapshots.states:
+            state = snapshots.states.popleft()
             snapshot, stamp = state.snapshot, state.stamp
             if self._joint_states.get_subscription_count():
                 self._joint_states.publish(self._joint_state.of(snapshot, stamp))

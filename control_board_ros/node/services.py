@@ -146,8 +146,8 @@ class Services:
     def get_faults(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
             joints = board.selector.select(chosen(request.names, board.count)).joints
-            self._loop.records.note_changes()
-            faults = self._loop.records.faults
+            self._loop.snapshots.note_changes()
+            faults = self._loop.snapshots.faults
         response.faults = [joint_fault(faults.records[j], faults.raised[j]) for j in joints]
         return fine(response)
 

@@ -131,9 +131,8 @@ def test_the_policy_obeys_its_schema() -> None:
 
 
 def test_the_board_may_do_what_it_does_and_no_more() -> None:
-    """Every topic and service of the node, by the node's own tables."""
-    from control_board_ros.node.services import SERVICES
-    from control_board_ros.node.topics import COMMANDS
+    """Every topic and service of the node, as interface.py has them."""
+    from control_board_ros.interface import COMMAND_TOPICS, SERVICES
 
     board = "/control_board"
     standard = {
@@ -146,11 +145,14 @@ def test_the_board_may_do_what_it_does_and_no_more() -> None:
         "get_type_description",
     }
     assert granted(board, "services", "reply") == {
-        f"{board}/{name}" for name in {*SERVICES, *standard}
+        *(service.of(board) for service in SERVICES),
+        *(f"{board}/{name}" for name in standard),
     }
     assert granted(board, "topics", "subscribe") == {
-        f"{board}/{name}" for name in {*COMMANDS, "joint_trajectory"}
-    } | {"/clock", "/parameter_events"}
+        *(topic.of(board) for topic in COMMAND_TOPICS),
+        "/clock",
+        "/parameter_events",
+    }
     assert granted(board, "topics", "publish") == {
         "/joint_states",
         "/robot_description",

@@ -159,8 +159,8 @@ def test_stop_cuts_the_power_and_notes_the_last_state(rig: Rig) -> None:
     assert rig.loop.failure is None
     assert rig.plant.actuation is not None
     assert not rig.plant.actuation.powered.any()
-    assert [mode.code for mode in rig.loop.records.modes.control] == ["idl", "idl"]
-    assert rig.loop.records.latest.snapshot.cycle == rig.board.cycle
+    assert [mode.code for mode in rig.loop.snapshots.modes.control] == ["idl", "idl"]
+    assert rig.loop.snapshots.latest.snapshot.cycle == rig.board.cycle
 
 
 def test_a_failing_plant_ends_the_loop(rig: Rig) -> None:
@@ -202,16 +202,16 @@ def test_a_request_acts_on_all_its_joints_at_once(fast: Rig) -> None:
 
 
 def test_modes_set_while_paused_are_noted_at_once(fast: Rig) -> None:
-    """Records follow requests also when no cycle runs."""
+    """Snapshots follow requests also when no cycle runs."""
     fast.loop.start()
     fast.run_to(10)
     fast.loop.pause(True)
     told = threading.Event()
-    fast.loop.records.on_change = told.set
+    fast.loop.snapshots.on_change = told.set
     with fast.loop.exclusive() as board:
         board.set_control_mode("a", "vel")
     assert told.is_set()
-    assert fast.loop.records.modes.control[0].code == "vel"
+    assert fast.loop.snapshots.modes.control[0].code == "vel"
 
 
 def test_steps_are_exact(fast: Rig) -> None:
@@ -254,10 +254,10 @@ def test_late_cycles_carry_stamps_that_fit(rig: Rig) -> None:
     rig.plant.slow = dict.fromkeys(range(60, 300, 40), 0.02)
     rig.loop.start()
     rig.run_to(100)
-    rig.loop.records.states.clear()
+    rig.loop.snapshots.states.clear()
     rig.run_to(140)
     rig.loop.stop()
-    states = list(rig.loop.records.states)
+    states = list(rig.loop.snapshots.states)
     assert rig.loop.statistics().overruns > 0
     for a, b in itertools.pairwise(states[:-1]):
         passed = b.snapshot.time - a.snapshot.time
@@ -270,7 +270,7 @@ def test_late_cycles_carry_stamps_that_fit(rig: Rig) -> None:
 def test_a_change_of_pace_never_turns_the_time(rig: Rig, factors: tuple[float, ...]) -> None:
     """Stamps go on from where they are, with simulated time, and are the system's no more."""
     stamps: list[int] = []
-    rig.loop.hooks.append(lambda _board, _time: stamps.append(rig.loop.records.now()))
+    rig.loop.hooks.append(lambda _board, _time: stamps.append(rig.loop.snapshots.now()))
     rig.loop.start()
     rig.run_to(50)
     assert abs(stamps[-1] - time.time_ns()) < 10e9
@@ -290,10 +290,10 @@ def test_power_on_is_shown_whatever_comes_next(fast: Rig) -> None:
     fast.loop.start()
     fast.run_to(10)
     for act in (fast.loop.power_cycle, fast.loop.reset):
-        fast.loop.records.mode_changes.clear()
+        fast.loop.snapshots.mode_changes.clear()
         act()
         fast.run_to(fast.board.cycle + 10)
-        shown = [[mode.code for mode in m.control] for m in fast.loop.records.mode_changes]
+        shown = [[mode.code for mode in m.control] for m in fast.loop.snapshots.mode_changes]
         assert shown == [["cfgn", "cfgn"], ["pos", "pos"]]
 
 
@@ -301,7 +301,9 @@ def test_any_state_rate_is_kept_on_average(fast: Rig) -> None:
     """333 Hz are 333 states in 1000 cycles, at most a cycle away from even."""
     fast.loop.set_state_rate(333.0)
     cycles: list[int] = []
-    fast.loop.records.on_change = lambda: cycles.append(fast.loop.records.latest.snapshot.cycle)
+    fast.loop.snapshots.on_change = lambda: cycles.append(
+        fast.loop.snapshots.latest.snapshot.cycle
+    )
     fast.loop.start()
     fast.run_to(3000)
     fast.loop.stop()
@@ -317,7 +319,7 @@ def test_states_lie_on_whole_cycles(fast: Rig) -> None:
     fast.loop.start()
     fast.run_to(500)
     fast.loop.stop()
-    cycles = [state.snapshot.cycle for state in fast.loop.records.states][1:-1]
+    cycles = [state.snapshot.cycle for state in fast.loop.snapshots.states][1:-1]
     assert len(cycles) > 10
     assert {b - a for a, b in itertools.pairwise(cycles)} == {5}
 

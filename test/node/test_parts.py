@@ -33,10 +33,10 @@ from control_board_ros.core.state import Reference, Snapshot
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.node import messages
 from control_board_ros.node.executor import KeptWaitSetExecutor
-from control_board_ros.node.lock import NameTakenError, lock_name
+from control_board_ros.node.name_lock import NameTakenError, lock_name
 from control_board_ros.node.scheduling import take_priority
+from control_board_ros.node.state_message import StateMessage
 from control_board_ros.node.throttle import ThrottledLog
-from control_board_ros.node.wire import Template
 from control_board_ros.testing import free_domain
 
 
@@ -218,7 +218,7 @@ def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPat
     """Nothing stale is left by a killed process."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     code = (
-        "import os; from control_board_ros.node.lock import lock_name;"
+        "import os; from control_board_ros.node.name_lock import lock_name;"
         "lock_name('/x', '1'); os.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode != 0
@@ -267,7 +267,7 @@ def test_states_hold_the_snapshot(kind: type, names: tuple[str, ...]) -> None:
 
     sources, count = {JointState: JOINT_STATE, BoardState: BOARD_STATE}[kind], len(names)
     field_of_names = "name" if kind is JointState else "names"
-    template = Template(kind(**{field_of_names: list(names)}), sources, count)
+    template = StateMessage(kind(**{field_of_names: list(names)}), sources, count)
     rows = len(Row) + len(Reference)
     for first in (0.0, -1e300, math.nan):
         block = np.arange(1.0, 1.0 + rows * count).reshape(rows, count)

@@ -22,12 +22,12 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 #: s in which both subscriptions are heard after the second one was added.
 HANDOVER = 1.0
-REMEMBERED = 64
+STAMPS_KEPT = 64
 
 DEPTH = 10
 
 
-class CommandTopic:
+class CommandSubscription:
     """One command topic.
 
     Args:
@@ -48,14 +48,14 @@ class CommandTopic:
         overridable: bool = True,
     ) -> None:
         self._node, self._kind, self._name, self._callback = node, kind, name, callback
-        self._second: Any = None
+        self._best_effort: Any = None
         self._handover_end = 0.0
-        self._seen: deque[int] = deque(maxlen=REMEMBERED)
+        self._stamps: deque[int] = deque(maxlen=STAMPS_KEPT)
         options = QoSOverridingOptions.with_default_policies() if overridable else None
-        self._first = node.create_subscription(
+        self._reliable = node.create_subscription(
             kind,
             name,
-            cast(Any, self._on_first),
+            cast(Any, self._on_reliable),
             # Its own: rclpy writes overrides into the profile it is given.
             QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE),
             qos_overriding_options=options,
@@ -66,43 +66,43 @@ class CommandTopic:
 
     def check(self) -> None:
         """Drop the second subscription when nobody needs it; to be called now and then."""
-        if self._second is not None and not self._best_effort_publishers():
-            self._node.destroy_subscription(self._second)
-            self._second = None
+        if self._best_effort is not None and not self._has_best_effort_publishers():
+            self._node.destroy_subscription(self._best_effort)
+            self._best_effort = None
 
-    def _best_effort_publishers(self) -> bool:
-        topic = self._first.topic_name
+    def _has_best_effort_publishers(self) -> bool:
+        topic = self._reliable.topic_name
         return any(
             info.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
             for info in self._node.get_publishers_info_by_topic(topic)
         )
 
     def _on_incompatible(self, _event: Any) -> None:
-        if self._second is None and self._first.qos_profile.reliability is not (
+        if self._best_effort is None and self._reliable.qos_profile.reliability is not (
             ReliabilityPolicy.BEST_EFFORT
         ):
             self._handover_end = time.monotonic() + HANDOVER
-            self._second = self._node.create_subscription(
+            self._best_effort = self._node.create_subscription(
                 self._kind,
                 self._name,
-                cast(Any, self._on_second),
+                cast(Any, self._on_best_effort),
                 QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT),
                 event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             )
 
-    def _on_first(self, message: Any, info: dict[str, int]) -> None:
-        handover = self._second is not None
+    def _on_reliable(self, message: Any, info: dict[str, int]) -> None:
+        handover = self._best_effort is not None
         if handover and (time.monotonic() >= self._handover_end or not self._is_new(info)):
             return
         self._callback(message)
 
-    def _on_second(self, message: Any, info: dict[str, int]) -> None:
+    def _on_best_effort(self, message: Any, info: dict[str, int]) -> None:
         if time.monotonic() >= self._handover_end or self._is_new(info):
             self._callback(message)
 
     def _is_new(self, info: dict[str, int]) -> bool:
         stamp = info["source_timestamp"]
-        if stamp in self._seen:
+        if stamp in self._stamps:
             return False
-        self._seen.append(stamp)
+        self._stamps.append(stamp)
         return True

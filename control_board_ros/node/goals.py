@@ -36,7 +36,7 @@ class Motion(Protocol):
         ...
 
 
-class MoveMotion:
+class MoveGoal:
     """A position move of some joints.
 
     Raises:
@@ -209,7 +209,7 @@ def start_move(board: Board, names: Sequence[str], positions: Any, speeds: Any) 
     return summary(told)
 
 
-class CalibrateMotion:
+class CalibrateGoal:
     """The calibration of some joints.
 
     Raises:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the control loop shows: frozen records, replaced whole, read without a lock."""
+"""Snapshots of a board with their stamps: frozen, replaced whole, read without a lock."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ KEPT = 50
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class StampedState:
     """A reading of the board; stamp in ns of ROS time."""
 
     snapshot: Snapshot
@@ -28,7 +28,7 @@ class State:
 
 
 @dataclass(frozen=True, slots=True)
-class Modes:
+class StampedModes:
     """The modes of all joints, since stamp (ns of ROS time)."""
 
     control: list[ControlMode]
@@ -37,7 +37,7 @@ class Modes:
 
 
 @dataclass(frozen=True, slots=True)
-class Faults:
+class StampedFaults:
     """The last fault of every joint and when it was raised, as of stamp; ns of ROS time."""
 
     records: list[FaultRecord]
@@ -45,30 +45,30 @@ class Faults:
     stamp: int
 
 
-class Records:
-    """The newest records of a board.
+class Snapshots:
+    """The newest snapshots of a board.
 
     The ``note`` methods are for callers holding the loop's lock; all else is for everybody.
 
     Attributes: latest, modes, faults; states and mode_changes (those nobody has taken yet, oldest
     first; the newest are ``latest`` and ``modes``); events (of the board, oldest first); on_change
-    (called after a record was replaced, from the thread that did it; must return at once).
+    (called after a snapshot was replaced, from the thread that did it; must return at once).
     """
 
     def __init__(self, board: Board, base: TimeBase) -> None:
         self._board, self._base = board, base
         self.on_change: Callable[[], None] = lambda: None
         self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
-        self.states: deque[State] = deque(maxlen=KEPT)
-        self.mode_changes: deque[Modes] = deque(maxlen=KEPT)
+        self.states: deque[StampedState] = deque(maxlen=KEPT)
+        self.mode_changes: deque[StampedModes] = deque(maxlen=KEPT)
         self._modes_version = self._faults_version = -1
-        self.latest: State
-        self.modes: Modes
-        self.faults: Faults
+        self.latest: StampedState
+        self.modes: StampedModes
+        self.faults: StampedFaults
 
     def note_state(self) -> None:
         """Replace ``latest`` and take the board's events."""
-        self.latest = State(self._board.snapshot(), self.now())
+        self.latest = StampedState(self._board.snapshot(), self.now())
         self.states.append(self.latest)
         self.events.extend(self._board.take_events())
         self.on_change()
@@ -79,14 +79,14 @@ class Records:
         if board.modes_version != self._modes_version:
             self._modes_version = board.modes_version
             control, interaction = board.get_control_mode(None), board.get_interaction_mode(None)
-            self.modes = Modes(control, interaction, self.now())
+            self.modes = StampedModes(control, interaction, self.now())
             self.mode_changes.append(self.modes)
             self.on_change()
         if board.faults_version != self._faults_version:
             self._faults_version = board.faults_version
             records = board.get_faults(None)
             raised = [self._raised(j, record) for j, record in enumerate(records)]
-            self.faults = Faults(records, raised, self.now())
+            self.faults = StampedFaults(records, raised, self.now())
             self.on_change()
 
     def _raised(self, j: int, record: FaultRecord) -> int:

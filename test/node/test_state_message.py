@@ -13,9 +13,9 @@ from rig import Rig, board_config
 from sensor_msgs.msg import JointState
 
 from control_board_ros.core.state import Snapshot
-from control_board_ros.node import wire
+from control_board_ros.node import state_message
 from control_board_ros.node.publishing import BOARD_STATE, JOINT_STATE
-from control_board_ros.node.wire import Layout, Template, place
+from control_board_ros.node.state_message import StateMessage, UnknownLayout, place_of
 
 NAMES = ("left", "right", "bare")
 KINDS = [(JointState(name=list(NAMES)), JOINT_STATE), (BoardState(names=list(NAMES)), BOARD_STATE)]
@@ -32,7 +32,7 @@ def snapshot() -> Snapshot:
     return shown
 
 
-def read(template: Template, kind: Any, snapshot: Snapshot) -> Any:
+def read(template: StateMessage, kind: Any, snapshot: Snapshot) -> Any:
     sent = template.of(snapshot, 1_500_000_000_000_000_001)
     return deserialize_message(sent, kind) if isinstance(sent, bytes) else sent
 
@@ -44,8 +44,8 @@ def test_a_message_of_bytes_is_the_message(
 ) -> None:
     """Every field, NaN too; and the same where the layout is not known, without an end."""
     if not known:
-        monkeypatch.setattr(wire, "place", unknown)
-    template = Template(message, sources, 3)
+        monkeypatch.setattr(state_message, "place_of", unknown)
+    template = StateMessage(message, sources, 3)
     assert bool(template.trouble) is not known
     shown = read(template, type(message), snapshot)
     assert (shown.header.stamp.sec, shown.header.stamp.nanosec) == (1_500_000_000, 1)
@@ -55,13 +55,15 @@ def test_a_message_of_bytes_is_the_message(
 
 
 def unknown(*_arguments: Any) -> slice:
-    raise Layout("numbers are in 0 places")
+    raise UnknownLayout("numbers are in 0 places")
 
 
 def test_bytes_that_read_otherwise_are_not_used(snapshot: Snapshot, monkeypatch: Any) -> None:
     """A place found wrongly is noticed at the start."""
-    monkeypatch.setattr(wire, "place", lambda *a: slice(place(*a).start + 8, place(*a).stop + 8))
-    template = Template(BoardState(names=list(NAMES)), BOARD_STATE, 3)
+    monkeypatch.setattr(
+        state_message, "place_of", lambda *a: slice(place_of(*a).start + 8, place_of(*a).stop + 8)
+    )
+    template = StateMessage(BoardState(names=list(NAMES)), BOARD_STATE, 3)
     assert "not as bytes" in template.trouble
     np.testing.assert_array_equal(read(template, BoardState, snapshot).position, snapshot.position)
 
@@ -87,7 +89,7 @@ def test_padding_that_is_not_set_does_not_matter(monkeypatch: Any) -> None:
     message = BoardState(names=["a", "bc", "def"])
     for field, kind in message.get_fields_and_field_types().items():
         if field in BOARD_STATE:
-            setattr(message, field, wire.numbers(kind, 0, 3))
+            setattr(message, field, state_message.numbers(kind, 0, 3))
     unused = padding(message)
     assert len(unused) > 4
 
@@ -97,15 +99,15 @@ def test_padding_that_is_not_set_does_not_matter(monkeypatch: Any) -> None:
             made[k] = random.choice([0x00, 0x01, 0x41, 0xFF])
         return bytes(made)
 
-    monkeypatch.setattr(wire, "serialize_message", noisy)
+    monkeypatch.setattr(state_message, "serialize_message", noisy)
     for _ in range(50):
-        assert Template(message, BOARD_STATE, 3).trouble == ""
+        assert StateMessage(message, BOARD_STATE, 3).trouble == ""
 
 
 def test_a_mark_in_a_name_is_no_place() -> None:
     """A joint called AAAAAAAA... holds the mark's bytes, too."""
     names = ["A" * 64, "B", "AAAAAAAAAAAAAAAAAAAAAAAA"]
-    assert Template(BoardState(names=names), BOARD_STATE, 3).trouble == ""
+    assert StateMessage(BoardState(names=names), BOARD_STATE, 3).trouble == ""
 
 
 @pytest.mark.parametrize(
@@ -119,5 +121,5 @@ def test_a_mark_in_a_name_is_no_place() -> None:
 )
 def test_what_is_not_one_place(blank: bytes, marked: bytes, text: str) -> None:
     """None, several, or another size: the layout is not understood."""
-    with pytest.raises(Layout, match=text):
-        place(blank, marked, b"AA")
+    with pytest.raises(UnknownLayout, match=text):
+        place_of(blank, marked, b"AA")

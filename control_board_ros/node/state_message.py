@@ -30,11 +30,11 @@ ALIGNED = 4
 TRIAL = 1_234_567_890_123_456_789
 
 
-class Layout(Exception):  # noqa: N818  (not raised out of this module)
+class UnknownLayout(Exception):  # noqa: N818  (not raised out of this module)
     """Why the layout of a serialized message is not understood."""
 
 
-class Template:
+class StateMessage:
     """The message of one snapshot after the other, ready to be published.
 
     Args:
@@ -55,7 +55,7 @@ class Template:
         try:
             self._parts = self._cut(count)
             self._try(count)
-        except Layout as found:
+        except UnknownLayout as found:
             self.trouble = f"messages are published as they are, not as bytes: {found}"
 
     def of(self, snapshot: Snapshot, nanoseconds: int) -> Any:
@@ -83,28 +83,28 @@ class Template:
         message.header.stamp = Time()
         blank = bytes(serialize_message(message))
         message.header.stamp = Time(sec=-1, nanosec=0xFFFFFFFF)
-        places = [place(blank, bytes(serialize_message(message)), b"\xff" * STAMP.size)]
+        places = [place_of(blank, bytes(serialize_message(message)), b"\xff" * STAMP.size)]
         message.header.stamp = Time()
         for field, kind in self._kinds.items():
             marked = numbers(kind, MARK, count)
             setattr(message, field, marked)
             mark = bytes(marked) if isinstance(marked, list) else marked.tobytes()
-            places.append(place(blank, bytes(serialize_message(message)), mark))
+            places.append(place_of(blank, bytes(serialize_message(message)), mark))
             setattr(message, field, numbers(kind, 0, count))
         edges = [0, *(edge for span in places for edge in (span.start, span.stop)), len(blank)]
         if edges != sorted(edges):
-            raise Layout("the fields are not in their order")
+            raise UnknownLayout("the fields are not in their order")
         return [blank[a:b] for a, b in itertools.pairwise(edges)]
 
     def _try(self, count: int) -> None:
         """Read a message made of bytes; it must be the one that was meant."""
-        trial = Trial(self._fields, self._kinds, count)
+        trial = TrialSnapshot(self._fields, self._kinds, count)
         made = deserialize_message(self.of(trial, TRIAL), type(self._message))  # type: ignore[arg-type]
         if made != self._filled(trial, TRIAL):
-            raise Layout("a message made of bytes reads otherwise")
+            raise UnknownLayout("a message made of bytes reads otherwise")
 
 
-class Trial:
+class TrialSnapshot:
     """A snapshot with other numbers in every place, to try a layout with."""
 
     def __init__(self, fields: Mapping[str, str], kinds: Mapping[str, str], count: int) -> None:
@@ -133,17 +133,17 @@ def numbers(kind: str, byte: int, count: int) -> array[Any] | list[bool]:
     return array(code, bytes([byte]) * (8 * count))
 
 
-def place(blank: bytes, marked: bytes, mark: bytes) -> slice:
+def place_of(blank: bytes, marked: bytes, mark: bytes) -> slice:
     """Where a serialized message holds a mark, and one without it zeros.
 
     Other bytes may differ: what pads a message to the size of its numbers is not always set.
     Every field of numbers begins where a 32-bit length may end.
 
     Raises:
-        Layout: in no place, or in several.
+        UnknownLayout: in no place, or in several.
     """
     if len(blank) != len(marked):
-        raise Layout("the size of a message changes with its numbers")
+        raise UnknownLayout("the size of a message changes with its numbers")
     size, found = len(mark), []
     at = marked.find(mark)
     while at >= 0:
@@ -151,5 +151,5 @@ def place(blank: bytes, marked: bytes, mark: bytes) -> slice:
             found.append(at)
         at = marked.find(mark, at + 1)
     if len(found) != 1:
-        raise Layout(f"numbers are in {len(found)} places")
+        raise UnknownLayout(f"numbers are in {len(found)} places")
     return slice(found[0], found[0] + size)
