@@ -11,16 +11,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from control_board_msgs.action import Calibrate, Move
 from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
+from ..interface import CALIBRATE, MOVE
 from .goals import CalibrateGoal, Motion, MoveGoal, Outcome
 from .loop import ControlLoop
-from .services import DEEP
 
 #: s between two looks at the motions under way (wall clock), which is the feedback's period.
 PERIOD = 0.05
@@ -42,19 +41,16 @@ class Actions:
         self._servers: Sequence[ActionServer] = [
             ActionServer(
                 node,
-                kind,
-                name,
-                self._executor(kind, motion),
+                action.load(),
+                action.name,
+                self._executor(action.load(), motion),
                 cancel_callback=accept_cancel,
-                goal_service_qos_profile=DEEP,
-                result_service_qos_profile=DEEP,
-                cancel_service_qos_profile=DEEP,
+                goal_service_qos_profile=action.qos.profile(),
+                result_service_qos_profile=action.qos.profile(),
+                cancel_service_qos_profile=action.qos.profile(),
                 result_timeout=RESULT_KEPT,
             )
-            for name, kind, motion in (
-                ("~/move", Move, MoveGoal),
-                ("~/calibrate", Calibrate, CalibrateGoal),
-            )
+            for action, motion in ((MOVE, MoveGoal), (CALIBRATE, CalibrateGoal))
         ]
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)

@@ -13,18 +13,20 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, cast
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
+
+from ..interface import Endpoint
 
 #: s in which both subscriptions are heard after the second one was added.
 HANDOVER = 1.0
+#: Source time stamps of messages that are remembered meanwhile.
 STAMPS_KEPT = 64
-
-DEPTH = 10
 
 
 class CommandSubscription:
@@ -32,33 +34,21 @@ class CommandSubscription:
 
     Args:
         node: to subscribe from.
-        kind: the message type.
-        name: of the topic.
+        topic: which one it is; ``qos_overrides`` parameters are declared for it.
         callback: given each message once.
-        overridable: whether ``qos_overrides`` parameters are declared for it.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        kind: Any,
-        name: str,
-        callback: Callable[[Any], None],
-        *,
-        overridable: bool = True,
-    ) -> None:
-        self._node, self._kind, self._name, self._callback = node, kind, name, callback
+    def __init__(self, node: Node, topic: Endpoint, callback: Callable[[Any], None]) -> None:
+        self._node, self._topic, self._callback = node, topic, callback
         self._best_effort: Any = None
         self._handover_end = 0.0
         self._stamps: deque[int] = deque(maxlen=STAMPS_KEPT)
-        options = QoSOverridingOptions.with_default_policies() if overridable else None
         self._reliable = node.create_subscription(
-            kind,
-            name,
+            topic.load(),
+            topic.name,
             cast(Any, self._on_reliable),
-            # Its own: rclpy writes overrides into the profile it is given.
-            QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE),
-            qos_overriding_options=options,
+            topic.qos.profile(),
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
             event_callbacks=SubscriptionEventCallbacks(
                 incompatible_qos=self._on_incompatible, use_default_callbacks=False
             ),
@@ -83,10 +73,10 @@ class CommandSubscription:
         ):
             self._handover_end = time.monotonic() + HANDOVER
             self._best_effort = self._node.create_subscription(
-                self._kind,
-                self._name,
+                self._topic.load(),
+                self._topic.name,
                 cast(Any, self._on_best_effort),
-                QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT),
+                replace(self._topic.qos, reliable=False).profile(),
                 event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             )
 

@@ -11,27 +11,26 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from trajectory_msgs.msg import JointTrajectory
 
 from ..compiled import describe, is_compiled
 from ..core.board import Board
 from ..core.config import BoardConfig
 from ..core.measurement import Plant
+from ..interface import COMMAND_TOPICS, DIAGNOSTICS, SERVICES, Endpoint
 from .actions import Actions
 from .command_subscription import CommandSubscription
 from .diagnostics import Diagnostics
 from .loop import ControlLoop
 from .messages import stamp
 from .parameters import Parameters, Start
-from .publishing import QUIET, STREAM, StatePublisher
+from .publishing import StatePublisher, publisher
 from .scheduling import take_priority
-from .services import DEEP, SERVICES, Services
+from .services import Services
 from .throttle import PERIOD, ThrottledLog, writers
-from .topics import COMMANDS, Commands
+from .topics import CommandTopics
 from .trajectory import TrajectoryTopic
 
 #: s after the start at which the graph is known well enough to look for a namesake.
@@ -79,12 +78,19 @@ class BoardNode:
             self.node, self.loop, names, settings.description, self._tell_events, self.on_error
         )
         injection = bool(values["allow_fault_injection"])
-        self._trajectories = TrajectoryTopic(self.loop, self.complain)
+        self._trajectories = TrajectoryTopic(self.loop, self.warn)
         self._services = Services(
             self.loop, plant, injection, self._later, self._trajectories.follower
         )
         self._offer_services()
-        self._topics = self._hear_commands(Commands(self.loop, plant, injection, self.complain))
+        commands = CommandTopics(
+            self.loop,
+            plant,
+            injection=injection,
+            joint_trajectory=self._trajectories.on_message,
+            warn=self.warn,
+        )
+        self._subscriptions = self._subscribe(commands)
         self._actions = Actions(self.node, self.loop)
         self._diagnostics = Diagnostics(
             self.loop,
@@ -93,9 +99,7 @@ class BoardNode:
             settings.board.control_rate,
             [joint.limits.temperature for joint in settings.board.joints],
         )
-        self._diagnostics_publisher = self.node.create_publisher(
-            DiagnosticArray, "/diagnostics", STREAM, event_callbacks=QUIET
-        )
+        self._diagnostics_publisher = publisher(self.node, DIAGNOSTICS)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.node.create_timer(PERIOD, self._each_second, clock=steady)
         self._namesake_timer = self.node.create_timer(
@@ -126,7 +130,7 @@ class BoardNode:
         self.publisher.stop(timeout=0.5)
         return stopped
 
-    def complain(self, message: str) -> None:
+    def warn(self, message: str) -> None:
         """Log what was ignored, once per second and cause."""
         self._throttled.say(self._write["warning"], message)
 
@@ -144,12 +148,15 @@ class BoardNode:
     # -- wiring -------------------------------------------------------------------------------
 
     def _offer_services(self) -> None:
-        for name, kind in SERVICES.items():
-            callback = self._answering(name, kind, getattr(self._services, name))
-            self.node.create_service(kind, f"~/{name}", callback, qos_profile=DEEP)
+        for service in SERVICES:
+            callback = self._answering(service, getattr(self._services, service.short))
+            self.node.create_service(
+                service.load(), service.name, callback, qos_profile=service.qos.profile()
+            )
 
-    def _answering(self, name: str, kind: Any, callback: Any) -> Any:
+    def _answering(self, service: Endpoint, callback: Any) -> Any:
         """A service's callback that always answers, and never raises."""
+        name, kind = service.short, service.load()
 
         def answer(request: Any, response: Any) -> Any:
             try:
@@ -164,34 +171,26 @@ class BoardNode:
 
         return answer
 
-    def _hear_commands(self, commands: Commands) -> list[CommandSubscription]:
-        topics = [
-            CommandSubscription(
-                self.node,
-                kind,
-                f"~/{name}",
-                self._hearing(name, getattr(commands, name.removeprefix("command/"))),
-            )
-            for name, kind in COMMANDS.items()
-        ]
-        callback = self._hearing("joint_trajectory", self._trajectories.on_message)
-        topics.append(
-            CommandSubscription(self.node, JointTrajectory, "~/joint_trajectory", callback)
-        )
-        return topics
+    def _subscribe(self, commands: CommandTopics) -> list[CommandSubscription]:
+        made = []
+        for topic in COMMAND_TOPICS:
+            callback = getattr(commands, topic.short.removeprefix("command/"))
+            guarded = self._guarded(topic.short, callback)
+            made.append(CommandSubscription(self.node, topic, guarded))
+        return made
 
-    def _hearing(self, name: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+    def _guarded(self, name: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """A topic's callback that never raises."""
 
-        def hear(message: Any) -> None:
+        def take(message: Any) -> None:
             try:
                 callback(message)
             except ValueError as error:
-                self.complain(f"{name} ignored: {error}")
+                self.warn(f"{name} ignored: {error}")
             except Exception as error:  # noqa: BLE001 - no callback ends the node
                 self.on_error(error, name)
 
-        return hear
+        return take
 
     def _later(self, function: Callable[[], None]) -> None:
         executor = self.node.executor
@@ -232,8 +231,8 @@ class BoardNode:
         self._throttled.flush()
         now = stamp(self.loop.snapshots.now())
         self._diagnostics_publisher.publish(self._diagnostics.message(now))
-        for topic in self._topics:
-            topic.check()
+        for subscription in self._subscriptions:
+            subscription.check()
 
     def _warn_of_namesake(self) -> None:
         self._namesake_timer.cancel()

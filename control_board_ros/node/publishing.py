@@ -11,23 +11,27 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from control_board_msgs.msg import BoardState, JointFaults, JointModes
+from control_board_msgs.msg import BoardState
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from ..interface import (
+    CLOCK,
+    FAULTS,
+    JOINT_STATES,
+    MODES,
+    ROBOT_DESCRIPTION,
+    STATE,
+    Endpoint,
+)
 from .loop import ControlLoop
 from .messages import joint_faults, joint_modes, set_stamp
 from .pacing import sharpen_timers
 from .state_message import StateMessage
-
-STREAM = QoSProfile(depth=10)
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-CLOCK = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 #: How long each kind of message may take to arrive at the end.
 ARRIVAL = Duration(seconds=0.1)
@@ -42,6 +46,13 @@ BOARD_STATE = {
     for name in BoardState.get_fields_and_field_types()
     if name not in ("header", "names")
 }
+
+
+def publisher(node: Node, topic: Endpoint) -> Any:
+    """A publisher of one of the board's topics."""
+    return node.create_publisher(
+        topic.load(), topic.name, topic.qos.profile(), event_callbacks=QUIET
+    )
 
 
 class StatePublisher:
@@ -67,11 +78,11 @@ class StatePublisher:
         self._loop, self._snapshots, self._names = loop, loop.snapshots, names
         self._after, self._on_error = after, on_error
         self._node = node
-        self._joint_states = self._publisher(JointState, "joint_states", STREAM)
-        self._states = self._publisher(BoardState, "~/state", STREAM)
-        self._modes = self._publisher(JointModes, "~/modes", LATCHED)
-        self._faults = self._publisher(JointFaults, "~/faults", LATCHED)
-        self._description = self._publisher(String, "robot_description", LATCHED)
+        self._joint_states = publisher(node, JOINT_STATES)
+        self._states = publisher(node, STATE)
+        self._modes = publisher(node, MODES)
+        self._faults = publisher(node, FAULTS)
+        self._description = publisher(node, ROBOT_DESCRIPTION)
         self._clock: Any = None
         self._joint_state = StateMessage(JointState(name=list(names)), JOINT_STATE, len(names))
         self._board_state = StateMessage(BoardState(names=list(names)), BOARD_STATE, len(names))
@@ -88,13 +99,10 @@ class StatePublisher:
         self._description.publish(String(data=description))
         loop.snapshots.on_change = self.wake
 
-    def _publisher(self, kind: Any, name: str, qos: QoSProfile) -> Any:
-        return self._node.create_publisher(kind, name, qos, event_callbacks=QUIET)
-
     def announce_clock(self) -> None:
         """Offer /clock; called where no publishing goes on: at start or by the executor."""
         if self._clock is None:
-            self._clock = self._publisher(Clock, "/clock", CLOCK)
+            self._clock = publisher(self._node, CLOCK)
 
     def start(self) -> None:
         """Start to publish."""

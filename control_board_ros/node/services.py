@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The services: each converts its request, asks the board between two cycles, and answers.
 
-Method names are the services' names; ``SERVICES`` is what the node offers. A ValueError is a
-request that is wrong as a whole and becomes the response's message.
+A method is called as its service in interface.py. A ValueError is a request that is wrong as a
+whole and becomes the response's message.
 """
 
 from __future__ import annotations
@@ -11,10 +11,7 @@ from array import array
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from control_board_msgs import srv
-from rclpy.qos import QoSProfile
 from rclpy.task import Future
-from std_srvs.srv import SetBool, Trigger
 
 from ..core.board import Board
 from ..core.follower import Follower
@@ -22,9 +19,6 @@ from ..core.reply import Answer, joints_of
 from ..core.selection import RequestError
 from .loop import ControlLoop
 from .messages import answered, chosen, codes, doubles, joint_fault, modes, optional
-
-#: With rclpy's depth of 10, a hundred clients that call at once lose most of their calls.
-DEEP = QoSProfile(depth=500)
 
 
 class Services:
@@ -216,26 +210,3 @@ async def told(response: Any, future: Awaitable[str]) -> Any:
     response.message = await future
     response.success = not response.message
     return response
-
-
-#: Name below the node's own, and type, of every service; a method of Services each.
-SERVICES: dict[str, Any] = {
-    "set_control_mode": srv.SetControlMode,
-    "get_control_mode": srv.GetControlMode,
-    "set_interaction_mode": srv.SetInteractionMode,
-    "get_interaction_mode": srv.GetInteractionMode,
-    "get_available_modes": srv.GetAvailableModes,
-    "set_impedance": srv.SetImpedance,
-    "get_impedance": srv.GetImpedance,
-    "set_reference_speed": srv.SetReferenceSpeed,
-    "get_references": srv.GetReferences,
-    "stop": srv.Stop,
-    "get_faults": srv.GetFaults,
-    "configure": Trigger,
-    "power_cycle": Trigger,
-    "inject_fault": srv.InjectFault,
-    "clear_injected_faults": Trigger,
-    "pause": SetBool,
-    "step": srv.Step,
-    "reset": Trigger,
-}

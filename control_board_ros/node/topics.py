@@ -7,28 +7,34 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from control_board_msgs import msg
 
 from ..core.reply import Reply
 from .loop import ControlLoop
 from .messages import chosen, optional
 
 
-class Commands:
-    """The callbacks of the command topics; what is ignored or bounded goes to ``complain``.
+class CommandTopics:
+    """The callbacks of the command topics, each called as its topic in interface.py.
 
     Args:
         loop: whose board is commanded.
         plant: the simulation, for external torques.
         injection: whether the simulation may be disturbed.
-        complain: takes a message for the throttled log.
+        joint_trajectory: takes a trajectory.
+        warn: takes what was ignored or bounded, for the throttled log.
     """
 
     def __init__(
-        self, loop: ControlLoop, plant: Any, injection: bool, complain: Callable[[str], None]
+        self,
+        loop: ControlLoop,
+        plant: Any,
+        *,
+        injection: bool,
+        joint_trajectory: Callable[[Any], None],
+        warn: Callable[[str], None],
     ) -> None:
         self._loop, self._plant, self._injection = loop, plant, injection
-        self._complain = complain
+        self.joint_trajectory, self._warn = joint_trajectory, warn
 
     def position(self, message: Any) -> None:
         with self._loop.exclusive() as board:
@@ -67,7 +73,7 @@ class Commands:
     def external_torque(self, message: Any) -> None:
         """Push joints of the simulation from outside, until a 0 comes."""
         if not self._injection:
-            self._complain(
+            self._warn(
                 "external torque ignored: fault injection is off; "
                 "start the node with allow_fault_injection: true"
             )
@@ -79,7 +85,7 @@ class Commands:
                 for name, torque in zip(names, torques.tolist(), strict=True):
                     self._plant.push(name, torque)
                 return
-        self._complain(
+        self._warn(
             f"external torque ignored: {torques.size} torques for {len(names)} joints; "
             "send one finite number per named joint"
         )
@@ -87,16 +93,4 @@ class Commands:
     def _answer(self, reply: Reply) -> None:
         """Tell what was ignored, and what was accepted and bounded."""
         if reply.message:
-            self._complain(reply.message)
-
-
-#: Topic below the node's name, and type; a method of Commands each.
-COMMANDS: dict[str, Any] = {
-    "command/position": msg.PositionCommand,
-    "command/position_direct": msg.PositionDirectCommand,
-    "command/velocity": msg.VelocityCommand,
-    "command/torque": msg.TorqueCommand,
-    "command/output": msg.OutputCommand,
-    "command/feedforward": msg.FeedforwardCommand,
-    "external_torque": msg.TorqueCommand,
-}
+            self._warn(reply.message)

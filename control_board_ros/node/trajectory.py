@@ -38,13 +38,13 @@ class TrajectoryTopic:
 
     Args:
         loop: whose board follows.
-        complain: takes a message for the throttled log.
+        warn: takes a message for the throttled log.
 
     Attributes: follower (for callers holding the loop's lock).
     """
 
-    def __init__(self, loop: ControlLoop, complain: Callable[[str], None]) -> None:
-        self._loop, self._complain = loop, complain
+    def __init__(self, loop: ControlLoop, warn: Callable[[str], None]) -> None:
+        self._loop, self._warn = loop, warn
         with loop.exclusive() as board:
             self.follower = Follower(board)
         loop.hooks.append(lambda _board, time: self.follower.step(time))
@@ -55,7 +55,7 @@ class TrajectoryTopic:
         with self._loop.exclusive() as board:
             text = self._take(board, message)
         if text:
-            self._complain(f"trajectory: {text}")
+            self._warn(f"trajectory: {text}")
 
     def _take(self, board: Board, message: Any) -> str:
         joints = chosen(message.joint_names, board.count)
