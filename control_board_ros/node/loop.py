@@ -16,14 +16,14 @@ import gc
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from ..core.board import Board
 from ..core.measurement import Actuation, Plant
 from ..core.vocabs import ControlMode
+from .fair_lock import FairLock
 from .pacing import Divider, Pacer, Statistics, sharpen_timers
 from .snapshots import Snapshots
 from .time_base import NANOSECONDS, TimeBase
@@ -45,8 +45,8 @@ class ControlLoop:
         simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
         on_end: called when the thread ends, by :meth:`stop` or by a failure.
 
-    Attributes: hooks (called in every cycle before the tick), turn_hooks (called at the end of
-    every exclusive turn); both hold the lock.
+    Attributes: hooks (called in every cycle before the tick), exclusive_hooks (called at the end
+    of each use of :meth:`exclusive`); both are called with the lock held.
     """
 
     def __init__(
@@ -60,11 +60,11 @@ class ControlLoop:
         on_end: Callable[[], None] = lambda: None,
     ) -> None:
         self._board, self._plant = board, plant
-        self._gate, self._lock = threading.Lock(), threading.Lock()
+        self._lock = FairLock()
         self.on_end = on_end
         self._pacer = Pacer(0.0)
         self.hooks: list[Hook] = []
-        self.turn_hooks: list[Callable[[], None]] = []
+        self.exclusive_hooks: list[Callable[[], None]] = []
         self.time_base = TimeBase(
             simulated=simulated_stamps or real_time_factor != 1.0,
             shrinkage=round(0.5 * board.period * NANOSECONDS),
@@ -104,9 +104,17 @@ class ControlLoop:
         self._plant.close()
         return True
 
-    def exclusive(self) -> Turn:
-        """The board to oneself, between two cycles: ``with loop.exclusive() as board``."""
-        return Turn(self)
+    @contextlib.contextmanager
+    def exclusive(self) -> Iterator[Board]:
+        """Hold the lock, between two cycles: ``with loop.exclusive() as board``."""
+        with self._lock:
+            try:
+                yield self._board
+            finally:
+                for hook in self.exclusive_hooks:
+                    hook()
+                if self._paused:  # else the next cycle shows it, when the request has its answer
+                    self.snapshots.note_changes()
 
     def statistics(self) -> Statistics:
         """How the loop fared since the last call, and in all."""
@@ -154,7 +162,7 @@ class ControlLoop:
         with self.exclusive():
             self._paused = paused
             self._finish_steps("the simulation was resumed before all steps had run")
-            self._tell_cycled()
+            self._notify_cycle()
         self._wake.set()
 
     def after_cycle(self, done: Callable[[], None]) -> None:
@@ -162,7 +170,7 @@ class ControlLoop:
         with self.exclusive():
             self._on_cycle.append(done)
             if self._paused or self._stopping:
-                self._tell_cycled()
+                self._notify_cycle()
 
     def step(self, cycles: int, on_done: Callable[[str], None]) -> str:
         """Run exactly this many cycles while paused.
@@ -229,9 +237,7 @@ class ControlLoop:
 
     def _cycle(self) -> None:
         """One control cycle; the reading of t is taken before what is commanded at t acts."""
-        with self._gate:
-            self._lock.acquire()
-        try:
+        with self._lock:
             if self._paused and not self._steps:
                 return  # paused while this cycle waited for its turn
             show = self._states.pick()
@@ -244,11 +250,9 @@ class ControlLoop:
             self.snapshots.note_changes()
             if show:
                 self.snapshots.note_state()
-            self._tell_cycled()
+            self._notify_cycle()
             if self._paused:
                 self._count_step()
-        finally:
-            self._lock.release()
 
     def _stand_still(self) -> None:
         """Run the steps asked for, else wait; show the state to newcomers now and then."""
@@ -270,7 +274,7 @@ class ControlLoop:
             self.snapshots.note_state()
             self._finish_steps("")
 
-    def _tell_cycled(self) -> None:
+    def _notify_cycle(self) -> None:
         while self._on_cycle:
             self._on_cycle.popleft()()
 
@@ -292,38 +296,9 @@ class ControlLoop:
             self._cut_power()
             self.snapshots.note_changes()
             self.snapshots.note_state()
-            self._tell_cycled()
+            self._notify_cycle()
             self._finish_steps("the board is shutting down")
 
     def _cut_power(self) -> None:
         zeros = np.zeros(self._board.count)
         self._plant.write(Actuation(pwm=zeros, powered=zeros))
-
-
-class Turn:
-    """The board to oneself, see :meth:`ControlLoop.exclusive`.
-
-    The gate makes turns fair: Python's locks would let a loop that runs as fast as it can take
-    its lock again and again while others wait.
-    """
-
-    __slots__ = ("_loop",)
-
-    def __init__(self, loop: ControlLoop) -> None:
-        self._loop = loop
-
-    def __enter__(self) -> Board:
-        loop = self._loop
-        with loop._gate:
-            loop._lock.acquire()
-        return loop._board
-
-    def __exit__(self, *_error: Any) -> None:
-        loop = self._loop
-        try:
-            for hook in loop.turn_hooks:
-                hook()
-            if loop.paused:  # else the next cycle tells, when the request has its answer
-                loop.snapshots.note_changes()
-        finally:
-            loop._lock.release()

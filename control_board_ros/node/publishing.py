@@ -90,8 +90,7 @@ class StatePublisher:
             node.get_logger().info(trouble)
         self._clock_message = Clock()
         self._published_faults: object = None
-        self._due = threading.Lock()  # held while there is nothing to do
-        self._due.acquire()
+        self._due = threading.Event()
         self._running = True
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
         if not loop.time_base.follows_system:
@@ -111,11 +110,7 @@ class StatePublisher:
 
     def wake(self) -> None:
         """There is something new; returns at once."""
-        if self._due.locked():
-            try:
-                self._due.release()
-            except RuntimeError:
-                return  # another thread was faster
+        self._due.set()
 
     def stop(self, timeout: float = 1.0) -> None:
         """Publish what is left, and end; what was published arrives before the node goes."""
@@ -129,7 +124,8 @@ class StatePublisher:
     def _run(self) -> None:
         sharpen_timers()
         while self._running:
-            self._due.acquire()
+            self._due.wait()
+            self._due.clear()  # before looking: what comes meanwhile is for the next round
             self._round()
         self._round()
 

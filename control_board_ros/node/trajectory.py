@@ -48,7 +48,7 @@ class TrajectoryTopic:
         with loop.exclusive() as board:
             self.follower = Follower(board)
         loop.hooks.append(lambda _board, time: self.follower.step(time))
-        loop.turn_hooks.append(self.follower.check)
+        loop.exclusive_hooks.append(self.follower.check)
 
     def on_message(self, message: Any) -> None:
         """A trajectory; header.stamp says when it begins, 0 means now; without points: an end."""

@@ -20,6 +20,7 @@ from control_board_ros.core.config import (
     Pid,
 )
 from control_board_ros.core.measurement import Actuation, Measurement
+from control_board_ros.node.fair_lock import FairLock
 from control_board_ros.node.loop import ControlLoop
 from control_board_ros.node.pacing import MAX_LAG, Pacer
 from control_board_ros.sim.config import JointSimulation, SimulationConfig
@@ -172,17 +173,36 @@ def test_a_failing_plant_ends_the_loop(rig: Rig) -> None:
     assert rig.loop.failure is error
 
 
+def test_whoever_waits_gets_the_lock_next() -> None:
+    """Also when the one that has it asks again at once."""
+    lock, order = FairLock(), []
+
+    def wait_for_it() -> None:
+        with lock:
+            order.append("waiting")
+
+    thread = threading.Thread(target=wait_for_it)
+    with lock:
+        thread.start()
+        while not lock._gate.locked():
+            time.sleep(0.001)
+    with lock:
+        order.append("again")
+    thread.join()
+    assert order == ["waiting", "again"]
+
+
 def test_turns_are_fair_at_full_speed(fast: Rig) -> None:
-    """A loop that never waits still lets others have the board."""
+    """A loop that never waits still lets others have the board, within a cycle or two."""
     fast.loop.start()
     fast.run_to(100)
-    waits = []
+    passed = []
     for _ in range(200):
-        begun = time.monotonic()
+        before = fast.board.cycle
         with fast.loop.exclusive() as board:
+            passed.append(board.cycle - before)
             board.set_control_mode(None, "posd")
-        waits.append(time.monotonic() - begun)
-    assert sorted(waits)[100] < 0.02
+    assert sorted(passed)[100] <= 2
     assert fast.board.cycle > 110
 
 
