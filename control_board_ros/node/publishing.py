@@ -86,8 +86,8 @@ class StatePublisher:
         self._clock: Any = None
         self._joint_state = StateMessage(JointState(name=list(names)), JOINT_STATE, len(names))
         self._board_state = StateMessage(BoardState(names=list(names)), BOARD_STATE, len(names))
-        if trouble := self._board_state.trouble or self._joint_state.trouble:
-            node.get_logger().info(trouble)
+        if reason := self._board_state.fallback or self._joint_state.fallback:
+            node.get_logger().info(reason)
         self._clock_message = Clock()
         self._published_faults: object = None
         self._due = threading.Event()

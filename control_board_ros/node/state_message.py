@@ -3,7 +3,7 @@
 
 A message of the same names has the same layout every time. So it is serialized once, the places
 of its numbers are found, and from then on the bytes of a snapshot are joined to the rest. Where
-the layout is not understood, the message itself goes out: slower, and the same.
+anything about the layout is unknown, the message itself goes out: slower, and the same.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ MARK = 0x41
 ALIGNED = 4
 #: A stamp to try a layout with, ns.
 TRIAL = 1_234_567_890_123_456_789
+#: Type codes of :mod:`array` for the fields whose bytes are those of a snapshot's numbers.
+CODES = {"sequence<double>": "d", "sequence<uint64>": "Q"}
 
 
 class UnknownLayout(Exception):  # noqa: N818  (not raised out of this module)
@@ -42,7 +44,7 @@ class StateMessage:
         sources: for each field of numbers, in the message's order, the snapshot's attribute.
         count: how many numbers a field has.
 
-    Attributes: trouble (why whole messages are published; empty where their bytes are).
+    Attributes: fallback (why whole messages are published; empty where their bytes are).
     """
 
     def __init__(self, message: Any, sources: Mapping[str, str], count: int) -> None:
@@ -51,24 +53,33 @@ class StateMessage:
         self._kinds = {field: message.get_fields_and_field_types()[field] for field in sources}
         #: What stays the same, and between each two of them what changes.
         self._parts: list[bytes] = []
-        self.trouble = ""
+        self._size = 0
+        self.fallback = ""
         try:
             self._parts = self._cut(count)
+            self._size = sum(map(len, self._parts))
             self._try(count)
-        except UnknownLayout as found:
-            self.trouble = f"messages are published as they are, not as bytes: {found}"
+        except Exception as error:  # noqa: BLE001 - whatever it is, whole messages can go out
+            self._fall_back(str(error) if isinstance(error, UnknownLayout) else repr(error))
 
     def of(self, snapshot: Snapshot, nanoseconds: int) -> Any:
         """The message of a snapshot, stamped: its bytes, or the message itself."""
-        if self.trouble:
-            return self._filled(snapshot, nanoseconds)
+        if self.fallback:
+            return self._plain(snapshot, nanoseconds)
         self._parts[1::2] = [
             STAMP.pack(*split_time(nanoseconds)),
             *(getattr(snapshot, source).tobytes() for source in self._sources),
         ]
-        return b"".join(self._parts)
+        made = b"".join(self._parts)
+        if len(made) != self._size:
+            self._fall_back("the numbers of a snapshot have another size")
+            return self._plain(snapshot, nanoseconds)
+        return made
 
-    def _filled(self, snapshot: Any, nanoseconds: int) -> Any:
+    def _fall_back(self, reason: str) -> None:
+        self.fallback = f"states go out as messages, not as bytes ready made: {reason}"
+
+    def _plain(self, snapshot: Any, nanoseconds: int) -> Any:
         """The message itself."""
         set_stamp(self._message.header.stamp, nanoseconds)
         for field, source in self._fields.items():
@@ -100,7 +111,7 @@ class StateMessage:
         """Read a message made of bytes; it must be the one that was meant."""
         trial = TrialSnapshot(self._fields, self._kinds, count)
         made = deserialize_message(self.of(trial, TRIAL), type(self._message))  # type: ignore[arg-type]
-        if made != self._filled(trial, TRIAL):
+        if made != self._plain(trial, TRIAL):
             raise UnknownLayout("a message made of bytes reads otherwise")
 
 
@@ -118,19 +129,25 @@ class TrialSnapshot:
                 setattr(self, source, values + 0.125)
 
 
-def field_of(kind: str, values: Any) -> array[Any] | list[bool]:
-    """The values of a snapshot as a message's field."""
-    if kind == "sequence<boolean>":
-        return [bool(value) for value in values]
-    return array({"sequence<double>": "d", "sequence<uint64>": "Q"}[kind], values.tobytes())
+def field_of(kind: str, values: Any) -> array[Any] | list[Any]:
+    """The values of a snapshot as a message's field, of whatever kind it is."""
+    if kind in CODES:
+        return array(CODES[kind], np.asarray(values, dtype=CODES[kind]).tobytes())
+    one_by_one: list[Any] = values.tolist()
+    return one_by_one
 
 
 def numbers(kind: str, byte: int, count: int) -> array[Any] | list[bool]:
-    """So many numbers for a field, each made of this byte alone."""
+    """So many numbers for a field, each made of this byte alone.
+
+    Raises:
+        UnknownLayout: a kind of field whose bytes are not those of numpy.
+    """
     if kind == "sequence<boolean>":
         return [bool(byte)] * count
-    code = {"sequence<double>": "d", "sequence<uint64>": "Q"}[kind]
-    return array(code, bytes([byte]) * (8 * count))
+    if kind not in CODES:
+        raise UnknownLayout(f"a field is {kind}")
+    return array(CODES[kind], bytes([byte]) * (8 * count))
 
 
 def place_of(blank: bytes, marked: bytes, mark: bytes) -> slice:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from control_board_msgs.msg import BoardState
 from rclpy.serialization import deserialize_message, serialize_message
 from rig import Rig, board_config
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, LaserScan
 
 from control_board_ros.core.state import Snapshot
 from control_board_ros.node import state_message
@@ -46,7 +47,7 @@ def test_a_message_of_bytes_is_the_message(
     if not known:
         monkeypatch.setattr(state_message, "place_of", unknown)
     template = StateMessage(message, sources, 3)
-    assert bool(template.trouble) is not known
+    assert bool(template.fallback) is not known
     shown = read(template, type(message), snapshot)
     assert (shown.header.stamp.sec, shown.header.stamp.nanosec) == (1_500_000_000, 1)
     for field, source in sources.items():
@@ -64,8 +65,43 @@ def test_bytes_that_read_otherwise_are_not_used(snapshot: Snapshot, monkeypatch:
         state_message, "place_of", lambda *a: slice(place_of(*a).start + 8, place_of(*a).stop + 8)
     )
     template = StateMessage(BoardState(names=list(NAMES)), BOARD_STATE, 3)
-    assert "not as bytes" in template.trouble
+    assert template.fallback
     np.testing.assert_array_equal(read(template, BoardState, snapshot).position, snapshot.position)
+
+
+def test_a_kind_of_field_that_is_not_known(snapshot: Snapshot) -> None:
+    """Floats of 32 bits are no bytes of numpy: the message goes out as it is."""
+    template = StateMessage(LaserScan(), {"ranges": "position"}, 3)
+    assert "sequence<float>" in template.fallback
+    sent = template.of(snapshot, 1_500_000_000_000_000_001)
+    assert sent.header.stamp.nanosec == 1
+    np.testing.assert_array_equal(sent.ranges, snapshot.position.astype(np.float32))
+
+
+@pytest.mark.parametrize("error", [RuntimeError("no room"), KeyError("field"), TypeError("3")])
+def test_whatever_fails_at_the_start_whole_messages_go_out(
+    error: Exception, snapshot: Snapshot, monkeypatch: Any
+) -> None:
+    """A fast path never ends the node."""
+
+    def fail(*_arguments: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(state_message, "serialize_message", fail)
+    template = StateMessage(BoardState(names=list(NAMES)), BOARD_STATE, 3)
+    assert repr(error) in template.fallback
+    np.testing.assert_array_equal(template.of(snapshot, 1).position, snapshot.position)
+
+
+def test_a_snapshot_of_another_size_is_no_broken_message(snapshot: Snapshot) -> None:
+    """Bytes that are too many would be read as something else."""
+    template = StateMessage(JointState(name=list(NAMES)), JOINT_STATE, 3)
+    assert template.fallback == ""
+    block, sensor = np.ones((len(snapshot.block), 4)), np.ones(4, dtype=np.bool_)
+    more = replace(snapshot, block=block, torque_sensor=sensor)
+    sent = template.of(more, 1)
+    assert "another size" in template.fallback
+    assert list(sent.position) == [1.0] * 4
 
 
 def padding(message: Any) -> list[int]:
@@ -101,13 +137,13 @@ def test_padding_that_is_not_set_does_not_matter(monkeypatch: Any) -> None:
 
     monkeypatch.setattr(state_message, "serialize_message", noisy)
     for _ in range(50):
-        assert StateMessage(message, BOARD_STATE, 3).trouble == ""
+        assert StateMessage(message, BOARD_STATE, 3).fallback == ""
 
 
 def test_a_mark_in_a_name_is_no_place() -> None:
     """A joint called AAAAAAAA... holds the mark's bytes, too."""
     names = ["A" * 64, "B", "AAAAAAAAAAAAAAAAAAAAAAAA"]
-    assert StateMessage(BoardState(names=names), BOARD_STATE, 3).trouble == ""
+    assert StateMessage(BoardState(names=names), BOARD_STATE, 3).fallback == ""
 
 
 @pytest.mark.parametrize(
