@@ -8,6 +8,7 @@ a stop, another interaction mode, another control mode: M9, I4) leaves it at res
 from __future__ import annotations
 
 from enum import Enum, auto
+from typing import NamedTuple
 
 #: How near to its target a joint has arrived, by its kind: rad, and m for a prismatic joint.
 TOLERANCES = {"revolute": 0.01, "continuous": 0.01, "prismatic": 0.001}
@@ -17,6 +18,13 @@ SETTLING = 1.0
 
 #: Part of the tolerance by which the reference may miss the target of a move that has ended.
 EXACT = 0.1
+
+
+class Outcome(NamedTuple):
+    """How a task ended; the message is one line, empty where there is nothing to say."""
+
+    success: bool
+    message: str
 
 
 class Standing(Enum):

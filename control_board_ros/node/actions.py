@@ -2,29 +2,74 @@
 """The actions ~/move and ~/calibrate: started by a goal, watched by one timer.
 
 Neither blocks the executor: a goal's coroutine waits for a future, the timer looks at the board
-between two cycles, sends feedback, and sets the future when the motion has ended, was cancelled
+between two cycles, sends feedback, and sets the future when the task has ended, was cancelled
 or cannot end any more.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from control_board_msgs.action import Calibrate, Move
 from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
-from ..interface import CALIBRATE, MOVE
-from .goals import CalibrateGoal, Motion, MoveGoal, Outcome
+from ..core.arrival import Outcome
+from ..core.board import Board
+from ..core.calibration_task import CalibrationTask
+from ..core.move_task import MoveTask
+from ..interface import CALIBRATE, MOVE, Endpoint
 from .loop import ControlLoop
+from .messages import chosen, doubles, optional
 
-#: s between two looks at the motions under way (wall clock), which is the feedback's period.
+#: s between two looks at the goals under way (wall clock), which is the feedback's period.
 PERIOD = 0.05
 #: s for which the result of a goal can still be asked for.
 RESULT_KEPT = 60
+
+Task = MoveTask | CalibrationTask
+
+
+def start_move(board: Board, request: Any) -> MoveTask:
+    """Start what a goal of ~/move asks for."""
+    names = chosen(request.names, board.count)
+    return MoveTask(board, names, request.positions, optional(request.speeds))
+
+
+def start_calibration(board: Board, request: Any) -> CalibrationTask:
+    """Start what a goal of ~/calibrate asks for."""
+    return CalibrationTask(board, chosen(request.names, board.count))
+
+
+def feedback_of(board: Board, task: Task) -> Any:
+    """The feedback message of now."""
+    if isinstance(task, MoveTask):
+        return Move.Feedback(
+            names=list(task.names),
+            positions=doubles(board.get_encoder(task.names)),
+            remaining_time=task.remaining_time(),
+        )
+    statuses = task.statuses()
+    phases = dict.fromkeys(status.phase for status in statuses if status.running)
+    return Calibrate.Feedback(
+        names=list(task.names),
+        progress=doubles([status.progress for status in statuses]),
+        phase=", ".join(phases),
+    )
+
+
+@dataclass(slots=True, eq=False)
+class Goal:
+    """A goal under way: rclpy's handle, what it started, and the future of its end."""
+
+    handle: Any
+    task: Task
+    ended: Future
 
 
 class Actions:
@@ -37,72 +82,70 @@ class Actions:
 
     def __init__(self, node: Node, loop: ControlLoop) -> None:
         self._loop = loop
-        self._motions: list[tuple[Any, Motion, Future]] = []
+        self._goals: list[Goal] = []
         self._servers: Sequence[ActionServer] = [
-            ActionServer(
-                node,
-                action.load(),
-                action.name,
-                self._executor(action.load(), motion),
-                cancel_callback=accept_cancel,
-                goal_service_qos_profile=action.qos.profile(),
-                result_service_qos_profile=action.qos.profile(),
-                cancel_service_qos_profile=action.qos.profile(),
-                result_timeout=RESULT_KEPT,
-            )
-            for action, motion in ((MOVE, MoveGoal), (CALIBRATE, CalibrateGoal))
+            self._server(node, MOVE, start_move),
+            self._server(node, CALIBRATE, start_calibration),
         ]
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)
 
-    def _executor(self, kind: Any, motion: Any) -> Any:
-        async def execute(goal: Any) -> Any:
+    def _server(
+        self, node: Node, action: Endpoint, start: Callable[[Board, Any], Task]
+    ) -> ActionServer:
+        kind = action.load()
+
+        async def execute(handle: Any) -> Any:
             try:
                 with self._loop.exclusive() as board:
-                    started = motion(board, goal.request)
+                    task = start(board, handle.request)
             except ValueError as error:
-                goal.abort()
+                handle.abort()
                 return kind.Result(success=False, message=str(error))
             ended = Future()
-            self._motions.append((goal, started, ended))
-            if len(self._motions) == 1:
+            self._goals.append(Goal(handle, task, ended))
+            if len(self._goals) == 1:
                 self._timer.reset()
-            success, message = await ended
-            return kind.Result(success=success, message=message)
+            outcome = await ended
+            return kind.Result(success=outcome.success, message=outcome.message)
 
-        return execute
+        return ActionServer(
+            node,
+            kind,
+            action.name,
+            execute,
+            cancel_callback=lambda _goal: CancelResponse.ACCEPT,
+            goal_service_qos_profile=action.qos.profile(),
+            result_service_qos_profile=action.qos.profile(),
+            cancel_service_qos_profile=action.qos.profile(),
+            result_timeout=RESULT_KEPT,
+        )
 
     def _look(self) -> None:
-        """Feedback for every motion; end those that have ended or are to be cancelled."""
-        for entry in list(self._motions):
-            goal, motion, ended = entry
-            outcome: Outcome | None = (False, "internal error; the board's log tells more")
+        """Feedback for every goal; end those that have ended or are to be cancelled."""
+        for goal in list(self._goals):
+            outcome: Outcome | None = Outcome(False, "internal error; the board's log tells more")
             try:
-                outcome = self._attend(goal, motion)
+                outcome = self._attend(goal.handle, goal.task)
             finally:
                 if outcome is not None:
-                    self._motions.remove(entry)
-                    ended.set_result(outcome)
-        if not self._motions:
+                    self._goals.remove(goal)
+                    goal.ended.set_result(outcome)
+        if not self._goals:
             self._timer.cancel()
 
-    def _attend(self, goal: Any, motion: Motion) -> Outcome | None:
+    def _attend(self, handle: Any, task: Task) -> Outcome | None:
         with self._loop.exclusive() as board:
-            cancelled = goal.is_cancel_requested
-            outcome = (False, motion.cancel(board)) if cancelled else motion.look(board)
-            feedback = motion.feedback(board)
-        goal.publish_feedback(feedback)
+            cancelled = handle.is_cancel_requested
+            outcome = Outcome(False, task.cancel()) if cancelled else task.outcome()
+            feedback = feedback_of(board, task)
+        handle.publish_feedback(feedback)
         if outcome is None:
             return None
         if cancelled:
-            goal.canceled()
-        elif outcome[0]:
-            goal.succeed()
+            handle.canceled()
+        elif outcome.success:
+            handle.succeed()
         else:
-            goal.abort()
+            handle.abort()
         return outcome
-
-
-def accept_cancel(_goal: Any) -> CancelResponse:
-    """Every goal can be cancelled."""
-    return CancelResponse.ACCEPT

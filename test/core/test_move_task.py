@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goals set going, on a board in this process: accepted whole, watched, ended (P1, P3)."""
+"""A move of several joints: accepted whole, watched, ended (SPEC P1, P3)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from control_board_msgs.action import Move
 from rig import Rig, board_config, joint
 
+from control_board_ros.core.arrival import Outcome
+from control_board_ros.core.move_task import MoveTask
 from control_board_ros.core.reply import Answer, Reply
-from control_board_ros.node.goals import MoveGoal
 
 
 @pytest.fixture
@@ -26,15 +26,11 @@ def rig() -> Rig:
     return made
 
 
-def goal(names: list[str], positions: list[float], speeds: list[float] | None = None) -> Any:
-    return Move.Goal(names=names, positions=positions, speeds=speeds or [])
-
-
-def outcome(rig: Rig, motion: MoveGoal, seconds: float = 8.0) -> tuple[bool, str]:
-    """Look every 50 ms until the motion has ended."""
+def outcome(rig: Rig, move: MoveTask, seconds: float = 8.0) -> Outcome:
+    """Look every 50 ms until the move has ended."""
     for _ in range(round(seconds / 0.05)):
         rig.run(0.05)
-        found = motion.look(rig.board)
+        found = move.outcome()
         if found is not None:
             return found
     raise AssertionError(f"not ended after {seconds} s")
@@ -42,7 +38,7 @@ def outcome(rig: Rig, motion: MoveGoal, seconds: float = 8.0) -> tuple[bool, str
 
 def test_a_move_that_arrives_succeeds(rig: Rig) -> None:
     """P1: with nothing to say."""
-    assert outcome(rig, MoveGoal(rig.board, goal(["a", "c"], [0.3, 0.02], [1.0, 0.1]))) == (
+    assert outcome(rig, MoveTask(rig.board, ["a", "c"], [0.3, 0.02], [1.0, 0.1])) == (
         True,
         "",
     )
@@ -67,11 +63,11 @@ ENDS: dict[str, tuple[Callable[[Any], Any], str]] = {
 def test_a_move_that_was_dropped_fails(rig: Rig, way: str, names: list[str]) -> None:
     """P3, I4, M9: done is not arrived; the message says where the joint is and why."""
     act, text = ENDS[way]
-    motion = MoveGoal(rig.board, goal(names, [-1.0] * len(names), [0.5] * len(names)))
+    move = MoveTask(rig.board, names, [-1.0] * len(names), [0.5] * len(names))
     rig.run(0.8)
-    assert motion.look(rig.board) is None
+    assert move.outcome() is None
     act(rig.board)
-    success, message = outcome(rig, motion)
+    success, message = outcome(rig, move)
     assert not success
     assert message.startswith("a is at -0.")
     assert "not at its target -1 rad" in message
@@ -84,7 +80,7 @@ def test_a_compliant_joint_is_judged_by_its_reference(rig: Rig) -> None:
     """I5: a spring gives way to a push; the message says where the joint is."""
     assert rig.board.set_interaction_mode("a", "comp")
     rig.plant.push("a", 5.0)
-    success, message = outcome(rig, MoveGoal(rig.board, goal(["a"], [0.2], [0.5])))
+    success, message = outcome(rig, MoveTask(rig.board, ["a"], [0.2], [0.5]))
     assert success
     assert "a is at 0.3" in message or "a is at 0.2" in message
     assert "its reference at 0.2 rad" in message
@@ -94,36 +90,36 @@ def test_a_blocked_sliding_joint_fails(rig: Rig) -> None:
     """A tolerance of 1 mm, not of 10: a finger that stands 5 mm away has not arrived."""
     rig.plant.push("c", -22.0)  # 20 N is what the integral part may give, the rest is 400 N/m
     rig.run(10.0)
-    success, message = outcome(rig, MoveGoal(rig.board, goal(["c"], [0.02], [0.1])))
+    success, message = outcome(rig, MoveTask(rig.board, ["c"], [0.02], [0.1]))
     assert not success
     assert re.match(r"c is at 0\.01\d* m, 0\.00\d* m away from its target 0\.02 m", message)
 
 
 REFUSED = [
-    (["a", "b"], [0.5, 0.5], [], "VELOCITY"),
-    (["a", "b"], [0.5, float("nan")], [], "nan"),
-    (["b", "a"], [0.5, float("inf")], [], "inf"),
+    (["a", "b"], [0.5, 0.5], None, "VELOCITY"),
+    (["a", "b"], [0.5, float("nan")], None, "nan"),
+    (["b", "a"], [0.5, float("inf")], None, "inf"),
     (["a"], [0.5], [0.0], "above 0"),
     (["a", "b"], [0.5, 0.5], [0.5, -1.0], "above 0"),
-    (["a", "b"], [0.5], [], "1 "),
+    (["a", "b"], [0.5], None, "1 "),
     (["a", "b"], [0.5, 0.5], [0.5], "1 speeds for 2 joints"),
-    (["a", "nobody"], [0.5, 0.5], [], "unknown"),
+    (["a", "nobody"], [0.5, 0.5], None, "unknown"),
 ]
 
 
 @pytest.mark.parametrize(("names", "positions", "speeds", "text"), REFUSED)
 def test_a_refused_goal_stops_nothing(
-    rig: Rig, names: list[str], positions: list[float], speeds: list[float], text: str
+    rig: Rig, names: list[str], positions: list[float], speeds: list[float] | None, text: str
 ) -> None:
     """M4, P13: a running move of the same joints goes on to its end, on time."""
-    running = MoveGoal(rig.board, goal(["a"], [-1.0], [0.5]))
+    running = MoveTask(rig.board, ["a"], [-1.0], [0.5])
     rig.run(0.5)
     if text == "VELOCITY":
         assert rig.board.set_control_mode("b", "vel")
     left = rig.board.get_remaining_time("a")[0]
     reference = rig.board.snapshot().position_reference.copy()
     with pytest.raises(ValueError, match=text):
-        MoveGoal(rig.board, goal(names, positions, speeds))
+        MoveTask(rig.board, names, positions, speeds)
     assert rig.board.get_remaining_time("a")[0] == left
     np.testing.assert_array_equal(rig.board.snapshot().position_reference, reference)
     assert outcome(rig, running) == (True, "")
@@ -131,8 +127,8 @@ def test_a_refused_goal_stops_nothing(
 
 def test_a_failed_goal_stops_its_own_joints_only(rig: Rig) -> None:
     """P3: a single joint that leaves its mode does not stop the board."""
-    alone = MoveGoal(rig.board, goal(["a"], [-1.0], [0.5]))
-    other = MoveGoal(rig.board, goal(["b"], [0.8], [0.5]))
+    alone = MoveTask(rig.board, ["a"], [-1.0], [0.5])
+    other = MoveTask(rig.board, ["b"], [0.8], [0.5])
     rig.run(0.3)
     assert rig.board.set_control_mode("a", "vel")
     success, message = outcome(rig, alone)
@@ -143,9 +139,9 @@ def test_a_failed_goal_stops_its_own_joints_only(rig: Rig) -> None:
 
 def test_a_failed_goal_leaves_joints_that_others_move(rig: Rig) -> None:
     """P1: what another move took over in the meantime goes on."""
-    first = MoveGoal(rig.board, goal(["a", "b"], [-1.0, 1.0], [0.5, 0.5]))
+    first = MoveTask(rig.board, ["a", "b"], [-1.0, 1.0], [0.5, 0.5])
     rig.run(0.3)
-    second = MoveGoal(rig.board, goal(["b"], [0.5], [0.5]))
+    second = MoveTask(rig.board, ["b"], [0.5], [0.5])
     assert rig.board.set_control_mode("a", "vel")
     assert not outcome(rig, first)[0]
     assert outcome(rig, second) == (True, "")
@@ -162,14 +158,14 @@ def test_what_was_bounded_is_told_at_the_end(rig: Rig, monkeypatch: Any) -> None
         return Reply(reply.joints, (Answer.ACCEPTED,), text, (text,))
 
     monkeypatch.setattr(rig.board, "position_move", bounded)
-    success, message = outcome(rig, MoveGoal(rig.board, goal(["a"], [0.2], [0.5])))
+    success, message = outcome(rig, MoveTask(rig.board, ["a"], [0.2], [0.5]))
     assert success
     assert message == "a: bounded to 0.1 rad (0.2 was asked for): software limit"
 
 
 def test_a_target_beyond_the_limits_succeeds_and_says_so(rig: Rig) -> None:
     """P1, P9: it arrives at the limit; the result says what was asked and what was done."""
-    success, message = outcome(rig, MoveGoal(rig.board, goal(["a"], [2.6], [1.2])))
+    success, message = outcome(rig, MoveTask(rig.board, ["a"], [2.6], [1.2]))
     assert success
     assert message.startswith("a: position bounded to 114.6° (149° was asked for)")
     assert rig.board.get_encoder("a")[0] == pytest.approx(2.0, abs=0.01)

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A position move of several joints, watched to its end (SPEC P1, P3).
+
+Callers make the task, which starts the move, and ask between two cycles for its outcome::
+
+    move = MoveTask(board, ["elbow"], [0.5])
+    while (outcome := move.outcome()) is None:
+        plant.write(board.tick(plant.read()))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..protocols import Floats, Joints
+from .arrival import TOLERANCES, Outcome, Standing, ending, standing, unit
+from .board import Board
+from .modes import ACCEPTS
+from .reply import summary
+from .selection import RequestError
+from .vocabs import CommandKind, ControlMode, InteractionMode
+
+K = CommandKind
+
+
+@dataclass(frozen=True, slots=True)
+class JointMove:
+    """One joint's part of a move, as it was accepted: kind of joint, target (rad or m), modes."""
+
+    name: str
+    kind: str
+    target: float
+    control: ControlMode
+    interaction: InteractionMode
+
+
+class MoveTask:
+    """A position move of several joints, started for all of them or for none.
+
+    Args:
+        board: which moves.
+        joints: as in every request.
+        positions: targets, one per joint, rad or m.
+        speeds: mean speeds, one per joint, rad/s or m/s; None: the reference speeds.
+
+    Raises:
+        RequestError: the board does not take it; nothing has changed.
+
+    Attributes: names (of the joints).
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        joints: Joints,
+        positions: Sequence[float] | Floats,
+        speeds: Sequence[float] | Floats | None = None,
+    ) -> None:
+        self._board = board
+        selection = board.selector.select(joints)
+        self.names = selection.names
+        self._note = start_move(board, self.names, positions, speeds)
+        self._joints = [
+            JointMove(board.names[j], board.config.joints[j].kind, target, control, interaction)
+            for j, target, control, interaction in zip(
+                selection.joints.tolist(),
+                board.get_target_position(self.names).tolist(),
+                board.get_control_mode(self.names),
+                board.get_interaction_mode(self.names),
+                strict=True,
+            )
+        ]
+        self._ended: float | None = None  # when the profiles ended, s
+
+    def outcome(self) -> Outcome | None:
+        """How it ended, or None while it is under way; stops its joints where it failed."""
+        board = self._board
+        left = [name for name, takes in zip(self.names, self._takes(), strict=True) if not takes]
+        if left:
+            self._stop()
+            return Outcome(False, self._left(left[0]))
+        for joint, target in zip(self._joints, self._targets(), strict=True):
+            if target != joint.target:
+                is_, was = (f"{value:.6g} {unit(joint.kind)}" for value in (target, joint.target))
+                return Outcome(False, f"another move took {joint.name} to {is_} instead of {was}")
+        if all(board.check_motion_done(self.names)):
+            return self._arrival()
+        self._ended = None
+        return self._dropped()
+
+    def remaining_time(self) -> float:
+        """Time until the last profile ends, s."""
+        return float(np.max(self._board.get_remaining_time(self.names), initial=0.0))
+
+    def cancel(self) -> str:
+        """Stop the joints that still do this move; what they do now."""
+        self._stop()
+        return f"cancelled; {', '.join(self.names)} stopped and held where they were"
+
+    def _takes(self) -> list[bool]:
+        return [takes_moves(mode) for mode in self._board.get_control_mode(self.names)]
+
+    def _targets(self) -> list[float]:
+        targets: list[float] = self._board.get_target_position(self.names).tolist()
+        return targets
+
+    def _stop(self) -> None:
+        """Stop the joints that still do this move."""
+        moving = [
+            joint.name
+            for joint, takes, target in zip(
+                self._joints, self._takes(), self._targets(), strict=True
+            )
+            if takes and target == joint.target
+        ]
+        if moving:  # none named would mean all
+            self._board.stop(moving)
+
+    def _dropped(self) -> Outcome | None:
+        """While some joints move: has the move of another one been dropped?"""
+        done = self._board.check_motion_done(self.names)
+        found = [
+            one if ended else Standing.ARRIVED
+            for one, ended in zip(self._standings(since=0.0), done, strict=True)
+        ]
+        if Standing.DROPPED not in found:
+            return None
+        message = self._message(found)
+        self._stop()
+        return Outcome(False, message)
+
+    def _arrival(self) -> Outcome | None:
+        """The profiles have ended: are the joints there?"""
+        now = self._board.time
+        if self._ended is None:
+            self._ended = now
+        found = self._standings(since=now - self._ended)
+        if Standing.DROPPED not in found and Standing.SETTLING in found:
+            return None
+        return Outcome(all(one is Standing.ARRIVED for one in found), self._message(found))
+
+    def _standings(self, *, since: float) -> list[Standing]:
+        board, names = self._board, self.names
+        joints = board.selector.select(names).joints
+        shown = board.snapshot()
+        return [
+            standing(
+                joint.target,
+                reference,
+                velocity,
+                position,
+                tolerance=TOLERANCES[joint.kind],
+                compliant=interaction is InteractionMode.COMPLIANT,
+                since=since,
+            )
+            for joint, reference, velocity, position, interaction in zip(
+                self._joints,
+                shown.position_reference[joints].tolist(),
+                shown.velocity_reference[joints].tolist(),
+                shown.position[joints].tolist(),
+                board.get_interaction_mode(names),
+                strict=True,
+            )
+        ]
+
+    def _message(self, found: list[Standing]) -> str:
+        """What there is to say at the end: what was bounded at the start, and of each joint."""
+        board, names = self._board, self.names
+        texts = [self._note] if all(one is Standing.ARRIVED for one in found) else []
+        texts += [
+            ending(
+                joint.name,
+                joint.kind,
+                one,
+                joint.target,
+                position,
+                changed=change(joint, control, interaction),
+                compliant=interaction is InteractionMode.COMPLIANT,
+            )
+            for joint, one, position, control, interaction in zip(
+                self._joints,
+                found,
+                board.get_encoder(names).tolist(),
+                board.get_control_mode(names),
+                board.get_interaction_mode(names),
+                strict=True,
+            )
+            if one is not Standing.SETTLING
+        ]
+        return summary(texts)
+
+    def _left(self, name: str) -> str:
+        mode = self._board.get_control_mode(name)[0]
+        fault = self._board.get_faults(name)[0]
+        cause = f" ({fault.text})" if fault.active else ""
+        return f"{name} left for {mode.name}{cause} during the move; the other joints stopped"
+
+
+def takes_moves(mode: ControlMode) -> bool:
+    """Whether a control mode takes position moves."""
+    return K.POSITION in ACCEPTS.get(mode, frozenset())
+
+
+def change(joint: JointMove, control: ControlMode, interaction: InteractionMode) -> str:
+    """Which mode of a joint is another one than when its move began, and else what may be."""
+    if control is not joint.control:
+        return f"its control mode became {control.name}"
+    if interaction is not joint.interaction:
+        return f"its interaction mode became {interaction.name}"
+    takes_both = {K.POSITION, K.VELOCITY} <= ACCEPTS.get(control, frozenset())
+    return "it was stopped, or a velocity moved it" if takes_both else ""
+
+
+def start_move(
+    board: Board,
+    names: Sequence[str],
+    positions: Sequence[float] | Floats,
+    speeds: Sequence[float] | Floats | None,
+) -> str:
+    """Start a move of all these joints or of none; returns what the board said to it.
+
+    The joints that the board refuses for sure come first, then those with a speed above their
+    limit: what is refused is refused before anything has changed.
+
+    Raises:
+        RequestError: with the board's reason.
+    """
+    count = len(names)
+    if len(positions) != count or (speeds is not None and len(speeds) != count):
+        raise RequestError(board.position_move(names, positions, speeds).message)
+    targets = np.asarray(positions, dtype=np.float64)
+    rates = board.get_ref_speed(names) if speeds is None else np.asarray(speeds, np.float64)
+    joints = board.selector.select(names).joints
+    takes = np.array([takes_moves(mode) for mode in board.get_control_mode(names)], dtype=bool)
+    with np.errstate(invalid="ignore"):
+        good = takes & np.isfinite(targets) & np.isfinite(rates) & (rates > 0.0)
+        fast = good & (rates > [board.config.joints[j].limits.velocity for j in joints])
+    notes = []
+    for group in (~good, fast, good & ~fast):
+        if not group.any():
+            continue
+        some = [name for name, among in zip(names, group, strict=True) if among]
+        reply = board.position_move(some, targets[group], None if speeds is None else rates[group])
+        if not reply:
+            raise RequestError(reply.message)
+        notes.append(reply.message)
+    return summary(notes)
