@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Following paths in POSITION_DIRECT, joint by joint (SPEC T2, T3, M4).
 
-Whoever holds the board calls, between two cycles, ``follow`` for a new path, ``end`` when the
-joints are stopped, ``check`` after every request, and ``step`` before every tick.
+Whoever holds the board calls, between two cycles, ``follow`` for a new path, ``stop`` to stop
+joints, ``check`` after every request, and ``step`` before every tick.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..interfaces import Joints
 from .board import Board
 from .path import SAME_TIME, Path, Sample, Spline
-from .reply import Answer, Reply, decided
+from .reply import Answer, Reply, decided, joints_of
 from .vocabs import CommandKind, InteractionMode
 
 Bools = NDArray[np.bool_]
@@ -111,6 +111,13 @@ class Follower:
         chosen = self._board.selector.select(joints).joints
         for run in list(self._runs):
             self._drop(run, np.isin(run.joints, chosen), why)
+
+    def stop(self, joints: Joints) -> Reply:
+        """Stop joints (P3): the board does, and they follow nothing any more."""
+        reply = self._board.stop(joints)
+        if stopped := joints_of(reply, Answer.ACCEPTED):
+            self.end(stopped, "stopped")
+        return reply
 
     def hold(self, joints: Joints, why: str) -> None:
         """End what these joints follow, and hold their present reference at rest."""

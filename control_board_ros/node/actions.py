@@ -25,7 +25,7 @@ from ..core.calibration_task import CalibrationTask
 from ..core.move_task import MoveTask
 from ..interface import CALIBRATE, MOVE, Endpoint
 from .loop import ControlLoop
-from .messages import chosen, doubles, optional
+from .messages import bounded, doubles, optional
 
 #: s between two looks at the goals under way (wall clock), which is the feedback's period.
 PERIOD = 0.05
@@ -37,13 +37,13 @@ Task = MoveTask | CalibrationTask
 
 def start_move(board: Board, request: Any) -> MoveTask:
     """Start what a goal of ~/move asks for."""
-    names = chosen(request.names, board.count)
-    return MoveTask(board, names, request.positions, optional(request.speeds))
+    joints = bounded(request.names, board.count)
+    return MoveTask(board, joints, request.positions, optional(request.speeds))
 
 
 def start_calibration(board: Board, request: Any) -> CalibrationTask:
     """Start what a goal of ~/calibrate asks for."""
-    return CalibrationTask(board, chosen(request.names, board.count))
+    return CalibrationTask(board, bounded(request.names, board.count))
 
 
 def feedback_of(board: Board, task: Task) -> Any:

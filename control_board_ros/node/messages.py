@@ -28,18 +28,13 @@ CODES: dict[Vocab, str] = {
 Response = TypeVar("Response")
 
 
-def chosen(names: Sequence[str], count: int) -> tuple[str, ...]:
-    """The joints that a request names; empty means all.
+def bounded(texts: Sequence[str], count: int) -> tuple[str, ...]:
+    """The joints that a request names, or its modes: of ``count`` joints, one more at most.
 
     More names than joints cannot be right: one is unknown or there twice. One too many is
     enough for the board to say so, so that a list of megabytes costs no more than that.
     """
-    return tuple(names[: count + 1])
-
-
-def modes(codes: Sequence[str], count: int) -> tuple[str, ...]:
-    """The modes that a request asks for, cut like :func:`chosen`."""
-    return tuple(codes[: count + 1])
+    return tuple(texts[: count + 1])
 
 
 def optional(values: Sequence[float]) -> Sequence[float] | None:

@@ -15,10 +15,9 @@ from rclpy.task import Future
 
 from ..core.board import Board
 from ..core.follower import Follower
-from ..core.reply import Answer, joints_of
 from ..core.selection import RequestError
 from .loop import ControlLoop
-from .messages import answered, chosen, codes, doubles, joint_fault, modes, optional
+from .messages import answered, bounded, codes, doubles, joint_fault, optional
 
 
 class Services:
@@ -47,8 +46,8 @@ class Services:
 
     def set_control_mode(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            names = chosen(request.names, board.count)
-            reply = board.set_control_mode(names, modes(request.modes, board.count))
+            joints = bounded(request.names, board.count)
+            reply = board.set_control_mode(joints, bounded(request.modes, board.count))
             if reply.joints:
                 response.names = list(reply.joints)
                 response.modes = codes(board.get_control_mode(reply.joints))
@@ -56,16 +55,16 @@ class Services:
 
     def get_control_mode(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            response.names = names = self._names(board, request)
-            values = board.get_control_mode(names)
+            response.names = joints = self._joints(board, request)
+            values = board.get_control_mode(joints)
         response.modes = codes(values)
         response.vocabs = array("i", map(int, values))
-        return fine(response)
+        return succeeded(response)
 
     def set_interaction_mode(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            names = chosen(request.names, board.count)
-            reply = board.set_interaction_mode(names, modes(request.modes, board.count))
+            joints = bounded(request.names, board.count)
+            reply = board.set_interaction_mode(joints, bounded(request.modes, board.count))
             if reply.joints:
                 response.names = list(reply.joints)
                 response.modes = codes(board.get_interaction_mode(reply.joints))
@@ -73,77 +72,74 @@ class Services:
 
     def get_interaction_mode(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            response.names = names = self._names(board, request)
-            values = board.get_interaction_mode(names)
+            response.names = joints = self._joints(board, request)
+            values = board.get_interaction_mode(joints)
         response.modes = codes(values)
         response.vocabs = array("i", map(int, values))
-        return fine(response)
+        return succeeded(response)
 
     def get_available_modes(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            response.names = names = self._names(board, request)
-            values = board.get_available_modes(names)
+            response.names = joints = self._joints(board, request)
+            values = board.get_available_modes(joints)
         response.control_modes = [",".join(codes(control)) for control, _ in values]
         response.interaction_modes = [",".join(codes(interaction)) for _, interaction in values]
-        return fine(response)
+        return succeeded(response)
 
     # -- references ---------------------------------------------------------------------------
 
     def set_impedance(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            names = chosen(request.names, board.count)
+            joints = bounded(request.names, board.count)
             damping = optional(request.damping)
-            reply = board.set_impedance(names, request.stiffness, damping)
+            reply = board.set_impedance(joints, request.stiffness, damping)
         return answered(response, reply)
 
     def get_impedance(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            response.names = names = self._names(board, request)
-            stiffness, damping = board.get_impedance(names)
-            max_stiffness, max_damping = board.get_max_impedance(names)
-            offset = board.get_torque_offset(names)
+            response.names = joints = self._joints(board, request)
+            stiffness, damping = board.get_impedance(joints)
+            max_stiffness, max_damping = board.get_max_impedance(joints)
+            offset = board.get_torque_offset(joints)
         response.stiffness, response.damping = doubles(stiffness), doubles(damping)
         response.max_stiffness = doubles(max_stiffness)
         response.max_damping = doubles(max_damping)
         response.torque_offset = doubles(offset)
-        return fine(response)
+        return succeeded(response)
 
     def set_reference_speed(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            names = chosen(request.names, board.count)
+            joints = bounded(request.names, board.count)
             speeds, accelerations = optional(request.speeds), optional(request.accelerations)
-            reply = board.set_reference_speed(names, speeds, accelerations)
+            reply = board.set_reference_speed(joints, speeds, accelerations)
         return answered(response, reply)
 
     def get_references(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            response.names = names = self._names(board, request)
-            response.positions = doubles(board.get_target_position(names))
-            response.direct_positions = doubles(board.get_ref_position(names))
-            response.velocities = doubles(board.get_ref_velocity(names))
-            response.torques = doubles(board.get_ref_torque(names))
-            response.outputs = doubles(board.get_output(names))
-            response.speeds = doubles(board.get_ref_speed(names))
-            response.accelerations = doubles(board.get_ref_acceleration(names))
-        return fine(response)
+            response.names = joints = self._joints(board, request)
+            response.positions = doubles(board.get_target_position(joints))
+            response.direct_positions = doubles(board.get_ref_position(joints))
+            response.velocities = doubles(board.get_ref_velocity(joints))
+            response.torques = doubles(board.get_ref_torque(joints))
+            response.outputs = doubles(board.get_output(joints))
+            response.speeds = doubles(board.get_ref_speed(joints))
+            response.accelerations = doubles(board.get_ref_acceleration(joints))
+        return succeeded(response)
 
     def stop(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            reply = board.stop(chosen(request.names, board.count))
-            stopped = joints_of(reply, Answer.ACCEPTED)
-            if stopped:
-                self._follower.end(stopped, "stopped")
+            reply = self._follower.stop(bounded(request.names, board.count))
         return answered(response, reply)
 
     # -- faults and life ----------------------------------------------------------------------
 
     def get_faults(self, request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
-            joints = board.selector.select(chosen(request.names, board.count)).joints
+            joints = board.selector.select(bounded(request.names, board.count)).joints
             self._loop.snapshots.note_changes()
             faults = self._loop.snapshots.faults
         response.faults = [joint_fault(faults.records[j], faults.raised[j]) for j in joints]
-        return fine(response)
+        return succeeded(response)
 
     def configure(self, _request: Any, response: Any) -> Any:
         with self._loop.exclusive() as board:
@@ -152,16 +148,16 @@ class Services:
 
     def power_cycle(self, _request: Any, response: Any) -> Any:
         self._loop.power_cycle()
-        return fine(response)
+        return succeeded(response)
 
     # -- simulation ---------------------------------------------------------------------------
 
     def inject_fault(self, request: Any, response: Any) -> Any:
         self._require_injection()
         with self._loop.exclusive() as board:
-            for name in self._names(board, request):
+            for name in self._joints(board, request):
                 self._plant.inject(name, request.fault, request.persistent)
-        return fine(response)
+        return succeeded(response)
 
     def clear_injected_faults(self, _request: Any, response: Any) -> Any:
         self._require_injection()
@@ -169,11 +165,11 @@ class Services:
             self._plant.clear_injected()
         seen = Future()  # with the next reading, so that FORCE_IDLE is not refused any more
         self._loop.after_cycle(lambda: self._later(lambda: seen.set_result("")))
-        return told(response, seen)
+        return answered_later(response, seen)
 
     def pause(self, request: Any, response: Any) -> Any:
         self._loop.pause(request.data)
-        return fine(response)
+        return succeeded(response)
 
     def step(self, request: Any, response: Any) -> Any:
         done = Future()
@@ -182,11 +178,11 @@ class Services:
         )
         if refusal:
             raise RequestError(refusal)
-        return told(response, done)
+        return answered_later(response, done)
 
     def reset(self, _request: Any, response: Any) -> Any:
         self._loop.reset()
-        return fine(response)
+        return succeeded(response)
 
     def _require_injection(self) -> None:
         if not self._injection:
@@ -195,17 +191,18 @@ class Services:
             )
 
     @staticmethod
-    def _names(board: Board, request: Any) -> list[str]:
-        return list(board.selector.select(chosen(request.names, board.count)).names)
+    def _joints(board: Board, request: Any) -> list[str]:
+        """The names of the joints that a request reads; RequestError where one is unknown."""
+        return list(board.selector.select(bounded(request.names, board.count)).names)
 
 
-def fine(response: Any) -> Any:
-    """A response without complaint."""
+def succeeded(response: Any) -> Any:
+    """A response that has nothing to say."""
     response.success = True
     return response
 
 
-async def told(response: Any, future: Awaitable[str]) -> Any:
+async def answered_later(response: Any, future: Awaitable[str]) -> Any:
     """A response that waits; the future's text is empty, or says what went wrong."""
     response.message = await future
     response.success = not response.message

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.reply import Reply
 from .loop import ControlLoop
-from .messages import chosen, optional
+from .messages import bounded, optional
 
 
 class CommandTopics:
@@ -38,36 +38,38 @@ class CommandTopics:
 
     def position(self, message: Any) -> None:
         with self._loop.exclusive() as board:
-            names = chosen(message.names, board.count)
-            reply = board.position_move(names, message.positions, optional(message.speeds))
+            joints = bounded(message.names, board.count)
+            reply = board.position_move(joints, message.positions, optional(message.speeds))
         self._answer(reply)
 
     def position_direct(self, message: Any) -> None:
         with self._loop.exclusive() as board:
-            reply = board.set_position(chosen(message.names, board.count), message.positions)
+            reply = board.set_position(bounded(message.names, board.count), message.positions)
         self._answer(reply)
 
     def velocity(self, message: Any) -> None:
         with self._loop.exclusive() as board:
-            names, along = chosen(message.names, board.count), optional(message.accelerations)
-            reply = board.velocity_move(names, message.velocities, along)
+            joints = bounded(message.names, board.count)
+            reply = board.velocity_move(
+                joints, message.velocities, optional(message.accelerations)
+            )
         self._answer(reply)
 
     def torque(self, message: Any) -> None:
         with self._loop.exclusive() as board:
-            reply = board.set_ref_torque(chosen(message.names, board.count), message.torques)
+            reply = board.set_ref_torque(bounded(message.names, board.count), message.torques)
         self._answer(reply)
 
     def output(self, message: Any) -> None:
         with self._loop.exclusive() as board:
-            reply = board.set_output(chosen(message.names, board.count), message.outputs)
+            reply = board.set_output(bounded(message.names, board.count), message.outputs)
         self._answer(reply)
 
     def feedforward(self, message: Any) -> None:
         with self._loop.exclusive() as board:
-            names = chosen(message.names, board.count)
+            joints = bounded(message.names, board.count)
             outputs, torques = optional(message.outputs), optional(message.torques)
-            reply = board.set_feedforward(names, outputs, torques)
+            reply = board.set_feedforward(joints, outputs, torques)
         self._answer(reply)
 
     def external_torque(self, message: Any) -> None:
@@ -80,7 +82,7 @@ class CommandTopics:
             return
         torques = np.asarray(message.torques)
         with self._loop.exclusive() as board:
-            names = board.selector.select(chosen(message.names, board.count)).names
+            names = board.selector.select(bounded(message.names, board.count)).names
             if len(names) == torques.size and np.isfinite(torques).all():
                 for name, torque in zip(names, torques.tolist(), strict=True):
                     self._plant.push(name, torque)

@@ -11,7 +11,7 @@ from ..core.follower import Follower
 from ..core.path import MAX_POINTS, Path, make_path
 from ..core.selection import RequestError
 from .loop import ControlLoop
-from .messages import NANOSECONDS, chosen
+from .messages import NANOSECONDS, bounded
 
 
 def read_path(names: tuple[str, ...], message: Any) -> Path:
@@ -58,7 +58,7 @@ class TrajectoryTopic:
             self._warn(f"trajectory: {text}")
 
     def _take(self, board: Board, message: Any) -> str:
-        joints = chosen(message.joint_names, board.count)
+        joints = bounded(message.joint_names, board.count)
         try:
             names = board.selector.select(joints).names
             if not message.points:

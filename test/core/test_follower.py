@@ -30,9 +30,8 @@ class Following(Rig):
 
     def request(self, method: str, *arguments: Any) -> Any:
         """A request between two cycles."""
-        reply = getattr(self.board, method)(*arguments)
-        if method == "stop":
-            self.follower.end(arguments[0], "stopped")
+        asked = self.follower if method == "stop" else self.board
+        reply = getattr(asked, method)(*arguments)
         self.follower.check()
         return reply
 

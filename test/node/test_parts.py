@@ -227,10 +227,10 @@ def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPat
 
 def test_names_and_values_of_messages() -> None:
     """Lists are cut where one more entry is enough to be wrong; empty means None."""
-    assert messages.chosen([f"j{i}" for i in range(100_000)], 7) == tuple(
+    assert messages.bounded([f"j{i}" for i in range(100_000)], 7) == tuple(
         f"j{i}" for i in range(8)
     )
-    assert messages.chosen([], 7) == ()
+    assert messages.bounded([], 7) == ()
     assert messages.optional([]) is None
     assert messages.optional([1.0]) == [1.0]
     assert messages.codes([ControlMode.POSITION, InteractionMode.STIFF]) == ["pos", "stif"]
