@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/decisions.py and explanations.py: total, pure, and every refusal says what to do."""
+
+from __future__ import annotations
+
+import copy
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rig import joint
+
+from control_board_ros.core.causes import Cause
+from control_board_ros.core.config import Calibration
+from control_board_ros.core.decisions import (
+    Facts,
+    Reason,
+    Verdict,
+    Wanted,
+    decide,
+    decide_feedforward,
+    decide_reference,
+    decide_stop,
+)
+from control_board_ros.core.explanations import (
+    explain,
+    explain_feedforward,
+    explain_reference,
+    explain_stop,
+)
+from control_board_ros.core.faults import FaultCode, FaultRecord
+from control_board_ros.core.modes import ACCEPTS, REQUESTABLE, SELECTABLE, STATES, Event
+from control_board_ros.core.reply import Answer
+from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+
+M = ControlMode
+STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
+CAUSE = Cause(FaultCode.OVERCURRENT, "30 A > 25 A")
+WANTED: list[Wanted] = [*REQUESTABLE, *InteractionMode, Event.CALIBRATE]
+FULL = joint("a")
+POOR = joint("a", control_modes=(M.POSITION, M.IDLE), interaction_modes=(STIFF,))
+CALIBRATED = joint("a", calibration=Calibration(type=12, required=True))
+FREE = joint("a", calibration=Calibration(type=12, required=False))
+
+
+def facts(mode: ControlMode, **changes: Any) -> Facts:
+    """A joint in a mode, calibrated, without a cause for a fault."""
+    fault = FaultRecord("a", active=mode is M.HW_FAULT, code=1, text="overcurrent", stamp=2.0)
+    known = Facts(
+        joint=FULL,
+        mode=mode,
+        interaction=STIFF,
+        calibrated=True,
+        fault=fault,
+        cause=None,
+        time=3.5,
+    )
+    return replace(known, **changes)
+
+
+ANY_FACTS = st.builds(
+    facts,
+    st.sampled_from(STATES),
+    joint=st.sampled_from([FULL, POOR, CALIBRATED, FREE]),
+    interaction=st.sampled_from(list(InteractionMode)),
+    calibrated=st.booleans(),
+)
+
+
+@given(known=ANY_FACTS, wanted=st.sampled_from(WANTED), persists=st.booleans())
+def test_every_request_has_a_verdict_and_every_refusal_a_text(
+    known: Facts, wanted: Wanted, persists: bool
+) -> None:
+    """Total and pure; what is accepted needs no words, what is not says cause and next step."""
+    if known.fault.active and persists:
+        known = replace(known, cause=CAUSE)
+    before = copy.deepcopy(known)
+    verdict = decide(known, wanted)
+    assert known == before
+    assert decide(known, wanted) == verdict
+    text = explain(verdict.reason, known, wanted)
+    assert (verdict.answer is Answer.ACCEPTED) == (text == "")
+    if text:
+        assert text.startswith("a ")
+        assert "; " in text
+        assert "\n" not in text
+    if verdict.answer is Answer.REFUSED:
+        assert verdict.effect is None
+
+
+@pytest.mark.parametrize("mode", SELECTABLE)
+@pytest.mark.parametrize("wanted", SELECTABLE)
+def test_any_mode_to_any_mode(mode: ControlMode, wanted: ControlMode) -> None:
+    """M1, M8: into another mode, and nothing at all into the same one."""
+    effect = None if wanted is mode else wanted
+    assert decide(facts(mode), wanted) == Verdict(Answer.ACCEPTED, effect=effect)
+
+
+@pytest.mark.parametrize("mode", SELECTABLE)
+@pytest.mark.parametrize("wanted", [M.TORQUE, M.CURRENT, M.VELOCITY_DIRECT, COMPLIANT])
+def test_what_a_joint_does_not_implement(mode: ControlMode, wanted: Wanted) -> None:
+    """M5, I7: the joint is to fault, and the text says what it has."""
+    known = facts(mode, joint=POOR)
+    verdict = decide(known, wanted)
+    assert verdict == Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, Event.UNSUPPORTED)
+    have = "stif" if wanted is COMPLIANT else "pos, idl"
+    assert f"it has {have};" in explain(verdict.reason, known, wanted)
+
+
+@pytest.mark.parametrize(
+    ("mode", "reason"),
+    [
+        (M.HW_FAULT, Reason.IN_FAULT),
+        (M.CALIBRATING, Reason.CALIBRATING),
+        (M.NOT_CONFIGURED, Reason.NOT_CONFIGURED),
+    ],
+)
+@pytest.mark.parametrize("wanted", [*SELECTABLE, M.CURRENT, Event.CALIBRATE])
+def test_statuses_refuse(mode: ControlMode, reason: Reason, wanted: Wanted) -> None:
+    """F2, K2, N4: no mode and no calibration, also one that the joint does not implement."""
+    known = facts(mode, joint=FREE)
+    assert decide(known, wanted) == Verdict(Answer.REFUSED, reason)
+
+
+def test_force_idle() -> None:
+    """F2, F4, K2: out of every mode but IDLE and NOT_CONFIGURED, unless the cause persists."""
+    for mode in (*SELECTABLE, M.CALIBRATING, M.HW_FAULT):
+        effect = None if mode is M.IDLE else Event.FORCE_IDLE
+        assert decide(facts(mode), M.FORCE_IDLE) == Verdict(Answer.ACCEPTED, effect=effect)
+    known = facts(M.HW_FAULT, cause=CAUSE)
+    verdict = decide(known, M.FORCE_IDLE)
+    assert verdict == Verdict(Answer.REFUSED, Reason.CAUSE_PERSISTS)
+    assert "30 A > 25 A" in explain(verdict.reason, known, M.FORCE_IDLE)
+    assert decide(facts(M.NOT_CONFIGURED), M.FORCE_IDLE).answer is Answer.REFUSED
+
+
+@pytest.mark.parametrize("mode", SELECTABLE)
+def test_without_its_calibration(mode: ControlMode) -> None:
+    """K7: IDLE, FORCE_IDLE and the calibration; nothing else, unless it is not required."""
+    known = facts(mode, joint=CALIBRATED, calibrated=False)
+    for wanted in (*SELECTABLE, M.CURRENT):
+        verdict = decide(known, wanted)
+        if wanted is M.IDLE:
+            assert verdict.answer is Answer.ACCEPTED
+        else:
+            assert verdict == Verdict(Answer.REFUSED, Reason.UNCALIBRATED)
+    assert decide(known, M.FORCE_IDLE).answer is Answer.ACCEPTED
+    assert decide(known, Event.CALIBRATE).effect is Event.CALIBRATE
+    assert decide(replace(known, joint=FREE), M.TORQUE).answer is Answer.ACCEPTED
+
+
+@pytest.mark.parametrize("mode", STATES)
+@pytest.mark.parametrize("wanted", list(InteractionMode))
+def test_interaction_modes(mode: ControlMode, wanted: InteractionMode) -> None:
+    """I1, I2, I4: stored in every selectable mode and in a fault; nothing where it is so."""
+    verdict = decide(facts(mode), wanted)
+    if mode in (*SELECTABLE, M.HW_FAULT):
+        effect = None if wanted is STIFF else wanted
+        assert verdict == Verdict(Answer.ACCEPTED, effect=effect)
+    else:
+        assert verdict.answer is Answer.REFUSED
+
+
+def test_an_interaction_mode_that_a_faulted_joint_lacks() -> None:
+    """I7, F2: a joint in HW_FAULT stays as it is."""
+    known = facts(M.HW_FAULT, joint=POOR)
+    assert decide(known, COMPLIANT) == Verdict(Answer.REFUSED, Reason.IN_FAULT)
+
+
+@pytest.mark.parametrize("mode", SELECTABLE)
+def test_without_a_calibrator(mode: ControlMode) -> None:
+    """K1: refused, with the parameter that would give it one."""
+    known = facts(mode)
+    verdict = decide(known, Event.CALIBRATE)
+    assert verdict == Verdict(Answer.REFUSED, Reason.NO_CALIBRATOR)
+    assert "a.calibration.type" in explain(verdict.reason, known, Event.CALIBRATE)
+
+
+@given(known=ANY_FACTS, kind=st.sampled_from(CommandKind))
+def test_references_go_by_the_mode(known: Facts, kind: CommandKind) -> None:
+    """M3, M4, N4: taken where the mode takes them; ignored elsewhere, refused before N2."""
+    verdict = decide_reference(known, kind, (0.1,))
+    text = explain_reference(verdict.reason, known, kind, (0.1,))
+    if kind in ACCEPTS.get(known.mode, ()):
+        assert (verdict.answer, text) == (Answer.ACCEPTED, "")
+    else:
+        unconfigured = known.mode is M.NOT_CONFIGURED
+        assert verdict.answer is (Answer.REFUSED if unconfigured else Answer.IGNORED)
+        assert text.startswith(f"{kind} reference for a ignored: ")
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_references_are_finite(bad: float) -> None:
+    """P13: neither a reference nor what comes along may be anything else."""
+    known = facts(M.POSITION)
+    for values in ((bad,), (0.1, bad)):
+        verdict = decide_reference(known, CommandKind.POSITION, values)
+        assert verdict == Verdict(Answer.IGNORED, Reason.NOT_FINITE)
+        text = explain_reference(verdict.reason, known, CommandKind.POSITION, values)
+        assert text.endswith(f"{bad} is not a finite number")
+    assert decide_feedforward(known, (bad,)).reason is Reason.NOT_FINITE
+
+
+def test_what_comes_along_has_a_range() -> None:
+    """P13: a speed out of its range; its text says the range."""
+    known = facts(M.POSITION)
+    verdict = decide_reference(known, CommandKind.POSITION, (0.1, 9.0), fits=False)
+    assert verdict == Verdict(Answer.IGNORED, Reason.OUT_OF_RANGE)
+
+
+@pytest.mark.parametrize("mode", STATES)
+def test_stop(mode: ControlMode) -> None:
+    """P3: where a position is followed, and where the joint is at rest anyhow."""
+    known = facts(mode)
+    verdict = decide_stop(known)
+    if mode in (M.TORQUE, M.OPENLOOP, M.CALIBRATING, M.NOT_CONFIGURED):
+        assert verdict == Verdict(Answer.IGNORED, Reason.NOTHING_TO_STOP)
+        assert f"a is {mode.name}, where stop does nothing; " in explain_stop(known)
+    else:
+        assert verdict.answer is Answer.ACCEPTED
+
+
+@pytest.mark.parametrize("mode", STATES)
+def test_feedforward(mode: ControlMode) -> None:
+    """P11, K6: in every mode but a calibration."""
+    known = facts(mode)
+    verdict = decide_feedforward(known, (1.0, 2.0))
+    assert (verdict.answer is Answer.ACCEPTED) == (mode is not M.CALIBRATING)
+    text = explain_feedforward(verdict.reason, known, (1.0, 2.0))
+    assert text == (
+        "feedforward for a ignored: mode is CALIBRATING, where none acts"
+        if mode is M.CALIBRATING
+        else ""
+    )

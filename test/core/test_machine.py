@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/machine.py and events.py: the engine does what the tables say, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from rig import board_config, joint
+
+from control_board_ros.core.board import Board
+from control_board_ros.core.config import Calibration
+from control_board_ros.core.events import EVENTS_KEPT, Events
+from control_board_ros.core.faults import FaultCode
+from control_board_ros.core.machine import Machine
+from control_board_ros.core.measurement import ROWS, Measurement, Row
+from control_board_ros.core.modes import (
+    ACCEPTS,
+    CONFIGURED,
+    DIRECT_GAINS,
+    SELECTABLE,
+    STATES,
+    TRANSITIONS,
+    Choice,
+    Event,
+    Law,
+    Trigger,
+    law_of,
+)
+from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+
+M = ControlMode
+CALIBRATION = Calibration(
+    type=3,
+    required=False,
+    control_mode=M.POSITION,
+    interaction_mode=InteractionMode.COMPLIANT,
+)
+CONFIG = board_config(
+    joint(
+        "a",
+        calibration=CALIBRATION,
+        startup_mode=M.POSITION,
+        startup_interaction=InteractionMode.COMPLIANT,
+    ),
+    joint("b"),
+)
+TRIGGERS: list[Trigger] = [*SELECTABLE, *Event]
+
+
+def measured(position: float = 0.4) -> Measurement:
+    """A reading with joint a somewhere and joint b at zero."""
+    values = np.zeros((ROWS, 2))
+    values[Row.POSITION, 0], values[Row.TEMPERATURE] = position, 25.0
+    return Measurement(1.0, values)
+
+
+@pytest.fixture
+def board() -> Board:
+    """A board that has read once; joint b is at rest in IDLE."""
+    made = Board(CONFIG)
+    made.tick(measured())
+    return made
+
+
+def everything(machine: Machine, j: int) -> list[Any]:
+    """All that a change of mode may touch of a joint."""
+    state, laws = machine.state, machine.controller.joints[j]
+    return [
+        state.control_modes[j],
+        state.interaction_modes[j],
+        state.position_reference[j],
+        state.powered[j],
+        state.accepts[:, j].tolist(),
+        state.calibrated[j],
+        state.faults[j],
+        laws.law,
+        machine.monitor.joints[j].max_current,
+    ]
+
+
+@pytest.mark.parametrize("mode", STATES)
+@pytest.mark.parametrize("trigger", TRIGGERS, ids=str)
+def test_the_table_is_what_happens(board: Board, mode: ControlMode, trigger: Trigger) -> None:
+    """M1, F, K, N: a pair of the table acts; an absent one changes nothing of any joint."""
+    machine = board.machine
+    machine.enter([0], mode)
+    before, other = everything(machine, 0), everything(machine, 1)
+    target = TRANSITIONS.get((mode, trigger))
+    assert machine.go(0, trigger) is (target is not None)
+    assert everything(machine, 1) == other
+    if target is None:
+        assert everything(machine, 0) == before
+        return
+    chosen = {Choice.STARTUP: M.POSITION, Choice.CALIBRATED: M.POSITION}
+    assert machine.state.control_modes[0] is chosen.get(target, target)
+    if target in chosen:  # N3, K3: with the interaction mode that goes with it
+        assert machine.state.interaction_modes[0] is InteractionMode.COMPLIANT
+
+
+@pytest.mark.parametrize("mode", STATES)
+@pytest.mark.parametrize("interaction", list(InteractionMode))
+def test_entering_a_mode(board: Board, mode: ControlMode, interaction: InteractionMode) -> None:
+    """M3, M9, Fig. 2: its references, its law, power and checks; held where it is."""
+    machine, state = board.machine, board.state
+    state.interaction_modes[0] = interaction
+    version = board.modes_version
+    machine.enter([0], mode)
+    assert board.modes_version == version + 1
+    law = Law.POSITION if mode is M.CALIBRATING else law_of(mode, interaction)
+    assert machine.controller.joints[0].law == law
+    assert state.powered[0] == float(law is not Law.OFF)
+    taken = {kind for kind in CommandKind if state.accepts[kind, 0]}
+    assert taken == ACCEPTS.get(mode, frozenset())
+    assert state.position_reference[0] == 0.4
+    checked = machine.monitor.joints[0].max_current < float("inf")
+    assert checked is (mode in CONFIGURED)
+
+
+def test_direct_gains_are_those_of_the_mode(board: Board) -> None:
+    """P4: the second set of gains, where a joint has one, in POSITION_DIRECT only."""
+    pid = replace(CONFIG.joints[0].position_pid, kp=123.0)
+    config = board_config(replace(CONFIG.joints[0], direct_pid=pid), CONFIG.joints[1])
+    board.reconfigure(config)
+    for mode in (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED):
+        board.machine.enter([0], mode)
+        kp = board.controller.joints[0].position_pid.kp
+        assert (kp == 123.0) is (mode in DIRECT_GAINS)
+
+
+def test_a_fault_keeps_its_first_cause(board: Board) -> None:
+    """F1, F5: the record of the first; a second one changes nothing."""
+    machine = board.machine
+    machine.raise_fault(1, FaultCode.OVERCURRENT, "30 A > 25 A")
+    first = board.get_faults("b")
+    machine.raise_fault(1, FaultCode.OVERHEATING, "too hot")
+    assert board.get_faults("b") == first
+    (event,) = [event for event in board.take_events() if event.level == "error"]
+    assert event.text == "b: fault, overcurrent: 30 A > 25 A"
+    assert (first[0].active, first[0].code, first[0].stamp) == (True, 1, 1.0)
+
+
+def test_a_request_is_carried_out_for_all_its_joints_at_once(board: Board) -> None:
+    """M7: one change of modes for joints that enter the same mode."""
+    version = board.modes_version
+    assert board.set_control_mode(None, "vel")
+    assert board.modes_version == version + 1
+
+
+def test_events_are_taken_once_and_the_oldest_dropped() -> None:
+    """What nobody takes does not grow without bound."""
+    events = Events()
+    for k in range(EVENTS_KEPT + 2):
+        events.add("info", "key", "a", str(k))
+    assert len(events) == EVENTS_KEPT
+    assert events.take()[0].text == "2"
+    assert events.take() == []

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/references.py, limits.py and timeouts.py, each alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rig import board_config, joint
+
+from control_board_ros.core.commands import COMMANDS, timeout_cycles
+from control_board_ros.core.config import Timeouts
+from control_board_ros.core.control import Controller
+from control_board_ros.core.limits import BoardLimits
+from control_board_ros.core.references import References
+from control_board_ros.core.state import State
+from control_board_ros.core.timeouts import ReferenceTimeouts
+from control_board_ros.core.vocabs import CommandKind
+
+K = CommandKind
+CONFIG = board_config(joint("a"), joint("b", limits={"velocity": 1.0, "lower": -1.0}))
+
+
+class Made:
+    """References of two joints, with the laws that follow them."""
+
+    def __init__(self) -> None:
+        self.state = State(CONFIG)
+        self.controller = Controller(CONFIG, self.state)
+        self.laws = self.controller.joints
+        self.limits = BoardLimits.of(CONFIG)
+        self.references = References(CONFIG, self.limits, self.state, self.laws)
+
+
+@pytest.fixture
+def made() -> Made:
+    return Made()
+
+
+def test_limits_are_those_of_the_configuration() -> None:
+    """One entry per joint, and nobody can write to them."""
+    limits = BoardLimits.of(CONFIG)
+    assert limits.lower.tolist() == [-2.0, -1.0]
+    assert limits.velocity.tolist() == [3.0, 1.0]
+    own = [(j.limits, j.impedance) for j in CONFIG.joints]
+    assert limits.upper.tolist() == [one.upper for one, _ in own]
+    assert limits.acceleration.tolist() == [one.acceleration for one, _ in own]
+    assert limits.torque.tolist() == [one.torque for one, _ in own]
+    assert limits.output.tolist() == [one.output for one, _ in own]
+    assert limits.stiffness.tolist() == [one.max_stiffness for _, one in own]
+    assert limits.damping.tolist() == [one.max_damping for _, one in own]
+    with pytest.raises(ValueError, match="read-only"):
+        limits.torque[0] = 1e6
+
+
+def test_a_reset_holds_where_the_joint_is(made: Made) -> None:
+    """M9, P9: at rest; a joint outside its limits may stay there and move inwards."""
+    made.state.position[:] = 0.3, -1.5
+    made.references.move(np.array([0]), np.array([1.0]), np.array([0.5]))
+    made.references.reset(slice(0, 2), bounded=True)
+    assert made.state.position_reference.tolist() == [0.3, -1.5]
+    assert made.state.velocity_reference.tolist() == [0.0, 0.0]
+    assert made.state.done.all()
+    assert [(j.lower, j.upper) for j in made.laws] == [(-2.0, 2.0), (-1.5, 2.0)]
+    made.references.reset(slice(0, 2), bounded=False)
+    assert all(math.isinf(j.lower) and math.isinf(j.upper) for j in made.laws)
+
+
+def test_a_move_takes_its_time(made: Made) -> None:
+    """P1: T = distance/speed where the limits allow it, counted down cycle by cycle."""
+    (took,) = made.references.move(np.array([1]), np.array([0.5]), np.array([0.1]))
+    assert took == pytest.approx(5.0)
+    assert made.state.done.tolist() == [True, False]
+    assert made.references.remaining(np.array([0, 1])).tolist() == pytest.approx([0.0, 5.0])
+    made.controller.step()
+    assert made.references.remaining(slice(1, 2))[0] == pytest.approx(5.0 - CONFIG.period)
+
+
+def test_a_ramp_and_its_halt(made: Made) -> None:
+    """P5, P12: a velocity reference runs until it is zero again, halted as hard as allowed."""
+    chosen = np.array([1])
+    made.references.ramp(chosen, np.array([0.4]), np.array([2.0]))
+    assert made.references.is_ramping(1)
+    assert not made.references.is_ramping(0)
+    made.references.halt(chosen)
+    assert not made.references.is_ramping(1)
+    limit = made.limits.acceleration[1]
+    assert made.laws[1].ramp_step == pytest.approx(limit * CONFIG.period)
+
+
+def test_torques_and_outputs_go_to_their_joints(made: Made) -> None:
+    """P7, P8: each to its own."""
+    made.references.set_torque(np.array([1, 0]), np.array([2.0, 3.0]))
+    made.references.set_output(np.array([1]), np.array([4.0]))
+    assert [j.torque_command for j in made.laws] == [3.0, 2.0]
+    assert [j.output_command for j in made.laws] == [0.0, 4.0]
+
+
+def test_a_direct_position_is_the_reference_at_once(made: Made) -> None:
+    """P4: and no move is left under way."""
+    made.references.move(np.array([0]), np.array([1.0]), np.array([0.5]))
+    made.references.step(np.array([0]), np.array([0.2]), None)
+    assert made.state.position_reference[0] == 0.2
+    assert made.state.done[0]
+
+
+# --- timeouts --------------------------------------------------------------------------------
+
+
+def test_timeouts_in_cycles() -> None:
+    """P12: whole cycles, rounded up; 0 is never, and so are positions."""
+    lasting = Timeouts(velocity=0.2, torque=0.0011, output=0.0)
+    cycles = timeout_cycles(board_config(replace(joint("a"), timeouts=lasting)))
+    per_second = 1.0 / board_config(joint("a")).period
+    assert cycles[K.VELOCITY, 0] == 0.2 * per_second
+    assert cycles[K.TORQUE, 0] == math.ceil(0.0011 * per_second)
+    assert math.isinf(cycles[K.OUTPUT, 0])
+    assert np.isinf(cycles[[K.POSITION, K.POSITION_DIRECT]]).all()
+    assert {kind for kind, row in COMMANDS.items() if row.timeout} == {
+        K.VELOCITY,
+        K.TORQUE,
+        K.OUTPUT,
+    }
+
+
+@pytest.fixture
+def timeouts() -> ReferenceTimeouts:
+    """Of three joints: velocities last 5 cycles, torques 7, outputs for ever."""
+    lasting = {K.VELOCITY: 5.0, K.TORQUE: 7.0}
+    return ReferenceTimeouts(np.array([[lasting.get(kind, math.inf)] * 3 for kind in K]))
+
+
+def test_a_reference_expires_once(timeouts: ReferenceTimeouts) -> None:
+    """P12: in the cycle it is due, not before, not again; renewed ones go on."""
+    timeouts.renew(K.VELOCITY, np.array([0, 1]), 10)
+    timeouts.renew(K.TORQUE, np.array([2]), 10)
+    assert timeouts.expired(14) is None
+    timeouts.renew(K.VELOCITY, np.array([1]), 14)
+    assert timeouts.expired(15).tolist() == [0]
+    assert timeouts.expired(15) is None
+    assert timeouts.expired(17).tolist() == [2]
+    assert timeouts.expired(19).tolist() == [1]
+    assert timeouts.expired(10**6) is None
+
+
+def test_cancelled_and_endless_references_do_not_expire(timeouts: ReferenceTimeouts) -> None:
+    """M9: a change of mode leaves nothing to expire; an output here never does."""
+    timeouts.renew(K.VELOCITY, np.array([0]), 0)
+    timeouts.renew(K.OUTPUT, np.array([1]), 0)
+    timeouts.cancel(slice(0, 1))
+    assert timeouts.expired(10**6) is None
+
+
+def test_new_durations_hold_for_what_runs(timeouts: ReferenceTimeouts) -> None:
+    """A shorter timeout counts from the last reference."""
+    timeouts.renew(K.VELOCITY, np.array([1]), 10)
+    timeouts.reconfigure(np.full((len(K), 3), 2.0))
+    assert timeouts.expired(11) is None
+    assert timeouts.expired(12).tolist() == [1]
