@@ -6,24 +6,22 @@ from __future__ import annotations
 from contextlib import ExitStack
 
 from bare import PERIOD
-from common import Effort, Figure, Goal, exactly, number, percentile
+from common import Effort, Figure, Goal, at_most, number, percentile
 from processes import board, cpu_share, helper
 from tap import Fared, Tap, tap
 
 from control_board_ros.testing import free_domain
 
 MUST_KEEP_UP = 4  # boards
+#: Overruns of the boards may be so many times those of as many bare loops.
+ALLOWED = 3.0
 
 
 def run(effort: Effort) -> list[Figure]:
     """Measure 1, 4 and 10 boards in both arrangements."""
     figures = []
-    with (
-        free_domain() as domain,
-        helper(domain, "bare", "loop", effort.of(10.0, 1.0, 0.2)) as bare,
-    ):
-        missed = sum(late > PERIOD for late in bare.result()["lateness"])
     for boards in effort.of((1, 4, 10), (4,), (1,)):
+        missed = _bare(boards, effort.of(10.0, 1.0, 0.2))
         for arrangement in ("one process", "one process each"):
             with ExitStack() as stack:
                 tapped, domain = stack.enter_context(tap()), stack.enter_context(free_domain())
@@ -40,6 +38,17 @@ def run(effort: Effort) -> list[Figure]:
     return figures
 
 
+def _bare(loops: int, seconds: float) -> int:
+    """Cycles that start more than a period late, of so many bare loops at once."""
+    with ExitStack() as stack:
+        domain = stack.enter_context(free_domain())
+        running = [
+            stack.enter_context(helper(domain, "bare", "loop", seconds)) for _ in range(loops)
+        ]
+        found = [one.result()["lateness"] for one in running]
+    return sum(late > PERIOD for lateness in found for late in lateness)
+
+
 def _start_each(stack: ExitStack, domain: int, tapped: Tap, boards: int) -> list[int]:
     started = [
         stack.enter_context(board(domain, tap=tapped, namespace=f"arm_{k}")) for k in range(boards)
@@ -53,7 +62,7 @@ def _figure(
     overruns = sum(one.overruns for one in fared)
     late = 1e3 * percentile([late for one in fared for late in one.lateness], 99)
     cycles = sum(len(one.lateness) for one in fared)
-    goal: Goal | None = exactly(0.0) if boards <= MUST_KEEP_UP else None
+    goal: Goal | None = at_most(ALLOWED * missed) if boards <= MUST_KEEP_UP else None
     return Figure(
         "B11",
         f"overruns of {boards} board{'s' * (boards > 1)} at 1 kHz, {arrangement}",
@@ -62,6 +71,6 @@ def _figure(
         goal,
         f"of {cycles} cycles; slowest {min(one.rate for one in fared):.1f} Hz, "
         f"lateness p99 {number(late)} ms, {share:.0f} % of one core; "
-        f"a bare loop: {missed} cycles a period late",
-        {"p99": late, "cycles": float(cycles), "cpu": share},
+        f"as many bare loops: {missed} cycles a period late",
+        {"p99": late, "cycles": float(cycles), "cpu": share, "bare": float(missed)},
     )

@@ -15,8 +15,8 @@ def run(effort: Effort) -> list[Figure]:
     chunks, runs = effort.of(40, 20, 3), effort.of(15, 5, 1)
     figures = []
     for case, modes, bound in (
-        ("all in POSITION", None, 3.0),
-        ("every joint in another mode, half compliant", MIXED, 3.5),
+        ("all in POSITION", None, 1.5),
+        ("every joint in another mode, half compliant", MIXED, 1.6),
     ):
         found = medians(compare(arm, modes, chunks=chunks, runs=runs))
         figures.append(

@@ -31,8 +31,8 @@ def run(effort: Effort) -> list[Figure]:
                 path.write_text(chain(length), encoding="utf-8")
                 robot = settings.load(None, {"robot": str(path)})
             found = medians(compare(robot, modes, chunks=chunks, runs=runs))
-            # The ratio is to fall from length to length, to 1.8 at the longest.
-            goal = 1.8 if length == LENGTHS[-1] else before
+            # The ratio is to fall from length to length, to 1.08 at the longest.
+            goal = 1.08 if length == LENGTHS[-1] else before
             before = found["ratio"]
             figures.append(
                 Figure(

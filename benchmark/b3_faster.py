@@ -21,8 +21,8 @@ STATE_RATE = 100  # Hz of simulated time
 def run(effort: Effort) -> list[Figure]:
     """Measure the iiwa on the way from one pose to another and back."""
     return [
-        _figure("simulation without ROS", [_alone(effort) for _ in range(effort.of(5, 2, 1))], 25),
-        _figure(f"node publishing at {STATE_RATE} Hz of simulated time", _node(effort), 15),
+        _figure("simulation without ROS", [_alone(effort) for _ in range(effort.of(5, 2, 1))], 50),
+        _figure(f"node publishing at {STATE_RATE} Hz of simulated time", _node(effort), 25),
     ]
 
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """B5: the round trip of set_control_mode against a bare rclpy service that echoes.
 
-One client calls both in turns; each call to the board really changes modes.
+One client calls both in turns; each call to the board really changes modes. The board runs with
+the niceness of the echo here: one that goes first beats the other by more the busier the machine
+is, and the ratio would tell of that instead of the board.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ def run(effort: Effort) -> list[Figure]:
     figures = []
     with (
         free_domain() as domain,
-        board(domain),
+        board(domain, {"niceness": 0}),
         helper(domain, "bare", "service"),
         talker(domain) as talking,
     ):
@@ -38,7 +40,7 @@ def run(effort: Effort) -> list[Figure]:
                     f"set_control_mode round trip, {case}",
                     found["ratio"],
                     "×",
-                    at_most(1.25),
+                    at_most(1.15),
                     f"{number(found['board'])} ms against {number(found['bare'])} ms of an echo",
                     found,
                     headline=True,

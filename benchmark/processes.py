@@ -19,17 +19,35 @@ from tap import LAUNCHER, Tap
 from control_board_ros.testing import BoardProcess, board_process, child_environment
 
 FOLDER = Path(__file__).parent
+#: Starts a program without the right to raise its priority.
+ORDINARY = (sys.executable, str(FOLDER / "ordinary.py"))
 BOARD = "/control_board"
 BARE = "/bare"
 
 
 @contextmanager
 def board(
-    domain: int, params: Mapping[str, Any] | None = None, *, tap: Tap | None = None, **options: Any
+    domain: int,
+    params: Mapping[str, Any] | None = None,
+    *,
+    tap: Tap | None = None,
+    ordinary: bool = False,
+    **options: Any,
 ) -> Iterator[BoardProcess]:
-    """A real board on this domain; with a tap, its cycles are written down."""
+    """A real board on this domain.
+
+    Args:
+        domain: its ROS domain.
+        params: of the node.
+        tap: what its cycles are written down to, if anything.
+        ordinary: as a user without the right to raise priorities has it.
+        options: of ``board_process``.
+    """
+    command: tuple[str, ...] = (sys.executable, "-m", "control_board_ros.node.main")
     if tap is not None:
-        options |= {"env": tap.environment, "command": (sys.executable, str(LAUNCHER))}
+        options |= {"env": tap.environment}
+        command = (sys.executable, str(LAUNCHER))
+    options |= {"command": (*ORDINARY, *command) if ordinary else command}
     with board_process(params, domain=domain, **options) as process:
         yield process
 

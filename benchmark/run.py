@@ -34,6 +34,8 @@ GROUPS = {
     "B9": "b6_b9_semantics",
     "B10": "b10_footprint",
     "B11": "b11_many",
+    "B12": "b12_collector",
+    "B13": "b13_by_hand",
 }
 
 

@@ -8,6 +8,7 @@ down what it is about to sum up. That happens once a second, outside the control
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import time
@@ -22,6 +23,8 @@ import numpy as np
 from control_board_ros.node.pacing import KEPT, Pacer
 
 VARIABLE = "CONTROL_BOARD_BENCHMARK_TAP"
+#: ``off`` lets the node run without a garbage collector.
+COLLECTOR = "CONTROL_BOARD_BENCHMARK_COLLECTOR"
 LAUNCHER = Path(__file__).with_name("tapped_node.py")
 
 
@@ -44,6 +47,24 @@ def install() -> None:
         return statistics
 
     Pacer.take = tapped  # type: ignore[assignment,method-assign]
+    note_collections(folder / f"{os.getpid()}.pauses")
+    if os.environ.get(COLLECTOR) == "off":
+        gc.disable()
+
+
+def note_collections(path: Path) -> None:
+    """Write down how long each garbage collection takes: generation and s, one per line."""
+    begun = [0.0]
+
+    def note(phase: str, about: dict[str, int]) -> None:
+        if phase == "start":
+            begun[0] = time.perf_counter()
+            return
+        pause = time.perf_counter() - begun[0]
+        with path.open("a", encoding="ascii") as file:
+            file.write(f"{about['generation']} {pause!r}\n")
+
+    gc.callbacks.append(note)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +95,15 @@ class Tap:
         while not self._newer(self._last(boards), before):
             time.sleep(0.05)
         return [self._between(path, line, self._lines(path)[-1]) for path, line in before.items()]
+
+    def pauses(self) -> list[float]:
+        """How long each garbage collection of the nodes took so far, s."""
+        lines = [
+            line
+            for path in self._folder.glob("*.pauses")
+            for line in path.read_text(encoding="ascii").splitlines()
+        ]
+        return [float(line.split()[1]) for line in lines]
 
     def _lines(self, path: Path) -> list[dict[str, float]]:
         text = path.read_text(encoding="ascii")

@@ -7,11 +7,10 @@ the node go first, and still leaves the others their share; SCHED_FIFO leaves th
 
 from __future__ import annotations
 
+import getpass
 import os
 from collections.abc import Mapping
 from typing import Any
-
-from ..settings.schema import BOARD_BY_NAME
 
 
 def take_priority(values: Mapping[str, Any]) -> str:
@@ -27,24 +26,33 @@ def take_priority(values: Mapping[str, Any]) -> str:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
         except OSError as error:
-            return refusal(f"realtime_priority {priority}", error, "rtprio")
+            return refusal(f"realtime_priority {priority}", error, "rtprio", priority)
         return ""
     given = niceness if values["real_time_factor"] else max(niceness, 0)
     try:
         for thread in map(int, os.listdir("/proc/self/task")):
             os.setpriority(os.PRIO_PROCESS, thread, given)
     except OSError as error:
-        if niceness != BOARD_BY_NAME["niceness"].default:  # else nobody asked for it
-            return refusal(f"niceness {niceness}", error, "nice")
+        return refusal(f"niceness {niceness}", error, "nice", niceness)
     return ""
 
 
-def refusal(asked: str, error: OSError, limit: str) -> str:
-    """What was refused, and what would grant it."""
+def refusal(asked: str, error: OSError, limit: str, value: int) -> str:
+    """What was refused, what that means, and what would grant it."""
+    line = f"{user()} - {limit} {value}"
     return (
-        f"{asked} is not granted ({error.strerror}); the board goes on without: run it with "
-        f"CAP_SYS_NICE, or raise {limit} in /etc/security/limits.conf"
+        f"{asked} is not granted ({error.strerror}): the board goes on without, and its cycles "
+        f"come later when other programs run; to grant it, add '{line}' to "
+        "/etc/security/limits.conf and log in again"
     )
+
+
+def user() -> str:
+    """Who runs this, as limits.conf names people; ``*``, everybody, where that is not known."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return "*"
 
 
 def scheduling() -> str:

@@ -300,8 +300,9 @@ def test_a_refused_priority_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setattr("os.setpriority", refuse)
     assert "realtime_priority 20 is not granted (Operation not permitted)" in take(20, 0)
     assert "niceness -5 is not granted (Operation not permitted)" in take(0, -5)
+    assert " - rtprio 20' to /etc/security/limits.conf" in take(20, 0)
+    assert " - nice -20' to /etc/security/limits.conf" in take(0, -20)  # the default, too
     assert "\n" not in take(20, 0) + take(0, -5)
-    assert not take(0, -20)  # the default: nobody asked for it
 
 
 @pytest.mark.parametrize(
