@@ -47,6 +47,7 @@ class Controller:
         self._laws = Laws(self.joints, [row.data for row in rows], state.done.view(np.uint8).data)
         self.step = self._laws.step
         self._armed = [(Law.OFF, False)] * state.n  # law, and whether with the direct gains
+        self._position_pids: list[Pid | None] = [None] * state.n  # in force
         for joint, own in zip(self.joints, config.joints, strict=True):
             joint.stiffness, joint.damping = own.impedance.stiffness, own.impedance.damping
         self.reconfigure(config)
@@ -54,9 +55,12 @@ class Controller:
     def reconfigure(self, config: BoardConfig) -> None:
         """Take new constants and gains; the laws that run go on with them, without a jump."""
         self._config = config
-        for joint, own in zip(self.joints, config.joints, strict=True):
+        for j, (joint, own) in enumerate(zip(self.joints, config.joints, strict=True)):
             set_constants(joint, own, config.period)
-        for j in range(len(self.joints)):
+            set_gains(joint.torque_pid, own.torque_pid, config.period)
+            set_gains(joint.current_pid, own.current_pid, config.period)
+            set_drive(joint, own, in_amps=joint.in_amps)
+            self._position_pids[j] = None
             self._set_law(j, *self._armed[j])
 
     def arm(self, joints: Joints, law: Law, *, direct: bool, feeds: bool = True) -> None:
@@ -96,23 +100,15 @@ class Controller:
                 joint.damping = float(damping[k])
 
     def _set_law(self, j: int, law: Law, direct: bool) -> None:
-        """The gains and the conversions to the drive that go with a law."""
+        """The gains and the kind of drive that go with a law; set where they are others."""
         joint, own = self.joints[j], self._config.joints[j]
-        position_pid = (own.direct_pid if direct else None) or own.position_pid
-        set_gains(joint.position_pid, position_pid, self._config.period)
-        set_gains(joint.torque_pid, own.torque_pid, self._config.period)
-        set_gains(joint.current_pid, own.current_pid, self._config.period)
-        motor, limits = own.motor, own.limits
-        joint.in_amps = self._current_loop and law is not Law.OUTPUT  # P8: the PWM as given
-        per_volt = 100.0 / motor.supply_voltage
-        if joint.in_amps:
-            joint.per_torque, joint.per_speed = 1.0 / motor.torque_per_ampere, 0.0
-            joint.per_feed = 0.01 * limits.peak_current
-            joint.max_drive = PEAK_SHARE * limits.peak_current
-        else:
-            joint.per_torque = per_volt * motor.resistance / motor.torque_per_ampere
-            joint.per_speed, joint.per_feed = per_volt * motor.back_emf, 1.0
-            joint.max_drive = limits.output
+        pid = (own.direct_pid if direct else None) or own.position_pid
+        if pid is not self._position_pids[j]:
+            set_gains(joint.position_pid, pid, self._config.period)
+            self._position_pids[j] = pid
+        in_amps = self._current_loop and law is not Law.OUTPUT  # P8: the PWM as given
+        if in_amps != joint.in_amps:
+            set_drive(joint, own, in_amps=in_amps)
 
 
 def joint_torque(joint: Joint, measured: float, current: float) -> float:
@@ -136,6 +132,24 @@ def set_constants(joint: Joint, own: JointConfig, period: float) -> None:
     joint.percent_per_volt = 100.0 / motor.supply_voltage
     kept = math.exp(-period * motor.resistance / motor.inductance)
     joint.lead = min(kept / (1.0 - kept), MOST_LEAD)
+
+
+def set_drive(joint: Joint, own: JointConfig, *, in_amps: bool) -> None:
+    """How the laws' torque becomes what the drive takes: a current, A, or a PWM, percent.
+
+    i = τ/(k_t N);  u = 100/V_s (R i + k_e N dq)
+    """
+    motor, limits = own.motor, own.limits
+    per_volt = 100.0 / motor.supply_voltage
+    joint.in_amps = in_amps
+    if in_amps:
+        joint.per_torque, joint.per_speed = 1.0 / motor.torque_per_ampere, 0.0
+        joint.per_feed = 0.01 * limits.peak_current
+        joint.max_drive = PEAK_SHARE * limits.peak_current
+    else:
+        joint.per_torque = per_volt * motor.resistance / motor.torque_per_ampere
+        joint.per_speed, joint.per_feed = per_volt * motor.back_emf, 1.0
+        joint.max_drive = limits.output
 
 
 def set_gains(loop: Loop, pid: Pid, period: float) -> None:
