@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/commands.py: one row per kind; a whole command is answered as each joint is decided."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rig import board_config, joint
+
+from control_board_ros.core.board import Board
+from control_board_ros.core.commands import COMMANDS
+from control_board_ros.core.decisions import decide_reference
+from control_board_ros.core.limits import BoardLimits
+from control_board_ros.core.modes import STATES, modes_accepting
+from control_board_ros.core.reply import Answer
+from control_board_ros.core.vocabs import CommandKind
+
+CONFIG = board_config(joint("a"), joint("b"), joint("c"))
+LIMITS = BoardLimits.of(CONFIG)
+NUMBERS = st.one_of(
+    st.floats(-100.0, 100.0), st.sampled_from([math.nan, math.inf, -math.inf, 0.0])
+)
+THREE = st.tuples(NUMBERS, NUMBERS, NUMBERS)
+
+
+@given(
+    modes=st.tuples(*[st.sampled_from(STATES)] * 3),
+    kind=st.sampled_from(CommandKind),
+    values=THREE,
+    along=st.none() | THREE,
+)
+def test_the_mask_agrees_with_the_verdicts(
+    modes: Any, kind: CommandKind, values: Any, along: Any
+) -> None:
+    """M3, M4, P13: a whole command is answered as decide_reference says for each joint."""
+    row, board = COMMANDS[kind], Board(CONFIG)
+    if row.along is None:
+        along = None
+    for j, mode in enumerate(modes):
+        board.machine.enter([j], mode)
+    expected = []
+    for j, value in enumerate(values):
+        given_ = (value,) if along is None else (value, along[j])
+        fits = True
+        if along is not None and row.standing is not None:
+            fits = 0.0 < along[j] <= getattr(LIMITS, row.most or "")[j]
+        expected.append(decide_reference(board.machine.facts(j), kind, given_, fits=fits).answer)
+    before = board.references.last[kind].copy()
+    reply = board.command(kind, None, values, along)
+    assert list(reply.answers) == expected
+    ignored = [answer is not Answer.ACCEPTED for answer in expected]
+    assert board.rejected_commands.tolist() == [int(one) for one in ignored]
+    kept = board.references.last[kind] == before
+    assert all(same for same, one in zip(kept, ignored, strict=True) if one)
+
+
+@pytest.mark.parametrize("kind", CommandKind)
+def test_every_kind_is_bounded_by_its_limit(kind: CommandKind) -> None:
+    """P1, P9: what is in force is within the limits of the row, and the reply says so."""
+    board, row = Board(CONFIG), COMMANDS[kind]
+    mode = modes_accepting(kind)[0]
+    for j in range(3):
+        board.machine.enter([j], mode)
+    reply = board.command(kind, None, [1e6, -1e6, 0.0])
+    assert reply
+    assert reply.reasons[2] == ""
+    assert "bounded to" in reply.reasons[0]
+    high = LIMITS.upper if row.limit is None else getattr(LIMITS, row.limit)
+    low = LIMITS.lower if row.limit is None else -high
+    assert board.references.last[kind].tolist() == [high[0], low[1], 0.0]
+
+
+def test_fields_are_those_of_the_messages() -> None:
+    """One name from the wire to the law."""
+    from control_board_msgs import msg
+
+    for kind, row in COMMANDS.items():
+        name = "".join(part.capitalize() for part in kind.name.split("_")) + "Command"
+        fields = getattr(msg, name).get_fields_and_field_types()
+        assert row.field in fields
+        if row.standing is not None:
+            assert row.along in fields
