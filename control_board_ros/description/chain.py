@@ -8,8 +8,9 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from ..core.measurement import Array
-from .rotor import angles_of, rotation_of
-from .urdf_tree import Tree, UrdfError
+from .geometry import as_text, origin_of, rpy_of_rotation
+from .urdf_tree import Tree
+from .urdf_xml import UrdfError
 
 
 def cut(tree: Tree, base: str, tip: str) -> Tree:
@@ -52,7 +53,7 @@ def _chain(tree: Tree, base: str, tip: str) -> set[str]:
     while link != base:
         if link not in tree.parent_joint:
             raise UrdfError(f"{tree.source}: no chain leads from {base!r} to {tip!r}")
-        link = tree.end(tree.parent_joint[link], "parent")
+        link = tree.parent(tree.parent_joint[link])
         chain.add(link)
     return chain
 
@@ -62,17 +63,10 @@ def _pose(tree: Tree, link: str) -> tuple[Array, Array]:
     position, rotation = np.zeros(3), np.eye(3)
     while link in tree.parent_joint:
         joint = tree.parent_joint[link]
-        origin = joint.find("origin")
-        if origin is not None:
-            turn = rotation_of(_numbers(origin, "rpy"))
-            position = _numbers(origin, "xyz") + turn @ position
-            rotation = turn @ rotation
-        link = tree.end(joint, "parent")
+        offset, turn = origin_of(joint)
+        position, rotation = offset + turn @ position, turn @ rotation
+        link = tree.parent(joint)
     return position, rotation
-
-
-def _numbers(origin: ET.Element, key: str) -> Array:
-    return np.array([float(word) for word in origin.get(key, "0 0 0").split()])
 
 
 def _hang(tree: Tree, base: str, position: Array, rotation: Array) -> None:
@@ -81,8 +75,4 @@ def _hang(tree: Tree, base: str, position: Array, rotation: Array) -> None:
     mount = ET.SubElement(tree.root, "joint", name=f"{base}_mount", type="fixed")
     ET.SubElement(mount, "parent", link=tree.base)
     ET.SubElement(mount, "child", link=base)
-    written = {
-        key: " ".join(repr(float(number)) for number in numbers)
-        for key, numbers in (("xyz", position), ("rpy", angles_of(rotation)))
-    }
-    ET.SubElement(mount, "origin", written)
+    ET.SubElement(mount, "origin", xyz=as_text(position), rpy=as_text(rpy_of_rotation(rotation)))

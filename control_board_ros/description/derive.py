@@ -65,9 +65,9 @@ def complete(
     }
     for name, felt in carried.with_rotors(reflected).items():
         given, load = values[name], carried.by_name[name]
-        given.setdefault("inertia_min", max(felt.least, LIGHTEST))
-        given.setdefault("inertia_mean", max(felt.mean, given["inertia_min"]))
-        given.setdefault("inertia_max", max(felt.greatest, given["inertia_mean"]))
+        given.setdefault("inertia_min", max(felt.inertia_min, LIGHTEST))
+        given.setdefault("inertia_mean", max(felt.inertia_mean, given["inertia_min"]))
+        given.setdefault("inertia_max", max(felt.inertia_max, given["inertia_mean"]))
         spare = max(given["limits.torque"] - load.gravity, 0.1 * given["limits.torque"])
         reached = ACCELERATION_SHARE * spare / given["inertia_max"]
         given.setdefault("limits.acceleration", min(10.0 * given["limits.velocity"], reached))

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from .chain import cut
+from .geometry import numbers_of
 from .meshes import MeshFinder, MeshPathError
-from .urdf_tree import SIZE_CAP, Tree, UrdfError, check_numbers, parse_xml
+from .urdf_tree import Tree
+from .urdf_xml import SIZE_CAP, UrdfError, check_expanded, check_numbers, parse_xml
 
 __all__ = ["MOVABLE", "Mimic", "Urdf", "UrdfError", "UrdfJoint", "load", "parse"]
 
@@ -24,9 +26,10 @@ MOVABLE = ("revolute", "continuous", "prismatic")
 
 @dataclass(frozen=True, slots=True)
 class Mimic:
-    """A joint that follows another one: position = multiplier · leader + offset."""
+    """A joint that follows another one: follower = multiplier · leader + offset, rad or m."""
 
-    joint: str
+    follower: str
+    leader: str
     multiplier: float
     offset: float
 
@@ -58,13 +61,15 @@ class UrdfJoint:
 class Urdf:
     """A checked robot description.
 
-    Attributes: name, source (the file), text (mesh paths are absolute), joints (all that move,
-    from the base outwards), warnings (one line each).
+    Attributes: name, source (the file), text (mesh paths are absolute), tree (the same, parsed;
+    to be read only: ``tree.copy()`` may be changed), joints (all that move, from the base
+    outwards), warnings (one line each).
     """
 
     name: str
     source: str
-    text: str
+    text: str = field(repr=False)
+    tree: Tree = field(repr=False, compare=False)
     joints: tuple[UrdfJoint, ...]
     warnings: tuple[str, ...] = ()
 
@@ -75,7 +80,7 @@ class Urdf:
 
     @property
     def mimics(self) -> dict[str, Mimic]:
-        """The following joints by name."""
+        """The joints that follow others, by the follower's name."""
         return {joint.name: joint.mimic for joint in self.joints if joint.mimic is not None}
 
     @property
@@ -116,6 +121,7 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
     root = parse_xml(data, source)
     if root.tag != "robot":
         raise UrdfError(f"{source}: the root is <{root.tag[:40]}>; a URDF's is <robot>")
+    check_expanded(data, root, source)
     for element in list(root):
         if element.tag not in ("link", "joint", "material"):
             root.remove(element)  # gazebo, transmission, sensor: for other programs
@@ -130,7 +136,8 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
     warnings = _place_meshes(root, source, MeshFinder(folder)) + tree.add_masses()
     ET.indent(root)
     name = root.get("name") or Path(source).stem
-    return Urdf(name, source, ET.tostring(root, encoding="unicode"), joints, tuple(warnings))
+    text = ET.tostring(root, encoding="unicode")
+    return Urdf(name, source, text, tree, joints, tuple(warnings))
 
 
 def _joint(element: ET.Element, source: str) -> UrdfJoint:
@@ -140,6 +147,8 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
             f"{source}: joint {name!r} is of type {kind[:40]!r}; allowed: fixed, "
             + ", ".join(MOVABLE)
         )
+    if not numbers_of(element.find("axis"), "xyz", (1.0, 0.0, 0.0)).any():
+        raise UrdfError(f"{source}: joint {name!r}: its <axis> is zero; give it a direction")
     limit = element.find("limit")
     bounds = (
         {}
@@ -161,13 +170,13 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
     return UrdfJoint(
         name=name,
         kind=kind,
-        parent=Tree.end(element, "parent"),
-        child=Tree.end(element, "child"),
+        parent=Tree.parent(element),
+        child=Tree.child(element),
         lower=lower if bounded else None,
         upper=upper if bounded else None,
         effort=bounds.get("effort") if bounds.get("effort", 0.0) > 0.0 else None,
         velocity=bounds.get("velocity") if bounds.get("velocity", 0.0) > 0.0 else None,
-        mimic=_mimic(element),
+        mimic=_mimic(name, element),
         damping=_dynamics(element, "damping"),
         friction=_dynamics(element, "friction"),
     )
@@ -180,12 +189,13 @@ def _dynamics(element: ET.Element, key: str) -> float | None:
     return value if value > 0.0 else None
 
 
-def _mimic(element: ET.Element) -> Mimic | None:
+def _mimic(name: str, element: ET.Element) -> Mimic | None:
     mimic = element.find("mimic")
     if mimic is None:
         return None
     return Mimic(
-        joint=mimic.get("joint", ""),
+        follower=name,
+        leader=mimic.get("joint", ""),
         multiplier=float(mimic.get("multiplier", "1")),
         offset=float(mimic.get("offset", "0")),
     )
@@ -194,9 +204,9 @@ def _mimic(element: ET.Element) -> Mimic | None:
 def _check_mimics(joints: tuple[UrdfJoint, ...], source: str) -> None:
     leaders = {joint.name for joint in joints if joint.mimic is None}
     for joint in joints:
-        if joint.mimic is not None and joint.mimic.joint not in leaders:
+        if joint.mimic is not None and joint.mimic.leader not in leaders:
             raise UrdfError(
-                f"{source}: joint {joint.name!r} mimics {joint.mimic.joint!r}, which is no "
+                f"{source}: joint {joint.name!r} mimics {joint.mimic.leader!r}, which is no "
                 "joint that moves by itself"
             )
 

@@ -1,121 +1,27 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The XML of a robot description as a checked tree of links and joints.
-
-Bounded in size, depth and number of elements, without document types and entities; every
-number finite; one base link, every other link on exactly one joint, no loops.
-"""
+"""A robot as a tree: one base link, every other link on exactly one joint, no loops."""
 
 from __future__ import annotations
 
-import math
+import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from xml.parsers import expat
 
-from .errors import OneLineError
+from .urdf_xml import UrdfError
 
-SIZE_CAP = 5 * 1024 * 1024
-DEPTH_CAP = 64
-ELEMENT_CAP = 50_000
-
-
-class UrdfError(OneLineError):
-    """A robot description that cannot be used; one line: file, what, the next step."""
-
-
-#: Attributes that are numbers, and how many each holds.
-NUMBERS = {
-    ("origin", "xyz"): 3,
-    ("origin", "rpy"): 3,
-    ("axis", "xyz"): 3,
-    ("mass", "value"): 1,
-    **{("inertia", moment): 1 for moment in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")},
-    **{("limit", bound): 1 for bound in ("lower", "upper", "effort", "velocity")},
-    ("dynamics", "damping"): 1,
-    ("dynamics", "friction"): 1,
-    ("mimic", "multiplier"): 1,
-    ("mimic", "offset"): 1,
-    ("mesh", "scale"): 3,
-    ("box", "size"): 3,
-    ("sphere", "radius"): 1,
-    ("cylinder", "radius"): 1,
-    ("cylinder", "length"): 1,
-    ("color", "rgba"): 4,
-}
-#: Those of them that cannot be below zero.
-POSITIVE = {("mass", "value"), ("inertia", "ixx"), ("inertia", "iyy"), ("inertia", "izz")}
-
-
-def check_numbers(root: ET.Element, source: str) -> None:
-    """Raise UrdfError where an attribute that is to be numbers is not, or is not finite."""
-    for owner in root:
-        for element in owner.iter():
-            for attribute, text in element.attrib.items():
-                count = NUMBERS.get((element.tag, attribute))
-                low = 0.0 if (element.tag, attribute) in POSITIVE else -math.inf
-                if count is None or _are_numbers(text, count, low):
-                    continue
-                wanted = "a number" if count == 1 else f"{count} numbers"
-                wanted += " of at least 0" if low == 0.0 else ""
-                raise UrdfError(
-                    f"{source}: {owner.tag} {owner.get('name', '')!r}: <{element.tag} "
-                    f"{attribute}={text[:40]!r}> is not {wanted}"
-                )
-
-
-def _are_numbers(text: str, count: int, low: float) -> bool:
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        return False
-    right = len(values) == count and "_" not in text
-    return right and all(low <= value < math.inf and value > -math.inf for value in values)
-
-
-def parse_xml(data: bytes, source: str) -> ET.Element:
-    """XML without DTD and entities, bounded in size, depth and number of elements."""
-    if len(data) > SIZE_CAP:
-        raise UrdfError(f"{source}: larger than {SIZE_CAP >> 20} MiB; no URDF is")
-    if not data.strip():
-        raise UrdfError(f"{source}: is empty; a URDF begins with <robot name=…>")
-    parser = expat.ParserCreate()
-    depth = count = 0
-
-    def refuse(*_: object) -> None:
-        raise UrdfError(
-            f"{source}:{parser.CurrentLineNumber}: document types and entities are not allowed "
-            "in a URDF; remove <!DOCTYPE …>"
-        )
-
-    def start(*_: object) -> None:
-        nonlocal depth, count
-        depth, count = depth + 1, count + 1
-        if depth > DEPTH_CAP or count > ELEMENT_CAP:
-            raise UrdfError(
-                f"{source}:{parser.CurrentLineNumber}: nested deeper than {DEPTH_CAP} or more "
-                f"than {ELEMENT_CAP} elements; no URDF is"
-            )
-
-    def end(_: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    try:
-        parser.Parse(data, True)
-        return ET.fromstring(data)
-    except UrdfError:
-        raise
-    except (expat.ExpatError, ET.ParseError, LookupError, ValueError) as error:
-        line = f":{error.lineno}" if isinstance(error, expat.ExpatError) else ""
-        reason = " ".join(str(error).partition(": line ")[0].split())
-        raise UrdfError(f"{source}{line}: not well-formed XML ({reason})") from None
+LONGEST_NAME = 200
 
 
 class Tree:
-    """The links and joints of a robot: one root link, every other link hangs on one joint."""
+    """The links and joints of a robot.
+
+    Attributes: root (the <robot> element), source (the file, for messages), links and joints
+    (elements by name), base (name of the base link), parent_joint (the joint that a link hangs
+    on, by link), children (the joints that hang on a link, in the order of the file, by link).
+
+    Raises:
+        UrdfError: links and joints do not form a tree, or a name is not usable.
+    """
 
     def __init__(self, root: ET.Element, source: str) -> None:
         self.root, self.source = root, source
@@ -129,6 +35,8 @@ class Tree:
                 raise UrdfError(f"{source}: link {child!r} hangs on two joints; it may on one")
             self.parent_joint[child] = joint
             self.children[parent].append(joint)
+        if not self.links:
+            raise UrdfError(f"{source}: there is no <link>; a robot has one base link at least")
         bases = [name for name in self.links if name not in self.parent_joint]
         if len(bases) != 1:
             found = ", ".join(map(repr, bases[:4])) or "none"
@@ -141,30 +49,42 @@ class Tree:
         found: dict[str, ET.Element] = {}
         for element in self.root.findall(tag):
             name = element.get("name", "")
-            if not name or len(name) > 200 or not name.isprintable() or " " in name:
-                raise UrdfError(f"{self.source}: {tag} name {name[:40]!r} is not usable")
+            if (reason := _not_usable(name)) is not None:
+                raise UrdfError(
+                    f"{self.source}: {tag} name {name[:40]!r} is not usable: {reason}; rename it "
+                    "in the URDF"
+                )
             if name in found:
                 raise UrdfError(f"{self.source}: {tag} {name!r} is there twice; rename one")
             found[name] = element
         return found
 
     def _link(self, name: str, joint: ET.Element, tag: str) -> str:
-        link = self.end(joint, tag)
+        link = _end(joint, tag)
         if link not in self.links:
             raise UrdfError(
                 f"{self.source}: joint {name!r}: its {tag} link {link!r} is not in the URDF"
             )
         return link
 
-    @staticmethod
-    def end(joint: ET.Element, tag: str) -> str:
-        """The link at one end of a joint: its ``parent`` or ``child``."""
-        element = joint.find(tag)
-        return "" if element is None else element.get("link", "")
+    def copy(self) -> Tree:
+        """A tree of its own, to be changed."""
+        return Tree(copy.deepcopy(self.root), self.source)
 
-    def child(self, joint: ET.Element) -> str:
+    @staticmethod
+    def parent(joint: ET.Element) -> str:
+        """The link that carries a joint."""
+        return _end(joint, "parent")
+
+    @staticmethod
+    def child(joint: ET.Element) -> str:
         """The link that a joint moves."""
-        return self.end(joint, "child")
+        return _end(joint, "child")
+
+    @staticmethod
+    def slides(joint: ET.Element) -> bool:
+        """Whether a joint is prismatic."""
+        return joint.get("type") == "prismatic"
 
     def walk(self, link: str) -> Iterator[ET.Element]:
         """The joints beyond a link, depth first, in the order of the file."""
@@ -210,3 +130,21 @@ class Tree:
             moments = {"ixx": inertia, "iyy": inertia, "izz": inertia}
             ET.SubElement(inertial, "inertia", moments, ixy="0", ixz="0", iyz="0")
         return warnings
+
+
+def _end(joint: ET.Element, tag: str) -> str:
+    element = joint.find(tag)
+    return "" if element is None else element.get("link", "")
+
+
+def _not_usable(name: str) -> str | None:
+    """Why a name cannot be one of a link or a joint; None where it can."""
+    if not name:
+        return "it is empty or missing"
+    if len(name) > LONGEST_NAME:
+        return f"it is longer than {LONGEST_NAME} characters"
+    if name.split() != [name]:
+        return "a space ends a name in parameters and commands, as in 'joint_1=30deg'"
+    if not name.isprintable():
+        return "it holds a character that cannot be printed"
+    return None

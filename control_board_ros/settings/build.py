@@ -19,7 +19,7 @@ from ..core.config import (
 )
 from ..core.vocabs import parse_control_mode, parse_interaction_mode
 from ..description.urdf import Urdf
-from ..sim.config import Encoder, JointSimulation, Mimic, MotorModel, SimulationConfig
+from ..sim.config import Encoder, JointSimulation, MotorModel, SimulationConfig
 
 T = TypeVar("T")
 Values = Mapping[str, Any]
@@ -116,14 +116,9 @@ def simulation(values: Values, urdf: Urdf, names: tuple[str, ...]) -> Simulation
             )
             for name in names
         ),
-        urdf=urdf.text,
+        urdf=urdf,
         base_fixed=values["base_fixed"],
         gravity=(x, y, z),
         physics_rate=values["physics_rate"],
         gui=values["gui"],
-        mimics=tuple(
-            Mimic(joint=name, source=one.joint, multiplier=one.multiplier, offset=one.offset)
-            for name, one in urdf.mimics.items()
-            if one.joint in names
-        ),
     )

@@ -246,7 +246,7 @@ def _joint_names(board: Mapping[str, Any], urdf: Urdf, entry: Entry | None) -> t
         if name in urdf.independent and chosen.count(name) == 1:
             continue
         if name in urdf.mimics:
-            reason = f"it follows {urdf.mimics[name].joint!r}; leave it out"
+            reason = f"it follows {urdf.mimics[name].leader!r}; leave it out"
         elif name in urdf.independent:
             reason = "it is there twice; leave one out"
         else:

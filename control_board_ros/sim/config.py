@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 from ..core.checks import HUGE, ConfigError, check_number
 from ..core.config import BoardConfig
+from ..description.urdf import Urdf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,44 +78,24 @@ class JointSimulation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mimic:
-    """A joint of the URDF that follows a joint of the board: multiplier · source + offset."""
-
-    joint: str
-    source: str
-    multiplier: float = 1.0
-    offset: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not self.joint or self.joint == self.source:
-            raise ConfigError("mimics", self.joint, "a joint that follows another one")
-        check_number(f"{self.joint}.multiplier", self.multiplier, -HUGE, HUGE)
-        check_number(f"{self.joint}.offset", self.offset, -HUGE, HUGE)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationConfig:
     """A whole simulated plant.
 
-    Attributes: joints (of the board, in its order), urdf (path of the robot, or the text of its
-    description; None for the ideal body: one double integrator per joint, no gravity),
-    base_fixed, gravity (m/s², in world axes), physics_rate (Hz, a whole multiple of the control
-    rate), gui (show the arm in a window), mimics (joints of the URDF that follow others).
+    Attributes: joints (of the board, in its order), urdf (the robot; None for the ideal body:
+    one double integrator per joint, no gravity), base_fixed, gravity (m/s², in world axes),
+    physics_rate (Hz, a whole multiple of the control rate), gui (show the arm in a window).
     """
 
     joints: tuple[JointSimulation, ...]
-    urdf: str | None = None
+    urdf: Urdf | None = None
     base_fixed: bool = True
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     physics_rate: float = 1000.0
     gui: bool = False
-    mimics: tuple[Mimic, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.joints:
             raise ConfigError("simulation.joints", [], "at least one joint")
-        if self.urdf == "":
-            raise ConfigError("simulation.urdf", self.urdf, "a path, or nothing (ideal body)")
         if len(self.gravity) != 3:
             raise ConfigError("simulation.gravity", self.gravity, "three numbers, m/s²")
         for value in self.gravity:
@@ -122,13 +103,6 @@ class SimulationConfig:
         check_number("simulation.physics_rate", self.physics_rate, 10.0, 100000.0)
         if self.gui and self.urdf is None:
             raise ConfigError("simulation.gui", True, "false without a urdf: nothing to show")
-        followers = [mimic.joint for mimic in self.mimics]
-        for name in followers:
-            if followers.count(name) > 1 or name in self.names:
-                raise ConfigError("simulation.mimics", name, "joints not in joints, each once")
-        for mimic in self.mimics:
-            if mimic.source not in self.names:
-                raise ConfigError(f"{mimic.joint}.source", mimic.source, self._one_of())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -168,6 +142,3 @@ class SimulationConfig:
         for joint, plant in zip(board.joints, self.joints, strict=True):
             low, high = joint.limits.hard_lower, joint.limits.hard_upper
             check_number(f"{joint.name}.home", plant.home, low, high)
-
-    def _one_of(self) -> str:
-        return "one of " + ", ".join(self.names)

@@ -11,7 +11,7 @@ import pybullet_data
 import pytest
 from plants import GRIPPER, PENDULUM, SLIDER, joint, link, robot
 
-from control_board_ros.description.loads import POSES, Loads, loads, poses
+from control_board_ros.description.loads import POSES, Loads, loads, sample_poses
 from control_board_ros.description.robots import load_robot
 from control_board_ros.description.urdf import Urdf, parse
 from control_board_ros.settings.loading import load
@@ -39,7 +39,7 @@ def tiny(text: str) -> Loads:
 def physics(urdf: Urdf) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """M_jj and gravity torque by pybullet in every pose, shape (joints, POSES)."""
     settings = load(None, {"robot": urdf.source} if urdf.source.startswith(DATA) else {})
-    sampled, client = poses(urdf, ranges(urdf)), connect(gui=False)
+    sampled, client = sample_poses(urdf, ranges(urdf)), connect(gui=False)
     try:
         body = load_body(client, urdf.text, settings.simulation, visuals=False)
         count = bullet.getNumJoints(body, client)
@@ -91,9 +91,9 @@ def test_rotors_add_what_the_physics_feels(name: str) -> None:
     found = loads(settings.urdf, here).with_rotors(rotors)
     stands, gives = np.diag(np.linalg.inv(inverse)), 1.0 / np.diag(inverse)
     for j, one in enumerate(board.names):
-        assert found[one].greatest == pytest.approx(stands[j], rel=1e-3), one
-        assert found[one].mean == pytest.approx(stands[j], rel=1e-3), one
-        assert found[one].least == pytest.approx(gives[j], rel=1e-3), one
+        assert found[one].inertia_max == pytest.approx(stands[j], rel=1e-3), one
+        assert found[one].inertia_mean == pytest.approx(stands[j], rel=1e-3), one
+        assert found[one].inertia_min == pytest.approx(gives[j], rel=1e-3), one
 
 
 def test_a_pendulum_and_a_carriage_are_as_by_hand() -> None:
@@ -114,17 +114,17 @@ def test_a_distal_rotor_counts_as_far_as_axes_are_parallel() -> None:
         joint("three", "b", "c", axis="0 0 1"),
     )
     found = tiny(text).with_rotors({"two": 0.5, "three": 7.0})
-    greatest = [found[name].greatest for name in ("one", "two", "three")]
+    greatest = [found[name].inertia_max for name in ("one", "two", "three")]
     assert greatest == pytest.approx([0.503, 0.502, 7.001])
     # One moves alone: two, with its rotor, stays where it is.
-    assert found["one"].least == pytest.approx(0.001, rel=1e-2)
+    assert found["one"].inertia_min == pytest.approx(0.001, rel=1e-2)
 
 
 def test_joints_that_do_not_move_stand_at_zero_and_followers_follow() -> None:
     urdf = parse(GRIPPER.encode(), "tiny", Path())
     found = loads(urdf, {"left_finger": (0.0, 1.0)})
     assert found.names == ("left_finger",)
-    sampled = poses(urdf, {"left_finger": (0.0, 1.0)})
+    sampled = sample_poses(urdf, {"left_finger": (0.0, 1.0)})
     assert sampled["right_finger"] == pytest.approx(2.0 * sampled["left_finger"] + 0.1)
     assert "unused" not in sampled
 

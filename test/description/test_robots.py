@@ -25,7 +25,7 @@ def test_iiwa() -> None:
 def test_panda_has_one_finger_to_drive() -> None:
     made = load_robot("panda")
     assert made.independent == (*(f"panda_joint{i}" for i in range(1, 8)), "panda_finger_joint1")
-    assert made.mimics["panda_finger_joint2"].joint == "panda_finger_joint1"
+    assert made.mimics["panda_finger_joint2"].leader == "panda_finger_joint1"
     assert made.warnings == ()
 
 

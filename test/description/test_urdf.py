@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from control_board_ros.description import urdf_tree
+from control_board_ros.description import urdf_xml
 from control_board_ros.description.urdf import Urdf, UrdfError, load, parse
 
 INERTIAL = "<inertial><mass value='1'/><inertia ixx='0.1' iyy='0.1' izz='0.1'/></inertial>"
@@ -132,7 +132,7 @@ def test_entity_bomb_is_refused() -> None:
 
 
 def test_size_depth_and_number_are_capped() -> None:
-    assert "MiB" in message(ARM + b" " * urdf_tree.SIZE_CAP)
+    assert "MiB" in message(ARM + b" " * urdf_xml.SIZE_CAP)
     assert "deeper" in message(b"<robot>" + b"<a>" * 100_000)
     assert "elements" in message(robot("<material/>" * 60_000))
 

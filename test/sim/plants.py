@@ -10,6 +10,7 @@ import pybullet_data
 
 from control_board_ros.core.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
 from control_board_ros.core.measurement import Actuation
+from control_board_ros.description.urdf import Urdf, load, parse
 from control_board_ros.sim.config import (
     Encoder,
     JointSimulation,
@@ -18,7 +19,7 @@ from control_board_ros.sim.config import (
 )
 from control_board_ros.sim.plant import SimulatedPlant
 
-IIWA = str(Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf")
+IIWA = load(Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf")
 IIWA_JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
 MOTOR = Motor(resistance=0.5, inductance=2e-3, torque_constant=0.08, gear_ratio=120.0)
 
@@ -128,6 +129,11 @@ def robot(*parts: str) -> str:
         + "".join(parts)
         + ("</robot>")
     )
+
+
+def described(text: str) -> Urdf:
+    """A robot of a URDF's text."""
+    return parse(text.encode(), "tiny", Path())
 
 
 PENDULUM = robot(

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from control_board_ros.description.urdf import parse
 from control_board_ros.sim.config import JointSimulation, SimulationConfig
 from control_board_ros.sim.plant import SimulatedPlant
 
@@ -35,12 +36,12 @@ def weight(angle: float) -> float:
 
 
 @pytest.fixture
-def pendulum(tmp_path: Path) -> Iterator[Rig]:
-    path = tmp_path / "pendulum.urdf"
-    path.write_text(PENDULUM, encoding="utf-8")
+def pendulum() -> Iterator[Rig]:
     config = board_config(joint("left", startup_mode=M.POSITION), control_rate=1000.0)
     simulation = SimulationConfig(
-        joints=(JointSimulation(name="left"),), urdf=str(path), physics_rate=1000.0
+        joints=(JointSimulation(name="left"),),
+        urdf=parse(PENDULUM.encode(), "pendulum", Path()),
+        physics_rate=1000.0,
     )
     plant = SimulatedPlant(config, simulation)
     yield Rig(config, plant)

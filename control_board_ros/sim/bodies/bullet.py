@@ -37,7 +37,7 @@ class BulletBody:
     """A robot in a physics server of its own; see ``plant.Body``.
 
     Raises:
-        ConfigError: the URDF lacks a joint of the board.
+        ConfigError: there is no URDF, or it lacks a joint of the board.
         PlantError: the URDF cannot be loaded, or a window is asked for without a display.
     """
 
@@ -214,7 +214,7 @@ class BulletBody:
             )
 
     def _drive_followers(self) -> None:
-        """One way, every step: a follower tracks its source and its source does not feel it."""
+        """One way, every step: a follower tracks its leader, which does not feel it."""
         positions, velocities = self._followers.targets(self._state)
         bullet.setJointMotorControlArray(
             self._body,

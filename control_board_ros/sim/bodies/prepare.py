@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
-from pathlib import Path
 
 from ...core.config import BoardConfig, ConfigError
-from ...description.rotor import Moments, normalise_axis, with_rotor_inertia
-from ...description.urdf import load
-from ..config import Mimic, SimulationConfig
+from ...description.geometry import as_text, axis_of
+from ...description.rotor import Moments, add_rotor_inertia
+from ...description.urdf import Mimic
+from ..config import SimulationConfig
 from ..motor import reflected_inertia
 
 
@@ -28,45 +28,33 @@ class Model:
 
 
 def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
-    """Fit the robot description of a simulation to its board.
+    """Fit the robot of a simulation to its board.
 
-    Joints that neither the board drives nor follow one that it drives become fixed. Followers
-    are those of the configuration and the <mimic> elements of the description; a joint that
-    the board drives itself follows none.
+    Joints that neither the board drives nor follow one that it drives become fixed. A joint
+    that the board drives itself follows none.
 
     Raises:
-        ConfigError: the description lacks a joint of the board.
-        UrdfError: the description cannot be read.
+        ConfigError: there is no description, or it lacks a joint of the board.
     """
-    source = simulation.urdf or ""
-    text = source if source.lstrip().startswith("<") else load(Path(source)).text
-    root = ET.fromstring(text)
-    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    if (urdf := simulation.urdf) is None:
+        raise ConfigError("simulation.urdf", None, "a robot, for a body that has links")
+    moving = [joint.name for joint in urdf.joints]
     for name in board.names:
-        if name not in joints or joints[name].get("type") == "fixed":
-            moving = [key for key, joint in joints.items() if joint.get("type") != "fixed"]
+        if name not in moving:
             raise ConfigError("joints", name, f"a joint of the URDF: {', '.join(moving)}")
-    mimics = {mimic.joint: mimic for mimic in simulation.mimics if mimic.joint in joints}
-    for name, joint in joints.items():
-        normalise_axis(joint)
-        if name in board.names or name in mimics:
-            continue
-        if (follower := _follower(name, joint, board.names)) is not None:
-            mimics[name] = follower
-        else:
-            joint.set("type", "fixed")
+    mimics = {
+        name: mimic
+        for name, mimic in urdf.mimics.items()
+        if name not in board.names and mimic.leader in board.names
+    }
+    tree = urdf.tree.copy()
+    for joint in urdf.joints:
+        element = tree.joints[joint.name]
+        if joint.name not in board.names and joint.name not in mimics:
+            element.set("type", "fixed")
+        elif (axis := element.find("axis")) is not None:  # its length would be a lever in pybullet
+            axis.set("xyz", as_text(axis_of(element)))
     rotors = dict(zip(board.names, reflected_inertia(board, simulation).tolist(), strict=True))
-    text, moments = with_rotor_inertia(ET.tostring(root, encoding="unicode"), rotors)
-    return Model(text, tuple(mimics.values()), moments)
-
-
-def _follower(name: str, joint: ET.Element, sources: tuple[str, ...]) -> Mimic | None:
-    mimic = joint.find("mimic")
-    if mimic is None or mimic.get("joint") not in sources:
-        return None
-    return Mimic(
-        joint=name,
-        source=mimic.get("joint", ""),
-        multiplier=float(mimic.get("multiplier", "1")),
-        offset=float(mimic.get("offset", "0")),
-    )
+    moments = add_rotor_inertia(tree, rotors)
+    ET.indent(tree.root)  # pybullet cannot read long lines
+    return Model(ET.tostring(tree.root, encoding="unicode"), tuple(mimics.values()), moments)
