@@ -251,7 +251,9 @@ TEST = [
     "pytest>=8.2",
     "pytest-timeout>=2.3",
     "pytest-xdist>=3.6",
+    "xacro>=2.1",
 ]
+XACRO = ["xacro>=2.1"]
 ICUB = ["icub-models==3.2.0"]
 DEV = [
     "import-linter>=2.1",
@@ -285,7 +287,7 @@ setup(
         ),
     ],
     install_requires=runtime_requirements(),
-    extras_require={"test": TEST, "icub": ICUB, "dev": DEV},
+    extras_require={"test": TEST, "icub": ICUB, "xacro": XACRO, "dev": DEV},
     entry_points={
         "console_scripts": [
             f"control_board = {NAME}.node.main:main",

@@ -42,6 +42,20 @@ def source_package(folder: Path) -> Path | None:
     return None
 
 
+def mesh_url(path: Path) -> str:
+    """The URL of a mesh: ``package://`` where a ROS package that is installed holds it.
+
+    That is found on another host, too, where the package is installed.
+    """
+    for share in share_folders():
+        if not path.is_relative_to(share):
+            continue
+        package, *inside = path.relative_to(share).parts
+        if inside and (share / "ament_index" / "resource_index" / "packages" / package).is_file():
+            return f"package://{package}/{'/'.join(inside)}"
+    return f"file://{path}"
+
+
 class MeshFinder:
     """Finds the meshes of the URDF in one folder.
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from .meshes import package_folder, share_folders
 from .urdf import Urdf, UrdfError, load
+from .xacro_file import split_arguments
 
 
 def _pybullet_data(relative: str) -> Path:
@@ -60,7 +61,8 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     """The description of a named robot, or of the URDF at a path.
 
     Args:
-        robot: A key of ROBOTS, or a path.
+        robot: A key of ROBOTS, or a path; that of a xacro file may have arguments after it, as
+            in ``arm.urdf.xacro side:=left``.
         folder: What a relative path is relative to besides the working directory (the folder
             of the configuration file that gave it).
 
@@ -70,18 +72,20 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     if robot in ROBOTS:
         named = ROBOTS[robot]
         return load(named.path(), named.chain)
-    path = Path(os.path.expanduser(robot))  # as it is where there is no such user
-    if looks_like_path(robot):
+    name, arguments = split_arguments(robot)
+    path = Path(os.path.expanduser(name))  # as it is where there is no such user
+    if looks_like_path(name):
         beside = folder / path if folder is not None else path
-        return load(beside if not path.is_file() and beside.is_file() else path)
+        found = beside if not path.is_file() and beside.is_file() else path
+        return load(found, arguments=arguments)
     near = get_close_matches(robot, list(ROBOTS), n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     raise UrdfError(
         f"robot {robot[:60]!r} unknown; {hint}known: {', '.join(ROBOTS)}, "
-        "or the path of a URDF file"
+        "or the path of a URDF or xacro file"
     )
 
 
 def looks_like_path(robot: str) -> bool:
     """Whether ``robot`` is meant as a path and not as a name."""
-    return "/" in robot or robot.lower().endswith((".urdf", ".xml"))
+    return "/" in robot or robot.lower().endswith((".urdf", ".xml", ".xacro"))

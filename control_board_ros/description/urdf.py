@@ -8,20 +8,23 @@ which reports errors to a terminal or not at all, meets only what it can load.
 
 from __future__ import annotations
 
-import re
+import copy
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from .chain import cut
 from .geometry import numbers_of
-from .meshes import MeshFinder, MeshPathError
+from .meshes import MeshFinder, MeshPathError, mesh_url
 from .urdf_tree import Tree
 from .urdf_xml import SIZE_CAP, UrdfError, check_expanded, check_numbers, parse_xml
+from .xacro_file import expand, is_xacro
 
 __all__ = ["MOVABLE", "Mimic", "Urdf", "UrdfError", "UrdfJoint", "load", "parse"]
 
 MOVABLE = ("revolute", "continuous", "prismatic")
+FLOATING = "; for a base that floats leave the joint out and set base_fixed to false"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,16 +89,20 @@ class Urdf:
     @property
     def description(self) -> str:
         """The text for ``robot_description``: mesh paths as URLs, as RViz wants them."""
-        return re.sub(r'(<mesh [^>]*filename=")/', r"\1file:///", self.text)
+        root = copy.deepcopy(self.tree.root)
+        for mesh in root.iter("mesh"):
+            mesh.set("filename", mesh_url(Path(mesh.get("filename", ""))))
+        return ET.tostring(root, encoding="unicode")
 
 
-def load(path: Path, chain: tuple[str, str] | None = None) -> Urdf:
-    """Read, check and prepare a URDF file.
+def load(path: Path, chain: tuple[str, str] | None = None, arguments: Sequence[str] = ()) -> Urdf:
+    """Read, check and prepare a URDF file, or a xacro file.
 
     Args:
         path: The file.
         chain: Base link and tip link; what does not hang rigidly on the links between them
             is cut away. None keeps everything.
+        arguments: Of a xacro file, ``name:=value`` each.
 
     Raises:
         UrdfError: the file cannot be read or used; one line with the next step.
@@ -108,6 +115,8 @@ def load(path: Path, chain: tuple[str, str] | None = None) -> Urdf:
             raise UrdfError(f"{source}: is not a regular file; name a URDF file")
         with path.open("rb") as file:
             data = file.read(SIZE_CAP + 1)
+        if is_xacro(path):
+            data = expand(path, arguments)
         return parse(data, source, path.absolute().parent, chain)
     except (OSError, ValueError) as error:
         if isinstance(error, UrdfError):
@@ -145,7 +154,7 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
     if kind not in MOVABLE:
         raise UrdfError(
             f"{source}: joint {name!r} is of type {kind[:40]!r}; allowed: fixed, "
-            + ", ".join(MOVABLE)
+            f"{', '.join(MOVABLE)}{FLOATING if kind == 'floating' else ''}"
         )
     if not numbers_of(element.find("axis"), "xyz", (1.0, 0.0, 0.0)).any():
         raise UrdfError(f"{source}: joint {name!r}: its <axis> is zero; give it a direction")

@@ -70,14 +70,14 @@ def check_expanded(data: bytes, root: ET.Element, source: str) -> None:
     if not any(mark in data for mark in (b"<xacro:", b"${", b"$(")):
         return
     for element in root.iter():
-        left = f"<{element.tag}>" if element.tag.startswith("xacro:") else None
+        left = [f"<{element.tag}>"] if element.tag.startswith("xacro:") else []
         for key, text in element.attrib.items():
             if "${" in text or "$(" in text:
-                left = f"{key}={text[:40]!r}"
-        if left is not None:
+                left.append(f"<{element.tag} {key}={text[:40]!r}>")
+        if left:
             raise UrdfError(
-                f"{source}: {left} is for xacro to replace; give the .xacro file itself as robot, "
-                "or what the command xacro makes of it"
+                f"{source}: {left[0]} is for xacro to replace; give the .xacro file itself as "
+                "robot, or what the command xacro makes of it"
             )
 
 

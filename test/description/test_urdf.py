@@ -86,7 +86,7 @@ def test_mimic_joints_follow() -> None:
         (b"<robot name='r'></rob>", "not well-formed"),
         (b"<?xml version='1.0' encoding='klingon'?><robot/>", "not well-formed"),
         (b"<sdf/>", "<sdf>"),
-        (robot(), "base link"),
+        (robot(), "no <link>"),
         (robot(link("base")), "no joint moves"),
         (robot(link("a"), link("a")), "twice"),
         (robot(link("a"), link("b"), joint("j", "a", "c")), "child link 'c'"),
@@ -99,9 +99,19 @@ def test_mimic_joints_follow() -> None:
         (robot(link("a"), link("b")), "base link"),
         (robot(link("a"), link("b"), joint("j", "a", "b", "")), "'j' has no <limit>"),
         (robot(link("a"), link("b"), joint("j", "a", "b", "<limit lower='1' upper='1'/>")), "'j'"),
-        (robot(link("a"), link("b"), joint("j", "a", "b", LIMIT, "floating")), "'floating'"),
-        (robot(link("a"), link("b"), joint("j j", "a", "b")), "not usable"),
-        (robot(link("a"), link("b"), joint("", "a", "b")), "not usable"),
+        (robot(link("a"), link("b"), joint("j", "a", "b", LIMIT, "spherical")), "'spherical'"),
+        (
+            robot(link("a"), link("b"), joint("j", "a", "b", LIMIT, "floating")),
+            "'floating'; allowed: fixed, revolute, continuous, prismatic; for a base that floats",
+        ),
+        (robot(link("a"), link("b"), joint("j j", "a", "b")), "not usable: a space ends a name"),
+        (robot(link("a"), link("b"), joint("", "a", "b")), "not usable: it is empty"),
+        (robot(link("a"), link("b"), joint("j" * 201, "a", "b")), "longer than 200 characters"),
+        (robot(link("a\u200b")), "not usable: it holds a character that cannot be printed"),
+        (ARM.replace(b"xyz='0 0 1'", b"xyz='0 0 0'"), "joint 'elbow': its <axis> is zero"),
+        (ARM.replace(b"xyz='0 0 1'", b"xyz='0, 0, 1'"), "is not 3 numbers"),
+        (ARM.replace(b"name='tip'", b"name='${side}_tip'"), "for xacro to replace"),
+        (robot("<xacro:include filename='arm.xacro'/>", ARM.decode()), "<xacro:include>"),
         (
             robot(link("a"), link("b"), joint("j", "a", "b", LIMIT + "<mimic joint='j'/>")),
             "mimics 'j'",
@@ -121,6 +131,14 @@ def test_mimic_joints_follow() -> None:
 )
 def test_broken_descriptions_are_refused_in_one_line(data: bytes, words: str) -> None:
     assert words in message(data)
+
+
+def test_blank_lines_before_and_zeros_behind_are_no_mistake() -> None:
+    """As in files of pybullet_data; the lines of messages are those of the file."""
+    made = read(b" \n\n<?xml version='1.0'?>\n" + ARM + b"\n\0")
+    assert made.independent == ("elbow",)
+    assert "r.urdf:4: not well-formed" in message(b"\n\n\n<robot><link></robot>")
+    assert read(ARM.decode().encode("utf-16")).independent == ("elbow",)
 
 
 def test_entity_bomb_is_refused() -> None:
@@ -170,8 +188,14 @@ def test_meshes_of_a_ros_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     mesh.parent.mkdir(parents=True)
     mesh.write_bytes(b"solid")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
-    made = read(mesh_arm("package://arm_description/meshes/a.stl"))
+    name = "package://arm_description/meshes/a.stl"
+    made = read(mesh_arm(name))
     assert str(mesh) in made.text
+    assert f'filename="file://{mesh}"' in made.description
+    index = tmp_path / "share" / "ament_index" / "resource_index" / "packages"
+    index.mkdir(parents=True)
+    (index / "arm_description").touch()
+    assert f'filename="{name}"' in read(mesh_arm(name)).description  # RViz finds it by its name
 
 
 def test_meshes_beside_the_urdf_in_a_source_package(tmp_path: Path) -> None:

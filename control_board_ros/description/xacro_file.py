@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""xacro files, expanded to a URDF by the package ``xacro``, in a process of its own.
+
+A xacro file is a program that reads other files: take it from people you trust.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib.util import find_spec
+from pathlib import Path
+
+from .urdf_xml import UrdfError
+
+#: A path, and arguments as the command xacro takes them.
+WITH_ARGUMENTS = re.compile(r"(.*?\.xacro)(\s.*)?", re.IGNORECASE | re.DOTALL)
+MAIN = "import xacro; xacro.main()"
+TIMEOUT = 60.0  # s; a macro can include itself
+
+
+def split_arguments(robot: str) -> tuple[str, tuple[str, ...]]:
+    """Path and arguments of ``arm.urdf.xacro side:=left``; a path without is one as it is."""
+    match = WITH_ARGUMENTS.fullmatch(robot)
+    return (match[1], tuple((match[2] or "").split())) if match else (robot, ())
+
+
+def is_xacro(path: Path) -> bool:
+    """Whether a file is to be expanded."""
+    return path.suffix.lower() == ".xacro"
+
+
+def expand(path: Path, arguments: Sequence[str] = ()) -> bytes:
+    """The URDF that a xacro file makes.
+
+    Raises:
+        UrdfError: the package xacro is not installed, or does not take the file.
+    """
+    for argument in arguments:
+        if ":=" not in argument:
+            raise UrdfError(f"{path}: argument {argument!r} is not one of xacro; give name:=value")
+    if find_spec("xacro") is None:
+        raise UrdfError(
+            f"{path}: needs the package xacro, which is not installed; install it with: pip "
+            "install 'control_board_ros[xacro]' (with ROS: apt install ros-jazzy-xacro)"
+        )
+    command = [sys.executable, "-c", MAIN, str(path.absolute()), *arguments]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
+    except subprocess.TimeoutExpired:
+        raise UrdfError(f"{path}: xacro takes longer than {TIMEOUT:g} s; check macros") from None
+    if done.returncode != 0:
+        said = done.stderr.decode(errors="replace").partition("when processing file")[0]
+        reason = " ".join(said.removeprefix("error: ").split())[:300]
+        raise UrdfError(f"{path}: xacro does not take it ({reason}); check the file and arguments")
+    return done.stdout

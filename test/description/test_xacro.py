@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""xacro files as robots: expanded where the package xacro is, else a line that says how."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from control_board_ros.description import xacro_file
+from control_board_ros.description.robots import load_robot
+from control_board_ros.description.urdf import UrdfError
+from control_board_ros.description.xacro_file import split_arguments
+
+needs_xacro = pytest.mark.skipif(find_spec("xacro") is None, reason="package xacro")
+
+ARM = """<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:arg name="side" default="right"/>
+<link name="base"/>
+<link name="hand"><inertial><mass value="${1 + 1}"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="$(arg side)_elbow" type="revolute"><parent link="base"/><child link="hand"/>
+<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="10" velocity="2"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def arm(tmp_path: Path) -> Path:
+    path = tmp_path / "my arm.urdf.xacro"
+    path.write_text(ARM)
+    return path
+
+
+def refusal(robot: str) -> str:
+    with pytest.raises(UrdfError) as caught:
+        load_robot(robot)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@needs_xacro
+def test_a_xacro_file_is_a_robot(arm: Path) -> None:
+    made = load_robot(str(arm))
+    assert made.independent == ("right_elbow",)
+    assert 'mass value="2"' in made.text
+    assert load_robot(f"{arm} side:=left").independent == ("left_elbow",)
+    assert load_robot(f"{arm.name} side:=left", arm.parent).independent == ("left_elbow",)
+
+
+@needs_xacro
+def test_what_xacro_does_not_take_is_one_line(arm: Path) -> None:
+    arm.write_text(ARM.replace("1 + 1", "heavy"))
+    assert "name 'heavy' is not defined" in refusal(str(arm))
+
+
+def test_arguments_stand_behind_the_path() -> None:
+    assert split_arguments("a b.xacro x:=1 y:=") == ("a b.xacro", ("x:=1", "y:="))
+    assert split_arguments("a b.urdf x:=1") == ("a b.urdf x:=1", ())
+
+
+def test_an_argument_without_a_value_is_refused(arm: Path) -> None:
+    assert "argument 'left' is not one of xacro; give name:=value" in refusal(f"{arm} left")
+
+
+def test_without_the_package_a_line_says_how(arm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(xacro_file, "find_spec", lambda _: None)
+    assert "pip install 'control_board_ros[xacro]'" in refusal(str(arm))
+
+
+def test_a_xacro_file_by_the_name_of_a_urdf_says_what_it_is(arm: Path) -> None:
+    urdf = arm.with_suffix(".urdf")
+    urdf.write_text(ARM)
+    assert "give the .xacro file itself as robot" in refusal(str(urdf))
