@@ -19,7 +19,7 @@ class Assumed:
         self._parts: dict[str, list[str]] = {}
         self._warnings: dict[tuple[str, str], list[str]] = {}
 
-    def look(self, joint: str, given: Mapping[str, Any]) -> None:
+    def count(self, joint: str, given: Mapping[str, Any]) -> None:
         """Note which parts of a joint nobody gives."""
         self._count += 1
         for key, part in PARTS.items():

@@ -18,8 +18,8 @@ from .derive_motor import current_loop, electrical, friction, limits, rotor, the
 from .loads import loads
 from .urdf import Urdf, UrdfJoint
 
-FAR = 1e6  # rad, where a continuous joint's travel ends
-LIGHTEST = 1e-4  # kg·m² or kg; less is the URDF's idea of nothing
+UNBOUNDED = 1e6  # rad, where a continuous joint's travel ends
+LEAST_INERTIA = 1e-4  # kg·m² or kg; less is the URDF's idea of nothing
 #: Part of what torque and inertia allow that the acceleration limit takes.
 ACCELERATION_SHARE = 0.8
 
@@ -44,15 +44,15 @@ def complete(
     joints = {joint.name: joint for joint in urdf.joints}
     assumed = Assumed()
     for name, given in values.items():
-        assumed.look(name, given)
-        _range(given, joints[name])
+        assumed.count(name, given)
+        _travel(given, joints[name])
     ranges = {
         name: (given["limits.lower"], given["limits.upper"]) for name, given in values.items()
     }
     carried = loads(urdf, ranges, gravity)
     for name, given in values.items():
         load = carried.by_name[name]
-        given.setdefault("inertia", max(load.inertia_mean, LIGHTEST))
+        given.setdefault("inertia", max(load.inertia_mean, LEAST_INERTIA))
         limits(given, joints[name], load, assumed)
         friction(given, joints[name], load, assumed)
         electrical(given, joints[name], load)
@@ -65,18 +65,18 @@ def complete(
     }
     for name, felt in carried.with_rotors(reflected).items():
         given, load = values[name], carried.by_name[name]
-        given.setdefault("inertia_min", max(felt.inertia_min, LIGHTEST))
+        given.setdefault("inertia_min", max(felt.inertia_min, LEAST_INERTIA))
         given.setdefault("inertia_mean", max(felt.inertia_mean, given["inertia_min"]))
         given.setdefault("inertia_max", max(felt.inertia_max, given["inertia_mean"]))
         spare = max(given["limits.torque"] - load.gravity, 0.1 * given["limits.torque"])
         reached = ACCELERATION_SHARE * spare / given["inertia_max"]
         given.setdefault("limits.acceleration", min(10.0 * given["limits.velocity"], reached))
         gains(given, 1.0 / control_rate, sliding=joints[name].kind == "prismatic")
-        _rest(given, sliding=joints[name].kind == "prismatic")
+        _start_values(given, sliding=joints[name].kind == "prismatic")
     return assumed
 
 
-def _rest(values: dict[str, Any], *, sliding: bool) -> None:
+def _start_values(values: dict[str, Any], *, sliding: bool) -> None:
     """Speeds at start, home and the calibration's way there."""
     give = values.setdefault
     slow = 0.05 if sliding else 10.0 * DEGREE
@@ -87,10 +87,10 @@ def _rest(values: dict[str, Any], *, sliding: bool) -> None:
     give("calibration.speed", values["reference_speed"])
 
 
-def _range(values: dict[str, Any], joint: UrdfJoint) -> None:
+def _travel(values: dict[str, Any], joint: UrdfJoint) -> None:
     give = values.setdefault
-    low = give("limits.hard_lower", -FAR if joint.lower is None else joint.lower)
-    high = give("limits.hard_upper", FAR if joint.upper is None else joint.upper)
+    low = give("limits.hard_lower", -UNBOUNDED if joint.lower is None else joint.lower)
+    high = give("limits.hard_upper", UNBOUNDED if joint.upper is None else joint.upper)
     inside = 0.02 * max(high - low, 0.0)
     if joint.kind != "prismatic":
         inside = min(inside, 2.0 * DEGREE)

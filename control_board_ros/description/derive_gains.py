@@ -24,13 +24,13 @@ from typing import Any
 
 from ..core.config import spring_damping
 
-FASTEST = 600.0  # 1/s
-PHASE = 0.6  # rad
-CUTOFF = 400.0  # Hz, low pass of the rate
-GIVES_WAY = 8e-3  # rad, error that the torque limit is worth at least
-SLIDES_AWAY = 2e-3  # m, likewise
-SOFTEST = 0.2  # stiffness at start, of the greatest
-SPRING = 0.25  # greatest stiffness, of the position loop's
+MAX_CROSSOVER = 600.0  # 1/s
+CROSSOVER_PHASE = 0.6  # rad
+DERIVATIVE_CUTOFF = 400.0  # Hz, low pass of the rate
+LEAST_ERROR = 8e-3  # rad, error that the torque limit is worth at least
+LEAST_SLIDE_ERROR = 2e-3  # m, likewise
+START_STIFFNESS_SHARE = 0.2  # stiffness at start, of the greatest
+MAX_STIFFNESS_SHARE = 0.25  # greatest stiffness, of the position loop's
 
 
 def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
@@ -43,25 +43,25 @@ def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
     torque, least, greatest = (
         values[name] for name in ("limits.torque", "inertia_min", "inertia_max")
     )
-    crossover = min(FASTEST, PHASE / period)
-    most = crossover * least
+    crossover = min(MAX_CROSSOVER, CROSSOVER_PHASE / period)
+    kd_max = crossover * least
     kp = give(
         "position_pid.kp",
         min(
-            most * crossover / 8.0,
-            most**2 / (1.5 * greatest),
-            torque / (SLIDES_AWAY if sliding else GIVES_WAY),
+            kd_max * crossover / 8.0,
+            kd_max**2 / (1.5 * greatest),
+            torque / (LEAST_SLIDE_ERROR if sliding else LEAST_ERROR),
         ),
     )
-    kd = give("position_pid.kd", min(most, 2.2 * math.sqrt(kp * greatest)))
+    kd = give("position_pid.kd", min(kd_max, 2.2 * math.sqrt(kp * greatest)))
     give("position_pid.ki", kp * min(crossover / 20.0, 0.22 * kd / greatest))
     give("position_pid.integral_limit", torque)
-    give("position_pid.derivative_cutoff", CUTOFF)
+    give("position_pid.derivative_cutoff", DERIVATIVE_CUTOFF)
     for name in ("kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"):
         values.setdefault(f"direct_pid.{name}", values[f"position_pid.{name}"])
     give("torque_pid.integral_limit", torque)
-    stiffest = give("impedance.max_stiffness", SPRING * kp)
-    stiffness = give("impedance.stiffness", SOFTEST * stiffest)
-    give("impedance.max_damping", max(kd, spring_damping(stiffest, greatest)))
+    max_stiffness = give("impedance.max_stiffness", MAX_STIFFNESS_SHARE * kp)
+    stiffness = give("impedance.stiffness", START_STIFFNESS_SHARE * max_stiffness)
+    give("impedance.max_damping", max(kd, spring_damping(max_stiffness, greatest)))
     damping = min(values["impedance.max_damping"], spring_damping(stiffness, greatest))
     give("impedance.damping", damping)

@@ -7,7 +7,7 @@ With the joint's torque limit T, speed limit v, gravity torque g, and the supply
     R T/kt = (1 − e) U         the torque limit is reached up to the speed limit
     L = 1.5 ms · R             electrical time constant of servo motors of this size
     peak = 1.05 (U + Ke v)/R   a motor reversed at full speed is no overcurrent, a short is
-    nominal = max(0.6 T, 1.2 g)/kt, at most T/kt: holds the arm stretched out for ever
+    nominal = max(0.6 T, 1.2 g)/kt, at most T/kt: holds the stretched arm continuously
     J N² = max(½ mean load, T · 1 ms², 4 h drag), drag = Ke kt/R + viscous
 
 The rotor is matched to its load, so that the inertia seen varies little with the pose, and is
@@ -25,26 +25,26 @@ from .assumed import Assumed
 from .loads import Load
 from .urdf import UrdfJoint
 
-FASTEST = 20.0  # rad/s or m/s; more in a URDF is a placeholder
-TURNS, SLIDES = math.pi, 0.5  # rad/s and m/s, where the URDF gives no speed
-STRONG = 1000.0  # N·m or N; more in a URDF may be a placeholder
-ABSURD = 100.0  # times what the load needs: then it is one
-BRISK = 10.0  # 1/s: acceleration wanted, in speed limits per second
+MAX_VELOCITY = 20.0  # rad/s or m/s; more in a URDF is a placeholder
+DEFAULT_VELOCITY, DEFAULT_SLIDE_VELOCITY = math.pi, 0.5  # rad/s and m/s
+SUSPECT_EFFORT = 1000.0  # N·m or N; more in a URDF may be a placeholder
+ABSURD_RATIO = 100.0  # times what the load needs: then it is one
+ACCELERATION_RATE = 10.0  # 1/s: acceleration wanted, in speed limits per second
 EMF_SHARE = 0.4
 NOMINAL_SHARE = 0.6
-ELECTRICAL = 1.5e-3  # s
+ELECTRICAL_TIME = 1.5e-3  # s
 ROTOR_SHARE = 0.5
 ROTOR_PER_TORQUE = 1e-3  # s²
 STEP = 1e-3  # s, the longest physics step that is derived
-COOL = 20.0  # K below the temperature limit, at the nominal current
-THERMAL = 120.0  # s
-STIFFEST = 3.0  # gain of the current loop, of the resistance
+TEMPERATURE_MARGIN = 20.0  # K below the temperature limit, at the nominal current
+THERMAL_TIME = 120.0  # s
+MAX_CURRENT_GAIN = 3.0  # gain of the current loop, of the resistance
 FRICTION_SHARE = 0.01
 
 
-def needed(load: Load, velocity: float) -> float:
+def required_torque(load: Load, velocity: float) -> float:
     """Torque (force) that holds a load and accelerates it and a rotor of half its inertia."""
-    return load.gravity + BRISK * velocity * (1.0 + ROTOR_SHARE) * load.inertia_max
+    return load.gravity + ACCELERATION_RATE * velocity * (1.0 + ROTOR_SHARE) * load.inertia_max
 
 
 def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
@@ -52,24 +52,25 @@ def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assume
     name, slides = joint.name, joint.kind == "prismatic"
     speed_unit, unit = ("m/s", "N") if slides else ("rad/s", "N·m")
     if "limits.velocity" not in values:
-        velocity = joint.velocity or (SLIDES if slides else TURNS)
-        values["limits.velocity"] = min(velocity, FASTEST)
+        velocity = joint.velocity or (DEFAULT_SLIDE_VELOCITY if slides else DEFAULT_VELOCITY)
+        values["limits.velocity"] = min(velocity, MAX_VELOCITY)
         if joint.velocity is None:
             text = f"{velocity:.3g} {speed_unit}"
             assumed.warn(name, text, "no speed in the URDF, assumed", "give limits.velocity")
-        elif velocity > FASTEST:
-            what = f"speeds of the URDF above {FASTEST:g} rad/s or m/s are taken as {FASTEST:g}"
+        elif velocity > MAX_VELOCITY:
+            top = f"{MAX_VELOCITY:g}"
+            what = f"speeds of the URDF above {top} rad/s or m/s are taken as {top}"
             assumed.warn(name, f"{velocity:.3g} {speed_unit}", what, "give limits.velocity")
-    need = needed(load, values["limits.velocity"])
+    need = required_torque(load, values["limits.velocity"])
     if "limits.torque" not in values:
         enough = max(3.0 * load.gravity, 1.25 * need)
         effort = joint.effort
         if effort is None:
             text = f"{enough:.3g} {unit}"
             assumed.warn(name, text, "no effort in the URDF, assumed", "give limits.torque")
-        elif effort > max(STRONG, ABSURD * need):
+        elif effort > max(SUSPECT_EFFORT, ABSURD_RATIO * need):
             text = f"{enough:.3g} {unit} instead of {effort:.3g} {unit}"
-            what = f"effort in the URDF of {ABSURD:g} times what the load needs, not taken"
+            what = f"effort in the URDF of {ABSURD_RATIO:g} times what the load needs, not taken"
             assumed.warn(name, text, what, "give limits.torque")
             effort = None
         values["limits.torque"] = enough if effort is None else effort
@@ -109,7 +110,7 @@ def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     given = values.get("limits.peak_current")
     resistance = max(driving / wanted, 0.0 if given is None else braked / given)
     give("motor.resistance", resistance)
-    give("motor.inductance", ELECTRICAL * values["motor.resistance"])
+    give("motor.inductance", ELECTRICAL_TIME * values["motor.resistance"])
     share = min(max(NOMINAL_SHARE, 1.2 * load.gravity / torque), 1.0)
     peak = max(braked / values["motor.resistance"], 1.05 * share * wanted)
     if given is not None:
@@ -128,7 +129,7 @@ def current_loop(values: dict[str, Any], period: float) -> None:
     resistance = values["motor.resistance"]
     left = math.exp(-period * resistance / values["motor.inductance"])
     give = values.setdefault
-    give("current_pid.kp", min(0.5 * left / (1.0 - left), STIFFEST) * resistance)
+    give("current_pid.kp", min(0.5 * left / (1.0 - left), MAX_CURRENT_GAIN) * resistance)
     give("current_pid.ki", min(0.05 / period, 50.0) * resistance)
     give("current_pid.integral_limit", values["motor.supply_voltage"])
 
@@ -149,18 +150,18 @@ def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
 
 
 def thermal(values: dict[str, Any], name: str, assumed: Assumed) -> None:
-    """A winding that carries the nominal current for ever, and reaches it within minutes."""
+    """A winding that carries the nominal current continuously, and settles within minutes."""
     give = values.setdefault
     limit, ambient = values["limits.temperature"], values["motor.ambient"]
     power = values["motor.resistance"] * values["limits.nominal_current"] ** 2
-    rise = max(limit - ambient - COOL, 0.5 * (limit - ambient), 1.0)
+    rise = max(limit - ambient - TEMPERATURE_MARGIN, 0.5 * (limit - ambient), 1.0)
     give("motor.thermal_resistance", rise / power)
-    give("motor.thermal_capacitance", THERMAL / values["motor.thermal_resistance"])
+    give("motor.thermal_capacitance", THERMAL_TIME / values["motor.thermal_resistance"])
     time = values["motor.thermal_resistance"] * values["motor.thermal_capacitance"]
     give("motor.thermal_time", time)
     hottest = ambient + values["motor.thermal_resistance"] * power
     if hottest > limit:
-        what = "the nominal current overheats the winding in the end"
+        what = "the nominal current overheats the winding"
         advice = "give a smaller limits.nominal_current or motor.thermal_resistance"
         assumed.warn(name, f"{hottest:.0f} °C of {limit:.0f} °C", what, advice)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A simulated joint between its bridge and its link: winding, gearbox, bearing, sensors.
+"""A simulated joint between its H-bridge and its link: winding, gearbox, stiction, sensors.
 
 One joint at a time, one physics step h at a time, exact while the joint's speed dq is held::
 
@@ -29,7 +29,7 @@ else:
 
 @cython.cclass
 class Drive:
-    """One joint's drive: constants, which ``motor`` and ``bearing`` work out, and state.
+    """One joint's drive: constants, which ``motor`` and ``stiction`` work out, and state.
 
     Args:
         constants: Values of attributes; all of them but the state.
@@ -38,26 +38,26 @@ class Drive:
     # --- winding ----------------------------------------------------------------------------
     resistance = cython.declare(cython.double, visibility="public")
     back_emf = cython.declare(cython.double, visibility="public")  # Ke, V·s/rad
-    volts = cython.declare(cython.double, visibility="public")  # per percent of PWM
+    volts_per_percent = cython.declare(cython.double, visibility="public")
     torque_per_ampere = cython.declare(cython.double, visibility="public")  # kt N η
-    settled = cython.declare(cython.double, visibility="public")  # s, after a step
-    settled_mean = cython.declare(cython.double, visibility="public")  # m, its mean over it
+    response = cython.declare(cython.double, visibility="public")  # s, after a step
+    mean_response = cython.declare(cython.double, visibility="public")  # m, its mean over it
     # --- gearbox ----------------------------------------------------------------------------
     coulomb = cython.declare(cython.double, visibility="public")
     viscous = cython.declare(cython.double, visibility="public")
-    per_slip = cython.declare(cython.double, visibility="public")  # 1/eps
-    # --- bearing ----------------------------------------------------------------------------
-    bearing_torque = cython.declare(cython.double, visibility="public")  # B
-    bending = cython.declare(cython.double, visibility="public")  # σ h
-    damping = cython.declare(cython.double, visibility="public")  # c
+    inverse_slip_speed = cython.declare(cython.double, visibility="public")  # 1/eps
+    # --- stiction of the bearing ------------------------------------------------------------
+    stiction_torque = cython.declare(cython.double, visibility="public")  # B
+    bristle_stiffness = cython.declare(cython.double, visibility="public")  # σ h
+    bristle_damping = cython.declare(cython.double, visibility="public")  # c
     # --- state ------------------------------------------------------------------------------
     powered = cython.declare(cython.bint, visibility="public")  # the bridge is closed
     current = cython.declare(cython.double, visibility="public")
-    bent = cython.declare(cython.double, visibility="public")  # torque of the bristle, y
+    bristle_torque = cython.declare(cython.double, visibility="public")  # y
 
     def __init__(self, **constants: float) -> None:
         self.powered = True
-        self.current = self.bent = 0.0
+        self.current = self.bristle_torque = 0.0
         for name, value in constants.items():
             setattr(self, name, value)
 
@@ -74,32 +74,32 @@ def motor_torque(d: Drive, velocity: cython.double, pwm: cython.double) -> cytho
 
     An open bridge lets no current flow.
     """
-    missing: cython.double
+    error: cython.double
     mean: cython.double
     if not d.powered:
         d.current = 0.0
         return 0.0
-    missing = (d.volts * pwm - d.back_emf * velocity) / d.resistance - d.current
-    mean = d.current + d.settled_mean * missing
-    d.current += d.settled * missing
+    error = (d.volts_per_percent * pwm - d.back_emf * velocity) / d.resistance - d.current
+    mean = d.current + d.mean_response * error
+    d.current += d.response * error
     return d.torque_per_ampere * mean
 
 
 @cython.cfunc
 def gearbox_friction(d: Drive, velocity: cython.double) -> cython.double:
     """Friction before the torque sensor: coulomb tanh(dq/eps) + viscous dq."""
-    return d.coulomb * tanh(velocity * d.per_slip) + d.viscous * velocity
+    return d.coulomb * tanh(velocity * d.inverse_slip_speed) + d.viscous * velocity
 
 
 @cython.cfunc
-def bearing_friction(d: Drive, velocity: cython.double) -> cython.double:
-    """Friction beyond the torque sensor: a bristle that bends until it slips (see ``bearing``).
+def stiction(d: Drive, velocity: cython.double) -> cython.double:
+    """Friction beyond the torque sensor: a bristle that bends until it slips.
 
     y' = clip(y + σ dq h, ± B);  friction = clip(y' + c dq, ± B)
     """
-    most: cython.double = d.bearing_torque
-    d.bent = max(min(d.bent + d.bending * velocity, most), -most)
-    return max(min(d.bent + d.damping * velocity, most), -most)
+    limit: cython.double = d.stiction_torque
+    d.bristle_torque = max(min(d.bristle_torque + d.bristle_stiffness * velocity, limit), -limit)
+    return max(min(d.bristle_torque + d.bristle_damping * velocity, limit), -limit)
 
 
 @cython.cclass
@@ -135,7 +135,7 @@ class Drives:
             torque = motor_torque(d, velocity, self.pwm[k]) - gearbox_friction(d, velocity)
             self.current[k] = d.current
             self.torque[k] = torque
-            self.applied[k] = torque - bearing_friction(d, velocity)
+            self.applied[k] = torque - stiction(d, velocity)
 
 
 @cython.cclass
@@ -180,8 +180,8 @@ class Sampler:
 
 
 @cython.cclass
-class StateRows:
-    """Takes the joint states of a physics engine apart.
+class StateReader:
+    """Reads position and velocity from the joint states of a physics engine.
 
     Args:
         position: A buffer of n doubles, rad.
@@ -194,7 +194,7 @@ class StateRows:
     def __init__(self, position: object, velocity: object) -> None:
         self.position, self.velocity = position, velocity
 
-    def take(self, states: tuple[tuple[float, ...], ...]) -> bool:
+    def read(self, states: tuple[tuple[float, ...], ...]) -> bool:
         """Keep position and velocity of each joint; false where a position is no number.
 
         Args:

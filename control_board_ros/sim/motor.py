@@ -7,7 +7,7 @@ h · coulomb/eps ≤ M; eps = max(0.001 rad/s, 2 h · coulomb/M) keeps a factor 
 reflected rotor inertia, a lower bound of what the joint moves, or the ideal body's inertia
 where the rotor has none. Back-EMF must fit the step too: h (Ke kt N η/R + viscous) < M.
 
-A small part of the Coulomb friction lies beyond the torque sensors: see ``bearing``.
+A small part of the Coulomb friction lies beyond the torque sensors: see ``stiction``.
 
 The winding warms by R i² through its thermal resistance and capacitance, first order, solved
 exactly over 50 ms at a time for the current at their end: windings take minutes.
@@ -21,9 +21,9 @@ import numpy as np
 
 from ..core.config import BoardConfig, JointConfig
 from ..core.measurement import Array
-from .bearing import bearing
 from .config import MotorModel, SimulationConfig
 from .drive import Drive, Drives
+from .stiction import bristle_constants
 
 SLIP_SPEED = 1e-3
 HEAT_PERIOD = 0.05
@@ -36,7 +36,7 @@ class Motors:
         state: What the body refreshes after each step: position and velocity, shape (2, n).
         position, velocity, current, pwm: shape (n,); rad, rad/s, A, percent.
         torque: From the gearbox to the link in the last step, shape (n,), N·m, as sensed.
-        applied: What the link gets of it, less its bearing's friction, shape (n,), N·m.
+        applied: What the link gets of it, less its bearing's stiction, shape (n,), N·m.
         temperature: Of the windings, shape (n,), °C.
         heat_cycles: Control cycles between two calls of ``warm``.
         step: Lets one physics step pass at the present state, PWM and current.
@@ -75,16 +75,16 @@ class Motors:
         target = self._ambient + self._warming * self.current**2
         self.temperature += self._cooling * (target - self.temperature)
 
-    def still(self) -> None:
-        """No current, no torque, nothing bent."""
+    def de_energise(self) -> None:
+        """No current, no torque, no bristle deflected."""
         for drive in self._drives:
-            drive.current = drive.bent = 0.0
+            drive.current = drive.bristle_torque = 0.0
         for row in (self.current, self.torque, self.applied):
             row.fill(0.0)
 
-    def rest(self) -> None:
+    def reset(self) -> None:
         """No current, cold windings."""
-        self.still()
+        self.de_energise()
         self.temperature[:] = self._ambient
 
 
@@ -99,22 +99,24 @@ def make_drive(joint: JointConfig, model: MotorModel, inertia: float, step: floa
     """
     plate = joint.motor
     ratio = step * plate.resistance / plate.inductance
-    settled = -math.expm1(-ratio)
-    bearing_torque, bending, damping = bearing(joint, model, inertia, step)
-    coulomb = model.coulomb - bearing_torque
+    response = -math.expm1(-ratio)
+    stiction_torque, bristle_stiffness, bristle_damping = bristle_constants(
+        joint, model, inertia, step
+    )
+    coulomb = model.coulomb - stiction_torque
     return Drive(
         resistance=plate.resistance,
         back_emf=plate.back_emf,
-        volts=plate.supply_voltage / 100.0,
+        volts_per_percent=plate.supply_voltage / 100.0,
         torque_per_ampere=plate.torque_per_ampere,
-        settled=settled,
-        settled_mean=1.0 - settled / ratio,
+        response=response,
+        mean_response=1.0 - response / ratio,
         coulomb=coulomb,
         viscous=model.viscous,
-        per_slip=1.0 / max(SLIP_SPEED, 2.0 * step * coulomb / inertia),
-        bearing_torque=bearing_torque,
-        bending=bending,
-        damping=damping,
+        inverse_slip_speed=1.0 / max(SLIP_SPEED, 2.0 * step * coulomb / inertia),
+        stiction_torque=stiction_torque,
+        bristle_stiffness=bristle_stiffness,
+        bristle_damping=bristle_damping,
     )
 
 

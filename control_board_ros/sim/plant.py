@@ -88,7 +88,7 @@ class SimulatedPlant:
         self._faults = Injector(board.joints, board.period)
         self._home = np.zeros((2, len(board.joints)))
         self._home[0] = [joint.home for joint in simulation.joints]
-        self._good = self._home.copy()
+        self._last_good = self._home.copy()
         self._external = np.zeros(len(board.joints))
         self._pushed = False
         self._total = np.zeros(len(board.joints))
@@ -140,7 +140,7 @@ class SimulatedPlant:
         if not good:
             self._recover()
         if cycle % self._heat_cycles == 0:
-            self._keep()
+            self._update_slow_states()
         self._sensors.sample()
 
     def push(self, joint: int | str, torque: float) -> None:
@@ -164,7 +164,7 @@ class SimulatedPlant:
         self._faults.add(index, kind, persistent, self._cycle, self._sensors.values)
 
     def clear_injected(self) -> None:
-        """Mend everything."""
+        """Remove every injected fault."""
         self._faults.clear()
 
     def reset(self) -> None:
@@ -173,8 +173,8 @@ class SimulatedPlant:
         self._external.fill(0.0)
         self._pushed = False
         self.body.restore(self._home)
-        self._good[:] = self._home
-        self._motors.rest()
+        self._last_good[:] = self._home
+        self._motors.reset()
         self._sensors.alarm(None)
         self._alarmed = False
         self._sensors.sample()
@@ -190,15 +190,15 @@ class SimulatedPlant:
             self._total[self._faults.diverged(self._cycle)] = np.nan
         return self._total
 
-    def _keep(self) -> None:
+    def _update_slow_states(self) -> None:
         """What need not be done in every cycle: warm the windings, remember a good pose."""
         self._motors.warm()
         self._sensors.sample_temperature()
-        self._good[...] = self._motors.state
+        self._last_good[...] = self._motors.state
 
     def _recover(self) -> None:
-        self.body.restore(self._good)
-        self._motors.still()
+        self.body.restore(self._last_good)
+        self._motors.de_energise()
         self._sensors.alarm(FaultCode.DIVERGED)
         self._alarmed = True
 

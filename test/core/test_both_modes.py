@@ -222,14 +222,14 @@ def test_the_script_visits_every_mode_fault_and_limit() -> None:
     assert wanted <= met, wanted - met
 
 
-def test_joint_states_are_taken_apart_alike() -> None:
+def test_joint_states_are_read_alike() -> None:
     """Positions that are no numbers are seen by both."""
     name = "control_board_ros.sim.drive"
     for positions in ([0.1, -2.5], [float("nan"), 1.0], [1.0, float("inf")], [np.inf, -np.inf]):
         found = []
-        for module in (__import__(name, fromlist=["StateRows"]), load_python(name)):
+        for module in (__import__(name, fromlist=["StateReader"]), load_python(name)):
             rows = np.zeros((2, 2))
-            taken = module.StateRows(rows[0].data, rows[1].data).take(
+            taken = module.StateReader(rows[0].data, rows[1].data).read(
                 ((positions[0], 3.0, (), 0.0), (positions[1], 4.0, (), 0.0))
             )
             assert taken == np.isfinite(positions).all()

@@ -129,7 +129,7 @@ def test_damping_that_a_sliding_mass_does_not_bear_is_told(tmp_path: Path) -> No
 
 def test_a_nominal_current_that_overheats_is_told() -> None:
     made = load("iiwa", {"lbr_iiwa_joint_2.motor.thermal_resistance": 0.8})
-    assert "the nominal current overheats the winding in the end" in made.warnings[0]
+    assert "the nominal current overheats the winding" in made.warnings[0]
     assert "lbr_iiwa_joint_2 329 °C of 120 °C" in made.warnings[0]
 
 

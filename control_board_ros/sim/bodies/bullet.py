@@ -20,7 +20,7 @@ from ...core.config import BoardConfig
 from ...core.measurement import Array
 from ...description.rotor import Moments
 from ..config import SimulationConfig
-from ..drive import StateRows
+from ..drive import StateReader
 from ..errors import PlantError, PlantGone
 from .camera import Camera
 from .followers import Followers
@@ -73,7 +73,7 @@ class BulletBody:
     def attach(self, state: Array) -> None:
         """Refresh ``state``, shape (2, n), position and velocity, from now on."""
         self._state = state
-        self._take = StateRows(state[0].data, state[1].data).take
+        self._read_states = StateReader(state[0].data, state[1].data).read
         self._refresh()
 
     def step(self, torque: Array) -> bool:
@@ -158,7 +158,7 @@ class BulletBody:
         return self._camera.picture(positions, list(self._boxes.values()), width, height)
 
     def _refresh(self) -> bool:
-        return self._take(bullet.getJointStates(self._body, self._joints, self._client))
+        return self._read_states(bullet.getJointStates(self._body, self._joints, self._client))
 
     def _save(self) -> None:
         bullet.removeState(self._saved, physicsClientId=self._client)

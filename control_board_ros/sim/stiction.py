@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stiction of the bearings, beyond the torque sensors: what holds a joint that is nearly balanced.
+"""Stiction of a joint's bearing: the friction beyond the torque sensor that holds it at rest.
 
 Most of a joint's Coulomb friction is the gearbox's (see ``motor``), before the torque sensor: a
 torque loop makes up for it. The bearing has a little of it, beyond: a bristle that bends until it
-slips (Dahl, 1968; with damping as LuGre has it), so that a joint at rest does not creep. Its
-equations are in ``drive``; these are their constants.
+slips (Dahl, 1968; with damping as LuGre has it), so that a joint that is nearly balanced does not
+creep. Its equations are in ``drive``; these are their constants.
 
-B = min(0.02 % of the torque limit, 10 % of coulomb), σ = B/z with the bend z at which it slips.
-z and the damping c keep the explicit integration stable at the least inertia M, and c damps the
-largest one::
+B = min(0.02 % of the torque limit, 10 % of coulomb), σ = B/z with the deflection z at which it
+slips. z and the damping c keep the explicit integration stable at the least inertia M, and c damps
+the largest one::
 
     z ≥ h² B/(0.05 M),    c = min(√(M_max σ), M/(2 h))
 """
@@ -20,11 +20,11 @@ import math
 from ..core.config import JointConfig
 from .config import MotorModel
 
-OF_TORQUE, OF_COULOMB = 2e-4, 0.1
-BEND, BEND_METRES = 1e-4, 1e-5
+TORQUE_SHARE, COULOMB_SHARE = 2e-4, 0.1
+SLIP_ANGLE, SLIP_DISTANCE = 1e-4, 1e-5  # z, rad and m
 
 
-def bearing(
+def bristle_constants(
     joint: JointConfig, model: MotorModel, inertia: float, step: float
 ) -> tuple[float, float, float]:
     """B (N·m), σ h (N·m·s/rad) and c (N·m·s/rad) of a joint's bearing.
@@ -35,10 +35,10 @@ def bearing(
         inertia: The least that the joint moves, kg·m².
         step: The physics step h, s.
     """
-    slip = min(OF_TORQUE * joint.limits.torque, OF_COULOMB * model.coulomb)
-    bend = BEND_METRES if joint.kind == "prismatic" else BEND
-    bend = max(bend, step**2 * slip / (0.05 * inertia))
-    stiffness = slip / bend
+    torque = min(TORQUE_SHARE * joint.limits.torque, COULOMB_SHARE * model.coulomb)
+    deflection = SLIP_DISTANCE if joint.kind == "prismatic" else SLIP_ANGLE
+    deflection = max(deflection, step**2 * torque / (0.05 * inertia))
+    stiffness = torque / deflection
     largest = max(inertia, joint.inertia_max)
     damping = min(math.sqrt(largest * stiffness), inertia / (2.0 * step))
-    return slip, stiffness * step, damping
+    return torque, stiffness * step, damping
