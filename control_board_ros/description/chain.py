@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from ..core.measurement import Array
-from .geometry import as_text, origin_of, rpy_of_rotation
+from .geometry import origin_of, set_origin
 from .urdf_tree import Tree
 from .urdf_xml import UrdfError
 
@@ -75,4 +75,4 @@ def _hang(tree: Tree, base: str, position: Array, rotation: Array) -> None:
     mount = ET.SubElement(tree.root, "joint", name=f"{base}_mount", type="fixed")
     ET.SubElement(mount, "parent", link=tree.base)
     ET.SubElement(mount, "child", link=base)
-    ET.SubElement(mount, "origin", xyz=as_text(position), rpy=as_text(rpy_of_rotation(rotation)))
+    set_origin(mount, position, rotation)

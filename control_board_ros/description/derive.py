@@ -49,9 +49,10 @@ def complete(
     ranges = {
         name: (given["limits.lower"], given["limits.upper"]) for name, given in values.items()
     }
-    carried = loads(urdf, ranges, gravity)
+    robot_loads = loads(urdf, ranges, gravity)
+    load_of = robot_loads.by_name
     for name, given in values.items():
-        load = carried.by_name[name]
+        load = load_of[name]
         given.setdefault("inertia", max(load.inertia_mean, LEAST_INERTIA))
         limits(given, joints[name], load, assumed)
         friction(given, joints[name], load, assumed)
@@ -63,11 +64,11 @@ def complete(
         name: given["motor.inertia"] * given["motor.gear_ratio"] ** 2
         for name, given in values.items()
     }
-    for name, felt in carried.with_rotors(reflected).items():
-        given, load = values[name], carried.by_name[name]
-        given.setdefault("inertia_min", max(felt.inertia_min, LEAST_INERTIA))
-        given.setdefault("inertia_mean", max(felt.inertia_mean, given["inertia_min"]))
-        given.setdefault("inertia_max", max(felt.inertia_max, given["inertia_mean"]))
+    for name, moved in robot_loads.with_rotors(reflected).items():
+        given, load = values[name], load_of[name]
+        given.setdefault("inertia_min", max(moved.inertia_min, LEAST_INERTIA))
+        given.setdefault("inertia_mean", max(moved.inertia_mean, given["inertia_min"]))
+        given.setdefault("inertia_max", max(moved.inertia_max, given["inertia_mean"]))
         spare = max(given["limits.torque"] - load.gravity, 0.1 * given["limits.torque"])
         reached = ACCELERATION_SHARE * spare / given["inertia_max"]
         given.setdefault("limits.acceleration", min(10.0 * given["limits.velocity"], reached))

@@ -32,6 +32,15 @@ def origin_of(element: ET.Element) -> tuple[Array, Array]:
     return numbers_of(origin, "xyz"), rotation_of_rpy(numbers_of(origin, "rpy"))
 
 
+def set_origin(element: ET.Element, position: Array, rotation: Array) -> None:
+    """Set the <origin> of an element; see ``origin_of``."""
+    origin = element.find("origin")
+    if origin is None:
+        origin = ET.SubElement(element, "origin")
+    origin.set("xyz", as_text(position))
+    origin.set("rpy", as_text(rpy_of_rotation(rotation)))
+
+
 def axis_of(joint: ET.Element) -> Array:
     """The unit axis of a joint in its own frame, shape (3,)."""
     axis = numbers_of(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))

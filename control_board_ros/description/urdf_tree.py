@@ -71,6 +71,14 @@ class Tree:
         """A tree of its own, to be changed."""
         return Tree(copy.deepcopy(self.root), self.source)
 
+    def attach(self, joint: ET.Element, link: str) -> None:
+        """Let another link carry a joint."""
+        self.children[self.parent(joint)].remove(joint)
+        self.children[link].append(joint)
+        element = joint.find("parent")
+        assert element is not None  # checked when the tree was made
+        element.set("link", link)
+
     @staticmethod
     def parent(joint: ET.Element) -> str:
         """The link that carries a joint."""

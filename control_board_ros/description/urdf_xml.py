@@ -34,7 +34,8 @@ NUMBERS = {
     "cylinder": {"radius": 1, "length": 1},
     "color": {"rgba": 4},
 }
-#: Those of them that cannot be below zero.
+#: Those of them that cannot be below zero, but by rounding: exporters write -5e-20 kg·m².
+ROUNDING = 1e-12
 POSITIVE = {("mass", "value"), ("inertia", "ixx"), ("inertia", "iyy"), ("inertia", "izz")}
 
 
@@ -44,11 +45,12 @@ def check_numbers(root: ET.Element, source: str) -> None:
         for element in owner.iter():
             for attribute, count in NUMBERS.get(element.tag, {}).items():
                 text = element.get(attribute)
-                low = 0.0 if (element.tag, attribute) in POSITIVE else -math.inf
+                positive = (element.tag, attribute) in POSITIVE
+                low = -ROUNDING if positive else -math.inf
                 if text is None or _are_numbers(text, count, low):
                     continue
                 wanted = "a number" if count == 1 else f"{count} numbers"
-                wanted += " of at least 0" if low == 0.0 else ""
+                wanted += " of at least 0" if positive else ""
                 raise UrdfError(
                     f"{source}: {owner.tag} {owner.get('name', '')!r}: <{element.tag} "
                     f"{attribute}={text[:40]!r}> is not {wanted}; numbers are finite and have "

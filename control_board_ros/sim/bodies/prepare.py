@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from ...core.config import BoardConfig, ConfigError
 from ...description.geometry import as_text, axis_of
+from ...description.merge import merge_fixed
 from ...description.rotor import Moments, add_rotor_inertia
 from ...description.urdf import Mimic
 from ..config import SimulationConfig
@@ -30,8 +31,9 @@ class Model:
 def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
     """Fit the robot of a simulation to its board.
 
-    Joints that neither the board drives nor follow one that it drives become fixed. A joint
-    that the board drives itself follows none.
+    Joints that neither the board drives nor follow one that it drives become fixed, and links
+    on fixed joints part of the links that carry them. A joint that the board drives itself
+    follows none.
 
     Raises:
         ConfigError: there is no description, or it lacks a joint of the board.
@@ -54,6 +56,7 @@ def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
             element.set("type", "fixed")
         elif (axis := element.find("axis")) is not None:  # its length would be a lever in pybullet
             axis.set("xyz", as_text(axis_of(element)))
+    tree = merge_fixed(tree)
     rotors = dict(zip(board.names, reflected_inertia(board, simulation).tolist(), strict=True))
     moments = add_rotor_inertia(tree, rotors)
     ET.indent(tree.root)  # pybullet cannot read long lines
