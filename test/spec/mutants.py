@@ -86,18 +86,37 @@ def survivors(text: str) -> dict[str, str]:
     return found
 
 
+#: Modules whose own formulas the tests of test/core look at; others are found sooner by the rules.
+DIRECT = ("laws", "control", "trajectory", "path", "follower", "arrival", "config", "parts")
+#: Files named otherwise than the module that they look at.
+OWN = {
+    "modes": "rules_modes",
+    "requests": "rules_modes",
+    "machine": "rules_calibration",
+    "faults": "rules_faults",
+    "monitor": "rules_faults",
+    "watch": "rules_faults",
+    "commands": "rules_motion",
+    "references": "rules_motion",
+    "calibrator": "rules_calibration",
+    "heat": "rules_faults",
+}
+#: Those that take longest for what they find.
+SLOW = ("laws", "physics", "rules_calibration", "rules_hard_stop")
+
+
 def tests_for(module: str) -> list[str]:
     """The test files in the order in which they find a mutant of a module soonest."""
     core = sorted((ROOT / "test/core").glob("test_*.py"))
     spec = sorted(HERE.glob("test_*.py"))
     files = [path for path in (*core, *spec) if path.stem not in ASIDE]
-    words = {"modes": "rules_modes", "requests": "rules_modes", "machine": "rules_calibration"}
-    words |= {"faults": "rules_faults", "commands": "rules_motion", "calibrator": "calibration"}
-    word = words.get(module, module)
 
-    def place(path: Path) -> tuple[bool, bool, bool]:
-        own = word in path.stem or module in path.stem
-        return (not own, "core" not in path.parts[-2], "stateful" not in path.stem)
+    def place(path: Path) -> tuple[bool, bool, bool, bool]:
+        name, folder = path.stem.removeprefix("test_"), path.parent.name
+        own = name.startswith(module) or name == OWN.get(module)
+        near = (folder == "core") == (module in DIRECT)
+        slow = folder == "spec" and name in SLOW
+        return not own, not near, name != "machine_stateful", slow
 
     return [str(path) for path in sorted(files, key=place)]
 
@@ -185,7 +204,7 @@ def attempt_all(tried: list[Mutant], known: dict[str, str], *, again: bool) -> l
         fate, used = copied.attempt(None, 3600.0)
         if fate != "passed":
             raise SystemExit("the tests fail without any mutant: mend them first (make test)")
-        print(f"without a mutant the tests take {used:.0f} s")
+        print(f"without a mutant the tests take {used:.0f} s of CPU time", flush=True)
         for mutant in tried:
             if str(mutant) in known and not again:
                 fate = "passed"
