@@ -160,6 +160,7 @@ def test_a_context_that_is_shut_down(process: BoardProcess) -> None:
         client.close()
 
 
+@pytest.mark.slow
 def test_namespaces_and_remappings(process: BoardProcess) -> None:
     """The name of the board is relative to the node, and remapped as the node is."""
     with ros_node(process.domain, "far", namespace="somewhere", spin=False) as node:
@@ -171,6 +172,7 @@ def test_namespaces_and_remappings(process: BoardProcess) -> None:
             assert len(client.names) == 7
 
 
+@pytest.mark.slow
 def test_a_board_that_comes_back() -> None:
     """One client outlives its board, and serves the next one of the same name."""
     with (

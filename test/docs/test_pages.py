@@ -23,6 +23,7 @@ FOLLOWED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.parametrize("page", FOLLOWED, ids=lambda page: page.stem)
 def test_what_a_page_tells_to_do_works(page: Path, reader: Reader) -> None:

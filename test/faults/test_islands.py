@@ -44,6 +44,7 @@ def island(kind: str, *words: str) -> str:
     return done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.skipif(
     not (allowed("net") and shutil.which("ip")),
