@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What all tests share: a folder for the logs of their nodes, gone when they have passed."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ros_logs(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Nodes in the process of the tests, and programs that they start, write no log in HOME."""
+    os.environ.setdefault("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_logs")))
