@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import random
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ NUMBERS = [0.0, 0.1, -0.3, 1.0, -5.0, 1e6, 1e308, 5e-324, math.nan, math.inf, -m
 JOINTS = [None, (), "left", 1, ["bare", "left"], ["left", "left"], "nobody", [0, 7], -1]
 MODES = [*M, *InteractionMode, "pos", "ipwm", "", "POSITION", 0, 7103862, ["pos", "vel"], None]
 OFF = (M.IDLE, M.HW_FAULT, M.NOT_CONFIGURED)
+#: TORQUE, which one joint cannot have, makes that one fault.
+DRIVING = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP)
 DRIVEN = ("position_move", "set_position", "velocity_move", "set_ref_torque", "set_output")
 
 
@@ -39,7 +42,10 @@ class User:
     def act(self):
         """One call; its reply, if it gives one."""
         deed = self.random.choice(
-            [self.set_mode] * 2 + [self.drive] * 4 + [self.tune] * 3 + [self.live, self.break_it]
+            [self.set_mode] * 4
+            + [self.drive] * 6
+            + [self.tune] * 3
+            + [self.live, self.break_it, self.recover]
         )
         return deed(self.random.choice(JOINTS))
 
@@ -49,6 +55,16 @@ class User:
             return board.set_interaction_mode(joints, mode)
         self.freed = mode is M.FORCE_IDLE
         return board.set_control_mode(joints, mode)
+
+    def recover(self, _joints):
+        """What people do after a fault: mend what is broken, then choose a mode that moves."""
+        board, plant = self.rig.board, self.rig.plant
+        plant.clear_injected()
+        for j in range(3):
+            plant.push(j, 0.0)
+        self.freed = True
+        board.set_control_mode(None, M.FORCE_IDLE)
+        return board.set_control_mode(None, self.random.choice(DRIVING))
 
     def drive(self, joints):
         board, one = self.rig.board, self.number()
@@ -101,6 +117,7 @@ def test_random_users(seed, output):
     rig = ready(board_config(*joints, output=output))
     user, board = User(rig, seed), rig.board
     limits = rig.config.joints[0].limits
+    met = Counter()
     for _ in range(1000):
         before = rig.modes()
         user.freed = False
@@ -120,8 +137,11 @@ def test_random_users(seed, output):
                     assert snapshot.output[j] == 0.0
                 if before[j] is M.HW_FAULT and not user.freed:
                     assert mode is M.HW_FAULT  # P4
+                    met["kept in a fault"] += 1
+                met[mode] += 1
             assert board.state.done.shape == (3,)
     assert len(board.events) <= 1000
+    assert {"kept in a fault", M.IDLE, *DRIVING} <= set(met), met  # all was looked at
     rig.plant.clear_injected()
     for name in board.names:
         rig.plant.push(name, 0.0)
