@@ -172,6 +172,7 @@ def test_the_others_may_use_what_the_board_offers(profile: str) -> None:
     """Whatever a profile calls or hears, the board offers; nobody else offers the same."""
     board, own = "/control_board", f"/control_board/{profile}"
     both = {"/rosout", "/parameter_events"}
+    assert f"{board}/state" in granted(own, "topics", "subscribe")
     for group, theirs, ours in (
         ("services", "request", "reply"),
         ("actions", "call", "execute"),
@@ -190,6 +191,8 @@ def test_the_others_may_use_what_the_board_offers(profile: str) -> None:
 def test_a_monitor_changes_nothing() -> None:
     """It calls getters only, and publishes nothing that a board hears."""
     own = "/control_board/monitor"
-    assert all("/get_" in name for name in granted(own, "services", "request"))
+    called = granted(own, "services", "request")
+    assert "/control_board/get_control_mode" in called
+    assert all("/get_" in name for name in called)
     assert granted(own, "topics", "publish") == {"/rosout", "/parameter_events"}
     assert not granted(own, "actions", "call")
