@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import signal
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -69,7 +68,9 @@ def test_slow_cycles_are_counted_caught_up_within_bounds_and_told() -> None:
         after = talker.wait("diagnostics", fine, fresh=True)
         lost, slow = skipped(after) - skipped(before), overruns(after) - overruns(before)
         assert slow >= 21  # the long one, the short ones, and those that caught up
-        assert 120 <= lost <= 250  # a lag of more than 100 periods is given up
+        # A lag of more than 100 periods is given up; what was lost is no more than time went by.
+        periods = 100.0 * (stamp_of(after) - stamp_of(before))
+        assert 120 <= lost < periods
         assert set(talker.modes()) == {"pos"}
 
 
@@ -99,9 +100,8 @@ def test_all_callbacks_raising() -> None:
         talker.command("command/position", msg.PositionCommand(names=[J7], positions=[0.0]))
         assert talker.set_mode([], "pos").success
         board.process.send_signal(signal.SIGUSR1)
-        deadline = time.monotonic() + 10.0
         while talker.set_mode([], "pos").success:
-            assert time.monotonic() < deadline
+            pass  # until the signal has come; pytest's timeout ends what hangs
         for name, kind in (
             ("set_control_mode", srv.SetControlMode),
             ("get_faults", srv.GetFaults),
@@ -241,9 +241,7 @@ def test_legal_parameter_changes_act_without_a_jump(talker: Talker) -> None:
     ).successful
     worst = 0.0
     last = talker.state().position[6]
-    until = time.monotonic() + 20.0
     while abs(last - 0.3) > 0.005:
-        assert time.monotonic() < until, last
         now = talker.state().position[6]
         worst, last = max(worst, abs(now - last)), now
         assert now < 0.31  # the narrower limit holds from now on

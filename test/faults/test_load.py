@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.xdist_group("faults_load")]
 J7 = "lbr_iiwa_joint_7"
 #: All but idl, in which the arm falls: with 0 % of PWM, open brakes a fast fall with overcurrent.
 USER_MODES = ("pos", "posd", "vel", "mix", "torq", "open")
-CLIENTS, NODES, ROUNDS = 100, 4, 10
+NODES, ROUNDS = 4, 10
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def params() -> dict[str, object]:
 
 
 @contextmanager
-def hundred_clients(board: BoardProcess) -> Iterator[list]:
+def clients_of(board: BoardProcess, count: int) -> Iterator[list]:
     """Clients of ~/set_control_mode, all connected, in a few nodes that spin."""
     with ExitStack() as stack:
         nodes = [stack.enter_context(ros_node(board.domain, f"many_{k}")) for k in range(NODES)]
@@ -38,18 +38,19 @@ def hundred_clients(board: BoardProcess) -> Iterator[list]:
             nodes[k % NODES].create_client(
                 srv.SetControlMode,
                 f"{board.name}/set_control_mode",
-                qos_profile=QoSProfile(depth=200),
+                qos_profile=QoSProfile(depth=1000),  # each hears the answers to all of them
             )
-            for k in range(CLIENTS)
+            for k in range(count)
         ]
         assert all(client.wait_for_service(20.0) for client in clients)
         yield clients
 
 
-def test_a_hundred_clients_switch_at_once(talker: Talker, board: BoardProcess) -> None:
+@pytest.mark.parametrize("count", [10, pytest.param(100, marks=pytest.mark.slow)])
+def test_many_clients_switch_at_once(talker: Talker, board: BoardProcess, count: int) -> None:
     """M7, M8: no call lost, every reply whole, and all replies fit one order of the calls."""
     choose = random.Random(5).choice
-    with hundred_clients(board) as clients:
+    with clients_of(board, count) as clients:
         for _ in range(ROUNDS):
             heard = len(talker.seen["modes"])
             asked = [choose(USER_MODES) for _ in clients]
@@ -99,10 +100,9 @@ def test_a_torque_publisher_that_is_killed(talker: Talker, board: BoardProcess) 
     assert "reference timeout" in fault.text
 
 
-def call_for(talker: Talker, seconds: float) -> None:
+def call(talker: Talker, times: int) -> None:
     """Call ~/get_control_mode again and again; every call is answered (how fast: make bench)."""
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
+    for _ in range(times):
         talker.modes()
 
 
@@ -110,20 +110,20 @@ def test_a_flood_of_references(talker: Talker, board: BoardProcess) -> None:
     """Promises P1, P8: 10 kHz on one topic; services are answered; it goes on."""
     assert talker.set_mode([J7], "posd").success
     with sending(board, "position_direct", 0.01, 10_000.0, names=J7):
-        call_for(talker, 3.0)
+        call(talker, 1000)
         assert talker.set_mode([J7], "vel").success  # now it floods a mode that ignores it
         before = talker.state().rejected_commands[6]
         talker.state(lambda s: s.rejected_commands[6] > before + 1000)
     lines = [line for line in board.output.splitlines() if "position direct" in line]
     assert len(lines) < 10  # once per second and cause
-    call_for(talker, 0.5)
+    call(talker, 100)
 
 
 def test_megabyte_messages(talker: Talker, board: BoardProcess) -> None:
     """Promises P1, P8: 1 MB at 50 Hz: refused, counted, and nothing waits for long."""
     position = talker.state().position
     with sending(board, "position", 0.1, 50.0, count=131_072):
-        call_for(talker, 1.0)
+        call(talker, 100)
         talker.state(lambda s: s.rejected_commands[0] > 10)
     assert talker.state().position == pytest.approx(position, abs=0.02)
 

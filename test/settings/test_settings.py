@@ -38,13 +38,13 @@ def written(folder: Path, text: str | bytes, section: str = "control_board") -> 
 
 
 def refusal(*arguments: Any) -> str:
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises(SettingsError) as caught:
         load(*arguments)
     text = str(caught.value)
     assert "\n" not in text
     assert len(text) < 1000
-    assert time.monotonic() - start < 2.0
+    assert time.process_time() - start < 2.0  # s of CPU time
     return text
 
 
