@@ -12,7 +12,6 @@ board or to the client; besides, an adapter lets time pass and breaks things:
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -91,12 +90,10 @@ class OverRos:
         self._time = 0.0  # of the last reading; simulated, as the states are stamped
 
     def start(self) -> None:
-        """Pause, and learn what time it is."""
+        """Pause, and learn what time it is: that of a fault, which the board tells at once."""
         assert self._client.pause(True)
-        before = -1.0
-        while before != self._time:
-            before, self._time = self._time, self._client.get_state().stamp
-            time.sleep(0.1)
+        assert not self._client.set_control_mode("bare", "veld")
+        self._time = self._client.get_faults("bare")[0].stamp
 
     def restart(self) -> None:
         """Back to the initial pose and power-on, and configured."""
