@@ -53,7 +53,7 @@ def raising() -> None:
 
 def prepare_raising() -> None:
     """Let every callback of services, topics and actions raise once SIGUSR1 has come."""
-    from control_board_ros.node import motions, services, topics, trajectory
+    from control_board_ros.node import actions, services, topics, trajectory
 
     def wrap(owner: Any, name: str) -> None:
         original = getattr(owner, name)
@@ -65,12 +65,12 @@ def prepare_raising() -> None:
 
         setattr(owner, name, call)
 
-    for owner in (services.Services, topics.Commands):
+    for owner in (services.Services, topics.CommandTopics):
         for name in [name for name in vars(owner) if not name.startswith("_")]:
             wrap(owner, name)
     wrap(trajectory.TrajectoryTopic, "on_message")
-    for motion in (motions.MoveMotion, motions.CalibrateMotion):
-        wrap(motion, "look")
+    for task in (actions.MoveTask, actions.CalibrationTask):
+        wrap(task, "outcome")
 
 
 if __name__ == "__main__":
