@@ -16,10 +16,10 @@ of an rclpy executor. A call works from any thread, with the node spinning or no
 within a callback: the client serves its own connection.
 """
 
-from .base import State
 from .board import ControlBoardClient
 from .errors import BoardError, BoardNotFound, BoardTimeout
 from .goals import CalibrationFeedback, MoveFeedback
+from .state import State
 
 __all__ = [
     "BoardError",

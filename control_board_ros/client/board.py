@@ -3,33 +3,32 @@
 
 from __future__ import annotations
 
-import time
 import weakref
-from collections import deque
-from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-from control_board_msgs.srv import GetFaults, InjectFault, Step
-from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
+from control_board_ros.interface import MODES
 
-from control_board_ros.core.faults import FaultRecord
-from control_board_ros.core.reply import Reply, accepted, refused
-from control_board_ros.core.selection import RequestError
-from control_board_ros.core.vocabs import CommandKind
-from control_board_ros.interfaces import Floats, Joints, ModeShortcuts, Values
-
-from .base import State, seconds
-from .link import LATCHED, Link
-from .modes import for_each
-from .parameters import ParameterOperations
-from .references import Fields
-from .waiting import Aio, Steps, operation
+from .commands import ReferenceCommands
+from .goals import Goals
+from .impedance import ImpedanceRequests
+from .link import Link
+from .modes import ModeRequests
+from .modes_view import ModesView
+from .old_modes import OldModes
+from .operations import Aio, gone_as_board_error, operation
+from .parameters import ParameterRequests
+from .prediction import Predictor
+from .readings import Readings
+from .references import ReferenceRequests
+from .services import Services
+from .simulation import SimulationRequests
+from .state import StateView
+from .whole_board import WholeBoard
 from .yarp_names import name_here
 
 
-class ControlBoardClient(ParameterOperations, ModeShortcuts):
+class ControlBoardClient:
     """A control board somewhere on ROS, with the methods of the in-process one.
 
     Args:
@@ -41,7 +40,11 @@ class ControlBoardClient(ParameterOperations, ModeShortcuts):
     ``joints`` is an index, a name, a sequence of them, or None for all. Set methods return a
     Reply; get methods return one entry per joint in the order asked, and raise RequestError (a
     ValueError) for a joint that does not exist. Every method raises BoardNotFound, BoardTimeout
-    or another BoardError when the connection fails. ``aio`` has the awaitable forms.
+    or another BoardError when the connection fails. Units: rad, rad/s, N·m; m and N where a
+    joint slides.
+
+    Attributes:
+        aio: the awaitable forms: ``await client.aio.move(…)``.
     """
 
     def __init__(
@@ -52,10 +55,22 @@ class ControlBoardClient(ParameterOperations, ModeShortcuts):
         find_timeout: float = 5.0,
         answer_timeout: float = 2.0,
     ) -> None:
-        link = Link(node, board, find_timeout, answer_timeout)
-        super().__init__(link)
-        self._description: deque[str] = deque(maxlen=1)
+        with gone_as_board_error():
+            self._link = link = Link(node, board, find_timeout, answer_timeout)
+        self._modes_view = view = ModesView()
+        services = Services(link, view, StateView(link))
+        self._board = WholeBoard(services)
+        self._modes = ModeRequests(services)
+        self._old_modes = OldModes(self._modes, self.log_deprecated)
+        self._impedance = ImpedanceRequests(services)
+        self._commands = ReferenceCommands(services, Predictor(view, self._modes, self._board))
+        self._references = ReferenceRequests(services)
+        self._readings = Readings(services)
+        self._goals = Goals(services, self._modes)
+        self._parameters = ParameterRequests(services)
+        self._simulation = SimulationRequests(services)
         self.aio = Aio(self, link.wake_user)
+        link.subscribe(MODES, view.on_message)
         self._close = weakref.finalize(self, link.close)  # also when the program ends
 
     def close(self) -> None:
@@ -83,185 +98,93 @@ class ControlBoardClient(ParameterOperations, ModeShortcuts):
         """Warn in the log of the user's node (D1)."""
         self._link.user.get_logger().warning(text)
 
-    # The board
-
     @property
     def board_name(self) -> str:
         """The absolute name of the board's node."""
         return self._link.name
 
-    @operation
-    def wait_until_found(self, timeout: float | None = None) -> Steps[tuple[str, ...]]:
-        """Wait for the board (the find timeout, or so many s); its joint names.
-
-        Raises:
-            BoardNotFound: it did not appear.
-        """
-        yield from self._find(timeout, self._link.is_there)  # what is known may be gone since
-        return self._view.names
-
     @property
     def names(self) -> tuple[str, ...]:
         """Joint names in the board's order."""
-        return self._view.names or self.wait_until_found()
+        return self._modes_view.names or self.wait_until_found()
 
-    def get_axes(self) -> int:
-        """How many joints the board has."""
-        return len(self.names)
+    # The board
+    wait_until_found = operation("_board", WholeBoard.wait_until_found)
+    get_axes = operation("_board", WholeBoard.get_axes)
+    get_faults = operation("_board", WholeBoard.get_faults)
+    get_robot_description = operation("_board", WholeBoard.get_robot_description)
+    configure = operation("_board", WholeBoard.configure)
+    power_cycle = operation("_board", WholeBoard.power_cycle)
 
-    @operation
-    def get_state(self, *, fresh: bool = True) -> Steps[State]:
-        """The last state of all joints, one that shows what was asked for before.
+    # Control modes, interaction modes, impedance
+    set_control_mode = operation("_modes", ModeRequests.set_control_mode)
+    get_control_mode = operation("_modes", ModeRequests.get_control_mode)
+    set_interaction_mode = operation("_modes", ModeRequests.set_interaction_mode)
+    get_interaction_mode = operation("_modes", ModeRequests.get_interaction_mode)
+    get_available_modes = operation("_modes", ModeRequests.get_available_modes)
+    set_impedance = operation("_impedance", ImpedanceRequests.set_impedance)
+    get_impedance = operation("_impedance", ImpedanceRequests.get_impedance)
+    get_max_impedance = operation("_impedance", ImpedanceRequests.get_max_impedance)
+    get_torque_offset = operation("_impedance", ImpedanceRequests.get_torque_offset)
 
-        With ``fresh=False`` the last one heard, without waiting once there is one.
-        """
-        return (yield from self._state(fresh=fresh))
+    # References, by topic
+    position_move = operation("_commands", ReferenceCommands.position_move)
+    relative_move = operation("_commands", ReferenceCommands.relative_move)
+    set_position = operation("_commands", ReferenceCommands.set_position)
+    velocity_move = operation("_commands", ReferenceCommands.velocity_move)
+    set_ref_torque = operation("_commands", ReferenceCommands.set_ref_torque)
+    set_output = operation("_commands", ReferenceCommands.set_output)
+    set_feedforward = operation("_commands", ReferenceCommands.set_feedforward)
 
-    @operation
-    def wait_for_state(
-        self, condition: Callable[[State], bool], timeout: float | None = None
-    ) -> Steps[State]:
-        """Wait until a state fulfils the condition; that state.
+    # Reference speeds, stop, and what was accepted last
+    stop = operation("_references", ReferenceRequests.stop)
+    set_ref_speed = operation("_references", ReferenceRequests.set_ref_speed)
+    set_ref_acceleration = operation("_references", ReferenceRequests.set_ref_acceleration)
+    set_reference_speed = operation("_references", ReferenceRequests.set_reference_speed)
+    get_target_position = operation("_references", ReferenceRequests.get_target_position)
+    get_ref_position = operation("_references", ReferenceRequests.get_ref_position)
+    get_ref_velocity = operation("_references", ReferenceRequests.get_ref_velocity)
+    get_ref_torque = operation("_references", ReferenceRequests.get_ref_torque)
+    get_output = operation("_references", ReferenceRequests.get_output)
+    get_ref_speed = operation("_references", ReferenceRequests.get_ref_speed)
+    get_ref_acceleration = operation("_references", ReferenceRequests.get_ref_acceleration)
 
-        Raises:
-            BoardTimeout: it did not within the answer timeout, or so many s.
-        """
-        patience = self._link.answer_timeout if timeout is None else timeout
-        end = time.monotonic() + patience
-        state = yield from self._state()
-        while not condition(state):
-            heard = self._states.heard
-            new = yield from self._link.until(
-                lambda heard=heard: self._states.heard != heard,  # type: ignore[misc]
-                end - time.monotonic(),
-            )
-            if not new:
-                raise self._link.timed_out("state", patience)
-            state = State.of(self._states.message)
-        return state
+    # What is measured
+    get_state = operation("_readings", Readings.get_state)
+    wait_for_state = operation("_readings", Readings.wait_for_state)
+    get_encoder = operation("_readings", Readings.get_encoder)
+    get_encoder_speed = operation("_readings", Readings.get_encoder_speed)
+    get_torque = operation("_readings", Readings.get_torque)
+    get_current = operation("_readings", Readings.get_current)
+    get_temperature = operation("_readings", Readings.get_temperature)
+    check_motion_done = operation("_readings", Readings.check_motion_done)
 
-    @operation
-    def get_encoder(self, joints: Joints = None) -> Steps[Floats]:
-        """Measured positions."""
-        measured: Floats = yield from self._measured("position", joints)
-        return measured
+    # Moves and calibrations that are waited for
+    move = operation("_goals", Goals.move)
+    calibrate = operation("_goals", Goals.calibrate)
+    get_calibration = operation("_goals", Goals.get_calibration)
 
-    @operation
-    def get_encoder_speed(self, joints: Joints = None) -> Steps[Floats]:
-        """Measured velocities."""
-        measured: Floats = yield from self._measured("velocity", joints)
-        return measured
-
-    @operation
-    def get_torque(self, joints: Joints = None) -> Steps[Floats]:
-        """Measured torques."""
-        measured: Floats = yield from self._measured("torque", joints)
-        return measured
-
-    @operation
-    def get_current(self, joints: Joints = None) -> Steps[Floats]:
-        """Motor currents, A."""
-        measured: Floats = yield from self._measured("current", joints)
-        return measured
-
-    @operation
-    def get_temperature(self, joints: Joints = None) -> Steps[Floats]:
-        """Temperatures of the windings, °C; NaN where there is no sensor."""
-        measured: Floats = yield from self._measured("temperature", joints)
-        return measured
-
-    @operation
-    def relative_move(
-        self, joints: Joints, distances: Values, speeds: Values | None = None
-    ) -> Steps[Reply]:
-        """Start moves by so much from the measured positions, as position_move does (P1)."""
-        try:
-            selection = yield from self._select(joints)
-            ways = for_each(distances, len(selection.names), "distances")
-        except RequestError as error:
-            return refused(str(error))
-        state = yield from self._state()
-        targets = state.position[selection.joints] + ways
-        fields: Fields = {"positions": targets, "speeds": speeds}
-        return (yield from self._command(CommandKind.POSITION, selection.names, fields))
-
-    @operation
-    def check_motion_done(self, joints: Joints = None) -> Steps[list[bool]]:
-        """False from the cycle that accepts a move until its profile ends (P3)."""
-        done = yield from self._measured("motion_done", joints)
-        return [bool(value) for value in done]
-
-    @operation
-    def get_faults(self, joints: Joints = None) -> Steps[list[FaultRecord]]:
-        """The last fault of each joint, active or not (F5)."""
-        response = yield from self._get(GetFaults, "get_faults", joints)
-        return [
-            FaultRecord(
-                name=fault.name,
-                active=fault.active,
-                code=fault.code,
-                text=fault.text,
-                stamp=seconds(fault.stamp),
-            )
-            for fault in response.faults
-        ]
-
-    @operation
-    def get_robot_description(self) -> Steps[str]:
-        """The board's URDF."""
-        heard = self._description
-        topic = self._link.name.rsplit("/", 1)[0] + "/robot_description"
-        yield from self._find()
-        self._link.subscribe(String, topic, lambda message: heard.append(message.data), LATCHED)
-        if not (yield from self._link.until(lambda: bool(heard), self._link.answer_timeout)):
-            raise self._link.timed_out("robot_description")
-        return heard[-1]
-
-    @operation
-    def configure(self) -> Steps[Reply]:
-        """The whole configuration is in: joints leave NOT_CONFIGURED (N2)."""
-        return (yield from self._trigger(Trigger, "configure", Trigger.Request()))
-
-    @operation
-    def power_cycle(self) -> Steps[Reply]:
-        """Back to power-on (N1)."""
-        return (yield from self._trigger(Trigger, "power_cycle", Trigger.Request()))
+    # Parameters
+    list_parameters = operation("_parameters", ParameterRequests.list_parameters)
+    get_parameters = operation("_parameters", ParameterRequests.get_parameters)
+    set_parameters = operation("_parameters", ParameterRequests.set_parameters)
+    get_limits = operation("_parameters", ParameterRequests.get_limits)
+    get_velocity_limits = operation("_parameters", ParameterRequests.get_velocity_limits)
+    get_gains = operation("_parameters", ParameterRequests.get_gains)
 
     # The simulation
+    pause = operation("_simulation", SimulationRequests.pause)
+    step = operation("_simulation", SimulationRequests.step)
+    reset = operation("_simulation", SimulationRequests.reset)
+    inject_fault = operation("_simulation", SimulationRequests.inject_fault)
+    clear_injected_faults = operation("_simulation", SimulationRequests.clear_injected_faults)
 
-    @operation
-    def pause(self, paused: bool = True) -> Steps[Reply]:
-        """Pause the simulation, or let it go on."""
-        return (yield from self._trigger(SetBool, "pause", SetBool.Request(data=paused)))
-
-    @operation
-    def step(self, steps: int = 1) -> Steps[Reply]:
-        """Advance a paused simulation by so many control cycles."""
-        if not 0 < steps < 2**32:
-            return refused(f"steps must be from 1 to {2**32 - 1}, not {steps}")
-        return (yield from self._trigger(Step, "step", Step.Request(steps=steps)))
-
-    @operation
-    def reset(self) -> Steps[Reply]:
-        """Back to the initial pose and power-on."""
-        return (yield from self._trigger(Trigger, "reset", Trigger.Request()))
-
-    @operation
-    def inject_fault(self, joints: Joints, fault: str, persistent: bool = False) -> Steps[Reply]:
-        """Break something in simulated joints: ``overcurrent``, ``encoder``, …"""
-        try:
-            selection = yield from self._select(joints)
-        except RequestError as error:
-            return refused(str(error))
-        response = yield from self._request(
-            InjectFault, "inject_fault", selection, fault=fault, persistent=persistent
-        )
-        self._changed()
-        if response.success:
-            return accepted(selection.names)
-        return refused(response.message, selection.names)
-
-    @operation
-    def clear_injected_faults(self) -> Steps[Reply]:
-        """Remove injected causes; the latch stays until FORCE_IDLE."""
-        return (yield from self._trigger(Trigger, "clear_injected_faults", Trigger.Request()))
+    # Shortcuts, and the old interface (D1)
+    set_position_direct_mode = operation("_old_modes", OldModes.set_position_direct_mode)
+    set_position_mode = operation("_old_modes", OldModes.set_position_mode)
+    set_velocity_mode = operation("_old_modes", OldModes.set_velocity_mode)
+    set_torque_mode = operation("_old_modes", OldModes.set_torque_mode)
+    set_open_loop_mode = operation("_old_modes", OldModes.set_open_loop_mode)
+    set_impedance_position_mode = operation("_old_modes", OldModes.set_impedance_position_mode)
+    set_impedance_velocity_mode = operation("_old_modes", OldModes.set_impedance_velocity_mode)
+    get_control_modes = operation("_old_modes", OldModes.get_control_modes)

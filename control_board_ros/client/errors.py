@@ -12,3 +12,8 @@ class BoardNotFound(BoardError):  # noqa: N818  (the user's word)
 
 class BoardTimeout(BoardError):  # noqa: N818
     """The board is there and did not answer within the answer timeout."""
+
+
+def one_line(error: BaseException) -> str:
+    """The text of an exception in one line; rclpy's may have several."""
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The client's connection to a board: services, topics, and a thread that serves them.
+"""The client's connection to a board: what it sends and hears.
 
 The client keeps a hidden node of its own, in the context of the user's node, and serves it from
 a thread of its own. So a call works whether the user's node spins in another thread, in this
@@ -8,51 +8,48 @@ one (from within a callback), or not at all.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.action.client import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from .errors import BoardError, BoardNotFound, BoardTimeout
-from .waiting import Steps, Wait
+from control_board_ros.interface import GET_CONTROL_MODE, MODES, Endpoint
 
-RELIABLE = QoSProfile(depth=10)
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-#: rclpy's default depth of 10 loses answers when many clients call at once.
-SERVICES = QoSProfile(depth=1000)
-POLL = 0.002  # s between looks at what rclpy has no event for: matching
+from .discovery import Discovery
+from .errors import BoardError, one_line
+from .executor_thread import GONE, ExecutorThread
+from .waiting import Steps
+
 #: s from seeing a subscription until it surely sees us; what is sent before may come late.
 MATCHING = 0.05
-MODES_TYPE = "control_board_msgs/msg/JointModes"
+#: s between two lines in the log about messages that could not be taken.
+REPORT_EVERY = 5.0
 
 _numbers = itertools.count(1)
 
 
-def _nothing() -> None:
-    """Work that only wakes."""
-
-
 class Link:
-    """What the client sends and hears.
+    """Publishers, subscriptions, service and action clients, made when first used.
 
     Args:
         node: the user's node: it gives context, namespace, remappings and log.
         board: name of the board's node, relative to the node's namespace or absolute.
         find_timeout: s to wait for a board to appear.
         answer_timeout: s to wait for an answer.
+
+    Attributes: name (of the board's node, absolute), domain (ROS_DOMAIN_ID), thread, discovery.
     """
 
     def __init__(self, node: Node, board: str, find_timeout: float, answer_timeout: float) -> None:
         self.user = node
-        self.board = board.rstrip("/")
-        self.name = node.resolve_topic_name(self.board)
+        self._board = board.rstrip("/")
+        self.name = node.resolve_topic_name(self._board)
+        self.domain = node.context.get_domain_id()
         self.find_timeout, self.answer_timeout = find_timeout, answer_timeout
         self._node = Node(
             f"_{node.get_name()}_board_client_{next(_numbers)}",
@@ -64,171 +61,75 @@ class Link:
         )
         self._node.destroy_publisher(self._node._parameter_event_publisher)
         self._group = ReentrantCallbackGroup()
-        self._entities: dict[str, Any] = {}
+        self._entities: dict[Endpoint, Any] = {}
         self._matched: set[Any] = set()
         self._unsettled = False
-        self._waits: list[Wait] = []
         self._lock = threading.Lock()
-        self._closed = ""
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._serve, name="board client", daemon=True)
-        self._thread.start()
-
-    # The thread
-
-    def _serve(self) -> None:
-        try:
-            while not self._closed:
-                self._serve_once()
-        except (ExternalShutdownException, ShutdownException):
-            self._closed = self._closed or "the rclpy context was shut down; make a new client"
-        finally:
-            self._closed = self._closed or "the client's thread ended; make a new client"
-            with self._lock:
-                waits, self._waits = self._waits, []
-            for wait in waits:
-                wait.finish(done=False, closed=self._closed)
-
-    def _serve_once(self) -> None:
-        try:
-            self._executor.spin_once(timeout_sec=self._patience())
-            self._finish_due()
-        except (ExternalShutdownException, ShutdownException):
-            raise
-        except Exception as error:  # noqa: BLE001  (one bad message must not end the thread)
-            self.user.get_logger().error(f"client of {self.name}: {error!r}")
-
-    def _patience(self) -> float | None:
-        """How long the thread may sleep: until the next look or deadline, s."""
-        with self._lock:
-            if any(wait.condition for wait in self._waits):
-                return POLL
-            deadlines = [wait.deadline for wait in self._waits if wait.deadline is not None]
-        return max(min(deadlines) - time.monotonic(), 0.0) + 1e-4 if deadlines else None
-
-    def _finish_due(self) -> None:
-        """Finish what has come or has taken too long."""
-        now = time.monotonic()
-        with self._lock:
-            waits = list(self._waits)
-        for wait in waits:
-            if wait.condition is not None and wait.condition():
-                wait.finish()
-            elif wait.deadline is not None and now >= wait.deadline:
-                wait.finish(done=False)
-        with self._lock:
-            self._waits = [wait for wait in self._waits if not wait.finished]
+        self.discovery = Discovery(
+            self._node, self.name, self.full_name(MODES), find_timeout, answer_timeout
+        )
+        self.thread = ExecutorThread(self._node, self._report)
 
     def close(self) -> None:
         """End the thread and the hidden node; calls that wait raise BoardError."""
-        self._closed = self._closed or "the client was closed"
-        if self._thread.is_alive() and self._thread is not threading.current_thread():
-            self._executor.create_task(_nothing)
-            self._thread.join(timeout=5.0)
-        self._executor.shutdown(timeout_sec=1.0)
-        self._node.destroy_node()
+        self.thread.close()
+        with self._lock:
+            self._node.destroy_node()
 
     def wake_user(self) -> None:
         """Make the executor of the user's node look at its coroutines again."""
         executor = self.user.executor
         if executor is not None:
-            executor.wake()
+            with contextlib.suppress(*GONE):  # it was shut down: nothing to wake
+                executor.wake()
 
-    # Waiting
+    def log_error(self, text: str) -> None:
+        """Write to the log of the user's node; at most one line in REPORT_EVERY."""
+        self.user.get_logger().error(
+            f"client of {self.name}: {text}", throttle_duration_sec=REPORT_EVERY
+        )
 
-    def wait(self, timeout: float | None, condition: Callable[[], bool] | None = None) -> Wait:
-        """A wait that the thread finishes."""
-        wait = Wait(timeout, condition)
+    def _report(self, error: Exception) -> None:
+        self.log_error(
+            f"a message was lost: {type(error).__name__}: {one_line(error)}; "
+            "are client and board of the same version?"
+        )
+
+    def full_name(self, endpoint: Endpoint) -> str:
+        """The absolute name of something of the board, as the user's node is remapped."""
+        return self.user.resolve_topic_name(endpoint.of(self._board))
+
+    def _entity(self, endpoint: Endpoint, make: Callable[[Any, str], Any]) -> Any:
+        """What was made for an endpoint, or make it, of its type and full name."""
         with self._lock:
-            closed = self._closed
-            if not closed:
-                self._waits.append(wait)
-        if closed:
-            raise BoardError(closed)
-        self._executor.create_task(_nothing)  # only work makes spin_once return
-        return wait
-
-    def until(self, condition: Callable[[], bool], timeout: float | None) -> Steps[bool]:
-        """Wait until the condition holds; false when it took too long."""
-        if condition():
-            return True
-        wait = self.wait(timeout, condition)
-        yield wait
-        return wait.done
-
-    def outcome(self, future: Any, timeout: float | None) -> Steps[bool]:
-        """Wait for an rclpy future; false when it took too long."""
-        if not future.done():
-            wait = self.wait(timeout)
-            future.add_done_callback(lambda _: wait.finish())
-            yield wait
-        return bool(future.done())
-
-    def later(self, function: Callable[[], Any]) -> Any:
-        """Let the thread run a function; its future.
-
-        Requests of actions go out this way: rclpy forgets an answer that the thread takes before
-        the asking thread has noted the question. Its service clients have a lock for that.
-        """
-        return self._executor.create_task(function)
-
-    def run(self, function: Callable[[], Any]) -> Steps[Any]:
-        """What a function gives that the thread runs."""
-        task = self.later(function)
-        yield from self.outcome(task, None)
-        return task.result()
-
-    # What goes out
-
-    def _entity(self, name: str, make: Callable[[str], Any]) -> Any:
-        with self._lock:
-            if self._closed:
-                raise BoardError(self._closed)
-            entity = self._entities.get(name)
+            if self.thread.closed:
+                raise BoardError(self.thread.closed)
+            entity = self._entities.get(endpoint)
             if entity is None:
-                full = name if name.startswith("/") else f"{self.board}/{name}"
-                entity = self._entities[name] = make(full)
+                entity = make(endpoint.load(), self.full_name(endpoint))
+                self._entities[endpoint] = entity
         return entity
 
-    def call(self, kind: Any, name: str, request: Any) -> Steps[Any]:
-        """Call a service; what was published before is in force when it is answered."""
-        yield from self.settle()
-        response = yield from self._call(kind, name, request)
-        return response
+    def call(self, service: Endpoint, **fields: Any) -> Steps[Any]:
+        """The response of a service; what was published before is in force when it answers."""
+        if self._unsettled:
+            yield from self.settle()
 
-    def _call(self, kind: Any, name: str, request: Any) -> Steps[Any]:
-        def make(full: str) -> Any:
-            full = self.user.resolve_service_name(full)
+        def make(kind: Any, name: str) -> Any:
+            qos = service.qos.profile()
             return self._node.create_client(
-                kind, full, qos_profile=SERVICES, callback_group=self._group
+                kind, name, qos_profile=qos, callback_group=self._group
             )
 
-        client = self._entity(name, make)
-        if not (yield from self.until(client.service_is_ready, self.find_timeout)):
-            raise self.not_offered(name) if self.is_there() else self.not_found()
-        future = client.call_async(request)
-        if not (yield from self.outcome(future, self.answer_timeout)):
+        client = self._entity(service, make)
+        if not (yield from self.thread.until(client.service_is_ready, self.find_timeout)):
+            there = self.discovery.is_there()
+            raise self.discovery.not_offered(service) if there else self.discovery.not_found()
+        future = client.call_async(client.srv_type.Request(**fields))
+        if not (yield from self.thread.outcome(future, self.answer_timeout)):
             client.remove_pending_request(future)
-            raise self.timed_out(name)
+            raise self.discovery.timed_out(service)
         return future.result()
-
-    def publish(self, kind: Any, name: str, message: Any) -> Steps[None]:
-        """Publish on a topic of the board, once it listens: the first message is not lost."""
-
-        def make(full: str) -> Any:
-            full = self.user.resolve_topic_name(full)
-            return self._node.create_publisher(kind, full, RELIABLE)
-
-        publisher = self._entity(name, make)
-        if publisher not in self._matched or not publisher.get_subscription_count():
-            heard = yield from self.until(publisher.get_subscription_count, self.find_timeout)
-            if not heard:
-                raise self.not_found()
-            yield self.wait(MATCHING)
-            self._matched.add(publisher)
-        publisher.publish(message)
-        self._unsettled = True
 
     def settle(self) -> Steps[None]:
         """Let the board take what was published.
@@ -236,83 +137,53 @@ class Link:
         Of what arrives together the board may serve the request first. When one request more
         is answered, the message was served.
         """
-        from control_board_msgs.srv import GetControlMode
-
         if self._unsettled:
             self._unsettled = False
-            yield from self._call(GetControlMode, "get_control_mode", GetControlMode.Request())
+            yield from self.call(GET_CONTROL_MODE)
 
-    def action(self, kind: Any, name: str) -> Steps[Any]:
+    def publish(self, topic: Endpoint, **fields: Any) -> Steps[None]:
+        """Publish on a topic of the board, once it listens: the first message is not lost."""
+
+        def make(kind: Any, name: str) -> Any:
+            return self._node.create_publisher(kind, name, topic.qos.profile())
+
+        publisher = self._entity(topic, make)
+        if publisher not in self._matched or not publisher.get_subscription_count():
+            listens = publisher.get_subscription_count
+            if not (yield from self.thread.until(listens, self.find_timeout)):
+                raise self.discovery.not_found()
+            yield self.thread.wait(MATCHING)
+            self._matched.add(publisher)
+        publisher.publish(publisher.msg_type(**fields))
+        self._unsettled = True
+
+    def action(self, action: Endpoint) -> Steps[Any]:
         """The client of an action that the board serves now."""
 
-        def make(full: str) -> Any:
-            full = self.user.resolve_topic_name(full)
-            return ActionClient(self._node, kind, full, callback_group=self._group)
+        def make(kind: Any, name: str) -> Any:
+            qos = action.qos.profile()
+            return ActionClient(
+                self._node,
+                kind,
+                name,
+                callback_group=self._group,
+                goal_service_qos_profile=qos,
+                result_service_qos_profile=qos,
+                cancel_service_qos_profile=qos,
+            )
 
-        client = self._entity(name, make)
-        if not (yield from self.until(client.server_is_ready, self.find_timeout)):
-            raise self.not_found()
+        client = self._entity(action, make)
+        if not (yield from self.thread.until(client.server_is_ready, self.find_timeout)):
+            raise self.discovery.not_found()
         yield from self.settle()
         return client
 
-    def subscribe(
-        self, kind: Any, name: str, callback: Callable[[Any], None], qos: QoSProfile = RELIABLE
-    ) -> None:
+    def subscribe(self, topic: Endpoint, callback: Callable[[Any], None]) -> None:
         """Hear a topic of the board from now on; the callback runs in the link's thread."""
 
-        def make(full: str) -> Any:
-            full = self.user.resolve_topic_name(full)
+        def make(kind: Any, name: str) -> Any:
             return self._node.create_subscription(
-                kind, full, callback, qos, callback_group=self._group
+                kind, name, callback, topic.qos.profile(), callback_group=self._group
             )
 
-        self._entity(name, make)
-
-    # What to say
-
-    def boards(self) -> list[str]:
-        """Names of the boards that this host sees, from their ~/modes topics."""
-        topics = self._node.get_topic_names_and_types()
-        return sorted(
-            name.removesuffix("/modes")
-            for name, types in topics
-            if MODES_TYPE in types
-            and name.endswith("/modes")
-            and self._node.count_publishers(name)
-        )
-
-    def is_there(self) -> bool:
-        """Whether the board publishes its modes."""
-        return bool(
-            self._node.count_publishers(self.user.resolve_topic_name(f"{self.board}/modes"))
-        )
-
-    def not_offered(self, name: str) -> BoardError:
-        """The error to raise when the board is there and a service of it is not."""
-        return BoardError(
-            f"{self.name} does not offer {name}; is it another version, or no simulation?"
-        )
-
-    def not_found(self, after: float | None = None) -> BoardNotFound:
-        """The error to raise when no board of this name showed up (after so many s)."""
-        domain = self._node.context.get_domain_id()
-        patience = self.find_timeout if after is None else after
-        seen = [name for name in self.boards() if name != self.name]
-        what = f"no board found on domain {domain} after {patience:g} s"
-        if seen:
-            text = f"{what} as {self.name}; boards there are: {', '.join(seen)}"
-        else:
-            text = (
-                f"{what}; is control_board running? "
-                f"(looked for {self.name}; start it with: control_board, "
-                "with the same ROS_DOMAIN_ID)"
-            )
-        return BoardNotFound(text)
-
-    def timed_out(self, name: str, after: float | None = None) -> BoardTimeout:
-        """The error to raise when an answer did not come (after so many s)."""
-        patience = self.answer_timeout if after is None else after
-        return BoardTimeout(
-            f"no answer from {self.name}/{name} after {patience:g} s; "
-            "is the board stopped, or the machine overloaded? see its log"
-        )
+        self._entity(topic, make)

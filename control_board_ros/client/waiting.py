@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One code for the blocking and the awaitable form of every method.
+"""Waiting: one code for the blocking and the awaitable form of every operation.
 
-A method of the client is written as a generator that yields a :class:`Wait` wherever something
-must come from the board. :func:`operation` makes the blocking form of it, :class:`Aio` the
-awaitable one, which runs under asyncio and in callbacks of an rclpy executor alike.
+An operation is written as steps: a generator that yields a :class:`Wait` wherever something must
+come from the board. :func:`run` takes the steps in this thread, :func:`run_async` in a coroutine,
+under asyncio and in an rclpy executor alike.
 """
 
 from __future__ import annotations
@@ -12,19 +12,14 @@ import asyncio
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Coroutine, Generator
-from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
-
-from .errors import BoardError
+from collections.abc import Callable, Generator
+from typing import TypeVar
 
 R = TypeVar("R")
-P = ParamSpec("P")
-Self = TypeVar("Self")
 
 
 class Wait:
-    """Something that the link's thread will finish: done, timed out, or closed.
+    """Something that the link's thread will finish: done, timed out, or failed.
 
     Args:
         timeout: s until it counts as timed out; None: never.
@@ -35,7 +30,7 @@ class Wait:
         self.deadline = None if timeout is None else time.monotonic() + timeout
         self.condition = condition
         self.done = False
-        self._closed = ""
+        self._error: Exception | None = None
         self._finished = threading.Event()
         self._lock = threading.Lock()
         self._callbacks: list[Callable[[], None]] = []
@@ -44,25 +39,37 @@ class Wait:
     def finished(self) -> bool:
         return self._finished.is_set()
 
-    def finish(self, *, done: bool = True, closed: str = "") -> None:
-        """End the wait; the first call counts. ``closed`` says why nothing can come any more."""
+    def finish(self, *, done: bool = True, error: Exception | None = None) -> None:
+        """End the wait; the first call counts. ``error`` says why nothing can come any more."""
         with self._lock:
             if self._finished.is_set():
                 return
-            self.done, self._closed = done, closed
+            self.done, self._error = done, error
             self._finished.set()
             callbacks, self._callbacks = self._callbacks, []
         for callback in callbacks:
             callback()
+
+    def look(self, now: float) -> None:
+        """Finish it if its condition holds or its time is over; ``now`` is monotonic, s."""
+        try:
+            met = self.condition is not None and self.condition()
+        except Exception as error:  # noqa: BLE001  (of who waits, and handed on to him)
+            self.finish(done=False, error=error)
+            return
+        if met:
+            self.finish()
+        elif self.deadline is not None and now >= self.deadline:
+            self.finish(done=False)
 
     def block(self) -> None:
         """Wait in this thread."""
         self._finished.wait()
 
     def check(self) -> None:
-        """Raise BoardError when the wait ended because the link was closed."""
-        if self._closed:
-            raise BoardError(self._closed)
+        """Raise the error that the wait ended with, if any."""
+        if self._error is not None:
+            raise self._error
 
     def on_finish(self, callback: Callable[[], None]) -> None:
         """Call back from the link's thread, or at once when it is finished already."""
@@ -137,38 +144,3 @@ async def run_async(steps: Steps[R], wake: Callable[[], None]) -> R:
     except StopIteration as stop:
         result: R = stop.value
         return result
-
-
-def operation(
-    steps: Callable[Concatenate[Self, P], Steps[R]],
-) -> Callable[Concatenate[Self, P], R]:
-    """Make a method that blocks out of one that yields; ``client.aio`` finds the steps."""
-
-    @wraps(steps)
-    def method(self: Self, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        return run(steps(self, *args, **kwargs))
-
-    method.steps = steps  # type: ignore[attr-defined]
-    return method
-
-
-class Aio:
-    """The awaitable form of a client's methods: ``await client.aio.set_control_mode(…)``."""
-
-    def __init__(self, client: Any, wake: Callable[[], None]) -> None:
-        self._client, self._wake = client, wake
-
-    def __getattr__(self, name: str) -> Callable[..., Coroutine[Any, Any, Any]]:
-        steps = getattr(getattr(type(self._client), name, None), "steps", None)
-        if steps is None:
-            raise AttributeError(f"{name} has no awaitable form; see dir(client.aio)")
-
-        async def form(*args: Any, **kwargs: Any) -> Any:
-            return await run_async(steps(self._client, *args, **kwargs), self._wake)
-
-        form.__name__, form.__doc__ = name, steps.__doc__
-        return form
-
-    def __dir__(self) -> list[str]:
-        kind = type(self._client)
-        return [name for name in dir(kind) if hasattr(getattr(kind, name), "steps")]

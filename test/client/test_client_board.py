@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import signal
 import threading
@@ -18,6 +19,7 @@ from control_board_ros.core.reply import Answer
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.vocabs import ControlMode as M
 from control_board_ros.core.vocabs import InteractionMode
+from control_board_ros.interface import CALIBRATE
 from control_board_ros.testing import BoardProcess, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_board")]
@@ -234,8 +236,16 @@ def test_the_old_interface_warns(
     client: ControlBoardClient, process: BoardProcess, node: Any, capfd: Any
 ) -> None:
     """D1: a DeprecationWarning and a log warning; I9: the old pairs."""
-    with pytest.warns(DeprecationWarning, match="set_impedance_velocity_mode belongs to the old"):
+    old = "set_impedance_velocity_mode belongs to the old"
+    with pytest.warns(DeprecationWarning, match=old) as warned:
         assert client.set_impedance_velocity_mode([0, 1])
+    with pytest.warns(DeprecationWarning, match="get_control_modes") as warned_too:
+        client.get_control_modes()
+    with pytest.warns(DeprecationWarning, match="set_torque_mode") as warned_late:
+        assert asyncio.run(client.aio.set_torque_mode(2))
+    for record in (*warned, *warned_too):
+        assert record.filename == __file__  # Python shows those that come from one's own script
+    assert len(warned_late) == 1
     assert "set_impedance_velocity_mode belongs to the old interface" in capfd.readouterr().err
     assert client.get_control_mode(0) == [M.VELOCITY]
     assert client.get_interaction_mode(0) == [InteractionMode.COMPLIANT]
@@ -354,7 +364,7 @@ class Slow:
 def test_answers_that_come_at_once_are_not_lost(client: ControlBoardClient) -> None:
     """An answer that rclpy takes before it has noted the question, it drops."""
     assert client.calibrate(2)
-    action = client._link._entities["calibrate"]
+    action = client._link._entities[CALIBRATE]
     action._client_handle, quick = Slow(action._client_handle), action._client_handle
     try:
         assert client.calibrate(2)

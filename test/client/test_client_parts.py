@@ -12,25 +12,25 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control_board_ros.client.base import reply_of
 from control_board_ros.client.calibrations import CalibrationView
 from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTimeout
 from control_board_ros.client.modes import mode_texts
 from control_board_ros.client.modes_view import ANSWER_HOLDS, ModesView
-from control_board_ros.client.references import as_given
-from control_board_ros.client.waiting import Aio, Steps, Wait, operation, run
+from control_board_ros.client.operations import Aio, operation
+from control_board_ros.client.services import reply_of
+from control_board_ros.client.values import as_given
+from control_board_ros.client.waiting import Steps, Wait, run
 from control_board_ros.core.reply import Answer, accepted, refused
 from control_board_ros.core.selection import Selection
 from control_board_ros.core.vocabs import ControlMode, InteractionMode, parse_control_mode
 
 
-class Waiter:
-    """A method that waits twice."""
+class Part:
+    """A part with an operation that waits twice."""
 
     def __init__(self, *waits: Wait) -> None:
         self.waits, self.interrupted = waits, False
 
-    @operation
     def both(self, word: str, *, loud: bool = False) -> Steps[str]:
         """Wait for both."""
         try:
@@ -39,6 +39,15 @@ class Waiter:
             self.interrupted = True
             raise
         return word.upper() if loud else word
+
+
+class Waiter:
+    """What has the part, as a client has its parts."""
+
+    def __init__(self, *waits: Wait) -> None:
+        self.part = Part(*waits)
+
+    both = operation("part", Part.both)
 
 
 def later(*waits: Wait, **how: Any) -> None:
@@ -80,7 +89,7 @@ def test_a_wait_that_was_closed() -> None:
         lambda waiter: asyncio.run(Aio(waiter, int).both("x")),
     ):
         wait = Wait(None)
-        later(wait, closed="the end")
+        later(wait, error=BoardError("the end"))
         with pytest.raises(BoardError, match="the end"):
             ask(Waiter(wait))
 
@@ -122,7 +131,7 @@ def test_a_cancelled_task_reaches_the_steps() -> None:
             await task
 
     asyncio.run(talk())
-    assert waiter.interrupted
+    assert waiter.part.interrupted
 
 
 def modes_message(**modes: str) -> Any:

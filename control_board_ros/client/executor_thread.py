@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The thread that serves the client's hidden node and ends what others wait for."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.exceptions import InvalidHandle, NotInitializedException
+from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+
+from .errors import BoardError
+from .waiting import Steps, Wait
+
+POLL = 0.002  # s between looks at what rclpy has no event for: matching
+#: What rclpy raises when something was destroyed, or its context shut down, meanwhile.
+GONE = (InvalidHandle, NotInitializedException, rclpy_implementation.RCLError)
+PAUSE = 0.01  # s after an error, so that one that lasts does not take the processor
+
+
+class ExecutorThread:
+    """Takes messages and answers, and finishes waits; whatever rclpy raises, it goes on.
+
+    Args:
+        node: the hidden node that it serves.
+        report: called with an exception that cost a message.
+
+    Attributes: closed (why nothing can come any more; empty while it runs).
+    """
+
+    def __init__(self, node: Node, report: Callable[[Exception], None]) -> None:
+        self.closed = ""
+        self._report = report
+        self._context = node.context
+        self._waits: list[Wait] = []
+        self._lock = threading.Lock()
+        self._executor = SingleThreadedExecutor(context=node.context)
+        self._executor.add_node(node)
+        self._thread = threading.Thread(target=self._serve, name="board client", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread; calls that wait raise BoardError."""
+        self.closed = self.closed or "the client was closed"
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            with contextlib.suppress(*GONE):  # then the thread ends by itself
+                self._wake()
+            self._thread.join(timeout=5.0)
+        self._executor.shutdown(timeout_sec=1.0)
+
+    # What the thread does
+
+    def _serve(self) -> None:
+        try:
+            while not self.closed:
+                self._serve_once()
+        except (ExternalShutdownException, ShutdownException):
+            self.closed = self.closed or "the rclpy context was shut down; make a new client"
+        finally:
+            self.closed = self.closed or "the client's thread ended; make a new client"
+            with self._lock:
+                waits, self._waits = self._waits, []
+            for wait in waits:
+                wait.finish(done=False, error=BoardError(self.closed))
+
+    def _serve_once(self) -> None:
+        try:
+            self._executor.spin_once(timeout_sec=self._patience())
+        except (ExternalShutdownException, ShutdownException):
+            raise
+        except Exception as error:
+            if not self._context.ok():
+                raise ExternalShutdownException from error
+            if not self.closed:
+                self._report(error)
+                time.sleep(PAUSE)
+        self._finish_due()
+
+    def _patience(self) -> float | None:
+        """How long the thread may sleep: until the next look or deadline, s."""
+        with self._lock:
+            if any(wait.condition for wait in self._waits):
+                return POLL
+            deadlines = [wait.deadline for wait in self._waits if wait.deadline is not None]
+        return max(min(deadlines) - time.monotonic(), 0.0) + 1e-4 if deadlines else None
+
+    def _finish_due(self) -> None:
+        """Finish what has come or has taken too long."""
+        now = time.monotonic()
+        with self._lock:
+            waits = list(self._waits)
+        for wait in waits:
+            wait.look(now)
+        with self._lock:
+            self._waits = [wait for wait in self._waits if not wait.finished]
+
+    def _wake(self) -> None:
+        self._executor.create_task(lambda: None)  # only work makes spin_once return
+
+    # What others ask of it
+
+    def wait(self, timeout: float | None, condition: Callable[[], bool] | None = None) -> Wait:
+        """A wait that the thread finishes.
+
+        Raises:
+            BoardError: the thread has ended.
+        """
+        wait = Wait(timeout, condition)
+        with self._lock:
+            closed = self.closed
+            if not closed:
+                self._waits.append(wait)
+        if closed:
+            raise BoardError(closed)
+        self._wake()
+        return wait
+
+    def until(self, condition: Callable[[], bool], timeout: float | None) -> Steps[bool]:
+        """Wait until the condition holds; false when it took too long."""
+        if condition():
+            return True
+        wait = self.wait(timeout, condition)
+        yield wait
+        return wait.done
+
+    def outcome(self, future: Any, timeout: float | None) -> Steps[bool]:
+        """Wait for an rclpy future; false when it took too long."""
+        if not future.done():
+            wait = self.wait(timeout)
+            future.add_done_callback(lambda _: wait.finish())
+            yield wait
+        return bool(future.done())
+
+    def later(self, function: Callable[[], Any]) -> Any:
+        """Let the thread run a function; its future.
+
+        Requests of actions go out this way: rclpy forgets an answer that the thread takes before
+        the asking thread has noted the question. Its service clients have a lock for that.
+        """
+        return self._executor.create_task(function)
+
+    def run(self, function: Callable[[], Any]) -> Steps[Any]:
+        """What a function gives that the thread runs."""
+        task = self.later(function)
+        yield from self.outcome(task, None)
+        return task.result()

@@ -1,0 +1,151 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One goal of an action, from sending it to its result."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+from uuid import uuid4
+
+from action_msgs.msg import GoalStatus
+from unique_identifier_msgs.msg import UUID
+
+from control_board_ros.core.reply import Reply, accepted, refused
+from control_board_ros.interface import Endpoint
+
+from .errors import BoardError
+from .link import Link
+from .services import whole
+from .waiting import Steps, Wait
+
+#: s between looks whether the board is still there while a goal runs.
+LOOK = 1.0
+#: Feedback that is kept while nobody takes it.
+FEEDBACK_KEPT = 100
+
+
+class Goal:
+    """A goal under way.
+
+    Args:
+        link: the connection.
+        action: which.
+        on_feedback: called with each feedback in the link's thread, also when nobody waits.
+        on_result: called likewise with the result.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        action: Endpoint,
+        on_feedback: Callable[[Any], None] = lambda _: None,
+        on_result: Callable[[Any], None] = lambda _: None,
+    ) -> None:
+        self._link, self._thread, self._action = link, link.thread, action
+        self._name = action.short
+        self._on_feedback, self._on_result = on_feedback, on_result
+        self._id = UUID(uuid=list(uuid4().bytes))
+        self._client: Any = None
+        self._sending: Any = None  # the future of rclpy's handle
+        self._result: Any = None  # the future of the result
+        self._feedback: deque[Any] = deque(maxlen=FEEDBACK_KEPT)  # that nobody took yet
+        self._wait: Wait | None = None
+
+    def run(
+        self,
+        fields: dict[str, Any],
+        names: tuple[str, ...],
+        show: Callable[[Any], None],
+        *,
+        to_the_end: bool = True,
+    ) -> Steps[Reply]:
+        """Send it and wait for the result, or only for the first sign that it runs.
+
+        Interrupted, it cancels the goal, which stops the joints.
+
+        Args:
+            fields: of the goal message.
+            names: of the joints that it concerns.
+            show: called with each feedback in the caller's thread.
+            to_the_end: false: the first feedback will do.
+        """
+        self._client = yield from self._link.action(self._action)
+        try:
+            if not (yield from self._send(fields)):
+                return refused(f"the board refused to {self._name}; see its log", names)
+            while not self._result.done():
+                yield from self._next_sign()
+                while self._feedback:
+                    show(self._feedback.popleft())
+                    if not to_the_end:
+                        return accepted(names)
+        except GeneratorExit:  # nobody can wait any more
+            self._ask_to_cancel()
+            raise
+        except BaseException:
+            yield from self._cancel()
+            raise
+        yield from self._thread.run(lambda: None)  # the thread takes a result before feedback
+        while self._feedback:
+            show(self._feedback.popleft())
+        answer = self._result.result()
+        message = answer.result.message
+        if answer.status == GoalStatus.STATUS_CANCELED and not message:
+            message = f"{self._name} was cancelled"
+        return whole(answer.result.success, message, names)
+
+    def _send(self, fields: dict[str, Any]) -> Steps[bool]:
+        """Send the goal; whether it was accepted."""
+        goal = self._action.load().Goal(**fields)
+        self._sending = yield from self._thread.run(
+            lambda: self._client.send_goal_async(goal, self._hear, self._id)
+        )
+        if not (yield from self._thread.outcome(self._sending, self._link.answer_timeout)):
+            raise self._link.discovery.timed_out(self._action)
+        handle = self._sending.result()
+        if handle.accepted:
+            self._result = yield from self._thread.run(handle.get_result_async)
+            self._result.add_done_callback(self._end)
+        return bool(handle.accepted)
+
+    def _next_sign(self) -> Steps[None]:
+        """Wait for feedback or the result.
+
+        Raises:
+            BoardError: the board is gone.
+        """
+        self._wait = wait = self._thread.wait(LOOK)
+        if self._feedback or self._result.done():
+            wait.finish()
+        yield wait
+        if not wait.done and not self._client.server_is_ready():
+            raise BoardError(
+                f"{self._link.name} went away during {self._name}; is it still running?"
+            )
+
+    def _ask_to_cancel(self) -> None:
+        if self._sending is not None and self._sending.done() and self._sending.result().accepted:
+            self._thread.later(self._sending.result().cancel_goal_async)
+
+    def _cancel(self) -> Steps[None]:
+        """Stop the joints."""
+        patience = self._link.answer_timeout
+        if self._sending is not None:
+            yield from self._thread.outcome(self._sending, patience)
+            self._ask_to_cancel()
+        if self._result is not None:
+            yield from self._thread.outcome(self._result, patience)
+
+    def _hear(self, message: Any) -> None:
+        self._on_feedback(message.feedback)
+        self._feedback.append(message.feedback)
+        self._wake()
+
+    def _end(self, future: Any) -> None:
+        self._on_result(future.result().result)
+        self._wake()
+
+    def _wake(self) -> None:
+        if self._wait is not None:
+            self._wait.finish()

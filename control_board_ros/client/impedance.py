@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stiffness and damping of the compliant interaction mode (SPEC I6)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from control_board_ros.core.reply import Reply, refused
+from control_board_ros.core.selection import RequestError
+from control_board_ros.interface import GET_IMPEDANCE, SET_IMPEDANCE
+from control_board_ros.protocols import Floats, Joints, Values
+
+from .services import Services
+from .values import for_each
+from .waiting import Steps
+
+
+class ImpedanceRequests:
+    """IImpedanceControl."""
+
+    def __init__(self, services: Services) -> None:
+        self._services = services
+
+    def set_impedance(
+        self, joints: Joints, stiffness: Values | None = None, damping: Values | None = None
+    ) -> Steps[Reply]:
+        """Set spring and damper, at any time; they act in the next cycle (I6).
+
+        Args:
+            joints: whose they are.
+            stiffness: N·m/rad (N/m), one for all joints or one each; None: as it is.
+            damping: N·m·s/rad (N·s/m), likewise; None: the board's choice for the stiffness.
+        """
+        if stiffness is None and damping is None:
+            return refused("neither stiffness nor damping given; send one of them, or both")
+        services = self._services
+        try:
+            selection = yield from services.select(joints)
+            if stiffness is None:
+                present = yield from services.read(GET_IMPEDANCE, joints)
+                stiffness = present.stiffness
+            count = len(selection.names)
+            fields = {
+                "stiffness": for_each(stiffness, count, "stiffness"),
+                "damping": [] if damping is None else for_each(damping, count, "damping"),
+            }
+        except RequestError as error:
+            return refused(str(error))
+        return (yield from services.change(SET_IMPEDANCE, selection, **fields))
+
+    def get_impedance(self, joints: Joints = None) -> Steps[tuple[Floats, Floats]]:
+        """Stiffness and damping, N·m/rad and N·m·s/rad, two arrays of shape (k,)."""
+        response = yield from self._services.read(GET_IMPEDANCE, joints)
+        return np.array(response.stiffness), np.array(response.damping)
+
+    def get_max_impedance(self, joints: Joints = None) -> Steps[tuple[Floats, Floats]]:
+        """The largest stiffness and damping that a joint takes, two arrays of shape (k,)."""
+        response = yield from self._services.read(GET_IMPEDANCE, joints)
+        return np.array(response.max_stiffness), np.array(response.max_damping)
+
+    def get_torque_offset(self, joints: Joints = None) -> Steps[Floats]:
+        """τ_ff of the impedance law, N·m, shape (k,): as set, or the load taken over."""
+        response = yield from self._services.read(GET_IMPEDANCE, joints)
+        return np.array(response.torque_offset)

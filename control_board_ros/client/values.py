@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The numbers of requests, as users give them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from control_board_ros.core.selection import spread
+from control_board_ros.protocols import Values
+
+
+def for_each(values: Values, count: int, what: str) -> list[float]:
+    """A value for each joint; one value, alone or in a list, goes to all.
+
+    Raises:
+        RequestError: the length fits neither, or the values are no numbers.
+    """
+    alone = values[0] if isinstance(values, Sequence | np.ndarray) and len(values) == 1 else values
+    spread_out: list[float] = spread(alone, count, what).tolist()
+    return spread_out
+
+
+def as_given(fields: Mapping[str, Values | None]) -> dict[str, list[float]]:
+    """What can be sent of values that do not fit, for the board to count (P13)."""
+    sent = {}
+    for name, given in fields.items():
+        if given is not None:
+            try:
+                sent[name] = np.atleast_1d(np.asarray(given, dtype=np.float64)).ravel().tolist()
+            except (TypeError, ValueError):
+                sent[name] = []
+    return sent
