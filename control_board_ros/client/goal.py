@@ -14,7 +14,9 @@ from unique_identifier_msgs.msg import UUID
 from control_board_ros.core.reply import Reply, accepted, refused
 from control_board_ros.interface import Endpoint
 
+from .cancellation import cancel_over_new_context
 from .errors import BoardError
+from .executor_thread import GONE
 from .link import Link
 from .services import whole
 from .waiting import Steps, Wait
@@ -129,13 +131,21 @@ class Goal:
             self._thread.later(self._sending.result().cancel_goal_async)
 
     def _cancel(self) -> Steps[None]:
-        """Stop the joints."""
+        """Stop the joints, whatever is left of the connection."""
         patience = self._link.answer_timeout
-        if self._sending is not None:
-            yield from self._thread.outcome(self._sending, patience)
-            self._ask_to_cancel()
-        if self._result is not None:
-            yield from self._thread.outcome(self._result, patience)
+        try:
+            if self._sending is not None:
+                yield from self._thread.outcome(self._sending, patience)
+                self._ask_to_cancel()
+            if self._result is not None:
+                yield from self._thread.outcome(self._result, patience)
+        except (BoardError, *GONE):
+            service = f"{self._link.full_name(self._action)}/_action/cancel_goal"
+            if not cancel_over_new_context(self._link.domain, service, self._id, patience):
+                self._link.log_error(
+                    f"could not cancel {self._name}: the board does not answer; "
+                    "the joints may still move, stop them with: cbctl stop"
+                )
 
     def _hear(self, message: Any) -> None:
         self._on_feedback(message.feedback)

@@ -1,13 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a call may come from: any thread, any executor, asyncio; and how it ends."""
+"""Where a call may come from: any thread, any executor, asyncio."""
 
 from __future__ import annotations
 
 import asyncio
-import subprocess
-import sys
 import threading
-import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -126,40 +123,6 @@ def test_from_many_threads(process: BoardProcess, node: Any) -> None:
     assert not failed
 
 
-def test_a_closed_client_says_so(process: BoardProcess, node: Any) -> None:
-    """A call after close, and one that waits while another thread closes."""
-    client = ControlBoardClient(node, process.name)
-    assert client.names
-    ended: list[Any] = []
-
-    def wait() -> None:
-        try:
-            client.wait_for_state(lambda _: False, 30.0)
-        except BoardError as error:
-            ended.append(str(error))
-
-    thread = threading.Thread(target=wait)
-    thread.start()
-    time.sleep(0.3)
-    client.close()
-    thread.join(timeout=5.0)
-    assert ended == ["the client was closed"]
-    with pytest.raises(BoardError, match="closed"):
-        client.get_control_mode()
-    client.close()
-
-
-def test_a_context_that_is_shut_down(process: BoardProcess) -> None:
-    """rclpy.shutdown() under a waiting call ends it with an error."""
-    with ros_node(process.domain, "short", spin=False) as node:
-        client = ControlBoardClient(node, process.name)
-        assert client.names
-        threading.Timer(0.3, node.context.shutdown).start()
-        with pytest.raises(BoardError, match="context was shut down"):
-            client.wait_for_state(lambda _: False, 10.0)
-        client.close()
-
-
 @pytest.mark.slow
 def test_namespaces_and_remappings(process: BoardProcess) -> None:
     """The name of the board is relative to the node, and remapped as the node is."""
@@ -188,32 +151,6 @@ def test_a_board_that_comes_back() -> None:
                 assert client.get_ref_velocity(0).tolist() == [0.01]
             with pytest.raises(BoardError, match="no board found"):
                 client.get_control_mode()
-
-
-PROGRAM = """
-import rclpy
-from control_board_ros.client import ControlBoardClient
-rclpy.init()
-node = rclpy.create_node("program")
-client = ControlBoardClient(node, "control_board")
-print(client.get_control_mode(0)[0].name)
-if {shut_down}:
-    rclpy.shutdown()
-"""
-
-
-@pytest.mark.parametrize("shut_down", [False, True])
-def test_a_program_just_ends(process: BoardProcess, shut_down: bool) -> None:
-    """Nothing needs to be closed: the program ends with code 0 and says nothing."""
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(shut_down=shut_down)],
-        env=process.environment,
-        capture_output=True,
-        text=True,
-        timeout=30,
-        check=False,
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "POSITION\n", "")
 
 
 def test_several_executors_do_not_mind(process: BoardProcess, node: Any) -> None:

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the client ends, and what goes wrong around it: users see BoardError, and nothing else."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import threading
+import time
+from typing import Any
+
+import pytest
+from control_board_msgs.msg import JointModes
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from control_board_ros.client import BoardError, ControlBoardClient
+from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.vocabs import InteractionMode
+from control_board_ros.testing import BoardProcess, ros_node
+
+pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_ends")]
+
+
+def test_a_closed_client_says_so(process: BoardProcess, node: Any) -> None:
+    """A call after close, and one that waits while another thread closes."""
+    client = ControlBoardClient(node, process.name)
+    assert client.names
+    ended: list[Any] = []
+
+    def wait() -> None:
+        try:
+            client.wait_for_state(lambda _: False, 30.0)
+        except BoardError as error:
+            ended.append(str(error))
+
+    thread = threading.Thread(target=wait)
+    thread.start()
+    time.sleep(0.3)
+    client.close()
+    thread.join(timeout=5.0)
+    assert ended == ["the client was closed"]
+    with pytest.raises(BoardError, match="closed"):
+        client.get_control_mode()
+    client.close()
+
+
+def test_a_context_that_is_shut_down(process: BoardProcess) -> None:
+    """rclpy.shutdown() under a waiting call ends it with an error."""
+    with ros_node(process.domain, "short", spin=False) as node:
+        client = ControlBoardClient(node, process.name)
+        assert client.names
+        threading.Timer(0.3, node.context.shutdown).start()
+        with pytest.raises(BoardError, match="context was shut down"):
+            client.wait_for_state(lambda _: False, 10.0)
+        client.close()
+
+
+PROGRAM = """
+import rclpy
+from control_board_ros.client import ControlBoardClient
+rclpy.init()
+node = rclpy.create_node("program")
+client = ControlBoardClient(node, "control_board")
+print(client.get_control_mode(0)[0].name)
+if {shut_down}:
+    rclpy.shutdown()
+"""
+
+
+@pytest.mark.parametrize("shut_down", [False, True])
+def test_a_program_just_ends(process: BoardProcess, shut_down: bool) -> None:
+    """Nothing needs to be closed: the program ends with code 0 and says nothing."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM.format(shut_down=shut_down)],
+        env=process.environment,
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "POSITION\n", "")
+
+
+MOVING = """
+import rclpy
+from control_board_ros.client import ControlBoardClient
+rclpy.init()
+client = ControlBoardClient(rclpy.create_node("program"), "control_board")
+client.move(0, 1.5, 0.1, lambda feedback: print("moving", flush=True))
+"""
+
+
+def test_ctrl_c_where_rclpy_handles_signals(process: BoardProcess, node: Any) -> None:
+    """As most programs are: rclpy shuts every context down first, and the joints stop still."""
+    with ControlBoardClient(node, process.name, answer_timeout=20.0) as client:
+        assert client.set_control_mode(0, "pos")
+        program = subprocess.Popen(
+            [sys.executable, "-c", MOVING],
+            env=process.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert program.stdout is not None
+        assert program.stdout.readline() == "moving\n"
+        assert client.check_motion_done(0) == [False]
+        program.send_signal(signal.SIGINT)
+        _, errors = program.communicate()
+        assert errors.splitlines()[-1] == "KeyboardInterrupt"
+        assert "BoardError" not in errors
+        assert client.check_motion_done(0) == [True]
+        assert client.get_encoder(0)[0] < 1.4
+        assert client.get_target_position(0) == pytest.approx([1.5])
+
+
+@pytest.mark.parametrize("end", ["close", "shutdown", "destroy"])
+def test_what_goes_away_under_calls_is_a_board_error(process: BoardProcess, end: str) -> None:
+    """Nothing of rclpy's comes through, in no thread, whatever it was doing."""
+    ended: list[BaseException] = []
+    with ros_node(process.domain, "brief", spin=False) as node:
+        client = ControlBoardClient(node, process.name)
+        assert client.set_control_mode(0, "vel")
+        calls = [
+            lambda: client.get_control_mode(0),
+            lambda: client.velocity_move(0, 0.0),
+            lambda: client.get_encoder(0),
+            lambda: client.calibrate(6, wait=False),
+        ]
+        busy = threading.Barrier(len(calls) + 1)
+
+        def call_for_ever(call: Any) -> None:
+            call()
+            busy.wait()
+            try:
+                while True:
+                    call()
+            except BaseException as error:  # noqa: BLE001
+                ended.append(error)
+
+        threads = [threading.Thread(target=call_for_ever, args=(call,)) for call in calls]
+        for thread in threads:
+            thread.start()
+        busy.wait()
+        if end == "close":
+            client.close()
+        else:
+            node.context.shutdown()
+        if end == "destroy":
+            node.destroy_node()
+        for thread in threads:
+            thread.join()
+        client.close()
+    assert [type(error) for error in ended] == [BoardError] * len(calls)
+
+
+def test_a_node_that_was_destroyed(process: BoardProcess) -> None:
+    """A client cannot be made of it, and one made before goes on."""
+    with ros_node(process.domain, "gone", spin=False) as node:
+        client = ControlBoardClient(node, process.name)
+        node.destroy_node()
+        assert client.get_axes() == 7
+        with pytest.raises(BoardError, match="make a new client"):
+            ControlBoardClient(node, process.name)
+        client.close()
+
+
+def test_a_message_that_cannot_be_read(process: BoardProcess, capfd: Any) -> None:
+    """One line in the log, however many there are, and the next good one is taken."""
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    with (
+        ros_node(process.domain, "newer", spin=False) as newer,
+        ros_node(process.domain, "reader", spin=False) as node,
+        ControlBoardClient(node, "newer", find_timeout=20.0) as client,
+    ):
+        publisher = newer.create_publisher(JointModes, "newer/modes", latched)
+        message = JointModes(names=["a"], control_modes=["?"], interaction_modes=["stif"])
+        message.interaction_mode_vocabs = [int(InteractionMode.STIFF)]
+        message.control_mode_vocabs = [5]
+        said, later = "", 5
+        while not said or later:  # until it is said, and some more
+            publisher.publish(message)
+            time.sleep(0.02)
+            said += capfd.readouterr().err
+            later -= bool(said)
+        message.control_mode_vocabs = [int(M.IDLE)]
+        publisher.publish(message)
+        assert client.names == ("a",)
+    (line,) = said.splitlines()
+    assert "client of /newer: a message was lost: ValueError: 5 is not a valid" in line
+    assert line.endswith("are client and board of the same version?")
