@@ -88,6 +88,9 @@ class ControlBoardClient:
     ) -> None:
         self.close()
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.board_name}>"
+
     def __getattr__(self, name: str) -> Any:
         """Say where a method of YARP is found here."""
         here = None if name.startswith("_") else name_here(name, dir(type(self)))

@@ -37,6 +37,11 @@ class Reply:
     def __bool__(self) -> bool:
         return bool(self.answers) and all(a is Answer.ACCEPTED for a in self.answers)
 
+    def __str__(self) -> str:
+        """One line for a person: ``accepted``, with what will be done instead; else the reason."""
+        told = ["accepted", self.message] if self else [self.message]
+        return "; ".join(text for text in told if text)
+
 
 def quantity(kind: CommandKind, value: float, sliding: bool) -> str:
     """A reference with its unit, for people: degrees where the joint turns."""

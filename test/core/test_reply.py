@@ -45,3 +45,14 @@ def test_what_was_accepted_may_have_a_text() -> None:
     assert reply
     assert (reply.message, reply.reasons) == ("b: bounded to 2", ("", "b: bounded to 2"))
     assert decided(("a", "b"), [FINE, FINE]) == accepted(("a", "b"))
+
+
+def test_it_prints_as_one_line() -> None:
+    """A: what a user wants to read of a reply, without a look at its fields."""
+    assert str(accepted(("a", "b"))) == "accepted"
+    assert f"{decided(('a',), [(Answer.ACCEPTED, 'a: bounded to 1°')])}" == (
+        "accepted; a: bounded to 1°"
+    )
+    assert str(refused("joint 'x' unknown")) == "joint 'x' unknown"
+    some = decided(("a", "b"), [(Answer.ACCEPTED, ""), (Answer.REFUSED, "b is CALIBRATING")])
+    assert str(some) == "b is CALIBRATING"
