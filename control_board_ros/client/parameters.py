@@ -91,12 +91,12 @@ class ParameterRequests:
 
     def get_limits(self, joints: Joints = None) -> Steps[tuple[Floats, Floats]]:
         """The software limits in force, lower and upper, rad, two arrays of shape (k,)."""
-        lower, upper = yield from self._of_joints(("limits.lower", "limits.upper"), joints)
+        lower, upper = yield from self.of_joints(("limits.lower", "limits.upper"), joints)
         return lower, upper
 
     def get_velocity_limits(self, joints: Joints = None) -> Steps[Floats]:
         """The speed limits in force, rad/s, shape (k,)."""
-        (limits,) = yield from self._of_joints(("limits.velocity",), joints)
+        (limits,) = yield from self.of_joints(("limits.velocity",), joints)
         return limits
 
     def get_gains(self, joints: Joints = None, controller: str = "position") -> Steps[Gains]:
@@ -110,10 +110,10 @@ class ParameterRequests:
                 f"controller {controller!r} unknown; one of {', '.join(CONTROLLERS)}"
             )
         return Gains(
-            *(yield from self._of_joints([f"{controller}_pid.{g}" for g in GAINS], joints))
+            *(yield from self.of_joints([f"{controller}_pid.{g}" for g in GAINS], joints))
         )
 
-    def _of_joints(self, fields: Sequence[str], joints: Joints) -> Steps[list[Floats]]:
+    def of_joints(self, fields: Sequence[str], joints: Joints) -> Steps[list[Floats]]:
         """Parameters of each joint, asked for at once; an array of shape (k,) per field."""
         names = (yield from self._services.select(joints)).names
         asked = [f"{name}.{field}" for field in fields for name in names]

@@ -217,10 +217,18 @@ def test_bad_values_are_ignored_and_counted(
 
 
 def test_speeds_that_are_no_speeds(client: ControlBoardClient) -> None:
-    """P2: a speed of a command that is not above 0 makes it ignored."""
+    """P2: a speed of a command outside what the joint's limit allows makes it ignored."""
+    before = client.get_state().rejected_commands
     reply = client.position_move([0, 1], 0.1, [0.1, 0.0])
     assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
-    assert "speeds must be above 0" in reply.message
+    assert "speeds must be above 0 and up to " in reply.message
+    limit = client.get_velocity_limits(0)[0]
+    assert client.position_move(0, 0.2, limit)
+    assert not client.position_move(0, 0.3, 1.001 * limit)
+    assert client.set_control_mode(2, "vel")
+    assert "accelerations must be above 0 and up to" in client.velocity_move(2, 0.1, 1e6).message
+    counted = client.get_state().rejected_commands - before
+    assert counted.tolist() == [1, 1, 1, 0, 0, 0, 0]
 
 
 def test_get_methods_raise_for_joints_that_do_not_exist(client: ControlBoardClient) -> None:

@@ -137,15 +137,17 @@ def test_namespaces_and_remappings(process: BoardProcess) -> None:
 
 @pytest.mark.slow
 def test_a_board_that_comes_back() -> None:
-    """One client outlives its board, and serves the next one of the same name."""
+    """One client outlives its board, and serves the next one of the same name, of its limits."""
     with (
         free_domain() as domain,
         ros_node(domain, "long", spin=False) as node,
         ControlBoardClient(node, "control_board") as client,
     ):
-        for _ in range(2):
-            with board_process(domain=domain):
+        for limit in (0.5, 1.0):
+            parameters = {"joint_defaults.limits.velocity": limit}
+            with board_process(parameters, domain=domain):
                 client.wait_until_found(20.0)
+                assert bool(client.position_move(0, 0.1, 0.8)) == (limit > 0.8)
                 assert client.set_control_mode(0, "vel")
                 assert client.velocity_move(0, 0.01)
                 assert client.get_ref_velocity(0).tolist() == [0.01]
