@@ -154,7 +154,7 @@ class ControlLoop:
         return self._states.rate
 
     def set_state_rate(self, rate: float) -> None:
-        """Replace ``snapshots.latest`` so often on average, on whole cycles, at most in each."""
+        """Replace ``snapshots.latest`` so often on average, at most once per cycle."""
         self._states = Divider(rate, self._board.config.control_rate)
 
     def pause(self, paused: bool) -> None:

@@ -8,7 +8,6 @@ server is gone, 1 anything else.
 from __future__ import annotations
 
 import contextlib
-import math
 import os
 import re
 import signal
@@ -21,13 +20,11 @@ from typing import TYPE_CHECKING, Any
 
 from .. import __version__
 from ..compiled import describe
-from ..core.arrival import unit
-from ..core.config import JointConfig
-from ..core.modes import ACCEPTS
-from ..core.vocabs import CommandKind, ControlMode
+from ..core.vocabs import ControlMode
 from ..startup import announce_often, leave_out_the_generator
 from .name_lock import NameTakenError, lock_name, temporary_folder
 from .scheduling import take_priority
+from .welcome import welcome
 
 if TYPE_CHECKING:
     from .node import BoardNode
@@ -175,7 +172,8 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
     board.start()
     thread.start()
     await_first_cycles(board, ended)
-    say(welcome(board))
+    name, config = board.node.get_fully_qualified_name(), board.parameters.settings.board
+    say(welcome(name, config, board.loop.snapshots.modes.control))
     ended.wait()
     if not board.stop():
         complain("the control loop hangs; the process ends without it")
@@ -200,71 +198,6 @@ def await_first_cycles(board: BoardNode, ended: threading.Event) -> None:
         and not ended.wait(0.005)
     ):
         pass
-
-
-def welcome(board: BoardNode) -> str:
-    """The joints with their limits and modes, and lines to paste."""
-    config = board.parameters.settings.board
-    modes = board.loop.snapshots.modes
-    width = max(len(name) for name in (*config.names, "joint"))
-    lines = [f"{'joint':{width}}    lower    upper  speed  modes"]
-    for joint in config.joints:
-        limits = joint.limits
-        codes = " ".join(mode.code for mode in joint.control_modes)
-        lines.append(
-            f"{joint.name:{width}} {limits.lower:8.3f} {limits.upper:8.3f} {limits.velocity:6.2f}"
-            f"  {codes} ({unit(joint.kind)})"
-        )
-    name = board.node.get_fully_qualified_name()
-    option = "" if name == "/control_board" else f" --board {name}"
-    present = sorted({mode.name for mode in modes.control})
-    when, words = suggestions(config.joints[0], modes.control[0])
-    lines += [
-        "",
-        f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(present)}. {when}:",
-        *(f"  cbctl{option} {line}" for line in (*words, "watch")),
-        "or, where ROS itself is installed:",
-        *ros2_lines(name, config.joints[0]),
-        "Stop with Ctrl-C.",
-        "",
-    ]
-    return "\n".join(lines)
-
-
-def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
-    """When to try what with cbctl, such that the joint takes it."""
-    if ControlMode.POSITION not in joint.control_modes:
-        return "Try", [f"modes {joint.name}"]
-    target = first_target(joint)
-    value = (
-        f"{target * 1e3:.3g}mm" if unit(joint.kind) == "m" else f"{math.degrees(target):.3g}deg"
-    )
-    words = [f"mode {joint.name} pos", f"move {joint.name}={value}"]
-    if mode is ControlMode.CALIBRATING:
-        return "When they have calibrated, try", words
-    if mode is ControlMode.NOT_CONFIGURED:
-        return "When they are configured (service configure), try", words
-    if CommandKind.POSITION in ACCEPTS.get(mode, ()):
-        return "Try", words[1:]
-    return "Try", words
-
-
-def first_target(joint: JointConfig) -> float:
-    """A position to try: 30 degrees or 20 mm, or what is well within the joint's limits."""
-    wanted = 0.02 if unit(joint.kind) == "m" else math.radians(30.0)
-    low, high = joint.limits.lower, joint.limits.upper
-    margin = 0.1 * (high - low) if math.isfinite(high - low) else 0.0
-    return min(max(wanted, low + margin), high - margin)
-
-
-def ros2_lines(name: str, joint: JointConfig) -> list[str]:
-    """For ROS's own command, which a virtual environment does not have."""
-    return [
-        f"  ros2 service call {name}/set_control_mode control_board_msgs/srv/SetControlMode "
-        f'"{{names: [{joint.name}], modes: [pos]}}"',
-        f"  ros2 topic pub --once {name}/command/position control_board_msgs/msg/PositionCommand "
-        f'"{{names: [{joint.name}], positions: [{first_target(joint):.3g}]}}"',
-    ]
 
 
 def say(text: str) -> None:

@@ -180,10 +180,9 @@ class Parameters:
         for row in BOARD:
             found.append((row.name, values[row.name], descriptor(row, fixed=not row.run_time)))
         for row in JOINT:
-            described = descriptor(row, fixed=not row.run_time)
-            for joint in self.settings.board.names:
+            for joint in self.settings.board.names:  # one each: rclpy writes the name into it
                 name = f"{joint}.{row.name}"
-                found.append((name, values[name], described))
+                found.append((name, values[name], descriptor(row, fixed=not row.run_time)))
             name = f"{JOINT_DEFAULTS}.{row.name}"
             if name in values:
                 found.append((name, values[name], descriptor(row, fixed=True)))

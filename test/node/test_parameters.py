@@ -165,6 +165,7 @@ def test_every_parameter_is_declared_with_type_range_and_description(node: Any) 
     for name, value in values.items():
         assert node.get_parameter(name).value == value, name
         described = node.describe_parameter(name)
+        assert described.name == name
         assert described.description.endswith("."), name
         assert described.type != 0, name
         if isinstance(value, float):

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What ``control_board`` prints when it runs: the joints, and lines to paste."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from ..core.arrival import unit
+from ..core.config import BoardConfig, JointConfig
+from ..core.modes import ACCEPTS
+from ..core.vocabs import CommandKind, ControlMode
+from ..interface import POSITION_COMMAND, SET_CONTROL_MODE
+
+#: A range that no joint has, rad or m: that of one without limits.
+ENDLESS = 1e5
+#: More characters than a table of plain terminals has.
+WIDE = 80
+
+
+def welcome(name: str, config: BoardConfig, modes: Sequence[ControlMode]) -> str:
+    """The joints with their limits and modes, and lines to paste.
+
+    Args:
+        name: full name of the node.
+        config: of the board.
+        modes: present control mode of each joint.
+    """
+    present = sorted({mode.name for mode in modes})
+    option = "" if name == "/control_board" else f" --board {name}"
+    when, words = suggestions(config.joints[0], modes[0])
+    lines = [
+        *table(config.joints),
+        "",
+        f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(present)}. {when}:",
+        *(f"  cbctl{option} {line}" for line in (*words, "watch")),
+        "or, where ROS itself is installed:",
+        *ros2_lines(name, config.joints[0]),
+        "Stop with Ctrl-C.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def table(joints: Sequence[JointConfig]) -> list[str]:
+    """The joints, as ``cbctl info`` has them: limits are the software's, stops the hard ones.
+
+    The modes stand below where they are the same for all joints and do not fit beside.
+    """
+    columns: dict[str, list[str]] = {
+        "joint": [joint.name for joint in joints],
+        "limits": [travel(joint, joint.limits.lower, joint.limits.upper) for joint in joints],
+        "stops": [
+            travel(joint, joint.limits.hard_lower, joint.limits.hard_upper) for joint in joints
+        ],
+        "speed": [speed(joint) for joint in joints],
+        "modes": [" ".join(mode.code for mode in joint.control_modes) for joint in joints],
+    }
+    if columns["limits"] == columns["stops"]:
+        del columns["stops"]
+    below = []
+    if len(set(columns["modes"])) == 1 and max(map(len, rows(columns))) > WIDE:
+        below = [f"modes of all joints: {columns.pop('modes')[0]}"]
+    return rows(columns) + below
+
+
+def rows(columns: Mapping[str, Sequence[str]]) -> list[str]:
+    """The lines of a table; text stands at the left of its column, numbers at the right."""
+    cells = []
+    for title, column in columns.items():
+        width = max(map(len, (title, *column)))
+        left = title in ("joint", "modes")
+        cells.append([f"{text:{'<' if left else '>'}{width}}" for text in (title, *column)])
+    return ["  ".join(line).rstrip() for line in zip(*cells, strict=True)]
+
+
+def travel(joint: JointConfig, lower: float, upper: float) -> str:
+    """A range of positions: ``-168.0…168.0°``, ``0.0…40.0 mm``."""
+    if not upper - lower < ENDLESS:
+        return "endless"
+    if unit(joint.kind) == "m":
+        return f"{lower * 1e3:z.1f}…{upper * 1e3:z.1f} mm"
+    return f"{math.degrees(lower):z.1f}…{math.degrees(upper):z.1f}°"
+
+
+def speed(joint: JointConfig) -> str:
+    """The largest speed: ``85.0°/s``, ``200.0 mm/s``."""
+    fastest = joint.limits.velocity
+    if unit(joint.kind) == "m":
+        return f"{fastest * 1e3:.1f} mm/s"
+    return f"{math.degrees(fastest):.1f}°/s"
+
+
+def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
+    """When to try what with cbctl, such that the joint takes it."""
+    if ControlMode.POSITION not in joint.control_modes:
+        return "Try", [f"modes {joint.name}"]
+    target = first_target(joint)
+    value = (
+        f"{target * 1e3:.3g}mm" if unit(joint.kind) == "m" else f"{math.degrees(target):.3g}deg"
+    )
+    words = [f"mode {joint.name} pos", f"move {joint.name}={value}"]
+    if mode is ControlMode.CALIBRATING:
+        return "When they have calibrated, try", words
+    if mode is ControlMode.NOT_CONFIGURED:
+        return "When they are configured (service configure), try", words
+    if CommandKind.POSITION in ACCEPTS.get(mode, ()):
+        return "Try", words[1:]
+    return "Try", words
+
+
+def first_target(joint: JointConfig) -> float:
+    """A position to try: 30 degrees or 20 mm, or what is well within the joint's limits."""
+    wanted = 0.02 if unit(joint.kind) == "m" else math.radians(30.0)
+    low, high = joint.limits.lower, joint.limits.upper
+    margin = 0.1 * (high - low) if high - low < ENDLESS else 0.0
+    return min(max(wanted, low + margin), high - margin)
+
+
+def ros2_lines(name: str, joint: JointConfig) -> list[str]:
+    """For ROS's own command, which a virtual environment does not have."""
+    target = f"{first_target(joint):.3g}"
+    return [
+        f"  ros2 service call {SET_CONTROL_MODE.of(name)} {SET_CONTROL_MODE.type} "
+        f'"{{names: [{joint.name}], modes: [pos]}}"',
+        f"  ros2 topic pub --once {POSITION_COMMAND.of(name)} {POSITION_COMMAND.type} "
+        f'"{{names: [{joint.name}], positions: [{target}]}}"',
+    ]
