@@ -22,7 +22,7 @@ from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from std_srvs.srv import Trigger
-from talk import LATCHED, Talker, stamp_of
+from talk import LATCHED, Talker, stamp_of, until
 
 pytestmark = pytest.mark.ros
 
@@ -46,10 +46,7 @@ def qos_letters(info: Any) -> str:
 @pytest.fixture(autouse=True)
 def graph(talker: Talker) -> None:
     """The graph is known: the board's node and what belongs to it."""
-    deadline = time.monotonic() + 10
-    while NODE not in talker.node.get_node_names_and_namespaces():
-        assert time.monotonic() < deadline, talker.node.get_node_names_and_namespaces()
-        time.sleep(0.02)
+    until(lambda: NODE in talker.node.get_node_names_and_namespaces())
 
 
 def of_the_board(infos: list[Any]) -> Any:
@@ -153,11 +150,12 @@ def test_joint_states_are_stamped_with_system_time(talker: Talker) -> None:
     """At real time, joint_states carries the time of the reading as system time."""
     from sensor_msgs.msg import JointState
 
+    begun = time.time()
     talker.hear("joint_states", JointState, "/joint_states")
     message = talker.wait("joint_states", lambda _: True, fresh=True)
     assert list(message.name) == talker.names
     assert len(message.position) == len(message.velocity) == len(message.effort) == 7
-    assert 0.0 <= time.time() - message.header.stamp.sec < 2.0
+    assert begun - 2.0 < stamp_of(message) < time.time()
 
 
 def test_modes_of_all_and_some(talker: Talker) -> None:
@@ -277,11 +275,11 @@ def test_unknown_joints_are_refused_everywhere(talker: Talker, name: str, kind: 
 
 
 def test_a_megabyte_of_names_is_refused_at_once(talker: Talker) -> None:
-    """P1 of the promises: no message hangs the board for long."""
-    begun = time.monotonic()
+    """P1 of the promises: no message hangs the board; its first names are enough to say no."""
     answer = talker.set_mode([f"joint_{i}" for i in range(60_000)], "pos")
     assert not answer.success
-    assert time.monotonic() - begun < 2.0
+    assert answer.message.startswith("joint 'joint_0' unknown")
+    assert len(answer.message) < 600
 
 
 def test_power_cycle_and_configure(talker: Talker) -> None:
@@ -295,18 +293,16 @@ def test_power_cycle_and_configure(talker: Talker) -> None:
 
 def test_faults_are_told_and_cleared(talker: Talker) -> None:
     """F1, F2, F5: an injected fault shows on ~/faults and leaves by FORCE_IDLE only."""
-    name = talker.names[2]
+    name, begun = talker.names[2], time.time()
     answer = talker.call("inject_fault", srv.InjectFault, names=[name], fault="external")
     assert answer.success, answer.message
     told = talker.wait("faults", lambda f: len(f.faults) == 1).faults[0]
     assert (told.name, told.active, told.code) == (name, True, 0)
-    assert abs(told.stamp.sec - time.time()) < 5
+    assert begun - 2.0 < told.stamp.sec + 1e-9 * told.stamp.nanosec < time.time()
     refused = talker.set_mode([name], "pos")
     assert not refused.success
     assert "FORCE_IDLE" in refused.message
-    time_limit = time.monotonic() + 5
-    while not talker.set_mode([name], "fidl").success:  # the cause lasts for 20 ms
-        assert time.monotonic() < time_limit
+    until(lambda: talker.set_mode([name], "fidl").success)  # the cause lasts for 20 ms
     talker.wait("faults", lambda f: not f.faults)
     last = talker.call("get_faults", srv.GetFaults, names=[name]).faults[0]
     assert (last.active, last.code, last.stamp) == (False, 0, told.stamp)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from talk import TIMEOUT
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config import (
@@ -20,6 +21,7 @@ from control_board_ros.core.config import (
     Pid,
 )
 from control_board_ros.core.measurement import Actuation, Measurement
+from control_board_ros.node import pacing
 from control_board_ros.node.fair_lock import FairLock
 from control_board_ros.node.loop import ControlLoop
 from control_board_ros.node.pacing import MAX_LAG, Pacer
@@ -96,7 +98,7 @@ class Rig:
 
     def run_to(self, cycle: int) -> None:
         """Wait until so many cycles have run."""
-        deadline = time.monotonic() + 20
+        deadline = time.monotonic() + TIMEOUT
         while self.board.cycle < cycle and not self.ended.is_set():
             assert time.monotonic() < deadline
             time.sleep(0.002)
@@ -138,18 +140,50 @@ def test_a_slow_cycle_is_caught_up_and_counted(rig: Rig) -> None:
     assert found.worst >= 0.025
 
 
-def test_catching_up_is_bounded() -> None:
+class ManualClock:
+    """The time module for a pacer: it stands still, but for sleeps."""
+
+    def __init__(self) -> None:
+        self.now = 100.0
+
+    def monotonic(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
+    made = ManualClock()
+    monkeypatch.setattr(pacing, "time", made)
+    return made
+
+
+def test_catching_up_is_bounded(clock: ManualClock) -> None:
     """What lies more than MAX_LAG periods behind is skipped, and counted as that."""
-    pacer = Pacer(0.001)
+    period = 2.0**-10  # exact in binary
+    pacer = Pacer(period)
     pacer.restart()
     pacer.wait()
-    time.sleep(0.001 * (MAX_LAG + 50))
+    assert pacer.overruns == 0
+    clock.sleep((MAX_LAG + 50.5) * period)
     pacer.wait()
-    assert pacer.overruns == 1
-    assert pacer.skipped >= MAX_LAG + 40
+    assert (pacer.overruns, pacer.skipped) == (1, MAX_LAG + 49)
     pacer.wait()
-    assert pacer.skipped <= MAX_LAG + 80
-    assert pacer.take().worst < 0.1
+    assert (pacer.overruns, pacer.skipped) == (1, MAX_LAG + 49)
+    assert pacer.take().worst == 0.5 * period
+
+
+def test_after_a_restart_the_deadlines_start_anew(clock: ManualClock) -> None:
+    """As after a pause: time that stood still is no overrun."""
+    pacer = Pacer(2.0**-10)
+    pacer.restart()
+    pacer.wait()
+    clock.sleep(3.0)
+    pacer.restart()
+    pacer.wait()
+    assert (pacer.overruns, pacer.skipped, pacer.take().worst) == (0, 0, 0.0)
 
 
 def test_stop_cuts_the_power_and_notes_the_last_state(rig: Rig) -> None:
@@ -169,7 +203,7 @@ def test_a_failing_plant_ends_the_loop(rig: Rig) -> None:
     error = PlantGone("the physics server is gone")
     rig.plant.fails = {20: error}
     rig.loop.start()
-    assert rig.ended.wait(5)
+    assert rig.ended.wait(TIMEOUT)
     assert rig.loop.failure is error
 
 
@@ -249,23 +283,25 @@ def test_steps_are_exact(fast: Rig) -> None:
             done.set()
 
         assert fast.loop.step(count, tell) == ""
-        assert done.wait(10)
+        assert done.wait(TIMEOUT)
         assert texts == [""]
         assert fast.board.cycle == before + count
 
 
-def test_a_pause_is_no_overrun(rig: Rig) -> None:
+def test_a_pause_is_no_overrun(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     """After a pause the deadlines start anew."""
     rig.loop.start()
     rig.run_to(50)
     rig.loop.pause(True)
-    before = rig.loop.statistics()
-    time.sleep(0.5)
+    restarts = []
+    monkeypatch.setattr(rig.loop._pacer, "restart", lambda: restarts.append(rig.board.cycle))
+    stands_still = threading.Event()
+    rig.loop.snapshots.on_change = stands_still.set
+    assert stands_still.wait(TIMEOUT)
+    paused_at = rig.board.cycle
     rig.loop.pause(False)
-    rig.run_to(rig.board.cycle + 50)
-    after = rig.loop.statistics()
-    assert after.skipped == before.skipped
-    assert after.worst < 0.3
+    rig.run_to(paused_at + 50)
+    assert restarts == [paused_at]
 
 
 def test_late_cycles_carry_stamps_that_fit(rig: Rig) -> None:
@@ -376,7 +412,7 @@ def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     assert status.name == "control_board: loop"
     assert status.level == DiagnosticStatus.WARN
     assert "overruns" in status.message
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + TIMEOUT
     while told.message(Time()).status[0].level != DiagnosticStatus.OK:
         assert time.monotonic() < deadline
         time.sleep(0.02)

@@ -25,6 +25,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from talk import TIMEOUT
 
 from control_board_ros import startup
 from control_board_ros.core.faults import FaultRecord
@@ -71,7 +72,7 @@ def served() -> Iterator[Served]:
 
 def soon(good: Any) -> None:
     """Wait until something is so."""
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + TIMEOUT
     while not good():
         assert time.monotonic() < deadline
         time.sleep(0.005)

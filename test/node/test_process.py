@@ -21,7 +21,7 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
-from talk import Talker, stamp_of, talking_to
+from talk import Talker, stamp_of, talking_to, until
 
 from control_board_ros.testing import board_process, child_environment, free_domain, ros_node
 
@@ -339,13 +339,14 @@ def test_ignored_commands_are_logged_once_a_second_with_their_count() -> None:
         name = talker.names[2]
         message = msg.VelocityCommand(names=[name], velocities=[0.1])
         begun = time.monotonic()
-        while time.monotonic() - begun < 2.5:
+        while time.monotonic() - begun < 2.5:  # which lasts longer on a busy machine
             talker.command("command/velocity", message)
             time.sleep(0.01)
         line = board.wait_for_output("ignored in the last 1 s")
         assert f"velocity reference for {name} ignored: mode is POSITION (" in line
         assert line.rstrip().endswith(f"switch with: cbctl mode {name} vel")
-        assert board.output.count("velocity reference") <= 5
+        seconds = time.monotonic() - begun
+        assert board.output.count("velocity reference") <= 2 + seconds
 
 
 @pytest.mark.parametrize(
@@ -367,10 +368,7 @@ def test_every_publisher_is_heard_once(peer: Talker, qos: QoSProfile) -> None:
     publisher = peer.node.create_publisher(
         msg.PositionDirectCommand, f"{peer.board}/command/position_direct", qos
     )
-    deadline = time.monotonic() + 10
-    while not publisher.get_subscription_count():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    until(publisher.get_subscription_count)
     step = msg.PositionDirectCommand(names=[name], positions=[0.1])
     peer.until_state(
         lambda: publisher.publish(step), lambda s: s.position_reference[6] == pytest.approx(0.1)

