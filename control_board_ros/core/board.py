@@ -19,7 +19,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..interfaces import Floats, Interaction, Joints, Mode, ModeShortcuts, Values
+from ..protocols import Floats, Interaction, Joints, Mode, ModeShortcuts, Values
 from .calibration import CalibrationStatus
 from .commands import Commands, timeout_cycles
 from .config import BoardConfig, ConfigError

@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..interfaces import Floats, Joints, Values
+from ..protocols import Floats, Joints, Values
 from .config import BoardConfig
 from .decisions import decide_feedforward, decide_reference, decide_stop
 from .explanations import (

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..interfaces import Joints
+from ..protocols import Joints
 from .board import Board
 from .path import SAME_TIME, Path, Sample, Spline
 from .reply import Answer, Reply, decided, joints_of
