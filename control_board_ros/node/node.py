@@ -19,7 +19,7 @@ from ..compiled import describe, is_compiled
 from ..core.board import Board
 from ..core.config import BoardConfig
 from ..core.measurement import Plant
-from ..interface import COMMAND_TOPICS, DIAGNOSTICS, SERVICES, Endpoint
+from ..interface import DIAGNOSTICS, SERVICES, Endpoint
 from .actions import Actions
 from .command_subscription import CommandSubscription
 from .diagnostics import Diagnostics
@@ -172,12 +172,10 @@ class BoardNode:
         return answer
 
     def _subscribe(self, commands: CommandTopics) -> list[CommandSubscription]:
-        made = []
-        for topic in COMMAND_TOPICS:
-            callback = getattr(commands, topic.short.removeprefix("command/"))
-            guarded = self._guarded(topic.short, callback)
-            made.append(CommandSubscription(self.node, topic, guarded))
-        return made
+        return [
+            CommandSubscription(self.node, topic, self._guarded(topic.short, callback))
+            for topic, callback in commands.callbacks().items()
+        ]
 
     def _guarded(self, name: str, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         """A topic's callback that never raises."""

@@ -8,13 +8,21 @@ from typing import Any
 
 import numpy as np
 
+from ..core.commands import COMMANDS
 from ..core.reply import Reply
+from ..interface import (
+    COMMAND_TOPICS,
+    EXTERNAL_TORQUE,
+    FEEDFORWARD_COMMAND,
+    JOINT_TRAJECTORY,
+    Endpoint,
+)
 from .loop import ControlLoop
 from .messages import bounded, optional
 
 
 class CommandTopics:
-    """The callbacks of the command topics, each called as its topic in interface.py.
+    """The callbacks of the command topics.
 
     Args:
         loop: whose board is commanded.
@@ -34,45 +42,42 @@ class CommandTopics:
         warn: Callable[[str], None],
     ) -> None:
         self._loop, self._plant, self._injection = loop, plant, injection
-        self.joint_trajectory, self._warn = joint_trajectory, warn
+        self._joint_trajectory, self._warn = joint_trajectory, warn
 
-    def position(self, message: Any) -> None:
-        with self._loop.exclusive() as board:
-            joints = bounded(message.names, board.count)
-            reply = board.position_move(joints, message.positions, optional(message.speeds))
-        self._answer(reply)
+    def callbacks(self) -> dict[Endpoint, Callable[[Any], None]]:
+        """What takes the messages of each command topic."""
+        references = [topic for topic in COMMAND_TOPICS if topic.reference is not None]
+        return {
+            **{topic: self._reference(topic) for topic in references},
+            FEEDFORWARD_COMMAND: self._feedforward,
+            JOINT_TRAJECTORY: self._joint_trajectory,
+            EXTERNAL_TORQUE: self._external_torque,
+        }
 
-    def position_direct(self, message: Any) -> None:
-        with self._loop.exclusive() as board:
-            reply = board.set_position(bounded(message.names, board.count), message.positions)
-        self._answer(reply)
+    def _reference(self, topic: Endpoint) -> Callable[[Any], None]:
+        """A callback that sends references of the topic's kind, by its row of COMMANDS."""
+        kind = topic.reference
+        assert kind is not None
+        row = COMMANDS[kind]
+        along = row.along if row.along in topic.load().get_fields_and_field_types() else None
 
-    def velocity(self, message: Any) -> None:
-        with self._loop.exclusive() as board:
-            joints = bounded(message.names, board.count)
-            reply = board.velocity_move(
-                joints, message.velocities, optional(message.accelerations)
-            )
-        self._answer(reply)
+        def take(message: Any) -> None:
+            values = getattr(message, row.field)
+            extra = None if along is None else optional(getattr(message, along))
+            with self._loop.exclusive() as board:
+                reply = board.command(kind, bounded(message.names, board.count), values, extra)
+            self._answer(reply)
 
-    def torque(self, message: Any) -> None:
-        with self._loop.exclusive() as board:
-            reply = board.set_ref_torque(bounded(message.names, board.count), message.torques)
-        self._answer(reply)
+        return take
 
-    def output(self, message: Any) -> None:
-        with self._loop.exclusive() as board:
-            reply = board.set_output(bounded(message.names, board.count), message.outputs)
-        self._answer(reply)
-
-    def feedforward(self, message: Any) -> None:
+    def _feedforward(self, message: Any) -> None:
         with self._loop.exclusive() as board:
             joints = bounded(message.names, board.count)
             outputs, torques = optional(message.outputs), optional(message.torques)
             reply = board.set_feedforward(joints, outputs, torques)
         self._answer(reply)
 
-    def external_torque(self, message: Any) -> None:
+    def _external_torque(self, message: Any) -> None:
         """Push joints of the simulation from outside, until a 0 comes."""
         if not self._injection:
             self._warn(
