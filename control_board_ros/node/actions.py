@@ -78,10 +78,11 @@ class Actions:
     Args:
         node: to serve from.
         loop: whose board moves.
+        warn: takes what keeps a goal waiting and what repeats are called, for the throttled log.
     """
 
-    def __init__(self, node: Node, loop: ControlLoop) -> None:
-        self._loop = loop
+    def __init__(self, node: Node, loop: ControlLoop, warn: Callable[[str, str], None]) -> None:
+        self._loop, self._warn = loop, warn
         self._goals: list[Goal] = []
         self._servers: Sequence[ActionServer] = [
             self._server(node, MOVE, start_move),
@@ -102,6 +103,9 @@ class Actions:
             except ValueError as error:
                 handle.abort()
                 return kind.Result(success=False, message=str(error))
+            if self._loop.paused:
+                text = "the simulation is paused; let it go on with: cbctl resume"
+                self._warn(f"{action.short} waits: {text}", "times")
             ended = Future()
             self._goals.append(Goal(handle, task, ended))
             if len(self._goals) == 1:

@@ -33,7 +33,7 @@ from .throttle import PERIOD, ThrottledLog, writers
 from .topics import CommandTopics
 from .trajectory import TrajectoryTopic
 
-#: s after the start at which the graph is known well enough to look for a namesake.
+#: s after the start at which the graph is known well enough to look for another node of this name.
 SETTLED = 3.0
 
 
@@ -75,7 +75,7 @@ class BoardNode:
         self.parameters = Parameters(self.node, settings, self._reconfigure, self._changed)
         names = settings.board.names
         self.publisher = StatePublisher(
-            self.node, self.loop, names, settings.description, self._tell_events, self.on_error
+            self.node, self.loop, names, settings.description, self._log_events, self.on_error
         )
         injection = bool(values["allow_fault_injection"])
         self._trajectories = TrajectoryTopic(self.loop, self.warn)
@@ -91,7 +91,7 @@ class BoardNode:
             warn=self.warn,
         )
         self._subscriptions = self._subscribe(commands)
-        self._actions = Actions(self.node, self.loop)
+        self._actions = Actions(self.node, self.loop, self.warn)
         self._diagnostics = Diagnostics(
             self.loop,
             names,
@@ -102,8 +102,8 @@ class BoardNode:
         self._diagnostics_publisher = publisher(self.node, DIAGNOSTICS)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.node.create_timer(PERIOD, self._each_second, clock=steady)
-        self._namesake_timer = self.node.create_timer(
-            SETTLED, self._warn_of_namesake, clock=steady
+        self._same_name_timer = self.node.create_timer(
+            SETTLED, self._warn_of_same_name, clock=steady
         )
         for warning in settings.warnings:
             self.log.warning(warning)
@@ -130,9 +130,9 @@ class BoardNode:
         self.publisher.stop(timeout=0.5)
         return stopped
 
-    def warn(self, message: str) -> None:
-        """Log what was ignored, once per second and cause."""
-        self._throttled.say(self._write["warning"], message)
+    def warn(self, message: str, what: str = "ignored") -> None:
+        """Log a warning, once per second and cause; repeats are counted as ``what``."""
+        self._throttled.say(self._write["warning"], message, what)
 
     def on_error(self, error: Exception, where: str) -> None:
         """An exception that should not be: one line, once per second and cause."""
@@ -217,7 +217,7 @@ class BoardNode:
 
     # -- now and then -------------------------------------------------------------------------
 
-    def _tell_events(self) -> None:
+    def _log_events(self) -> None:
         """Log what happened in the control cycles (in the publisher's thread)."""
         events = self.loop.snapshots.events
         while events:
@@ -232,8 +232,8 @@ class BoardNode:
         for subscription in self._subscriptions:
             subscription.check()
 
-    def _warn_of_namesake(self) -> None:
-        self._namesake_timer.cancel()
+    def _warn_of_same_name(self) -> None:
+        self._same_name_timer.cancel()
         name = self.node.get_fully_qualified_name()
         same = [
             1

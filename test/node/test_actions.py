@@ -142,6 +142,15 @@ def test_a_paused_move_waits(talker: Talker) -> None:
     assert talker.answer(waiting).result.success
 
 
+def test_a_goal_of_a_paused_simulation_is_logged(talker: Talker, board: BoardProcess) -> None:
+    """It waits, and the log says for what."""
+    assert talker.call("pause", SetBool, data=True).success
+    handle = talker.goal("move", Move, names=talker.names[6:], positions=[0.1], speeds=[0.5])
+    board.wait_for_output("move waits: the simulation is paused")
+    assert talker.call("pause", SetBool, data=False).success
+    assert result(talker, handle)[1].success
+
+
 def test_calibrate_with_feedback(talker: Talker) -> None:
     """K1, K3: CALIBRATING at once, progress up to 1, then the calibrator's mode."""
     feedback: list[Any] = []
