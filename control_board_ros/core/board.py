@@ -198,6 +198,13 @@ class Board(ModeShortcuts):
         self.state.power_on()
         self._power_on()
 
+    def power_off(self) -> None:
+        """Take the power of every joint; a calibration is aborted (K2), a fault stays shown."""
+        for name, mode in zip(self.names, self.get_control_mode(), strict=True):
+            calibrating = mode is ControlMode.CALIBRATING  # refuses IDLE
+            idle = ControlMode.FORCE_IDLE if calibrating else ControlMode.IDLE
+            self.set_control_mode(name, idle)
+
     def reconfigure(self, config: BoardConfig) -> None:
         """Take new gains, limits and timeouts while running, without a jump.
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Command topics that hear every publisher: reliable ones, and best-effort ones as well.
+"""Subscriptions to command topics that receive from reliable and from best-effort publishers.
 
 DDS never connects a best-effort publisher to a reliable subscription. The subscription stays
-reliable, as the interface promises; when the middleware reports a publisher that it cannot
-hear, a best-effort one is added beside it. That one hears everybody, so from then on it is the
-one that counts, and for a moment, while publishers find it, messages that come by both ways are
-told apart by their source time stamps. When the last best-effort publisher is gone, it goes.
+reliable, as the interface promises; when the middleware reports an incompatible publisher, a
+best-effort subscription is added beside it. That one receives from all publishers, so its
+messages count from then on; for a moment, while publishers match, what arrives by both is
+recognized by its source time stamp. When the last best-effort publisher is gone, it is removed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ..interface import Endpoint
 
-#: s in which both subscriptions are heard after the second one was added.
+#: s in which messages of both subscriptions count after the second one was added.
 HANDOVER = 1.0
 #: Source time stamps of messages that are remembered meanwhile.
 STAMPS_KEPT = 64
@@ -55,7 +55,7 @@ class CommandSubscription:
         )
 
     def check(self) -> None:
-        """Drop the second subscription when nobody needs it; to be called now and then."""
+        """Remove the best-effort subscription when it is not needed; to be called now and then."""
         if self._best_effort is not None and not self._has_best_effort_publishers():
             self._node.destroy_subscription(self._best_effort)
             self._best_effort = None

@@ -22,7 +22,6 @@ import numpy as np
 
 from ..core.board import Board
 from ..core.measurement import Actuation, Plant
-from ..core.vocabs import ControlMode
 from .fair_lock import FairLock
 from .pacing import Divider, Pacer, Statistics, sharpen_timers
 from .snapshots import Snapshots
@@ -284,14 +283,9 @@ class ControlLoop:
             done(message)
 
     def _unpower(self) -> None:
-        """Every joint to IDLE, one cycle to let it act, and the last state."""
+        """Every joint without power, one cycle to let it act, and the last state."""
         with self.exclusive() as board:
-            modes = board.get_control_mode(None)
-            for name, mode in zip(board.names, modes, strict=True):
-                calibrating = mode is ControlMode.CALIBRATING  # refuses IDLE (K2)
-                board.set_control_mode(
-                    name, ControlMode.FORCE_IDLE if calibrating else ControlMode.IDLE
-                )
+            board.power_off()
             board.tick(self._plant.read())
             self._cut_power()
             self.snapshots.note_changes()

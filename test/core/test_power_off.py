@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The end of a program: every joint without power, whatever its mode."""
+
+from __future__ import annotations
+
+import pytest
+from rig import in_status, ready
+
+from control_board_ros.core.vocabs import ControlMode
+
+M = ControlMode
+
+
+@pytest.mark.parametrize("mode", [M.POSITION, M.VELOCITY, M.TORQUE, M.OPENLOOP, M.IDLE])
+def test_every_mode_becomes_idle(mode: ControlMode) -> None:
+    rig = ready()
+    assert rig.board.set_control_mode(["left", "right"], mode)
+    rig.tick()
+    rig.board.power_off()
+    assert set(rig.modes()) == {M.IDLE}
+    assert not rig.board.tick(rig.plant.read()).powered.any()
+
+
+@pytest.mark.parametrize(
+    ("status", "after"),
+    [
+        (M.CALIBRATING, M.IDLE),  # K2
+        (M.HW_FAULT, M.HW_FAULT),  # F2: what happened stays shown
+        (M.NOT_CONFIGURED, M.NOT_CONFIGURED),  # N4
+    ],
+)
+def test_no_status_keeps_power(status: ControlMode, after: ControlMode) -> None:
+    rig = in_status(status)
+    rig.board.power_off()
+    assert rig.modes() == [after]
+    assert not rig.board.tick(rig.plant.read()).powered.any()
