@@ -30,7 +30,7 @@ from .faults import FaultRecord
 from .limits import BoardLimits
 from .machine import Machine
 from .measurement import Actuation, Measurement, Row
-from .modes import CONFIGURED, Event
+from .modes import CALIBRATES, CONFIGURED, Event
 from .references import References
 from .reply import Reply, accepted, refused
 from .selection import RequestError, Selector, all_within, control_modes, interaction_modes
@@ -41,6 +41,7 @@ from .vocabs import CommandKind, ControlMode, InteractionMode
 __all__ = ["Board", "BoardEvent", "CommandKind"]
 
 K = CommandKind
+M = ControlMode
 T = TypeVar("T")
 
 
@@ -201,9 +202,8 @@ class Board(ModeShortcuts):
     def power_off(self) -> None:
         """Take the power of every joint; a calibration is aborted (K2), a fault stays shown."""
         for name, mode in zip(self.names, self.get_control_mode(), strict=True):
-            calibrating = mode is ControlMode.CALIBRATING  # refuses IDLE
-            idle = ControlMode.FORCE_IDLE if calibrating else ControlMode.IDLE
-            self.set_control_mode(name, idle)
+            calibrating = mode in CALIBRATES  # refuses IDLE
+            self.set_control_mode(name, M.FORCE_IDLE if calibrating else M.IDLE)
 
     def reconfigure(self, config: BoardConfig) -> None:
         """Take new gains, limits and timeouts while running, without a jump.

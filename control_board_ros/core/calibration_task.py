@@ -7,6 +7,7 @@ from ..protocols import Joints
 from .arrival import Outcome
 from .board import Board
 from .calibration import CalibrationStatus
+from .modes import CALIBRATES
 from .reply import Answer, joints_of
 from .selection import RequestError
 from .vocabs import ControlMode
@@ -55,9 +56,7 @@ class CalibrationTask:
         """Abort what is running (K2); what the joints do now."""
         modes = self._board.get_control_mode(self._started)
         running = [
-            name
-            for name, mode in zip(self._started, modes, strict=True)
-            if mode is ControlMode.CALIBRATING
+            name for name, mode in zip(self._started, modes, strict=True) if mode in CALIBRATES
         ]
         if running:
             self._board.set_control_mode(running, ControlMode.FORCE_IDLE)
