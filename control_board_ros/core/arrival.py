@@ -10,6 +10,8 @@ from __future__ import annotations
 from enum import Enum, auto
 from typing import NamedTuple
 
+from .reply import position_text
+
 #: How near to its target a joint has arrived, by its kind: rad, and m for a prismatic joint.
 TOLERANCES = {"revolute": 0.01, "continuous": 0.01, "prismatic": 0.001}
 
@@ -94,8 +96,7 @@ def ending(
         changed: which of its modes changed during the move, and to what.
         compliant: whether the interaction mode is COMPLIANT.
     """
-    where = f"{name} is at {position:.4g} {unit(kind)}"
-    wanted = f"{target:.4g} {unit(kind)}"
+    where, wanted = f"{name} is at {position_text(kind, position)}", position_text(kind, target)
     away = abs(position - target)
     if found is Standing.ARRIVED:
         if not compliant or away <= TOLERANCES[kind]:
@@ -105,6 +106,6 @@ def ending(
         cause = changed or "it was stopped"
         return f"{where}, not at its target {wanted}: {cause} during the move; send it again"
     return (
-        f"{where}, {away:.4g} {unit(kind)} away from its target {wanted}: it is blocked, "
+        f"{where}, {position_text(kind, away)} away from its target {wanted}: it is blocked, "
         "its reference was moved by something else, or its gains are too low"
     )

@@ -25,6 +25,7 @@ from .commands import Commands, timeout_cycles
 from .config import BoardConfig, ConfigError
 from .control import Controller
 from .events import BoardEvent, Events
+from .explanations import explain_limit
 from .fault_monitor import FaultMonitor
 from .faults import FaultRecord
 from .limits import BoardLimits
@@ -131,9 +132,8 @@ class Board(ModeShortcuts):
         for j, (now, before) in enumerate(zip(on_limit, self._on_limit, strict=True)):
             if now and not before:
                 position = float(self.state.measured[Row.POSITION, j])
-                low, high = self._limits.lower[j], self._limits.upper[j]
-                text = f"at {position:.4g}, beyond its software limits {low:.4g} to {high:.4g}"
-                self.machine.tell("warning", "limit", j, f"{text}; the protection pushes it back")
+                text = explain_limit(self.config.joints[j], position)
+                self.machine.tell("warning", "limit", j, text)
         self._on_limit = on_limit
 
     # --- the whole board ----------------------------------------------------------------------

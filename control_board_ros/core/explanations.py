@@ -12,7 +12,7 @@ from collections.abc import Callable
 from .config import JointConfig
 from .decisions import Facts, Reason, Wanted
 from .modes import Event, modes_accepting
-from .reply import quantity
+from .reply import position_text, quantity
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
 #: Why a request for a joint is not carried out.
@@ -97,6 +97,18 @@ def explain_bound(joint: JointConfig, kind: CommandKind, asked: float, taken: fl
     sliding = joint.kind == "prismatic"
     shown = quantity(kind, taken, sliding), quantity(kind, asked, sliding)
     return f"{joint.name}: {kind} bounded to {shown[0]} ({shown[1]} was asked for)"
+
+
+def explain_limit(joint: JointConfig, position: float) -> str:
+    """Where a joint is that its protection pushes back into its software limits (P9)."""
+    limits = joint.limits
+    beyond = max(limits.lower - position, position - limits.upper)
+    at, over, low, high = (
+        position_text(joint.kind, value)
+        for value in (position, beyond, limits.lower, limits.upper)
+    )
+    where = f"{over} beyond" if beyond > 0.0 else "at"
+    return f"at {at}, {where} its software limits, {low} to {high}; the protection pushes it back"
 
 
 def explain_slower(joint: JointConfig, way: float, speed: float, time: float) -> str:

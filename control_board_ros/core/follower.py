@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..protocols import Joints
 from .board import Board
 from .path import SAME_TIME, Path, Sample, Spline
-from .reply import Answer, Reply, decided, joints_of
+from .reply import Answer, Reply, decided, joints_of, position_text
 from .vocabs import CommandKind, InteractionMode
 
 Bools = NDArray[np.bool_]
@@ -234,15 +234,20 @@ class Follower:
         """What the limits cut of a path, by joint."""
         found = {}
         for k, j in enumerate(run.joints):
-            limits, name = self._board.config.joints[j].limits, self._board.names[j]
+            joint, name = self._board.config.joints[j], self._board.names[j]
+            limits = joint.limits
             column = run.path.positions[:, k]
             beyond = (column < limits.lower) | (column > limits.upper)
             if beyond.any():
                 i = int(np.argmax(beyond))
+                low, high, asked = (
+                    position_text(joint.kind, value)
+                    for value in (limits.lower, limits.upper, column[i])
+                )
                 found[name] = (
                     Answer.ACCEPTED,
-                    f"{name} stays within {limits.lower:.6g} to {limits.upper:.6g} "
-                    f"(point {i} asks for {column[i]:.6g}): software limit",
+                    f"{name} stays within {low} to {high} (point {i} asks for {asked}): "
+                    "software limit",
                 )
         return found
 

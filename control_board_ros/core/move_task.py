@@ -16,10 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..protocols import Floats, Joints
-from .arrival import TOLERANCES, Outcome, Standing, ending, standing, unit
+from .arrival import TOLERANCES, Outcome, Standing, ending, standing
 from .board import Board
 from .modes import ACCEPTS
-from .reply import summary
+from .reply import position_text, summary
 from .selection import RequestError
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
@@ -84,8 +84,9 @@ class MoveTask:
             return Outcome(False, self._left(left[0]))
         for joint, target in zip(self._joints, self._targets(), strict=True):
             if target != joint.target:
-                is_, was = (f"{value:.6g} {unit(joint.kind)}" for value in (target, joint.target))
-                return Outcome(False, f"another move took {joint.name} to {is_} instead of {was}")
+                taken = f"{joint.name} to {position_text(joint.kind, target)}"
+                wanted = position_text(joint.kind, joint.target)
+                return Outcome(False, f"another move took {taken} instead of {wanted}")
         if all(board.check_motion_done(self.names)):
             return self._arrival()
         self._ended = None
@@ -145,7 +146,7 @@ class MoveTask:
     def _standings(self, *, since: float) -> list[Standing]:
         board, names = self._board, self.names
         joints = board.selector.select(names).joints
-        shown = board.snapshot()
+        snapshot = board.snapshot()
         return [
             standing(
                 joint.target,
@@ -158,9 +159,9 @@ class MoveTask:
             )
             for joint, reference, velocity, position, interaction in zip(
                 self._joints,
-                shown.position_reference[joints].tolist(),
-                shown.velocity_reference[joints].tolist(),
-                shown.position[joints].tolist(),
+                snapshot.position_reference[joints].tolist(),
+                snapshot.velocity_reference[joints].tolist(),
+                snapshot.position[joints].tolist(),
                 board.get_interaction_mode(names),
                 strict=True,
             )

@@ -55,6 +55,11 @@ def quantity(kind: CommandKind, value: float, sliding: bool) -> str:
     return f"{math.degrees(value):.4g}°{rate}"
 
 
+def position_text(kind: str, position: float) -> str:
+    """A position with its unit, for people, of a kind of joint."""
+    return quantity(CommandKind.POSITION, position, kind == "prismatic")
+
+
 def accepted(joints: tuple[str, ...]) -> Reply:
     """All of them accepted."""
     return Reply(joints, (Answer.ACCEPTED,) * len(joints))

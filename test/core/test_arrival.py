@@ -66,9 +66,9 @@ def test_what_is_said() -> None:
     assert ending("a", "revolute", S.ARRIVED, 1.0, 1.001) == ""
     assert ending("a", "revolute", S.ARRIVED, 1.0, 0.999, compliant=True) == ""
     text = ending("a", "revolute", S.ARRIVED, -1.0, -0.9, compliant=True)
-    assert text.startswith("a is at -0.9 rad, its reference at -1 rad: it is COMPLIANT")
+    assert text.startswith("a is at -51.57°, its reference at -57.3°: it is COMPLIANT")
     text = ending("a", "revolute", S.DROPPED, -1.0, 0.17, changed="its mode became COMPLIANT")
-    assert text.startswith("a is at 0.17 rad, not at its target -1 rad: its mode became COMPLIANT")
+    assert text.startswith("a is at 9.74°, not at its target -57.3°: its mode became COMPLIANT")
     assert "it was stopped" in ending("a", "revolute", S.DROPPED, -1.0, 0.17)
     text = ending("f", "prismatic", S.AWAY, 0.04, 0.031)
     assert text.startswith("f is at 0.031 m, 0.009 m away from its target 0.04 m: it is blocked")

@@ -278,7 +278,10 @@ def test_a_limit_that_cuts_is_told(rig: Following) -> None:
     """P9: the path is followed within the limits, and the reply says so."""
     reply = rig.follower.follow("a", line(("a",), (3.0, 2.5)), rig.board.time)
     assert reply
-    assert "a stays within -2 to 2 (point 0 asks for 2.5): software limit" in reply.message
+    assert (
+        "a stays within -114.6° to 114.6° (point 0 asks for 143.2°): software limit"
+        in reply.message
+    )
     rig.cycle(5)
     assert rig.follower.busy
 

@@ -48,6 +48,13 @@ MODES = {
 }
 
 
+def test_the_former_name_of_the_module_is_kept() -> None:
+    """Programs that import control_board_ros.interfaces get the same Protocols."""
+    from control_board_ros import interfaces
+
+    assert interfaces.IControlMode2 is protocols.IControlMode2
+
+
 @pytest.mark.parametrize("interface", list(SOURCE))
 def test_interfaces_are_offered(interface: str) -> None:
     """A: every method of §4 is in its Protocol, on the board and on the client, joints first."""
