@@ -16,13 +16,13 @@ import gc
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
 from ..core.board import Board
 from ..core.measurement import Actuation, Plant
-from .fair_lock import FairLock
+from .fair_lock import Exclusive, FairLock
 from .pacing import Divider, Pacer, Statistics, sharpen_timers
 from .snapshots import Snapshots
 from .time_base import NANOSECONDS, TimeBase
@@ -60,6 +60,7 @@ class ControlLoop:
     ) -> None:
         self._board, self._plant = board, plant
         self._lock = FairLock()
+        self._exclusive = Exclusive(self._lock, board, self._end_exclusive)
         self.on_end = on_end
         self._pacer = Pacer(0.0)
         self.hooks: list[Hook] = []
@@ -103,17 +104,15 @@ class ControlLoop:
         self._plant.close()
         return True
 
-    @contextlib.contextmanager
-    def exclusive(self) -> Iterator[Board]:
+    def exclusive(self) -> Exclusive:
         """Hold the lock, between two cycles: ``with loop.exclusive() as board``."""
-        with self._lock:
-            try:
-                yield self._board
-            finally:
-                for hook in self.exclusive_hooks:
-                    hook()
-                if self._paused:  # else the next cycle shows it, when the request has its answer
-                    self.snapshots.note_changes()
+        return self._exclusive
+
+    def _end_exclusive(self) -> None:
+        for hook in self.exclusive_hooks:
+            hook()
+        if self._paused:  # else the next cycle shows it, when the request has its answer
+            self.snapshots.note_changes()
 
     def statistics(self) -> Statistics:
         """How the loop fared since the last call, and in all."""
