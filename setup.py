@@ -234,13 +234,11 @@ def version() -> str:
 def runtime_requirements() -> list[str]:
     """What pip installs; a sourced ROS 2 brings its own packages, which pip does not know."""
     plain = [
-        "click>=8.1",
         "numpy>=1.26",
         "prompt_toolkit>=3.0",
         "pybullet>=3.2.6",
         "pyyaml>=6.0",
         "rich>=13.0",
-        "typer>=0.12",
     ]
     return plain if any(map(has_ros, sourced_prefixes())) else plain + ROS_WHEELS
 

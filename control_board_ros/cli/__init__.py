@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``cbctl``: the board from a terminal. A verb per file; values first, printing on top.
+"""``cbctl``: the board from a terminal.
 
-Nothing here imports rclpy before a verb needs the board, so that help and completion are fast.
+``app`` reads a line and runs a verb of ``verbs``; a verb prints what functions of the modules
+beside it read. Nothing here imports rclpy before a verb needs the board, so that help is fast.
 """
 
 from __future__ import annotations

@@ -6,9 +6,32 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from .arguments import Parser, argument
+from .words import UsageError
+
+BOARD = argument(
+    "--board", default="control_board", metavar="NAME", help="Name of the board's node."
+)
+NAMESPACE = argument(
+    "--namespace", default="", metavar="NAMESPACE", help="Namespace of the board."
+)
+TIMEOUT = argument(
+    "--timeout",
+    type=float,
+    default=5.0,
+    metavar="SECONDS",
+    help="To find the board, and to wait for each answer.",
+)
+DOMAIN = argument(
+    "--domain", type=int, metavar="NUMBER", help="ROS domain; else that of ROS_DOMAIN_ID."
+)
+JSON = argument("--json", action="store_true", help="Print JSON, and nothing else, on stdout.")
+VERSION = argument("--version", action="store_true", help="Print the version, and leave.")
+
 #: Options that take a value, and those that do not.
 VALUED = ("--board", "--namespace", "--timeout", "--domain")
-PLAIN = ("--json",)
+PLAIN = ("--json", "--version")
+ARGUMENTS = (BOARD, NAMESPACE, TIMEOUT, DOMAIN, JSON, VERSION)
 ROS_ARGUMENTS = "--ros-args"
 
 
@@ -29,6 +52,24 @@ class Options:
     ros_arguments: list[str] = field(default_factory=list)
 
 
+def read_options(words: Sequence[str], ros_arguments: list[str]) -> tuple[Options, bool]:
+    """The options in words, and whether the version is asked for.
+
+    Raises:
+        UsageError: a value that is out of its range.
+    """
+    values = Parser("cbctl", ARGUMENTS).read(words)
+    version = values.pop("version")
+    options = Options(**values, ros_arguments=ros_arguments)
+    if not 0.0 < options.timeout <= 3600.0:
+        raise UsageError(
+            f"--timeout {options.timeout:g} is not valid; give seconds above 0, up to 3600"
+        )
+    if options.domain is not None and not 0 <= options.domain <= 232:
+        raise UsageError(f"--domain {options.domain} is not valid; ROS domains are 0 to 232")
+    return options, version
+
+
 def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     """The line without, and with only, what stands from --ros-args on."""
     line = list(arguments)
@@ -38,19 +79,19 @@ def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]
     return line[:k], line[k:]
 
 
-def hoist(arguments: Sequence[str]) -> list[str]:
-    """Move the options of every verb to the front: ``modes --json`` is ``--json modes``."""
+def hoist(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Part the options of every verb from the verb and its words, wherever they stand."""
     front: list[str] = []
     rest: list[str] = []
-    words = iter(arguments)
-    for word in words:
+    left = iter(words)
+    for word in left:
         name, _, value = word.partition("=")
         if word == "--":
-            rest += [word, *words]
+            rest += [word, *left]
         elif word in PLAIN or (name in VALUED and value):
             front.append(word)
         elif word in VALUED:
-            front += [word, *[w for w in [next(words, None)] if w is not None]]
+            front += [word, *[w for w in [next(left, None)] if w is not None]]
         else:
             rest.append(word)
-    return front + rest
+    return front, rest

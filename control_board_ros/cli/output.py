@@ -44,12 +44,13 @@ COLOURS = {
 }
 
 
-def console(*, stderr: bool = False) -> Console:
+def console(*, stderr: bool = False, width: int | None = None) -> Console:
     """A rich console: colours only where somebody looks, width only where there is one."""
     from rich.console import Console
 
     stream = sys.stderr if stderr else sys.stdout
-    width = None if stream.isatty() else PIPE_WIDTH
+    if width is None and not stream.isatty():
+        width = PIPE_WIDTH
     return Console(stderr=stderr, highlight=False, width=width)
 
 
@@ -57,15 +58,19 @@ class ReaderGone(Exception):  # noqa: N818
     """Who reads our output has enough of it, as in ``cbctl watch --json | head -1``."""
 
 
-def put(result: Any) -> None:
+def put(result: Any, *, width: int | None = None) -> None:
     """Print something on stdout: text as it stands, and what rich can render.
+
+    Args:
+        result: what to print.
+        width: of the lines, characters; None: that of the terminal.
 
     Raises:
         ReaderGone: nobody reads any more.
     """
     end = "\n"
     if not isinstance(result, str):  # rich itself would end the program on a closed pipe
-        screen = console()
+        screen = console(width=width)
         with screen.capture() as captured:
             screen.print(result)
         result, end = captured.get(), ""

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from ..startup import announce_often, leave_out_the_generator
 from .limits import FIELDS, JointLimits, check_targets, limits_of, read_parameters
@@ -16,6 +16,8 @@ from .robot import JointDescription, describe
 from .words import Quantity, Refused, UsageError, assigned, find_joints
 
 if TYPE_CHECKING:
+    from rclpy.node import Node
+
     from control_board_ros.client import ControlBoardClient
 
 #: s to wait for the parameters of a board that was found; without them it answers all the same.
@@ -23,10 +25,16 @@ PARAMETERS_TIMEOUT = 2.0
 
 
 class Session:
-    """The options in force, and the client once a verb asks for it."""
+    """The options in force, and the client once a verb asks for it.
+
+    Attributes: options, shared (whether several lines use it: the shell), run_line (runs another
+    line in this session, and gives its exit code; set by whatever runs a line).
+    """
+
+    run_line: Callable[[Sequence[str]], int]
 
     def __init__(self, options: Options) -> None:
-        self.shared = False  # whether several lines use it: the shell
+        self.shared = False
         self.options = options
         self._stack = contextlib.ExitStack()
 
@@ -43,13 +51,33 @@ class Session:
 
     @cached_property
     def client(self) -> ControlBoardClient:
-        """The client; made on first use."""
+        """The client; made on first use.
+
+        The node comes first: from then on the middleware looks for the board in threads of its
+        own, while this one loads the rest.
+        """
         announce_often()
         leave_out_the_generator()
+        node = self._node = self._start_node()
+        from control_board_ros.client import ControlBoardClient
+
+        client = ControlBoardClient(
+            node,
+            self.options.board,
+            find_timeout=self.options.timeout,
+            answer_timeout=max(self.options.timeout, 1.0),
+        )
+        self._stack.callback(client.close)
+        return client
+
+    def _start_node(self) -> Node:
+        """A node in a context of its own, that ends with the session.
+
+        Raises:
+            UsageError: ROS refuses the namespace, the domain or the ROS arguments.
+        """
         from rclpy.context import Context
         from rclpy.node import Node
-
-        from control_board_ros.client import ControlBoardClient
 
         options = self.options
         context = Context()  # of its own: without rclpy's signal handlers, Ctrl-C is ours
@@ -67,15 +95,7 @@ class Session:
         except Exception as error:
             raise UsageError(f"cannot start a ROS node: {str(error).splitlines()[0]}") from error
         self._stack.callback(node.destroy_node)
-        self._node = node
-        client = ControlBoardClient(
-            node,
-            options.board,
-            find_timeout=options.timeout,
-            answer_timeout=max(options.timeout, 1.0),
-        )
-        self._stack.callback(client.close)
-        return client
+        return node
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -143,8 +163,3 @@ class Session:
     def show_angle(self, name: str, value: float) -> str:
         """A position for people: degrees, or mm."""
         return position_text(value, self.slides(name))
-
-
-def by_joint(names: Sequence[str], values: Any) -> dict[str, float]:
-    """The values of an array, shape (n,), by joint."""
-    return dict(zip(names, values.tolist(), strict=True))

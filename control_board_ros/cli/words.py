@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 DEGREE = math.pi / 180.0
@@ -117,11 +117,15 @@ def find_joint(word: str, names: Sequence[str]) -> list[str]:
             return found
         if found:
             raise Refused(f"joint {word!r} could be {', '.join(found)}; write more of its name")
+    raise Refused(f"joint {word[:64]!r} unknown{nearest(word, names)}; joints: {', '.join(names)}")
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """A hint at what was meant, to end a phrase with; empty where nothing is near."""
     from difflib import get_close_matches
 
-    near = get_close_matches(word[:64], names, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise Refused(f"joint {word[:64]!r} unknown{hint}; joints: {', '.join(names)}")
+    near = get_close_matches(word[:64], list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def find_joints(words: Sequence[str], names: Sequence[str]) -> list[str]:

@@ -7,7 +7,6 @@ import json
 import re
 import subprocess
 import sys
-import time
 from typing import Any
 
 import pytest
@@ -18,14 +17,16 @@ from control_board_ros import __version__
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (["bogus"], "No such command 'bogus'"),
-        (["mode"], "Missing argument 'JOINT… MODE'"),
+        (["bogus"], "verb 'bogus' unknown; see cbctl --help"),
+        (["mods"], "verb 'mods' unknown; did you mean 'modes'?; see cbctl --help"),
+        (["--bogus", "modes"], "option '--bogus' unknown"),
+        (["mode"], "required: JOINT… MODE; see cbctl mode --help"),
         (["mode", "vel"], "name joints, then a mode, e.g. cbctl mode all pos"),
         (["move", "joint_1"], "'joint_1' is not valid; write JOINT=VALUE"),
         (["move", "joint_1=90grad"], "'90grad' is not valid; write a number"),
         (["velocity", "0=1", "--for", "x"], "time 'x' is not valid"),
         (["velocity", "0=1", "--for", "1s", "--once"], "exclude each other"),
-        (["modes", "--nonsense"], "No such option"),
+        (["modes", "--nonsense"], "unrecognized arguments: --nonsense; see cbctl modes --help"),
         (["modes", "--timeout", "0"], "--timeout 0 is not valid"),
         (["modes", "--domain", "300"], "--domain 300 is not valid; ROS domains are 0 to 232"),
         (["inject", "0"], "name joints, then a fault"),
@@ -101,9 +102,6 @@ def test_version(alone: Any) -> None:
 
 def test_help_is_quick(alone: Any) -> None:
     """It imports neither rclpy nor numpy."""
-    start = time.monotonic()
-    assert alone("--help").code == 0
-    assert time.monotonic() - start < 3.0  # 0.25 s on an idle machine
     program = (
         "import sys; from control_board_ros.cli import main; main(['--help']);"
         "assert not {'rclpy', 'numpy', 'control_board_msgs'} & set(sys.modules), 'heavy'"

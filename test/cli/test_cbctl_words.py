@@ -10,13 +10,15 @@ from typing import Any
 
 import pytest
 
+from control_board_ros.cli.arguments import Parser, arguments_of
 from control_board_ros.cli.limits import JointLimits, check_targets, limits_of
 from control_board_ros.cli.options import hoist, split_ros_arguments
 from control_board_ros.cli.output import bar, conclude, plain
 from control_board_ros.cli.robot import describe
-from control_board_ros.cli.verbs.faults import when
-from control_board_ros.cli.verbs.mode import joints_and_mode
-from control_board_ros.cli.verbs.streaming import duration
+from control_board_ros.cli.streaming import duration
+from control_board_ros.cli.verbs.look import when
+from control_board_ros.cli.verbs.modes import joints_and_mode
+from control_board_ros.cli.verbs.motion import move
 from control_board_ros.cli.words import (
     Quantity,
     Refused,
@@ -149,20 +151,47 @@ def test_durations() -> None:
 
 def test_options_anywhere() -> None:
     """The options of every verb may stand behind it."""
-    assert hoist(["modes", "--json", "a"]) == ["--json", "modes", "a"]
-    assert hoist(["modes", "--board", "x", "--domain=3"]) == [
-        "--board",
-        "x",
-        "--domain=3",
-        "modes",
-    ]
-    assert hoist(["move", "a=-1", "--speed", "2"]) == ["move", "a=-1", "--speed", "2"]
-    assert hoist(["modes", "--board"]) == ["--board", "modes"]
-    assert hoist(["mode", "--", "--json"]) == ["mode", "--", "--json"]
+    assert hoist(["modes", "--json", "a"]) == (["--json"], ["modes", "a"])
+    assert hoist(["modes", "--board", "x", "--domain=3"]) == (
+        ["--board", "x", "--domain=3"],
+        ["modes"],
+    )
+    assert hoist(["move", "a=-1", "--speed", "2"]) == ([], ["move", "a=-1", "--speed", "2"])
+    assert hoist(["modes", "--board"]) == (["--board"], ["modes"])
+    assert hoist(["mode", "--", "--json"]) == ([], ["mode", "--", "--json"])
     assert split_ros_arguments(["modes", "--ros-args", "-r", "a:=b"]) == (
         ["modes"],
         ["--ros-args", "-r", "a:=b"],
     )
+
+
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        (["0=1", "--speed", "2", "1=-3"], {"words": ["0=1", "1=-3"], "speed": "2", "wait": True}),
+        (["--no-wait", "0=1"], {"words": ["0=1"], "speed": None, "wait": False}),
+        (["0=1", "--speed=-2deg"], {"words": ["0=1"], "speed": "-2deg", "wait": True}),
+        (["0=1", "--speed", "-2deg"], {"words": ["0=1"], "speed": "-2deg", "wait": True}),
+        (["0=1", "--speed", "-.5"], {"words": ["0=1"], "speed": "-.5", "wait": True}),
+    ],
+)
+def test_options_of_a_verb(words: list[str], values: dict[str, Any]) -> None:
+    """They stand anywhere among its words; a value may be negative."""
+    assert Parser("cbctl move", arguments_of(move)).read(words) == values
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--speed", "--no-wait", "0=1"], "argument --speed: expected one argument"),
+        (["0=1", "--spe", "2"], "unrecognized arguments: --spe 2"),
+        ([], "the following arguments are required: JOINT=VALUE"),
+    ],
+)
+def test_options_that_are_none(words: list[str], text: str) -> None:
+    """Nothing is guessed; where the help is, is told."""
+    with pytest.raises(UsageError, match=f"{text}; see cbctl move --help"):
+        Parser("cbctl move", arguments_of(move)).read(words)
 
 
 def test_limits_from_a_urdf() -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from control_board_ros.cli.offers import MODE_CODES, offers
-from control_board_ros.cli.verbs.shell import line_offers
+from control_board_ros.cli.completion import MODE_CODES, line_offers, offers
+from control_board_ros.cli.verbs.terminal import HELP, LEAVE
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 4)]
 SHORT = ["joint_1", "joint_2", "joint_3"]
@@ -40,7 +40,7 @@ def test_modes_are_those_that_can_be_set() -> None:
     ],
 )
 def test_a_line_of_the_shell(line: str, words: list[str]) -> None:
-    assert line_offers(line, VERBS, IIWA) == words
+    assert line_offers(line, VERBS, IIWA, (*HELP, *LEAVE)) == words
 
 
 def test_a_fault_follows_joints() -> None:

@@ -11,9 +11,8 @@ import pytest
 from rich.console import Console
 
 from control_board_ros.cli.tables import grid, short_names
-from control_board_ros.cli.verbs.impedance import render as draw_impedance
-from control_board_ros.cli.verbs.info import render as draw_info
-from control_board_ros.cli.verbs.references import render as draw_references
+from control_board_ros.cli.verbs.look import joints_table, references_table
+from control_board_ros.cli.verbs.modes import impedance_table
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
 WIDTHS = [40, 60, 80, 120]
@@ -58,7 +57,7 @@ def test_references(monkeypatch: pytest.MonkeyPatch, width: int, names: list[str
     """Every number is there whole, with its unit, beside the short name of its joint."""
     narrowed(monkeypatch, width)
     session: Any = SimpleNamespace(slides=lambda name: False, names=IIWA)
-    text = drawn(draw_references(session, dict.fromkeys(names, REFERENCE)), width)
+    text = drawn(references_table(session, dict.fromkeys(names, REFERENCE)), width)
     assert all(len(line) <= width for line in text.splitlines())
     for value in ("-168.0°", "-135.0°/s", "-320.25 N·m", "-100.0 %", "135.0°/s", "1432.4°/s²"):
         assert text.count(value) >= len(names), value
@@ -69,7 +68,7 @@ def test_references(monkeypatch: pytest.MonkeyPatch, width: int, names: list[str
 def test_info(width: int) -> None:
     """Limits, stops and modes of every joint, none of them broken within a word."""
     rows = {name: JOINT | {"index": k} for k, name in enumerate(IIWA)}
-    text = drawn(draw_info({"board": "/control_board", "joints": rows}, width), width)
+    text = drawn(joints_table("/control_board", rows, width), width)
     assert all(len(line) <= width for line in text.splitlines())
     assert text.startswith("/control_board\n")
     assert text.count("-168.0…168.0°") == 7
@@ -93,7 +92,7 @@ def test_impedance(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
         "torque_offset": -33.1234,
     }
     session: Any = SimpleNamespace(names=IIWA)
-    text = drawn(draw_impedance(session, dict.fromkeys(IIWA, row)), width)
+    text = drawn(impedance_table(session, dict.fromkeys(IIWA, row)), width)
     assert all(len(line) <= width for line in text.splitlines())
     for value in ("1000", "5000", "114.8", "1088", "-33.12"):
         assert text.split().count(value) == 7
@@ -104,10 +103,10 @@ def test_a_continuous_joint_is_endless() -> None:
     """Its parameters hold limits that no joint has: they are not shown as numbers."""
     wheel = JOINT | {"kind": "continuous", "lower": -1e6, "upper": 1e6}
     wheel |= {"hard_lower": float("-inf"), "hard_upper": float("inf")}
-    text = drawn(draw_info({"board": "/b", "joints": {"wheel": wheel}}, 120), 120)
+    text = drawn(joints_table("/b", {"wheel": wheel}, 120), 120)
     assert text.split().count("endless") == 2
     unknown = JOINT | {"lower": None, "upper": None}
-    text = drawn(draw_info({"board": "/b", "joints": {"a": unknown}}, 120), 120)
+    text = drawn(joints_table("/b", {"a": unknown}, 120), 120)
     assert "revolute       -  -170.0…170.0°" in text
 
 

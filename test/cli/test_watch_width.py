@@ -10,7 +10,7 @@ from rich.console import Console
 
 from control_board_ros.cli.limits import limits_of
 from control_board_ros.cli.tables import short_names
-from control_board_ros.cli.verbs.watch import TITLES, render
+from control_board_ros.cli.verbs.watch import TITLES, watch_table
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
 ICUB = ["l_shoulder_pitch", "l_shoulder_roll", "l_elbow"]
@@ -33,7 +33,7 @@ def drawn(names: list[str], width: int, fault: str = "", **more: Any) -> list[st
     limits: Any = dict.fromkeys(names, limits_of([-3.0, 3.0, -3.1, 3.1, 2.0, 10.0, 100.0]))
     rows = dict.fromkeys(names, row | more)
     out = io.StringIO()
-    Console(file=out, width=width).print(render(session, rows, limits, width))
+    Console(file=out, width=width).print(watch_table(session, rows, limits, width))
     return [line for line in out.getvalue().splitlines() if line.strip()]
 
 

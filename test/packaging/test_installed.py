@@ -50,7 +50,7 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
     )
     loaded = set(done.stdout.split())
     assert "control_board_ros" in loaded
-    assert not loaded & {"numpy", "pybullet", "rclpy", "control_board_msgs", "typer"}
+    assert not loaded & {"numpy", "pybullet", "rclpy", "control_board_msgs", "rich"}
 
 
 def ament_prefix_path_after_import(before: str | None) -> list[str]:

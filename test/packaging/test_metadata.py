@@ -17,11 +17,9 @@ PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 SETUP = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
 # Not ROS packages; the optional ones are imported where they are used, with an error that says so.
 NOT_ROS = {
-    "click",
     "numpy",
     "pybullet",
     "pybullet_data",
-    "typer",
     "rich",
     "prompt_toolkit",
     "yaml",

@@ -1,51 +1,46 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The verbs of cbctl, a file each."""
+"""The verbs of cbctl: a module per section of the help, loaded when one of its verbs is run.
+
+A verb is a function of a session and of what ``takes`` names. It prints, and returns the exit
+code, or nothing where it is 0. What it prints is read by functions of ``cli`` that return values.
+"""
 
 from __future__ import annotations
 
-import typer
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
 
-from ..helping import Verb, reflowed
-from .calibrate import calibrate
-from .clear import clear
-from .completion import completion
-from .configure import configure, power_cycle
-from .direct import direct
-from .faults import faults
-from .feedforward import feedforward
-from .impedance import impedance
-from .info import info
-from .inject import inject
-from .interaction import interaction
-from .jog import jog
-from .mode import mode
-from .modes import modes
-from .move import move
-from .output import output
-from .param import param
-from .references import references
-from .shell import shell
-from .simulation import pause, reset, resume, step
-from .speed import speed
-from .stop import stop
-from .torque import torque
-from .velocity import velocity
-from .watch import watch
-
+#: Section -> verb -> its module.
 SECTIONS = {
-    "Look": (modes, watch, info, references, faults),
-    "Modes": (mode, interaction, impedance, clear),
-    "Motion": (move, jog, direct, velocity, torque, output, stop, speed, feedforward),
-    "Board": (calibrate, configure, power_cycle, param),
-    "Simulation": (pause, resume, step, reset, inject),
-    "Terminal": (shell, completion),
+    "Look": {
+        "modes": "look",
+        "watch": "watch",
+        "info": "look",
+        "references": "look",
+        "faults": "look",
+    },
+    "Modes": dict.fromkeys(("mode", "interaction", "impedance", "clear"), "modes"),
+    "Motion": {
+        "move": "motion",
+        "jog": "motion",
+        "direct": "motion",
+        "velocity": "streams",
+        "torque": "streams",
+        "output": "streams",
+        "stop": "motion",
+        "speed": "motion",
+        "feedforward": "streams",
+    },
+    "Board": dict.fromkeys(("calibrate", "configure", "power-cycle", "param"), "board"),
+    "Simulation": dict.fromkeys(("pause", "resume", "step", "reset", "inject"), "simulation"),
+    "Terminal": dict.fromkeys(("shell", "completion"), "terminal"),
 }
+VERBS = {name: module for verbs in SECTIONS.values() for name, module in verbs.items()}
 
 
-def register(app: typer.Typer) -> None:
-    """Add every verb to the application."""
-    for section, verbs in SECTIONS.items():
-        for verb in verbs:
-            name = verb.__name__.replace("_", "-")
-            text = reflowed(verb.__doc__)
-            app.command(name, cls=Verb, help=text, rich_help_panel=section)(verb)
+def load(name: str) -> Callable[..., Any]:
+    """The function of a verb."""
+    module = import_module(f"{__name__}.{VERBS[name]}")
+    verb: Callable[..., Any] = getattr(module, name.replace("-", "_"))
+    return verb

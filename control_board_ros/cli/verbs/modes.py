@@ -1,78 +1,149 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl modes."""
+"""cbctl mode, interaction, impedance and clear."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import Any
 
-import typer
+from control_board_ros.core.vocabs import Vocab, parse_control_mode, parse_interaction_mode
 
-from ..output import mode_text, show
+from ..arguments import JOINTS, JOINTS_THEN_MODE, argument, takes
+from ..completion import LAST_WORDS, MODE_CODES
+from ..output import DONE, REFUSED, conclude, show
+from ..reading import Rows, read_faults, read_impedance
 from ..session import Session
+from ..status import warn_without_power
 from ..tables import grid
-from .arguments import Joints
-
-UNCALIBRATED = "not calibrated"
-
-#: Modes of joints whose calibration is still to come, or under way.
-BEFORE_CALIBRATION = ("cal", "cfgn")
+from ..words import Refused, UsageError
 
 
-def modes(context: typer.Context, joints: Joints = None) -> None:
-    """Show the control and interaction mode of joints, and which are not calibrated."""
-    session: Session = context.obj
-    rows = read_modes(session, session.joints(joints))
-
-    def render() -> Any:
-        columns: dict[str, list[Any]] = {
-            "joint": list(rows),
-            "control mode": [],
-            "interaction mode": [],
-        }
-        for row in rows.values():
-            control, interaction = row["control_mode"], row["interaction_mode"]
-            note = f" ({UNCALIBRATED})" if lacks_calibration(row) else ""
-            text = f"{control:5}{row['control_mode_name']}{note}"
-            columns["control mode"].append(mode_text(control, text))
-            text = f"{interaction:5}{row['interaction_mode_name']}"
-            columns["interaction mode"].append(mode_text(interaction, text))
-        return grid(columns, names=session.names)
-
-    show(session, rows, render)
+@takes(JOINTS_THEN_MODE)
+def mode(session: Session, words: list[str]) -> int:
+    """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, fidl."""
+    joints, wanted = joints_and_mode(words, "cbctl mode all pos")
+    names = session.joints(joints)
+    check_mode(wanted, parse_control_mode, MODE_CODES)
+    reply = session.client.set_control_mode(names, wanted)
+    code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
+    changed = ("accepted", "unsupported")
+    answers = zip(reply.joints, reply.answers, strict=True)
+    warn_without_power(session, [name for name, answer in answers if answer in changed])
+    return code
 
 
-def lacks_calibration(row: dict[str, Any]) -> bool:
-    """Whether a joint needs a calibration before it takes a mode, and none is under way (K7)."""
-    return row["calibrated"] is False and row["control_mode"] not in BEFORE_CALIBRATION
+def check_mode(text: str, parse: Callable[[str], Vocab], codes: Sequence[str]) -> None:
+    """Refuse what is no mode, naming those that can be set.
 
-
-def read_modes(session: Session, names: list[str]) -> dict[str, dict[str, Any]]:
-    """Both modes of each joint, as codes and names, and whether it is calibrated."""
-    client = session.client
-    calibrated = read_calibrated(session)
-    return {
-        name: {
-            "control_mode": control.code,
-            "control_mode_name": control.name,
-            "interaction_mode": interaction.code,
-            "interaction_mode_name": interaction.name,
-            "calibrated": calibrated.get(name),
-        }
-        for name, control, interaction in zip(
-            names,
-            client.get_control_mode(names),
-            client.get_interaction_mode(names),
-            strict=True,
-        )
-    }
-
-
-def read_calibrated(session: Session) -> dict[str, bool]:
-    """Whether each joint knows its angle; empty where the board does not say so."""
-    from control_board_ros.client import BoardTimeout
-
+    Raises:
+        Refused: a word that means no mode; of a status the board itself says why it is none.
+    """
     try:
-        state = session.client.get_state()
-    except BoardTimeout:  # its states do not come through: the modes are worth showing still
-        return {}
-    return dict(zip(state.names, state.calibrated.tolist(), strict=False))
+        parse(text)
+    except ValueError as error:
+        told = ", ".join(f"{code} ({parse(code).name})" for code in codes)
+        raise Refused(f"{str(error).partition('; known:')[0]}; one of {told}") from None
+
+
+def joints_and_mode(words: list[str], example: str) -> tuple[list[str], str]:
+    """Split ``JOINT… MODE``.
+
+    Raises:
+        UsageError: one word only: joints, or a mode?
+    """
+    if len(words) < 2:
+        raise UsageError(f"name joints, then a mode, e.g. {example}")
+    return words[:-1], words[-1]
+
+
+@takes(JOINTS_THEN_MODE)
+def interaction(session: Session, words: list[str]) -> int:
+    """Set the interaction mode of joints: stif or comp."""
+    joints, wanted = joints_and_mode(words, "cbctl interaction all comp")
+    names = session.joints(joints)
+    check_mode(wanted, parse_interaction_mode, LAST_WORDS["interaction"])
+    reply = session.client.set_interaction_mode(names, wanted)
+    code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
+    answers = zip(reply.joints, reply.answers, strict=True)
+    warn_without_power(session, [name for name, answer in answers if answer == "unsupported"])
+    return code
+
+
+@takes(
+    JOINTS,
+    argument("--stiffness", "-k", type=float, metavar="NUMBER", help="N·m/rad (N/m)."),
+    argument("--damping", "-d", type=float, metavar="NUMBER", help="N·m·s/rad (N·s/m)."),
+)
+def impedance(
+    session: Session, joints: list[str], stiffness: float | None, damping: float | None
+) -> int:
+    """Show the stiffness and damping of joints, or set them; without -d it fits -k."""
+    names = session.joints(joints)
+    if stiffness is None and damping is None:
+        rows = read_impedance(session, names)
+        show(session, rows, lambda: impedance_table(session, rows))
+        return DONE
+    reply = session.client.set_impedance(names, stiffness, damping)
+    return conclude(session, reply, f"impedance set: {', '.join(names)}")
+
+
+def impedance_table(session: Session, rows: Rows) -> Any:
+    fields = {
+        "stiffness": "stiffness",
+        "max": "max_stiffness",
+        "damping": "damping",
+        "max ": "max_damping",
+        "torque offset": "torque_offset",
+    }
+    columns = {
+        title: [f"{row[field]:.4g}" for row in rows.values()] for title, field in fields.items()
+    }
+    return grid(
+        {"joint": list(rows), **columns},
+        names=session.names,
+        right=list(fields),
+        caption="N·m/rad, N·m·s/rad, N·m; sliding joints: N/m, N·s/m, N",
+    )
+
+
+@takes(JOINTS)
+def clear(session: Session, joints: list[str]) -> int:
+    """Send FORCE_IDLE to the joints in fault; tell which causes persist."""
+    names = session.joints(joints)
+    rows = clear_faults(session, names)
+    nothing = f"nothing to clear: none of {len(names)} is in fault"
+    stuck = any(not row["cleared"] for row in rows.values())
+    show(
+        session,
+        {"success": not stuck, "joints": rows},
+        lambda: cleared_table(session, rows) if rows else nothing,
+    )
+    warn_without_power(session, [name for name, row in rows.items() if row["cleared"]])
+    return REFUSED if stuck else DONE
+
+
+def clear_faults(session: Session, names: list[str]) -> Rows:
+    """What the fault of each joint in fault was, and whether it is cleared now."""
+    before = {n: r for n, r in read_faults(session, names).items() if r["active"]}
+    rows = {}
+    for name, record in before.items():
+        reply = session.client.set_control_mode(name, "fidl")
+        rows[name] = {
+            "code": record["code"],
+            "fault": record["text"],
+            "cleared": bool(reply),
+            "message": reply.message,
+        }
+    return rows
+
+
+def cleared_table(session: Session, rows: Rows) -> Any:
+    from rich.text import Text
+
+    states = {True: Text("idle, cleared", "green"), False: Text("the cause persists", "bold red")}
+    columns = {
+        "joint": list(rows),
+        "fault": [row["fault"] for row in rows.values()],
+        "now": [states[row["cleared"]] for row in rows.values()],
+    }
+    return grid(columns, names=session.names, fold=("fault",))

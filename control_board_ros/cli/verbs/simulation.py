@@ -1,41 +1,58 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl pause, resume, step and reset: a simulated board only."""
+"""cbctl pause, resume, step, reset and inject: a simulated board only."""
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
+from ..arguments import argument, takes
+from ..completion import FAULTS
 from ..output import conclude
 from ..session import Session
 from ..words import UsageError
 
 
-def pause(context: typer.Context) -> int:
+def pause(session: Session) -> int:
     """Pause the simulation."""
-    session: Session = context.obj
     return conclude(session, session.client.pause(True), "paused; go on with: cbctl resume")
 
 
-def resume(context: typer.Context) -> int:
+def resume(session: Session) -> int:
     """Let a paused simulation go on."""
-    session: Session = context.obj
     return conclude(session, session.client.pause(False), "running")
 
 
-def step(
-    context: typer.Context,
-    steps: Annotated[int, typer.Argument(help="Control cycles.")] = 1,
-) -> int:
+@takes(
+    argument("steps", nargs="?", type=int, default=1, metavar="STEPS", help="Control cycles; 1.")
+)
+def step(session: Session, steps: int) -> int:
     """Advance a paused simulation by control cycles."""
-    session: Session = context.obj
     if not 0 < steps < 2**32:
         raise UsageError(f"steps {steps} is not valid; give 1 to {2**32 - 1}")
     return conclude(session, session.client.step(steps), f"advanced by {steps}")
 
 
-def reset(context: typer.Context) -> int:
+def reset(session: Session) -> int:
     """Go back to the initial pose and power-on."""
-    session: Session = context.obj
     return conclude(session, session.client.reset(), "reset")
+
+
+@takes(
+    argument(
+        "words",
+        nargs="*",
+        metavar="JOINT… FAULT",
+        help=f"Joints, then one of {', '.join(FAULTS)}.",
+    ),
+    argument("--persistent", action="store_true", help="The cause stays until --clear."),
+    argument("--clear", action="store_true", help="Remove all injected causes."),
+)
+def inject(session: Session, words: list[str], persistent: bool, clear: bool) -> int:
+    """Break something in simulated joints, so that the board finds it."""
+    if clear and not words:
+        reply = session.client.clear_injected_faults()
+        return conclude(session, reply, "injected causes removed; clear the faults: cbctl clear")
+    if clear or len(words) < 2:
+        raise UsageError("name joints, then a fault, e.g. cbctl inject 0 encoder; or --clear")
+    *joints, fault = words
+    names = session.joints(joints)
+    reply = session.client.inject_fault(names, fault, persistent)
+    return conclude(session, reply, f"{fault} injected: {', '.join(names)}")

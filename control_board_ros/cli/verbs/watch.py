@@ -6,22 +6,20 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
-import typer
-
+from ..arguments import JOINTS, argument, takes
 from ..output import bar, console, force_text, mode_text, position_text, put, show
+from ..reading import UNCALIBRATED, Rows, lacks_calibration, read_state
 from ..session import Session
 from ..tables import drawn, needed, short_names, text_of
 from ..words import UsageError
-from .arguments import Joints
-from .faults import read_faults
-from .modes import UNCALIBRATED, lacks_calibration, read_modes
 
 if TYPE_CHECKING:
     from rich.text import Text
 
     from ..limits import JointLimits
+
 
 #: The limits in force of each joint, where the board tells them.
 Limits = dict[str, "JointLimits | None"]
@@ -44,23 +42,26 @@ DISPENSABLE = ("output", "reference", "its limits", "torque", "int.")
 FAULT_WIDTH = 20
 
 
-def watch(
-    context: typer.Context,
-    joints: Joints = None,
-    once: Annotated[bool, typer.Option("--once", help="Show it once and end.")] = False,
-    rate: Annotated[float, typer.Option(help="Times a second.")] = 10.0,
-) -> None:
+@takes(
+    JOINTS,
+    argument("--once", action="store_true", help="Show it once and end."),
+    argument("--rate", type=float, default=10.0, metavar="RATE", help="Times a second."),
+)
+def watch(session: Session, joints: list[str], once: bool, rate: float) -> None:
     """Watch joints live; Ctrl-C ends it. Into a pipe or file: frame after frame, as they come.
 
     With --json a line per time.
     """
-    session: Session = context.obj
     if not 0.0 < rate <= 100.0:
         raise UsageError(f"--rate {rate:g} is not valid; give times a second, above 0 up to 100")
     names = session.joints(joints)
     if once:
-        rows = read_rows(session, names)
-        show(session, rows, lambda: render(session, rows, session.limits(names), console().width))
+        rows = read_state(session, names)
+        show(
+            session,
+            rows,
+            lambda: watch_table(session, rows, session.limits(names), console().width),
+        )
         return
     try:
         follow(session, names, 1.0 / rate)
@@ -76,55 +77,31 @@ def follow(session: Session, names: list[str], period: float) -> None:
         follow_in_lines(session, names, limits, period)
     from rich.live import Live
 
-    first = render(session, read_rows(session, names), limits, screen.width)
+    first = watch_table(session, read_state(session, names), limits, screen.width)
     with Live(first, console=screen, auto_refresh=False) as live:
         while True:
-            rows = read_rows(session, names)
-            live.update(render(session, rows, limits, screen.width), refresh=True)
+            rows = read_state(session, names)
+            live.update(watch_table(session, rows, limits, screen.width), refresh=True)
             time.sleep(period)
 
 
 def follow_in_lines(session: Session, names: list[str], limits: Limits, period: float) -> NoReturn:
     """Print frames, each flushed at once and followed by an empty line; JSON: a line each."""
     while True:
-        rows = read_rows(session, names)
-        show(session, rows, partial(render, session, rows, limits, console().width))
+        rows = read_state(session, names)
+        show(session, rows, partial(watch_table, session, rows, limits, console().width))
         if not session.options.json:
             put("")
         time.sleep(period)
 
 
-def read_rows(session: Session, names: list[str]) -> dict[str, dict[str, Any]]:
-    """All that is to be seen of each joint."""
-    state = session.client.get_state()
-    modes = read_modes(session, names)
-    faults = read_faults(session, names)
-    rows = {}
-    for name in names:
-        j = state.names.index(name)
-        rows[name] = modes[name] | {
-            "position": float(state.position[j]),
-            "velocity": float(state.velocity[j]),
-            "position_reference": float(state.position_reference[j]),
-            "torque": float(state.torque[j]),
-            "output": float(state.output[j]),
-            "current": float(state.current[j]),
-            "motion_done": bool(state.motion_done[j]),
-            "rejected_commands": int(state.rejected_commands[j]),
-            "fault": faults[name]["text"] if faults[name]["active"] else "",
-        }
-    return rows
-
-
-def render(session: Session, rows: dict[str, dict[str, Any]], limits: Limits, width: int) -> Any:
+def watch_table(session: Session, rows: Rows, limits: Limits, width: int) -> Any:
     """The table, with what a terminal of this width has room for."""
     columns = fitted(columns_of(session, rows, limits), session.names, width)
     return drawn(columns, RIGHT)
 
 
-def columns_of(
-    session: Session, rows: dict[str, dict[str, Any]], limits: Limits
-) -> dict[str, list[Text]]:
+def columns_of(session: Session, rows: Rows, limits: Limits) -> dict[str, list[Text]]:
     """All columns by title, in their order."""
     from rich.text import Text
 

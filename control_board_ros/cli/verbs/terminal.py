@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl shell."""
+"""cbctl shell and completion."""
 
 from __future__ import annotations
 
@@ -10,34 +10,33 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import typer
-
-from ..offers import offers
-from ..output import DONE, USAGE, complain, note
+from ..arguments import argument, takes
+from ..completion import SCRIPTS, line_offers
+from ..output import DONE, USAGE, complain, note, put
 from ..session import Session
+from ..words import UsageError
+from . import VERBS
 
+#: What ends the shell, and what shows the help of cbctl.
 LEAVE = ("exit", "quit")
 HELP = ("help", "?")
 
 
-def shell(context: typer.Context) -> int:
+def shell(session: Session) -> int:
     """Type verbs one after the other over one connection; help lists them, quit ends it.
 
     Lines may come from a pipe; then the exit code is that of the last line that failed.
     """
-    from ..app import invoke
-
-    session: Session = context.obj
     names = session.names  # fails at once where there is no board
     session.shared = True
-    lines = typed(session, context, names) if sys.stdin.isatty() else piped()
+    lines = typed(session, names) if sys.stdin.isatty() else iter(sys.stdin)
     try:
-        return serve(lines, lambda words: invoke(session, words))
+        return serve(lines, session.run_line)
     finally:
         session.shared = False
 
 
-def serve(lines: Iterable[str], do: Callable[[list[str]], int]) -> int:
+def serve(lines: Iterable[str], run_line: Callable[[Sequence[str]], int]) -> int:
     """Run the lines; the exit code of the last that failed."""
     code = DONE
     for line in lines:
@@ -59,28 +58,21 @@ def serve(lines: Iterable[str], do: Callable[[list[str]], int]) -> int:
             complain("this is the shell already")
             code = USAGE
             continue
-        code = do(words) or code
+        code = run_line(words) or code
     return code
 
 
-def piped() -> Iterator[str]:
-    """The lines of standard input."""
-    yield from sys.stdin
-
-
-def typed(session: Session, context: typer.Context, names: Sequence[str]) -> Iterator[str]:
+def typed(session: Session, names: Sequence[str]) -> Iterator[str]:
     """Lines from a person, with history and completion."""
     from prompt_toolkit import PromptSession
     from prompt_toolkit.completion import Completer, Completion
     from prompt_toolkit.history import FileHistory
 
-    group: Any = context.parent.command if context.parent is not None else None
-    verbs = [verb for verb in group.commands if verb != "shell"]
-
     class Offers(Completer):
         def get_completions(self, document: Any, _: Any) -> Iterator[Any]:
             incomplete = document.get_word_before_cursor(WORD=True)
-            for word in line_offers(document.text_before_cursor, verbs, names):
+            before = document.text_before_cursor
+            for word in line_offers(before, list(VERBS), names, (*HELP, *LEAVE)):
                 yield Completion(word, -len(incomplete))
 
     prompt: Any = PromptSession(history=FileHistory(str(history())), completer=Offers())
@@ -94,23 +86,19 @@ def typed(session: Session, context: typer.Context, names: Sequence[str]) -> Ite
             return
 
 
-def line_offers(line: str, verbs: Sequence[str], names: Sequence[str]) -> list[str]:
-    """What may follow a line that is being typed: verbs, or what the verb takes."""
-    words = [*line.split(" ")]
-    before, incomplete = [word for word in words[:-1] if word], words[-1]
-    if before[:1] == ["cbctl"]:
-        before = before[1:]
-    if not before or (before[0] in HELP and len(before) == 1):
-        first = [*verbs, *HELP, *LEAVE] if not before else verbs
-        return [verb for verb in first if verb.startswith(incomplete)]
-    if before[0] not in verbs:
-        return []
-    return offers(before[0], before[1:], incomplete, names)
-
-
 def history() -> Path:
     """The file of typed lines; made where the desktop wants such files."""
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     folder = Path(state) / "cbctl"
     folder.mkdir(parents=True, exist_ok=True)
     return folder / "history"
+
+
+@takes(
+    argument("shell", nargs="?", default="bash", metavar="SHELL", help=f"{', '.join(SCRIPTS)}.")
+)
+def completion(_: Session, shell: str) -> None:
+    """Print the completion script of a shell: source <(cbctl completion bash)."""
+    if shell not in SCRIPTS:
+        raise UsageError(f"shell {shell!r} is not known; one of {', '.join(SCRIPTS)}")
+    put(SCRIPTS[shell])

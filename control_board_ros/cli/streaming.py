@@ -8,12 +8,12 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from ..output import REFUSED, conclude, note
-from ..session import Session
-from ..tables import short_names
-from ..words import UsageError, quantity
-from .move import what_they_do
+from .output import REFUSED, conclude, note
 from .progress import Bar
+from .session import Session
+from .status import warn_not_holding, what_they_do
+from .tables import short_names
+from .words import UsageError, quantity
 
 if TYPE_CHECKING:
     from control_board_ros.core.reply import Reply
@@ -76,7 +76,7 @@ def stream(session: Session, send: Send, values: dict[str, float], seconds: floa
         note(session, f"interrupted after {time.monotonic() - start:.1f} s of {seconds:g} s")
     last = end(session, send, names)
     code = conclude(session, last, f"stopped: {what_they_do(session, names)}")
-    unheld(session, names)
+    warn_not_holding(session, names)
     return REFUSED if interrupted else code
 
 
@@ -110,15 +110,6 @@ def where(session: Session, names: list[str]) -> str:
         if name in names
     ]
     return ", ".join(told[:SHOWN]) + (", …" if len(told) > SHOWN else "")
-
-
-def unheld(session: Session, names: list[str]) -> None:
-    """Say which joints nothing holds, now that their torque or output is zero."""
-    modes = session.client.get_control_mode(names)
-    loose = [n for n, mode in zip(names, modes, strict=True) if mode.code in ("torq", "open")]
-    if loose:
-        words = " ".join(loose)
-        note(session, f"nothing holds {words} now; hold with: cbctl mode {words} pos")
 
 
 def accepted_joints(reply: Reply) -> list[str]:

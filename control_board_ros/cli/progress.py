@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..output import console
-from ..session import Session
+from .output import console
+from .session import Session
 
 
 class Bar:

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What verbs take: a table of arguments beside each verb, read with argparse."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn, TypeVar
+
+from .words import UsageError
+
+Verb = TypeVar("Verb", bound=Callable[..., Any])
+
+HELP = ("-h", "--help")
+#: A value that argparse would take for an option: ``-2Nm``.
+NEGATIVE = re.compile(r"-\.?\d")
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """Names and settings, as ``ArgumentParser.add_argument`` takes them."""
+
+    names: tuple[str, ...]
+    settings: dict[str, Any]
+
+    @property
+    def positional(self) -> bool:
+        return not self.names[0].startswith("-")
+
+
+def argument(*names: str, **settings: Any) -> Argument:
+    """An argument, or an option where its names begin with a dash."""
+    return Argument(names, settings)
+
+
+def takes(*arguments: Argument) -> Callable[[Verb], Verb]:
+    """Say what a verb takes; it is called with a session and these by keyword."""
+
+    def note_down(verb: Verb) -> Verb:
+        verb.arguments = arguments  # type: ignore[attr-defined]
+        return verb
+
+    return note_down
+
+
+def arguments_of(verb: Callable[..., Any]) -> tuple[Argument, ...]:
+    """What a verb takes."""
+    found: tuple[Argument, ...] = getattr(verb, "arguments", ())
+    return found
+
+
+class Parser(argparse.ArgumentParser):
+    """Reads words; what is wrong is raised, and help is drawn elsewhere."""
+
+    def __init__(self, name: str, arguments: Sequence[Argument]) -> None:
+        super().__init__(prog=name, usage=name, add_help=False, allow_abbrev=False)
+        self.valued = set[str]()
+        for entry in arguments:
+            settings = {key: value for key, value in entry.settings.items() if key != "help"}
+            action = self.add_argument(*entry.names, **settings)
+            if action.nargs != 0:
+                self.valued.update(action.option_strings)
+
+    def read(self, words: Sequence[str]) -> dict[str, Any]:
+        """The values by name; options may stand anywhere among the words.
+
+        Raises:
+            UsageError: something is missing, unknown, or no value of its kind.
+        """
+        joined: list[str] = []
+        for word in words:
+            if joined and joined[-1] in self.valued and NEGATIVE.match(word):
+                joined[-1] += f"={word}"
+            else:
+                joined.append(word)
+        return vars(self.parse_intermixed_args(joined))
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; see {self.prog} --help")
+
+
+JOINTS = argument("joints", nargs="*", metavar="JOINT", help="Joints; none: all.")
+JOINTS_THEN_MODE = argument("words", nargs="+", metavar="JOINT… MODE", help="Joints, then a mode.")
+VALUES = argument("words", nargs="+", metavar="JOINT=VALUE", help="A value for each joint.")
+FOR = argument("--for", dest="time", metavar="TIME", help="How long, e.g. 2s; then it stops.")

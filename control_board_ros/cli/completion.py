@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What may follow on a line: for Tab in the shell of cbctl and in bash, zsh and fish."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from control_board_ros.core.modes import REQUESTABLE, UNIMPLEMENTED
+from control_board_ros.core.vocabs import InteractionMode
+
+from .arguments import Argument, arguments_of
+from .options import ARGUMENTS, Options, hoist, read_options
+from .output import DONE, put
+from .session import Session
+from .tables import short_names
+from .words import UsageError
+
+#: s to look for a board and to wait for its answers: a Tab must not hang.
+TIMEOUT = 2.0
+
+#: What each shell runs once: it asks cbctl for the words that may stand at the cursor.
+SCRIPTS = {
+    "bash": """\
+_cbctl() {
+    local IFS=$'\\n'
+    COMPREPLY=($(COMP_WORDS="${COMP_WORDS[*]}" COMP_CWORD=$COMP_CWORD _CBCTL_COMPLETE=bash "$1"))
+    [[ ${#COMPREPLY[@]} == 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace
+}
+complete -o default -F _cbctl cbctl""",
+    "zsh": """\
+#compdef cbctl
+_cbctl() {
+    local -a found
+    found=("${(@f)$(COMP_WORDS="${words[*]}" COMP_CWORD=$((CURRENT - 1)) \\
+        _CBCTL_COMPLETE=zsh cbctl)}")
+    compadd -S '' -- ${(M)found:#*=}
+    compadd -- ${found:#*=}
+}
+compdef _cbctl cbctl""",
+    "fish": """\
+function __cbctl
+    env _CBCTL_COMPLETE=fish COMP_WORDS=(commandline -cp | string collect) \\
+        COMP_CWORD=(count (commandline -opc)) cbctl
+end
+complete -c cbctl -f -a '(__cbctl)'""",
+}
+
+#: Verbs that take JOINT=VALUE, and those that end with a mode or a fault after the joints.
+VALUE_VERBS = ("move", "direct", "velocity", "torque", "output", "speed")
+MODE_CODES = tuple(mode.code for mode in REQUESTABLE if mode not in UNIMPLEMENTED)
+FAULTS = ("overcurrent", "encoder", "torque_sensor", "overheating", "external")
+LAST_WORDS = {
+    "mode": MODE_CODES,
+    "interaction": tuple(mode.code for mode in InteractionMode),
+    "inject": FAULTS,
+}
+#: Verbs that take no joint.
+ALONE = ("info", "configure", "power-cycle", "pause", "resume", "step", "reset")
+
+
+def joint_words(names: Sequence[str], incomplete: str) -> list[str]:
+    """Names that begin with what is typed: the short ones, or else the whole ones."""
+    shorts = short_names(names)
+    found = [short for short in shorts.values() if short.startswith(incomplete)]
+    return found or [name for name in names if name.startswith(incomplete)]
+
+
+def offers(verb: str, before: Sequence[str], incomplete: str, names: Sequence[str]) -> list[str]:
+    """The words that may stand next on the line of a verb.
+
+    Args:
+        verb: its name.
+        before: the words between the verb and the one that is typed.
+        incomplete: what is typed of it.
+        names: the joints of the board.
+    """
+    if verb in ALONE or incomplete.startswith("-"):
+        return []
+    last = [word for word in LAST_WORDS.get(verb, ()) if word.startswith(incomplete)]
+    if before and last:
+        return last  # a joint is there: a mode follows
+    words = joint_words(names, incomplete)
+    if verb in VALUE_VERBS:
+        return [f"{word}=" for word in words]
+    return words + ["all"] * "all".startswith(incomplete)
+
+
+def line_offers(
+    line: str, verbs: Sequence[str], names: Sequence[str], more: Sequence[str] = ()
+) -> list[str]:
+    """What may follow a line that is typed in the shell of cbctl.
+
+    Args:
+        line: up to the cursor.
+        verbs: of cbctl.
+        names: the joints of the board.
+        more: words of the shell itself; the first two of them show help.
+    """
+    *before, incomplete = line.split(" ")
+    before = [word for word in before if word]
+    if before[:1] == ["cbctl"]:
+        before = before[1:]
+    known = [verb for verb in verbs if verb != "shell"]
+    if not before:
+        return [word for word in (*known, *more) if word.startswith(incomplete)]
+    if before[0] in more[:2] and len(before) == 1:
+        return [verb for verb in known if verb.startswith(incomplete)]
+    return offers(before[0], before[1:], incomplete, names) if before[0] in known else []
+
+
+def complete(
+    environment: Mapping[str, str], verbs: Sequence[str], load: Callable[[str], Any]
+) -> int:
+    """Print the words that may stand at the cursor, a line each; the exit code.
+
+    Args:
+        environment: with COMP_WORDS, the line, and COMP_CWORD, the index of the word at the
+            cursor.
+        verbs: of cbctl.
+        load: gives the function of a verb.
+    """
+    words, k = environment["COMP_WORDS"].split(), int(environment["COMP_CWORD"])
+    incomplete = words[k] if k < len(words) else ""
+    try:
+        found = at_cursor(words[1:k], incomplete, verbs, load)
+    except UsageError:  # the value of an option is typed
+        found = []
+    for word in found:
+        put(word)
+    return DONE
+
+
+def at_cursor(
+    words: Sequence[str], incomplete: str, verbs: Sequence[str], load: Callable[[str], Any]
+) -> list[str]:
+    """The words that fit: verbs, options, or what the verb takes of the board that is there.
+
+    Raises:
+        UsageError: an option has no value yet.
+    """
+    front, rest = hoist(words)
+    options, _ = read_options(front, [])
+    if incomplete.startswith("-"):
+        known = arguments_of(load(rest[0])) if rest and rest[0] in verbs else ()
+        flags = [flag for entry in (*known, *ARGUMENTS) for flag in flags_of(entry)]
+        return [flag for flag in (*flags, "--help") if flag.startswith(incomplete)]
+    if not rest:
+        return [verb for verb in verbs if verb.startswith(incomplete)]
+    if rest[0] == "completion":
+        return [shell for shell in SCRIPTS if shell.startswith(incomplete)]
+    if rest[0] in ALONE or rest[0] not in verbs:
+        return []
+    options.timeout = TIMEOUT
+    return offers(rest[0], rest[1:], incomplete, board_joints(options))
+
+
+def flags_of(entry: Argument) -> list[str]:
+    """The long names of an option."""
+    return [name for name in entry.names if name.startswith("--")]
+
+
+def board_joints(options: Options) -> tuple[str, ...]:
+    """The joints of the board; none where there is no board."""
+    from control_board_ros.client import BoardError
+
+    try:
+        with Session(options) as session:
+            return session.names
+    except BoardError:
+        return ()

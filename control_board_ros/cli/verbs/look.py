@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl modes, info, references and faults."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from ..arguments import JOINTS, argument, takes
+from ..output import ENDLESS, force_text, mode_text, position_text, show
+from ..reading import (
+    UNCALIBRATED,
+    Rows,
+    lacks_calibration,
+    read_faults,
+    read_joints,
+    read_modes,
+    read_references,
+)
+from ..session import Session
+from ..tables import grid
+
+#: Before this a stamp is simulated time, not a date, s.
+DATES_FROM = 1e9
+
+REFERENCES = ("position", "direct", "velocity", "torque", "output", "speed", "accel.")
+
+
+@takes(JOINTS)
+def modes(session: Session, joints: list[str]) -> None:
+    """Show the control and interaction mode of joints, and which are not calibrated."""
+    rows = read_modes(session, session.joints(joints))
+
+    show(session, rows, lambda: modes_table(session, rows))
+
+
+def modes_table(session: Session, rows: Rows) -> Any:
+    columns: dict[str, list[Any]] = {
+        "joint": list(rows),
+        "control mode": [],
+        "interaction mode": [],
+    }
+    for row in rows.values():
+        control, interaction = row["control_mode"], row["interaction_mode"]
+        note = f" ({UNCALIBRATED})" if lacks_calibration(row) else ""
+        text = f"{control:5}{row['control_mode_name']}{note}"
+        columns["control mode"].append(mode_text(control, text))
+        text = f"{interaction:5}{row['interaction_mode_name']}"
+        columns["interaction mode"].append(mode_text(interaction, text))
+    return grid(columns, names=session.names)
+
+
+def info(session: Session) -> None:
+    """Show the board: joints with index, kind, limits, stops and the modes they have."""
+    board, rows = session.client.board_name, read_joints(session)
+    show(session, {"board": board, "joints": rows}, lambda: joints_table(board, rows))
+
+
+def joints_table(board: str, rows: Rows, width: int | None = None) -> Any:
+    slides = [row["kind"] == "prismatic" for row in rows.values()]
+    columns = {
+        "": [str(row["index"]) for row in rows.values()],
+        "joint": list(rows),
+        "kind": [row["kind"] or "-" for row in rows.values()],
+        "limits": ranges(rows, "lower", "upper", slides),
+        "stops": ranges(rows, "hard_lower", "hard_upper", slides),
+        "modes": [" ".join(row["control_modes"]) for row in rows.values()],
+        "int.": [" ".join(row["interaction_modes"]) for row in rows.values()],
+    }
+    return grid(
+        columns,
+        names=list(rows),
+        keys=2,
+        right=("", "limits", "stops"),
+        fold=("modes",),
+        title=board,
+        width=width,
+    )
+
+
+def ranges(rows: Rows, low: str, high: str, slides: Sequence[bool]) -> list[str]:
+    """The cells of a column of ranges."""
+    return [
+        range_text(row[low], row[high], prismatic)
+        for row, prismatic in zip(rows.values(), slides, strict=True)
+    ]
+
+
+def range_text(low: float | None, high: float | None, prismatic: bool) -> str:
+    """``-168.0…168.0°``; a dash where it is not known."""
+    if low is None or high is None:
+        return "-"
+    if not high - low < ENDLESS:
+        return "endless"
+    start = position_text(low, prismatic).rstrip("° m")
+    return f"{start}…{position_text(high, prismatic)}"
+
+
+@takes(JOINTS)
+def references(session: Session, joints: list[str]) -> None:
+    """Show the last accepted reference of every kind."""
+    rows = read_references(session, session.joints(joints))
+    show(session, rows, lambda: references_table(session, rows))
+
+
+def references_table(session: Session, rows: Rows) -> Any:
+    columns: dict[str, list[str]] = {"joint": list(rows)} | {title: [] for title in REFERENCES}
+    for name, row in rows.items():
+        prismatic = session.slides(name)
+        cells = (
+            position_text(row["position"], prismatic),
+            position_text(row["direct_position"], prismatic),
+            position_text(row["velocity"], prismatic) + "/s",
+            force_text(row["torque"], prismatic, 2),
+            f"{row['output']:.1f} %",
+            position_text(row["speed"], prismatic) + "/s",
+            position_text(row["acceleration"], prismatic) + "/s²",
+        )
+        for title, cell in zip(REFERENCES, cells, strict=True):
+            columns[title].append(cell)
+    return grid(columns, names=session.names, right=REFERENCES)
+
+
+@takes(
+    JOINTS,
+    argument(
+        "--all", dest="every", action="store_true", help="Also the last faults, that are cleared."
+    ),
+)
+def faults(session: Session, joints: list[str], every: bool) -> None:
+    """Show the joints in fault, and why."""
+    records = read_faults(session, session.joints(joints))
+    rows = {n: r for n, r in records.items() if r["active"] or (every and r["code"] >= 0)}
+    cleared = sum(1 for r in records.values() if r["code"] >= 0 and not r["active"])
+    show(session, rows, lambda: faults_table(rows, list(records), cleared))
+
+
+def faults_table(rows: Rows, names: Sequence[str], cleared: int) -> Any:
+    if not rows:
+        count = len(names)
+        past = f"; {cleared} had one that is cleared: cbctl faults --all" if cleared else ""
+        return f"no fault on {count} joint{'s' if count != 1 else ''}{past}"
+    from rich.text import Text
+
+    states = {True: Text("in fault", "bold red"), False: Text("cleared", "bright_black")}
+    columns: dict[str, list[Any]] = {
+        "joint": list(rows),
+        "": [states[row["active"]] for row in rows.values()],
+        "code": [str(row["code"]) for row in rows.values()],
+        "fault": [row["text"] for row in rows.values()],
+        "since": [when(row["stamp"]) for row in rows.values()],
+    }
+    return grid(columns, names=names, right=("code",), fold=("fault",))
+
+
+def when(stamp: float) -> str:
+    """A time stamp for people."""
+    if stamp < DATES_FROM:
+        return f"{stamp:.3f} s"
+    return f"{datetime.fromtimestamp(stamp):%H:%M:%S}"

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl move, direct, jog, stop and speed."""
+
+from __future__ import annotations
+
+import sys
+import time
+from argparse import BooleanOptionalAction
+from typing import Any
+
+from ..arguments import JOINTS, VALUES, argument, takes
+from ..jogging import Jog, keys_at_once, pressed
+from ..output import complain, conclude, console
+from ..progress import Bar
+from ..session import Session
+from ..status import cancelled, what_they_do
+from ..streaming import RATE, end
+from ..tables import short_names
+from ..words import Refused, UsageError, assignments, quantity
+
+#: How near to its target a joint has arrived, rad and m.
+NEAR, NEAR_SLIDING = 0.01, 1e-3
+
+
+@takes(
+    VALUES,
+    argument("--speed", metavar="SPEED", help="Mean speed, e.g. 20deg; else as set."),
+    argument(
+        "--wait",
+        action=BooleanOptionalAction,
+        default=True,
+        help="Wait for the end of the move, which is the default, or not.",
+    ),
+)
+def move(session: Session, words: list[str], speed: str | None, wait: bool) -> int:
+    """Move joints along a minimum-jerk profile (mode pos or mix). Ctrl-C stops them."""
+    values = session.targets(assignments(words, "position"))
+    speeds = None if speed is None else speed_above_zero(speed)
+    names, positions = list(values), list(values.values())
+    client = session.client
+    if not wait:
+        reply = client.position_move(names, positions, speeds)
+        return conclude(session, reply, f"under way: {', '.join(names)}")
+    start = time.monotonic()
+    try:
+        with Bar(session, "moving") as bar:
+
+            def feedback(sent: Any) -> None:
+                elapsed = time.monotonic() - start
+                whole = elapsed + sent.remaining_time
+                bar.update(elapsed / whole if whole > 0 else 1.0, f"{sent.remaining_time:.1f} s")
+
+            reply = client.move(names, positions, speeds, feedback)
+            reached = dict(zip(names, client.get_encoder(names).tolist(), strict=True))
+            short = {name for name in names if not arrived(session, name, reached, values)}
+            if reply and not short:
+                bar.update(1.0, "done")
+    except KeyboardInterrupt:
+        return cancelled(session, "move", names)
+    told = ", ".join(
+        f"{name} at {session.show_angle(name, q)}"
+        + (f", not at {session.show_angle(name, values[name])}" if name in short else "")
+        for name, q in reached.items()
+    )
+    return conclude(session, reply, told, positions=reached)
+
+
+def speed_above_zero(text: str) -> float:
+    """The speed of ``--speed``.
+
+    Raises:
+        UsageError: no speed, or none above 0.
+    """
+    value = quantity(text, "speed").value
+    if value <= 0.0:
+        raise UsageError(f"--speed {text} is not valid; give a speed above 0, e.g. 20deg")
+    return value
+
+
+def arrived(
+    session: Session, name: str, reached: dict[str, float], targets: dict[str, float]
+) -> bool:
+    """Whether a joint is measured to be at its target."""
+    near = NEAR_SLIDING if session.slides(name) else NEAR
+    return abs(reached[name] - targets[name]) <= near
+
+
+@takes(VALUES)
+def direct(session: Session, words: list[str]) -> int:
+    """Step the position references at once (mode posd)."""
+    values = session.targets(assignments(words, "position"))
+    reply = session.client.set_position(list(values), list(values.values()))
+    told = ", ".join(f"{name} to {session.show_angle(name, v)}" for name, v in values.items())
+    return conclude(session, reply, told)
+
+
+KEYS = "←→ move, ↑↓ joint, + - speed, q ends"
+#: Modes that take velocities.
+VELOCITY_MODES = ("vel", "mix")
+
+
+@takes(
+    JOINTS,
+    argument("--speed", default="10deg", metavar="SPEED", help="To begin with."),
+)
+def jog(session: Session, joints: list[str], speed: str) -> int:
+    """Move joints with the arrow keys (mode vel or mix); a joint moves while a key is held.
+
+    Left and right move the joint, up and down choose another one, + and - change the speed, q
+    ends. When the key is let go, or the line is lost, the joint stops.
+    """
+    if session.options.json or not sys.stdin.isatty():
+        raise UsageError("jog needs a keyboard: run it in a terminal, without --json")
+    value = quantity(speed, "speed").value
+    if value <= 0.0:
+        raise UsageError(f"--speed {speed} is not valid; give a speed above 0, e.g. 10deg")
+    names = session.joints(joints)
+    modes = session.client.get_control_mode(names)
+    ready = [name for name, mode in zip(names, modes, strict=True) if mode.code in VELOCITY_MODES]
+    if not ready:
+        words = " ".join(names) if len(names) < len(session.names) else "all"
+        raise Refused(f"no joint takes velocities; switch with: cbctl mode {words} vel")
+    used = jog_with_keys(session, ready, Jog(len(ready), value))
+    reply = end(session, session.client.velocity_move, used or ready[:1])
+    return conclude(session, reply, f"stopped: {what_they_do(session, used or ready[:1])}")
+
+
+def jog_with_keys(session: Session, names: list[str], state: Jog) -> list[str]:
+    """Send velocities as the keys say until the end; the joints that were moved."""
+    from rich.live import Live
+
+    line(session, names[0], state)  # from now on it is known without waiting
+    moving, used = "", dict[str, None]()
+    screen = console(stderr=True)
+    with keys_at_once() as terminal, Live(console=screen, auto_refresh=False) as live:
+        try:
+            while not state.ended:
+                for key in pressed(terminal, 1.0 / RATE):
+                    state.press(key, time.monotonic())
+                velocity, name = state.velocity(time.monotonic()), names[state.chosen]
+                if moving and (moving != name or not velocity):
+                    session.client.velocity_move(moving, 0.0)
+                moving = name if velocity else ""
+                if velocity:
+                    used[name] = None
+                    reply = session.client.velocity_move(name, velocity)
+                    if not reply:
+                        complain(reply.message)
+                        break
+                live.update(line(session, name, state), refresh=True)
+        except KeyboardInterrupt:
+            return list(used)  # the end asked for, as q
+    return list(used)
+
+
+def line(session: Session, name: str, state: Jog) -> str:
+    """The joint, where it is, how fast it goes, and the keys."""
+    heard = session.client.get_state(fresh=False)
+    angle = session.show_angle(name, float(heard.position[heard.names.index(name)]))
+    speed = session.show_angle(name, state.speed)
+    arrow = {-1: "←", 0: " ", 1: "→"}[state.direction]
+    return f"{short_names([name], heard.names)[name]} {angle} {arrow} {speed}/s   {KEYS}"
+
+
+@takes(JOINTS)
+def stop(session: Session, joints: list[str]) -> int:
+    """Stop joints where they are; their modes stay."""
+    reply = session.client.stop(session.joints(joints))
+    return conclude(session, reply, f"stopped: {', '.join(reply.joints)}")
+
+
+@takes(
+    VALUES,
+    argument("--acceleration", action="store_true", help="Set accelerations in place of speeds."),
+)
+def speed(session: Session, words: list[str], acceleration: bool) -> int:
+    """Set the reference speeds of later moves."""
+    kind = "acceleration" if acceleration else "speed"
+    values = session.values(assignments(words, kind))
+    names, numbers = list(values), list(values.values())
+    if acceleration:
+        reply = session.client.set_ref_acceleration(names, numbers)
+    else:
+        reply = session.client.set_ref_speed(names, numbers)
+    return conclude(session, reply, f"reference {kind} set: {', '.join(names)}")

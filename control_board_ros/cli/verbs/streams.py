@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl velocity, torque, output and feedforward: references that are repeated, or stay."""
+
+from __future__ import annotations
+
+from ..arguments import FOR, JOINTS, VALUES, argument, takes
+from ..output import conclude, note
+from ..session import Session
+from ..streaming import duration, stream
+from ..words import UsageError, assignments, quantity
+
+
+@takes(
+    VALUES,
+    FOR,
+    argument(
+        "--once", action="store_true", help="Send it once; it expires (0.2 s) unless repeated."
+    ),
+)
+def velocity(session: Session, words: list[str], time: str | None, once: bool) -> int:
+    """Stream velocities (mode vel or mix) for a time, or until Ctrl-C; then stop."""
+    seconds = duration(time)
+    if once and seconds is not None:
+        raise UsageError("--once and --for exclude each other")
+    values = session.values(assignments(words, "speed"))
+    names = list(values)
+    if once:
+        reply = session.client.velocity_move(names, list(values.values()))
+        return conclude(session, reply, f"sent: {', '.join(names)}")
+    if seconds is None:
+        note(session, "streaming until Ctrl-C")
+    return stream(session, session.client.velocity_move, values, seconds)
+
+
+@takes(VALUES, FOR)
+def torque(session: Session, words: list[str], time: str | None) -> int:
+    """Set torques (mode torq); with --for stream them, then set zero."""
+    seconds = duration(time)
+    values = session.values(assignments(words, "torque"))
+    if seconds is not None:
+        return stream(session, session.client.set_ref_torque, values, seconds)
+    reply = session.client.set_ref_torque(list(values), list(values.values()))
+    told = ", ".join(f"{name} {value:g}" for name, value in values.items())
+    return conclude(session, reply, f"torque references: {told}; they stay until changed")
+
+
+@takes(VALUES, FOR)
+def output(session: Session, words: list[str], time: str | None) -> int:
+    """Set outputs in PWM percent (mode open); with --for stream them, then set zero."""
+    seconds = duration(time)
+    values = session.values(assignments(words, "output"))
+    if seconds is not None:
+        return stream(session, session.client.set_output, values, seconds)
+    reply = session.client.set_output(list(values), list(values.values()))
+    told = ", ".join(f"{name} {value:g} %" for name, value in values.items())
+    return conclude(session, reply, f"outputs: {told}; they stay until changed")
+
+
+@takes(
+    JOINTS,
+    argument("--output", metavar="PERCENT", help="On the output, e.g. 5%."),
+    argument("--torque", metavar="TORQUE", help="On the impedance torque, e.g. 2Nm."),
+)
+def feedforward(
+    session: Session, joints: list[str], output: str | None, torque: str | None
+) -> int:
+    """Set the feed-forward terms of joints."""
+    if output is None and torque is None:
+        raise UsageError("give --output, --torque or both")
+    outputs = None if output is None else quantity(output, "output").value
+    torques = None if torque is None else quantity(torque, "torque").value
+    names = session.joints(joints)
+    reply = session.client.set_feedforward(names, outputs, torques)
+    return conclude(session, reply, f"feed-forward set: {', '.join(names)}")
