@@ -7,11 +7,32 @@ beside it read. Nothing here imports rclpy before a verb needs the board, so tha
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run cbctl; the exit code: 0 done, 1 refused or no board, 2 wrong usage."""
+    """Run cbctl; the exit code: 0 done, 1 refused or no board, 2 wrong usage.
+
+    Args:
+        arguments: the words of the line; None: those of the process, which then ends.
+    """
     from .app import run
 
-    return run(arguments)
+    code = run(arguments)
+    if arguments is None:
+        leave(code)
+    return code
+
+
+def leave(code: int) -> NoReturn:
+    """End the process at once.
+
+    The session has closed its node, context and thread, and all output is flushed: what Python
+    would still do is to take down modules one by one, a fifth of the time of ``cbctl modes``.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

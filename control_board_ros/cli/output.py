@@ -54,6 +54,12 @@ def console(*, stderr: bool = False, width: int | None = None) -> Console:
     return Console(stderr=stderr, highlight=False, width=width)
 
 
+def load_drawing() -> None:
+    """Load what draws tables, where there is time for it: while a board is being found."""
+    import rich.console
+    import rich.table  # noqa: F401
+
+
 class ReaderGone(Exception):  # noqa: N818
     """Who reads our output has enough of it, as in ``cbctl watch --json | head -1``."""
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ..startup import announce_often, leave_out_the_generator
 from .limits import FIELDS, JointLimits, check_targets, limits_of, read_parameters
 from .options import Options
-from .output import position_text
+from .output import load_drawing, position_text
 from .robot import JointDescription, describe
 from .words import Quantity, Refused, UsageError, assigned, find_joints
 
@@ -68,6 +68,7 @@ class Session:
             answer_timeout=max(self.options.timeout, 1.0),
         )
         self._stack.callback(client.close)
+        load_drawing()
         return client
 
     def _start_node(self) -> Node:

@@ -21,7 +21,7 @@ FIGURES = {
     "B1": 2,
     "B2": 4,
     "B3": 2,
-    "B4": 3,
+    "B4": 6,
     "B5": 2,
     "B6": 1,
     "B7": 2,
@@ -29,8 +29,11 @@ FIGURES = {
     "B9": 1,
     "B10": 3,
     "B11": 2,
+    "B12": 3,
+    "B13": 2,
+    "B14": 1,
 }
-LONG = ("B4", "B7", "B10", "B11")
+LONG = ("B4", "B7", "B10", "B11", "B12")
 QUICK = [name for name in FIGURES if name not in LONG]
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("benchmarks")]
