@@ -120,7 +120,7 @@ def complete(
         verbs: of cbctl.
         load: gives the function of a verb.
     """
-    words, k = environment["COMP_WORDS"].split(), int(environment["COMP_CWORD"])
+    words, k = environment.get("COMP_WORDS", "").split(), int(environment.get("COMP_CWORD", 0))
     incomplete = words[k] if k < len(words) else ""
     try:
         found = at_cursor(words[1:k], incomplete, verbs, load)
