@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 from typing import Any
@@ -121,3 +122,21 @@ def test_completion_scripts(alone: Any) -> None:
     for shell in ("bash", "zsh", "fish"):
         assert "_CBCTL_COMPLETE" in alone("completion", shell).out
     assert alone("completion", "tcsh").code == 2
+
+
+def test_the_completion_script_of_bash(alone: Any) -> None:
+    """Bash runs it, and what it offers is what cbctl says."""
+    lines = (
+        alone("completion", "bash").out,
+        f"cbctl() {{ {shlex.join(alone.command())}; }}",
+        "COMP_WORDS=(cbctl mod); COMP_CWORD=1; _cbctl cbctl",
+        'echo "${COMPREPLY[@]}"',
+    )
+    done = subprocess.run(
+        ["bash", "-c", "\n".join(lines)],
+        env=alone.environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("modes mode\n", "")

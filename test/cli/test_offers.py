@@ -5,7 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from control_board_ros.cli.completion import MODE_CODES, line_offers, offers
+from control_board_ros.cli.completion import MODE_CODES, complete, line_offers, offers
+from control_board_ros.cli.verbs import VERBS as ALL_VERBS
+from control_board_ros.cli.verbs import load
 from control_board_ros.cli.verbs.terminal import HELP, LEAVE
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 4)]
@@ -47,3 +49,27 @@ def test_a_fault_follows_joints() -> None:
     assert offers("inject", ["joint_1"], "e", IIWA) == ["encoder", "external"]
     assert offers("inject", [], "", IIWA) == [*SHORT, "all"]
     assert offers("move", [], "--", IIWA) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("cbctl mo", ["modes", "mode", "move"]),
+        ("cbctl --json mo", ["modes", "mode", "move"]),
+        ("cbctl --b", ["--board"]),
+        ("cbctl impedance --s", ["--stiffness"]),
+        ("cbctl impedance 0 --d", ["--damping", "--domain"]),
+        ("cbctl completion z", ["zsh"]),
+        ("cbctl pause x", []),
+        ("cbctl nonsense x", []),
+        ("cbctl --board x", []),
+        ("cbctl --timeout x mo", []),
+    ],
+)
+def test_what_needs_no_board(
+    capsys: pytest.CaptureFixture[str], line: str, words: list[str]
+) -> None:
+    """Verbs, options, shells; nothing where the value of an option is typed, or is wrong."""
+    environment = {"COMP_WORDS": line, "COMP_CWORD": str(len(line.split()) - 1)}
+    assert complete(environment, list(ALL_VERBS), load) == 0
+    assert capsys.readouterr().out.split() == words
