@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from .output import console
@@ -43,3 +44,20 @@ class Bar:
         if self._progress is not None:
             self._progress.start()
             self._progress.update(self._task, completed=min(max(share, 0.0), 1.0), text=text)
+
+
+class Standstill:
+    """Notices that what is left of a motion does not get less: the board's time stands still."""
+
+    #: s for which it must not change.
+    PATIENCE = 1.0
+
+    def __init__(self) -> None:
+        self._left = math.nan
+        self._since = 0.0
+
+    def at(self, left: float, now: float) -> bool:
+        """Take what is left, s, at a time of this process, s; whether time stands still."""
+        if left != self._left:
+            self._left, self._since = left, now
+        return left > 0.0 and now - self._since >= self.PATIENCE

@@ -125,6 +125,16 @@ def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
     assert "modes lbr_iiwa_joint_5" in (tmp_path / "cbctl" / "history").read_text()
 
 
+def test_a_move_on_a_paused_board(cbctl: Any) -> None:
+    """It says why nothing moves, and goes on with the simulation."""
+    assert cbctl("pause").code == 0
+    with terminal(cbctl, "move", "joint_7=10deg") as at:
+        at.see("paused? go on with: cbctl resume")
+        assert cbctl("resume").code == 0
+        at.see("lbr_iiwa_joint_7 at 10.0°")
+    assert cbctl("move", "joint_7=0").code == 0
+
+
 def test_jog(cbctl: Any) -> None:
     """P5: a joint moves while a key is held, and the terminal is as before at the end."""
     assert cbctl("mode", "joint_7", "vel").code == 0

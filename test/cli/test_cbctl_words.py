@@ -14,6 +14,7 @@ from control_board_ros.cli.arguments import Parser, arguments_of
 from control_board_ros.cli.limits import JointLimits, check_targets, limits_of
 from control_board_ros.cli.options import hoist, split_ros_arguments
 from control_board_ros.cli.output import bar, conclude, plain
+from control_board_ros.cli.progress import Standstill
 from control_board_ros.cli.robot import describe
 from control_board_ros.cli.streaming import duration
 from control_board_ros.cli.verbs.look import when
@@ -139,6 +140,18 @@ def test_joints_then_mode() -> None:
     assert joints_and_mode(["a", "b", "vel"], "x") == (["a", "b"], "vel")
     with pytest.raises(UsageError, match=r"name joints, then a mode, e\.g\. cbctl mode all pos"):
         joints_and_mode(["vel"], "cbctl mode all pos")
+
+
+def test_time_that_stands_still() -> None:
+    """A motion of which nothing more is left, or less with every look, is under way."""
+    standstill = Standstill()
+    assert not standstill.at(2.0, 10.0)
+    assert not standstill.at(1.5, 11.5)
+    assert not standstill.at(1.5, 11.5 + 0.9 * Standstill.PATIENCE)
+    assert standstill.at(1.5, 11.5 + Standstill.PATIENCE)
+    assert not standstill.at(1.4, 20.0)
+    assert not standstill.at(0.0, 20.0)
+    assert not standstill.at(0.0, 30.0)
 
 
 def test_durations() -> None:

@@ -11,13 +11,15 @@ from typing import Any
 from ..arguments import JOINTS, VALUES, argument, takes
 from ..jogging import Jog, keys_at_once, pressed
 from ..output import complain, conclude, console
-from ..progress import Bar
+from ..progress import Bar, Standstill
 from ..session import Session
 from ..status import cancelled, what_they_do
 from ..streaming import RATE, end
 from ..tables import short_names
 from ..words import Refused, UsageError, assignments, quantity
 
+#: What the bar says while the board's time stands still.
+PAUSED = "paused? go on with: cbctl resume"
 #: How near to its target a joint has arrived, rad and m.
 NEAR, NEAR_SLIDING = 0.01, 1e-3
 
@@ -41,14 +43,16 @@ def move(session: Session, words: list[str], speed: str | None, wait: bool) -> i
     if not wait:
         reply = client.position_move(names, positions, speeds)
         return conclude(session, reply, f"under way: {', '.join(names)}")
-    start = time.monotonic()
+    start, standstill = time.monotonic(), Standstill()
     try:
         with Bar(session, "moving") as bar:
 
             def feedback(sent: Any) -> None:
-                elapsed = time.monotonic() - start
-                whole = elapsed + sent.remaining_time
-                bar.update(elapsed / whole if whole > 0 else 1.0, f"{sent.remaining_time:.1f} s")
+                now, left = time.monotonic(), sent.remaining_time
+                elapsed = now - start
+                paused = f"; {PAUSED}" if standstill.at(left, now) else ""
+                whole = elapsed + left
+                bar.update(elapsed / whole if whole > 0 else 1.0, f"{left:.1f} s{paused}")
 
             reply = client.move(names, positions, speeds, feedback)
             reached = dict(zip(names, client.get_encoder(names).tolist(), strict=True))
