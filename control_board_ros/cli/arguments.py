@@ -18,6 +18,18 @@ HELP = ("-h", "--help")
 NEGATIVE = re.compile(r"-\.?\d")
 
 
+def number(text: str) -> float:
+    """A number, as the ``type`` of an argument.
+
+    Raises:
+        ArgumentTypeError: it is none; argparse names the option.
+    """
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text[:40]!r} is no number") from None
+
+
 @dataclass(frozen=True, slots=True)
 class Argument:
     """Names and settings, as ``ArgumentParser.add_argument`` takes them."""

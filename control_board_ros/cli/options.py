@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from .arguments import Parser, argument
+from .arguments import Parser, argument, number
 from .words import UsageError
 
 BOARD = argument(
@@ -17,7 +17,7 @@ NAMESPACE = argument(
 )
 TIMEOUT = argument(
     "--timeout",
-    type=float,
+    type=number,
     default=5.0,
     metavar="SECONDS",
     help="To find the board, and to wait for each answer.",

@@ -32,6 +32,8 @@ from control_board_ros import __version__
         (["modes", "--domain", "300"], "--domain 300 is not valid; ROS domains are 0 to 232"),
         (["inject", "0"], "name joints, then a fault"),
         (["feedforward", "0"], "give --output, --torque or both"),
+        (["watch", "--rate", "x"], "--rate: 'x' is no number; see cbctl watch --help"),
+        (["modes", "--timeout", "x"], "--timeout: 'x' is no number; see cbctl --help"),
         (["watch", "--rate", "0"], "--rate 0 is not valid"),
     ],
 )

@@ -69,6 +69,7 @@ def test_what_the_board_refuses(cbctl: Any, ask: Any) -> None:
     assert message.startswith("control mode 'posi' unknown; did you mean 'pos'?; one of pos (")
     assert "hwfa" not in message
     assert "icur" not in message
+    assert "did you mean" not in ask("mode", "0", "curr")["message"]  # icur is implemented by none
     assert "'joint_9' unknown; " in ask("mode", "joint_9", "vel")["message"]
     assert "could be lbr_iiwa_joint_1, " in ask("mode", "joint", "vel")["message"]
 

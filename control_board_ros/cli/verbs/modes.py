@@ -8,14 +8,14 @@ from typing import Any
 
 from control_board_ros.core.vocabs import Vocab, parse_control_mode, parse_interaction_mode
 
-from ..arguments import JOINTS, JOINTS_THEN_MODE, argument, takes
+from ..arguments import JOINTS, JOINTS_THEN_MODE, argument, number, takes
 from ..completion import LAST_WORDS, MODE_CODES
 from ..output import DONE, REFUSED, conclude, show
 from ..reading import Rows, read_faults, read_impedance
 from ..session import Session
 from ..status import warn_without_power
 from ..tables import grid
-from ..words import Refused, UsageError
+from ..words import Refused, UsageError, nearest
 
 
 @takes(JOINTS_THEN_MODE)
@@ -23,7 +23,7 @@ def mode(session: Session, words: list[str]) -> int:
     """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, fidl."""
     joints, wanted = joints_and_mode(words, "cbctl mode all pos")
     names = session.joints(joints)
-    check_mode(wanted, parse_control_mode, MODE_CODES)
+    check_mode("control", wanted, parse_control_mode, MODE_CODES)
     reply = session.client.set_control_mode(names, wanted)
     code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
     changed = ("accepted", "unsupported")
@@ -32,7 +32,7 @@ def mode(session: Session, words: list[str]) -> int:
     return code
 
 
-def check_mode(text: str, parse: Callable[[str], Vocab], codes: Sequence[str]) -> None:
+def check_mode(kind: str, text: str, parse: Callable[[str], Vocab], codes: Sequence[str]) -> None:
     """Refuse what is no mode, naming those that can be set.
 
     Raises:
@@ -40,9 +40,11 @@ def check_mode(text: str, parse: Callable[[str], Vocab], codes: Sequence[str]) -
     """
     try:
         parse(text)
-    except ValueError as error:
-        told = ", ".join(f"{code} ({parse(code).name})" for code in codes)
-        raise Refused(f"{str(error).partition('; known:')[0]}; one of {told}") from None
+    except ValueError:
+        names = [parse(code).name for code in codes]
+        known = ", ".join(f"{code} ({name})" for code, name in zip(codes, names, strict=True))
+        hint = nearest(text, [*codes, *names])
+        raise Refused(f"{kind} mode {text[:40]!r} unknown{hint}; one of {known}") from None
 
 
 def joints_and_mode(words: list[str], example: str) -> tuple[list[str], str]:
@@ -61,7 +63,7 @@ def interaction(session: Session, words: list[str]) -> int:
     """Set the interaction mode of joints: stif or comp."""
     joints, wanted = joints_and_mode(words, "cbctl interaction all comp")
     names = session.joints(joints)
-    check_mode(wanted, parse_interaction_mode, LAST_WORDS["interaction"])
+    check_mode("interaction", wanted, parse_interaction_mode, LAST_WORDS["interaction"])
     reply = session.client.set_interaction_mode(names, wanted)
     code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
     answers = zip(reply.joints, reply.answers, strict=True)
@@ -71,8 +73,8 @@ def interaction(session: Session, words: list[str]) -> int:
 
 @takes(
     JOINTS,
-    argument("--stiffness", "-k", type=float, metavar="NUMBER", help="N·m/rad (N/m)."),
-    argument("--damping", "-d", type=float, metavar="NUMBER", help="N·m·s/rad (N·s/m)."),
+    argument("--stiffness", "-k", type=number, metavar="NUMBER", help="N·m/rad (N/m)."),
+    argument("--damping", "-d", type=number, metavar="NUMBER", help="N·m·s/rad (N·s/m)."),
 )
 def impedance(
     session: Session, joints: list[str], stiffness: float | None, damping: float | None

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ..arguments import JOINTS, argument, takes
+from ..arguments import JOINTS, argument, number, takes
 from ..output import bar, console, force_text, mode_text, position_text, put, show
 from ..reading import UNCALIBRATED, Rows, lacks_calibration, read_state
 from ..session import Session
@@ -45,7 +45,7 @@ FAULT_WIDTH = 20
 @takes(
     JOINTS,
     argument("--once", action="store_true", help="Show it once and end."),
-    argument("--rate", type=float, default=10.0, metavar="RATE", help="Times a second."),
+    argument("--rate", type=number, default=10.0, metavar="RATE", help="Times a second."),
 )
 def watch(session: Session, joints: list[str], once: bool, rate: float) -> None:
     """Watch joints live; Ctrl-C ends it. Into a pipe or file: frame after frame, as they come.
