@@ -12,6 +12,7 @@ from control_board_ros.core.vocabs import InteractionMode
 from .arguments import Argument, arguments_of
 from .options import ARGUMENTS, Options, hoist, read_options
 from .output import DONE, put
+from .plotting import SIGNALS
 from .session import Session
 from .tables import short_names
 from .words import UsageError
@@ -25,7 +26,7 @@ SCRIPTS = {
 _cbctl() {
     local IFS=$'\\n'
     COMPREPLY=($(COMP_WORDS="${COMP_WORDS[*]}" COMP_CWORD=$COMP_CWORD _CBCTL_COMPLETE=bash "$1"))
-    [[ ${#COMPREPLY[@]} == 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace
+    [[ ${#COMPREPLY[@]} == 1 && ${COMPREPLY[0]} == *[=.] ]] && compopt -o nospace
 }
 complete -o default -F _cbctl cbctl""",
     "zsh": """\
@@ -34,8 +35,8 @@ _cbctl() {
     local -a found
     found=("${(@f)$(COMP_WORDS="${words[*]}" COMP_CWORD=$((CURRENT - 1)) \\
         _CBCTL_COMPLETE=zsh cbctl)}")
-    compadd -S '' -- ${(M)found:#*=}
-    compadd -- ${found:#*=}
+    compadd -S '' -- ${(M)found:#*[=.]}
+    compadd -- ${found:#*[=.]}
 }
 compdef _cbctl cbctl""",
     "fish": """\
@@ -66,6 +67,13 @@ def joint_words(names: Sequence[str], incomplete: str) -> list[str]:
     return found or [name for name in names if name.startswith(incomplete)]
 
 
+def signal_words(names: Sequence[str], incomplete: str) -> list[str]:
+    """Signals that begin with what is typed: ``joint_1.`` first, then its kinds."""
+    joint, dot, kind = incomplete.rpartition(".")
+    kinds = [f"{joint}{dot}{word}" for word in SIGNALS if word.startswith(kind)]
+    return kinds if dot else [f"{word}." for word in joint_words(names, incomplete)] + kinds
+
+
 def offers(verb: str, before: Sequence[str], incomplete: str, names: Sequence[str]) -> list[str]:
     """The words that may stand next on the line of a verb.
 
@@ -80,6 +88,8 @@ def offers(verb: str, before: Sequence[str], incomplete: str, names: Sequence[st
     last = [word for word in LAST_WORDS.get(verb, ()) if word.startswith(incomplete)]
     if before and last:
         return last  # a joint is there: a mode follows
+    if verb == "plot":
+        return signal_words(names, incomplete)
     words = joint_words(names, incomplete)
     if verb in VALUE_VERBS:
         return [f"{word}=" for word in words]

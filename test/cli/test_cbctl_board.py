@@ -359,6 +359,26 @@ def test_watch_into_a_file(cbctl: Any, ask: Any, tmp_path: Any) -> None:
         assert live.wait(timeout=20) == 0
 
 
+def test_plot_into_a_pipe(cbctl: Any, ask: Any) -> None:
+    """A head, then time and values of each state seen, in the board's units; JSON: objects."""
+    with cbctl.start("plot", "joint_1.position", "1.reference") as live:
+        assert live.stdout is not None
+        lines = [live.stdout.readline().rstrip("\n").split("\t") for _ in range(4)]
+        live.send_signal(signal.SIGINT)
+        _, err = live.communicate(timeout=20)
+    assert (live.returncode, err) == (0, "")
+    assert lines[0] == ["time", f"{FIRST}.position", f"{SECOND}.position_reference"]
+    times, first, second = zip(*(map(float, line) for line in lines[1:]), strict=True)
+    assert sorted(set(times)) == list(times)
+    assert first == pytest.approx([0.0] * 3, abs=0.01)
+    assert second == pytest.approx([0.5] * 3, abs=0.01)
+    done = cbctl("plot", "torque", "--for", "10ms", "--json")
+    assert done.code == 0
+    assert len(json.loads(done.out.splitlines()[0])) == 1 + 7
+    assert "signal 'joint_1.pos' unknown; write JOINT.KIND" in cbctl("plot", "joint_1.pos").err
+    assert cbctl("plot", "joint_9.position").code == 1
+
+
 def test_info(cbctl: Any, ask: Any) -> None:
     """Joints with their index, kind, limits in force, stops and modes."""
     read = ask("info")

@@ -94,6 +94,17 @@ def test_live_watch(cbctl: Any) -> None:
         at.process.send_signal(signal.SIGINT)
 
 
+def test_plot(cbctl: Any) -> None:
+    """A chart for each quantity, drawn again in place; it ends cleanly."""
+    with terminal(cbctl, "plot", "joint_2.position", "joint_2.reference", "0.torque") as at:
+        at.see("● ")
+        at.see("joint_2.reference 28.")
+        at.see(" N·m│")
+        at.see("\x1b[2K")
+        at.see("● ")
+        at.process.send_signal(signal.SIGINT)
+
+
 def test_narrow_watch(cbctl: Any) -> None:
     """80 columns are enough for the position and the fault."""
     with terminal(cbctl, "watch", "--once", COLUMNS="80") as at:

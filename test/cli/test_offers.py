@@ -51,6 +51,16 @@ def test_a_fault_follows_joints() -> None:
     assert offers("move", [], "--", IIWA) == []
 
 
+def test_signals() -> None:
+    """A joint, then what it has; or a kind of all joints."""
+    assert offers("plot", [], "jo", IIWA) == [f"{name}." for name in SHORT]
+    assert offers("plot", ["joint_1.torque"], "joint_2.po", IIWA) == [
+        "joint_2.position",
+        "joint_2.position_reference",
+    ]
+    assert offers("plot", [], "cu", IIWA) == ["current"]
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [

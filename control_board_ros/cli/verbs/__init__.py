@@ -16,6 +16,7 @@ SECTIONS = {
     "Look": {
         "modes": "look",
         "watch": "watch",
+        "plot": "plot",
         "info": "look",
         "references": "look",
         "faults": "look",

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl plot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from ..arguments import FOR, argument, number, takes
+from ..output import console, force_text, position_text, put, put_json
+from ..plotting import SIGNALS, Signal, Trace, chart
+from ..session import Session
+from ..streaming import duration
+from ..tables import short_names
+from ..words import DEGREE, UsageError, find_joint, nearest
+
+#: The span that a chart has at least, in the units of the state.
+LEAST = {
+    "position": DEGREE,
+    "velocity": DEGREE,
+    "torque": 1.0,
+    "output": 1.0,
+    "current": 0.1,
+    "temperature": 1.0,
+}
+#: Part of it that is enough for a sliding joint, in m and N.
+SLIDING = 0.1
+UNITS = {"output": "%", "current": "A", "temperature": "°C"}
+#: Lines of a chart, with the one of its labels.
+LOWEST, HIGHEST = 5, 16
+#: s between looks at the state.
+PERIOD = 0.05
+
+
+@takes(
+    argument(
+        "words",
+        nargs="+",
+        metavar="SIGNAL",
+        help=f"JOINT.KIND, or KIND of all joints: {', '.join(SIGNALS)}.",
+    ),
+    argument("--window", type=number, default=10.0, metavar="SECONDS", help="How far back."),
+    FOR,
+)
+def plot(session: Session, words: list[str], window: float, time: str | None) -> None:
+    """Plot signals over time in the terminal, e.g. joint_1.position; Ctrl-C ends it.
+
+    Into a pipe or file: lines of time and values, in the board's units; with --json objects.
+    """
+    if not 0.0 < window <= 3600.0:
+        raise UsageError(f"--window {window:g} is not valid; give seconds above 0, up to 3600")
+    seconds = duration(time)
+    signals = [signal for word in words for signal in signals_of(session, word)]
+    try:
+        if session.options.json or not console().is_terminal:
+            print_samples(session, signals, seconds)
+        else:
+            draw_charts(session, signals, window, seconds)
+    except KeyboardInterrupt:
+        return
+
+
+def signals_of(session: Session, word: str) -> list[Signal]:
+    """The signals that a word means: ``joint_1.position``, or ``position`` of all joints.
+
+    Raises:
+        UsageError: no kind of signal.
+        Refused: no joint.
+    """
+    joint, _, kind = word.rpartition(".")
+    if kind not in SIGNALS:
+        raise UsageError(
+            f"signal {word[:40]!r} unknown{nearest(kind, SIGNALS)}; write JOINT.KIND, e.g. "
+            f"joint_1.position; kinds: {', '.join(SIGNALS)}"
+        )
+    shorts = short_names(session.names)
+    return [
+        signal_of(session, name, kind, f"{shorts[name]}.{kind}")
+        for name in find_joint(joint or "all", session.names)
+    ]
+
+
+def signal_of(session: Session, name: str, kind: str, label: str) -> Signal:
+    """A signal of one joint, with the unit that people read."""
+    field, quantity = SIGNALS[kind]
+    slides = session.slides(name)
+
+    def show(value: float) -> str:
+        if quantity == "position":
+            return position_text(value, slides)
+        if quantity == "velocity":
+            return f"{position_text(value, slides)}/s"
+        if quantity == "torque":
+            return force_text(value, slides, 2)
+        return f"{value:.1f} {UNITS[quantity]}"
+
+    least = LEAST[quantity] * (SLIDING if slides else 1.0)
+    return Signal(name, field, label, f"{quantity} {slides}", show, least)
+
+
+def states(session: Session, seconds: float | None) -> Iterator[Any]:
+    """The new states at every look, until the time is over; a paused board has none."""
+    start, last = time.monotonic(), None
+    while seconds is None or time.monotonic() - start < seconds:
+        state = session.client.get_state()
+        if state.stamp != last:
+            last = state.stamp
+            yield state
+        time.sleep(PERIOD)
+
+
+def values_of(state: Any, signals: Sequence[Signal]) -> list[float]:
+    """The values of signals in a state."""
+    return [
+        float(getattr(state, signal.field)[state.names.index(signal.joint)]) for signal in signals
+    ]
+
+
+def print_samples(session: Session, signals: Sequence[Signal], seconds: float | None) -> None:
+    """Print a line for each state that is seen, in the units of the board."""
+    labels = [f"{signal.joint}.{signal.field}" for signal in signals]
+    if not session.options.json:
+        put("\t".join(["time", *labels]))
+    for state in states(session, seconds):
+        values = values_of(state, signals)
+        if session.options.json:
+            put_json({"time": state.stamp} | dict(zip(labels, values, strict=True)))
+        else:
+            put("\t".join([f"{state.stamp:.6f}", *(f"{value:z.6g}" for value in values)]))
+
+
+def draw_charts(
+    session: Session, signals: Sequence[Signal], window: float, seconds: float | None
+) -> None:
+    """Draw a chart for each quantity, in place, until the time is over."""
+    from rich.console import Group
+    from rich.live import Live
+
+    traces = [Trace(signal, window) for signal in signals]
+    charts: dict[str, list[Trace]] = {}
+    for trace in traces:
+        charts.setdefault(trace.signal.chart, []).append(trace)
+    screen = console()
+    with Live(console=screen, auto_refresh=False, vertical_overflow="crop") as live:
+        for state in states(session, seconds):
+            for trace, value in zip(traces, values_of(state, signals), strict=True):
+                trace.add(state.stamp, value)
+            room = screen.height // len(charts) - 2
+            height = min(max(room, LOWEST), HIGHEST)
+            live.update(
+                Group(*(chart(together, screen.width, height) for together in charts.values())),
+                refresh=True,
+            )
