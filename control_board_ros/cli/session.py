@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
     from control_board_ros.client import ControlBoardClient
 
-#: s to wait for the parameters of a board that was found; without them it answers all the same.
-PARAMETERS_TIMEOUT = 2.0
-
 
 class Session:
     """The options in force, and the client once a verb asks for it.
@@ -137,8 +134,7 @@ class Session:
         """The limits in force, from the board's parameters; None where it does not tell them."""
         client = self.client
         wanted = [f"{name}.limits.{field}" for name in names for field in FIELDS]
-        patience = min(self.options.timeout, PARAMETERS_TIMEOUT)
-        values = read_parameters(self._node, client.board_name, wanted, patience)
+        values = read_parameters(self._node, client.board_name, wanted, self.options.timeout)
         n = len(FIELDS)
         return {name: limits_of(values[n * k : n * (k + 1)]) for k, name in enumerate(names)}
 
