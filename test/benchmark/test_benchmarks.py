@@ -31,7 +31,7 @@ FIGURES = {
     "B11": 2,
     "B12": 3,
     "B13": 2,
-    "B14": 1,
+    "B15": 1,
 }
 LONG = ("B4", "B7", "B10", "B11", "B12")
 QUICK = [name for name in FIGURES if name not in LONG]

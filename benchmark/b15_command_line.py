@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""B14: cbctl modes from start to end, beside a bare rclpy program that makes a node."""
+"""B15: cbctl modes from start to end, beside a bare rclpy program that makes a node."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def run(effort: Effort) -> list[Figure]:
     cbctl, bare = (median(times) for times in zip(*turns, strict=True))
     return [
         Figure(
-            "B14",
+            "B15",
             "cbctl modes, from start to end",
             cbctl / bare,
             "×",
