@@ -39,8 +39,10 @@ class BulletLoop:
             bullet.resetJointState(self.body, joint, angle, physicsClientId=self.client)
         self._home, self._chunks = home, 0
         self._following = self._world._following
-        names, mimics = list(settings.board.names), settings.simulation.mimics
-        self._sources = [names.index(mimic.source) for mimic in mimics]
+        urdf, names = settings.simulation.urdf, list(settings.board.names)
+        assert urdf is not None
+        mimics = [mimic for name, mimic in urdf.mimics.items() if name not in names]
+        self._leaders = [names.index(mimic.leader) for mimic in mimics]
         self._ratios = [(mimic.multiplier, mimic.offset) for mimic in mimics]
 
     def drive_followers(self, states: Any) -> None:
@@ -48,8 +50,8 @@ class BulletLoop:
         if not self._following:
             return
         targets = [
-            ratio * states[source][0] + offset
-            for source, (ratio, offset) in zip(self._sources, self._ratios, strict=True)
+            ratio * states[leader][0] + offset
+            for leader, (ratio, offset) in zip(self._leaders, self._ratios, strict=True)
         ]
         bullet.setJointMotorControlArray(
             self.body,

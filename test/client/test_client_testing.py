@@ -101,14 +101,14 @@ import signal, sys, threading, rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from control_board_msgs.msg import JointModes
 from control_board_msgs.srv import GetControlMode, SetControlMode
+ended = threading.Event()
+signal.signal(signal.SIGTERM, lambda *_: ended.set())
 rclpy.init(args=sys.argv, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
 node = rclpy.create_node("stubborn")
 for kind, name in ((GetControlMode, "get_control_mode"), (SetControlMode, "set_control_mode")):
     node.create_service(kind, "~/" + name, lambda request, response: response)
 qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 node.create_publisher(JointModes, "~/modes", qos).publish(JointModes())
-ended = threading.Event()
-signal.signal(signal.SIGTERM, lambda *_: ended.set())
 print("started", flush=True)
 ended.wait()
 raise SystemExit(3)
