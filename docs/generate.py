@@ -21,7 +21,7 @@ NOTE = "<!-- Written by docs/generate.py from {source}; `make docs` writes it an
 #: page -> (module with a function `page`, what it is made from)
 PAGES = {
     "interface.md": ("interface_page", "msg_defs/ and the interface table"),
-    "parameters.md": ("parameters_page", "control_board_ros/settings/schema.py"),
+    "parameters.md": ("parameters_page", "the configuration classes"),
     "modes.md": ("diagram", "the mode tables"),
 }
 

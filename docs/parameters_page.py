@@ -3,11 +3,15 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import groupby
+from typing import Any
 
 from interface_page import header, row
 
-from control_board_ros.settings.schema import rows
+from control_board_ros.settings.schema import BOARD, JOINT, Parameter
 
 INTRODUCTION = """\
 Every parameter of `control_board`: the board's own, and those of each joint. Files to start from
@@ -23,9 +27,9 @@ of range end the start with one line that says where and what is allowed (exit c
 board runs. Several values set together are checked together: all are taken, or none. The other
 parameters are read-only.
 
-Units: rad, rad/s, N·m, A, V, s; m, m/s and N for sliding joints; percent for PWM. Rules of the
-specification stand in brackets. A default that is "from" something is computed where nothing is
-given.
+Where a unit has an "or", the second one is that of sliding joints; their torques are forces in N.
+Rules of the specification stand in brackets. A default that is "from" something is computed where
+nothing is given. Numbers are at most 1e12, and infinite (`.inf`) only where that is allowed.
 """
 
 GROUPS = {
@@ -45,16 +49,28 @@ GROUPS = {
 def page() -> str:
     """The whole page."""
     lines = ["# Parameters", "", INTRODUCTION]
-    everything = sorted(rows(), key=lambda found: order(found[0]))
-    for title, group in groupby(everything, key=lambda found: title_of(found[0])):
+    everything = sorted(rows(), key=lambda found: order(found.name))
+    for title, group in groupby(everything, key=lambda found: title_of(found.name)):
         lines += [f"## {title}", ""]
-        lines += header("parameter", "type", "default", "allowed", "live", "meaning")
-        for name, kind, default, allowed, live, text in group:
-            bounds = allowed.replace("of at least 1e-09", "above 0")
-            value = shown(default, kind)
-            lines.append(row(f"`{name}`", kind, value, bounds, "live" if live else "", text))
+        lines += header("parameter", "type", "default", "unit", "allowed", "live", "meaning")
+        lines += [line(found) for found in group]
         lines.append("")
     return "\n".join(lines)
+
+
+def rows() -> Iterator[Parameter]:
+    """All parameters, by the names that the page gives them."""
+    yield from BOARD
+    for found in JOINT:
+        yield replace(found, name=f"<joint>.{found.name}")
+
+
+def line(found: Parameter) -> str:
+    """The line of one parameter."""
+    default = f"from {found.derived}" if found.default is None else f"`{shown(found.default)}`"
+    allowed = found.range_text + ", or infinite" * (math.inf in map(abs, found.bounds))
+    live = "live" if found.run_time else ""
+    return row(f"`{found.name}`", found.kind, default, found.unit, allowed, live, f"{found.text}.")
 
 
 def title_of(name: str) -> str:
@@ -68,8 +84,10 @@ def order(name: str) -> int:
     return ["The board", "A joint", *GROUPS.values()].index(title_of(name))
 
 
-def shown(default: str, kind: str) -> str:
-    """A default as YAML wants it: a double has a dot."""
-    if default.startswith("from "):
-        return default
-    return f"`{default}.0`" if kind == "double" and default.isdigit() else f"`{default}`"
+def shown(value: Any) -> str:
+    """A value as YAML has it: a double has a dot."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return "[" + ", ".join(map(shown, value)) + "]"
+    return str(value)

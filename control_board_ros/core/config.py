@@ -9,14 +9,14 @@ joints.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
-from .checks import HUGE, ConfigError, check_number
+from .checks import ConfigError, check_number, check_parameters
+from .modes import SELECTABLE
+from .parameter import configuration, parameter, parameters_of, part
 from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Pid, Timeouts
 from .vocabs import ControlMode, InteractionMode
 
 __all__ = [
-    "CONTROL_MODES",
     "STARTUP_MODES",
     "BoardConfig",
     "Calibration",
@@ -27,101 +27,163 @@ __all__ = [
     "Motor",
     "Pid",
     "Timeouts",
+    "check_number",
 ]
 
-CONTROL_MODES = (
-    ControlMode.POSITION,
-    ControlMode.POSITION_DIRECT,
-    ControlMode.VELOCITY,
-    ControlMode.MIXED,
-    ControlMode.TORQUE,
-    ControlMode.OPENLOOP,
-    ControlMode.IDLE,
-)
+STARTUP_MODES = (ControlMode.IDLE, ControlMode.POSITION)
+JOINT_KINDS = ("revolute", "continuous", "prismatic")
+OUTPUTS = ("pwm", "current")
 #: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
 DAMPING_RATIO, FASTEST_DAMPING = 0.75, 400.0
-STARTUP_MODES = (ControlMode.IDLE, ControlMode.POSITION)
+
+#: Units of the loops' gains.
+_POSITION = {"kp": "N·m/rad", "ki": "N·m/(rad·s)", "kd": "N·m·s/rad", "kff": "N·m/rad"}
+_TORQUE = {"kp": "1", "ki": "1/s", "kd": "s", "kff": "1"}
+_CURRENT = {"kp": "V/A", "ki": "V/(A·s)", "kd": "V·s/A", "kff": "V/A", "integral_limit": "V"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class JointConfig:
     """Everything the board must know of one joint.
 
-    Attributes not named elsewhere: kind (``revolute``, ``continuous`` or ``prismatic``),
-    position_pid (POSITION, MIXED, VELOCITY), direct_pid (POSITION_DIRECT; None: as
-    position_pid), torque_pid, current_pid (V per A; used where the board's output is
-    ``current``), back_emf_compensation (0..1), torque_sensor (without one neither TORQUE nor
-    COMPLIANT is offered), startup_mode and startup_interaction (N3), max_travel_error
-    (rad by which encoder and motor may disagree before the encoder is at fault), inertia_min,
-    inertia_mean and inertia_max (what the motor moves over all poses, rotor included, kg·m²; kg
-    where it slides: the least with the other joints free to give way, for protection and gains;
-    mean and greatest with the other joints standing, for feed-forward and damping).
+    Attributes:
+        name: Of the joint.
+        kind: One of JOINT_KINDS; a prismatic joint has m for rad and N for N·m.
+        position_pid: Of POSITION, MIXED and VELOCITY.
+        direct_pid: Of POSITION_DIRECT; None: as position_pid.
+        current_pid: Used where the board's output is ``current``.
+        inertia_min: For protection and gains.
+        inertia_mean: For feed-forward.
+        inertia_max: For damping.
     """
 
     name: str
-    limits: Limits
-    position_pid: Pid
-    torque_pid: Pid
-    impedance: Impedance
     kind: str = "revolute"
-    direct_pid: Pid | None = None
-    current_pid: Pid = field(default_factory=lambda: Pid(kp=0.5, ki=200.0))
-    motor: Motor = field(default_factory=Motor)
-    back_emf_compensation: float = 1.0
-    reference_speed: float = 10.0 * DEGREE
-    reference_acceleration: float = 10.0 * DEGREE
-    timeouts: Timeouts = field(default_factory=Timeouts)
-    torque_sensor: bool = True
-    control_modes: tuple[ControlMode, ...] = CONTROL_MODES
-    interaction_modes: tuple[InteractionMode, ...] = tuple(InteractionMode)
-    startup_mode: ControlMode = ControlMode.POSITION
-    startup_interaction: InteractionMode = InteractionMode.STIFF
-    calibration: Calibration | None = None
-    max_travel_error: float = 2.0 * DEGREE
-    inertia_min: float = 1.0
-    inertia_mean: float = 1.0
-    inertia_max: float = 1.0
+    limits: Limits = part()
+    position_pid: Pid = part(
+        "Position PID: ",
+        units=_POSITION,
+        derived={
+            "kp": "inertia_min",
+            "ki": "inertia_min",
+            "kd": "inertia_min",
+            "integral_limit": "limits.torque",
+        },
+    )
+    direct_pid: Pid | None = part(
+        "PID of POSITION_DIRECT: ",
+        default=None,
+        units=_POSITION,
+        derived=dict.fromkeys((row.name for row in parameters_of(Pid)), "position_pid at start"),
+    )
+    torque_pid: Pid = part(
+        "Torque PID: ",
+        in_files=Pid(kp=0.0, ki=30.0, kff=1.0),
+        units=_TORQUE,
+        derived={"integral_limit": "limits.torque"},
+    )
+    current_pid: Pid = part(
+        "Current PI: ",
+        default=Pid(kp=0.5, ki=200.0),
+        units=_CURRENT,
+        derived={
+            "kp": "motor and control_rate",
+            "ki": "motor and control_rate",
+            "integral_limit": "motor.supply_voltage",
+        },
+    )
+    impedance: Impedance = part()
+    motor: Motor = part(default=Motor())
+    back_emf_compensation: float = parameter(
+        "Part of the back-EMF that the output makes up for", default=1.0, low=0.0, high=1.0
+    )
+    reference_speed: float = parameter(
+        "Reference speed at start (P2)",
+        "rad/s or m/s",
+        default=10.0 * DEGREE,
+        above=0.0,
+        high="limits.velocity",
+        derived="10 deg/s; 0.05 m/s",
+    )
+    reference_acceleration: float = parameter(
+        "Reference acceleration at start (P2)",
+        "rad/s² or m/s²",
+        default=10.0 * DEGREE,
+        above=0.0,
+        high="limits.acceleration",
+        derived="10 deg/s²; 0.05 m/s²",
+    )
+    timeouts: Timeouts = part(default=Timeouts())
+    torque_sensor: bool = parameter(
+        "Has a torque sensor; TORQUE and COMPLIANT need one (I7)", default=True
+    )
+    control_modes: tuple[ControlMode, ...] = parameter(
+        "What the joint implements (M5)", default=SELECTABLE, choices=SELECTABLE
+    )
+    interaction_modes: tuple[InteractionMode, ...] = parameter(
+        "What the joint implements (I7)", default=tuple(InteractionMode), choices=InteractionMode
+    )
+    startup_mode: ControlMode = parameter(
+        "Control mode without calibration (N3)",
+        default=ControlMode.POSITION,
+        choices=STARTUP_MODES,
+    )
+    startup_interaction: InteractionMode = parameter(
+        "Interaction mode without calibration (N3)",
+        default=InteractionMode.STIFF,
+        choices=InteractionMode,
+    )
+    calibration: Calibration | None = part(default=None)
+    max_travel_error: float = parameter(
+        "Disagreement of encoder and motor that is a fault",
+        "rad or m",
+        default=2.0 * DEGREE,
+        above=0.0,
+        high=math.inf,
+        derived="2 deg; 5 mm",
+    )
+    inertia_min: float = parameter(
+        "Least inertia that the motor moves, rotor included, other joints free to give way",
+        "kg·m² or kg",
+        default=1.0,
+        above=0.0,
+        derived="URDF and motor.inertia",
+    )
+    inertia_mean: float = parameter(
+        "Mean inertia that the motor moves, rotor included, other joints standing",
+        "kg·m² or kg",
+        default=1.0,
+        low="inertia_min",
+        derived="URDF and motor.inertia",
+    )
+    inertia_max: float = parameter(
+        "Greatest inertia that the motor moves in any pose, rotor included",
+        "kg·m² or kg",
+        default=1.0,
+        low="inertia_mean",
+        derived="URDF and motor.inertia",
+    )
 
     def __post_init__(self) -> None:
         if not self.name or not isinstance(self.name, str):
             raise ConfigError("joints", self.name, "a joint name")
-        key = self.name
-        if self.kind not in ("revolute", "continuous", "prismatic"):
-            raise ConfigError(f"{key}.kind", self.kind, "revolute, continuous or prismatic")
-        self.limits.check(f"{key}.limits")
-        for name in ("position_pid", "torque_pid", "current_pid", "direct_pid"):
-            if (pid := getattr(self, name)) is not None:
-                pid.check(f"{key}.{name}")
-        self.motor.check(f"{key}.motor")
-        self.impedance.check(f"{key}.impedance")
-        self.timeouts.check(f"{key}.timeouts")
-        check_number(f"{key}.back_emf_compensation", self.back_emf_compensation, 0.0, 1.0)
-        check_number(
-            f"{key}.reference_speed", self.reference_speed, above=0.0, high=self.limits.velocity
-        )
-        check_number(
-            f"{key}.reference_acceleration",
-            self.reference_acceleration,
-            above=0.0,
-            high=self.limits.acceleration,
-        )
-        check_number(f"{key}.max_travel_error", self.max_travel_error, above=0.0)
-        check_number(f"{key}.inertia_min", self.inertia_min, above=0.0, high=HUGE)
-        check_number(f"{key}.inertia_mean", self.inertia_mean, self.inertia_min, HUGE)
-        check_number(f"{key}.inertia_max", self.inertia_max, self.inertia_mean, HUGE)
-        self._check_modes(key)
+        if self.kind not in JOINT_KINDS:
+            raise ConfigError(f"{self.name}.kind", self.kind, _one_of(JOINT_KINDS))
+        check_parameters(f"{self.name}.", self)
+        self.limits.check(f"{self.name}.limits")
+        self._check_modes(self.name)
         if self.calibration is not None:
-            self.calibration.check(f"{key}.calibration", self.limits, self.motor)
-            key, final = f"{key}.calibration", self.calibration
-            self._check_final(f"{key}.control_mode", final.control_mode, CONTROL_MODES)
+            key, final = f"{self.name}.calibration", self.calibration
+            final.check(key, self.limits, self.motor)
+            self._check_final(f"{key}.control_mode", final.control_mode, SELECTABLE)
             self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)
 
     def _check_modes(self, key: str) -> None:
         if ControlMode.IDLE not in self.control_modes:
             raise ConfigError(f"{key}.control_modes", self._codes(), "a list that holds idl")
         for mode in self.control_modes:
-            if mode not in CONTROL_MODES:
-                allowed = ", ".join(m.code for m in CONTROL_MODES)
+            if mode not in SELECTABLE:
+                allowed = ", ".join(m.code for m in SELECTABLE)
                 raise ConfigError(f"{key}.control_modes", mode.code, f"one of {allowed}")
         if InteractionMode.STIFF not in self.interaction_modes:
             raise ConfigError(f"{key}.interaction_modes", "without stif", "a list that holds stif")
@@ -166,32 +228,46 @@ def damping_for(stiffness: float, joint: JointConfig) -> float:
     return min(best, FASTEST_DAMPING * joint.inertia_min, joint.impedance.max_damping)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class BoardConfig:
     """A whole board.
 
-    Attributes: joints in the board's order; control_rate (Hz); output (``pwm``: the laws give
-    the PWM, ``current``: they give a current reference to an inner loop, P10);
-    autoconfigure (leave NOT_CONFIGURED at the first cycle, N2); calibration_groups (names of
-    joints that calibrate together, group after group; joints in no group form the last one).
+    Attributes:
+        joints: In the board's order.
+        calibration_groups: Names of joints that calibrate together, group after group; joints in
+            no group form the last one.
     """
 
     joints: tuple[JointConfig, ...]
-    control_rate: float = 1000.0
-    output: str = "pwm"
-    autoconfigure: bool = True
-    calibration_groups: tuple[tuple[str, ...], ...] = ()
+    control_rate: float = parameter(
+        "Control cycles; the gains hold from 200 to 4000, the log warns below",
+        "Hz",
+        default=1000.0,
+        low=10.0,
+        high=20000.0,
+    )
+    output: str = parameter(
+        "What the control laws give: pwm, or current to an inner loop (P10)",
+        default="pwm",
+        choices=OUTPUTS,
+    )
+    autoconfigure: bool = parameter(
+        "Leave NOT_CONFIGURED at start (N2); else by ~/configure", default=True
+    )
+    calibration_groups: tuple[tuple[str, ...], ...] = parameter(
+        'Joints that calibrate together, group after group: each "joint,joint,…"', default=()
+    )
 
     def __post_init__(self) -> None:
         if not self.joints:
             raise ConfigError("joints", [], "at least one joint")
         names = [joint.name for joint in self.joints]
-        for name in names:
-            if names.count(name) > 1:
-                raise ConfigError("joints", name, "each joint once")
-        check_number("control_rate", self.control_rate, 10.0, 20000.0)
-        if self.output not in ("pwm", "current"):
-            raise ConfigError("output", self.output, "pwm or current")
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ConfigError("joints", twice, "each joint once")
+        check_parameters("", self)
+        if self.output not in OUTPUTS:
+            raise ConfigError("output", self.output, _one_of(OUTPUTS))
         grouped = [name for group in self.calibration_groups for name in group]
         for name in grouped:
             if name not in names or grouped.count(name) > 1:
@@ -206,3 +282,8 @@ class BoardConfig:
     def period(self) -> float:
         """The control period, s."""
         return 1.0 / self.control_rate
+
+
+def _one_of(choices: tuple[str, ...]) -> str:
+    *most, last = choices
+    return f"{', '.join(most)} or {last}"

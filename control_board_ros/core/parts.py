@@ -4,69 +4,91 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from .checks import HUGE, ConfigError, check_number
+from .checks import ConfigError, check_number
+from .modes import SELECTABLE
+from .parameter import configuration, parameter
 from .vocabs import ControlMode, InteractionMode
 
 DEGREE = math.pi / 180.0
 
+_INSIDE = "hard stop, 2 deg or 2 % of the range inside"
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@configuration
 class Pid:
     """Gains of a PID loop whose output is a torque (N·m), or for the current loop a voltage.
 
     u = kff·reference + kp·e + ki·∫e dt + kd·d, d being the rate of e through a first-order
-    low pass. Attributes: kp (N·m/rad, or 1 in the torque loop), ki (per second of kp),
-    kd (N·m·s/rad), kff (1), integral_limit (N·m: bound of the integral part),
-    derivative_cutoff (Hz, low pass of the rate).
+    low pass. The units of gain and output are the loop's.
     """
 
-    kp: float
-    ki: float = 0.0
-    kd: float = 0.0
-    kff: float = 0.0
-    integral_limit: float = math.inf
-    derivative_cutoff: float = 100.0
+    kp: float = parameter("proportional gain", low=0.0, run_time=True)
+    ki: float = parameter("integral gain", default=0.0, low=0.0, run_time=True)
+    kd: float = parameter("derivative gain", default=0.0, low=0.0, run_time=True)
+    kff: float = parameter("feed-forward of the reference", default=0.0, low=0.0, run_time=True)
+    integral_limit: float = parameter(
+        "bound of the integral part",
+        "N·m",
+        default=math.inf,
+        low=0.0,
+        high=math.inf,
+        run_time=True,
+    )
+    derivative_cutoff: float = parameter(
+        "low pass of the rate", "Hz", default=400.0, above=0.0, run_time=True
+    )
 
-    def check(self, key: str) -> None:
-        for name in ("kp", "ki", "kd", "kff"):
-            check_number(f"{key}.{name}", getattr(self, name), 0.0, HUGE)
-        check_number(f"{key}.integral_limit", self.integral_limit, 0.0)
-        check_number(f"{key}.derivative_cutoff", self.derivative_cutoff, above=0.0)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class Limits:
-    """What a joint may do.
+    """What a joint may do. The software limits lie within the hard stops."""
 
-    Attributes: lower, upper (software limits, rad), hard_lower, hard_upper (the hard stops),
-    hard_margin (overrun beyond the hard stops that is a fault, rad), velocity (rad/s),
-    acceleration (rad/s²), torque (N·m), output (PWM percent), nominal_current and
-    peak_current (A), overload_time (s at peak current until I²t trips), temperature
-    (°C of the winding) and temperature_hysteresis (K below it before the fault can clear).
-    """
-
-    lower: float
-    upper: float
-    hard_lower: float
-    hard_upper: float
-    velocity: float
-    acceleration: float
-    torque: float
-    nominal_current: float
-    peak_current: float
-    output: float = 100.0
-    hard_margin: float = 2.0 * DEGREE
-    overload_time: float = 2.0
-    temperature: float = 120.0
-    temperature_hysteresis: float = 10.0
+    lower: float = parameter(
+        "Software limit", "rad or m", low=-math.inf, run_time=True, derived=_INSIDE
+    )
+    upper: float = parameter(
+        "Software limit", "rad or m", above="lower", high=math.inf, run_time=True, derived=_INSIDE
+    )
+    hard_lower: float = parameter("Hard stop", "rad or m", low=-math.inf, derived="URDF")
+    hard_upper: float = parameter(
+        "Hard stop", "rad or m", above="hard_lower", high=math.inf, derived="URDF"
+    )
+    velocity: float = parameter("Speed limit", "rad/s or m/s", above=0.0, derived="URDF")
+    acceleration: float = parameter(
+        "Acceleration limit",
+        "rad/s² or m/s²",
+        above=0.0,
+        derived="10 × limits.velocity per s, at most what torque and inertia_max allow",
+    )
+    torque: float = parameter("Torque limit", "N·m or N", above=0.0, derived="URDF (effort)")
+    output: float = parameter("Largest PWM", "percent", default=100.0, above=0.0, high=100.0)
+    nominal_current: float = parameter(
+        "Continuous current", "A", above=0.0, derived="0.6 × torque limit, gravity"
+    )
+    peak_current: float = parameter(
+        "Overcurrent threshold",
+        "A",
+        above="nominal_current",
+        derived="motor reversed at full speed",
+    )
+    hard_margin: float = parameter(
+        "Overrun of a hard stop that is a fault",
+        "rad or m",
+        default=2.0 * DEGREE,
+        above=0.0,
+        derived="2 deg; 5 mm",
+    )
+    overload_time: float = parameter(
+        "Time at peak current until I²t trips", "s", default=2.0, above=0.0
+    )
+    temperature: float = parameter("Hottest winding allowed", "°C", default=120.0, above=0.0)
+    temperature_hysteresis: float = parameter(
+        "How far below it the fault can clear", "K", default=10.0, low=0.0
+    )
 
     def check(self, key: str) -> None:
-        check_number(f"{key}.lower", self.lower)
-        check_number(f"{key}.hard_lower", self.hard_lower)
-        check_number(f"{key}.upper", self.upper, above=self.lower)
-        check_number(f"{key}.hard_upper", self.hard_upper, above=self.hard_lower)
+        """Raise ConfigError unless the software limits lie within the hard stops."""
         if self.lower < self.hard_lower:
             raise ConfigError(
                 f"{key}.lower", self.lower, f"at least the hard stop, {self.hard_lower:g}"
@@ -75,34 +97,42 @@ class Limits:
             raise ConfigError(
                 f"{key}.upper", self.upper, f"at most the hard stop, {self.hard_upper:g}"
             )
-        for name in ("velocity", "acceleration", "torque", "nominal_current", "peak_current"):
-            check_number(f"{key}.{name}", getattr(self, name), above=0.0, high=HUGE)
-        check_number(f"{key}.peak_current", self.peak_current, above=self.nominal_current)
-        check_number(f"{key}.output", self.output, above=0.0, high=100.0)
-        for name in ("hard_margin", "overload_time"):
-            check_number(f"{key}.{name}", getattr(self, name), above=0.0)
-        check_number(f"{key}.temperature", self.temperature, above=0.0)
-        check_number(f"{key}.temperature_hysteresis", self.temperature_hysteresis, 0.0, HUGE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class Motor:
-    """The DC motor and gearbox of a joint, as on its name plate.
+    """The DC motor and gearbox of a joint, as on its name plate."""
 
-    Attributes: resistance (ohm), inductance (H), torque_constant (N·m/A, equal to the
-    back-EMF constant in V·s/rad), gear_ratio (motor rad per joint rad), efficiency (of the
-    gearbox, 0..1), supply_voltage (V), thermal_time (time constant of the winding's cooling, s; 0:
-    not known) and ambient (°C around it): they tell how long an overheated winding must wait.
-    """
-
-    resistance: float = 1.0
-    inductance: float = 1e-3
-    torque_constant: float = 0.1
-    gear_ratio: float = 100.0
-    efficiency: float = 1.0
-    supply_voltage: float = 48.0
-    thermal_time: float = 0.0
-    ambient: float = 25.0
+    resistance: float = parameter(
+        "Winding resistance", "ohm", default=1.0, above=0.0, derived="limits"
+    )
+    inductance: float = parameter(
+        "Winding inductance",
+        "H",
+        default=1e-3,
+        above=0.0,
+        derived="1.5 ms × motor.resistance",
+    )
+    torque_constant: float = parameter(
+        "Torque constant, and back-EMF constant in V·s/rad",
+        "N·m/A",
+        default=0.1,
+        above=0.0,
+        derived="limits",
+    )
+    gear_ratio: float = parameter("Motor turns per joint turn", default=100.0, above=0.0)
+    efficiency: float = parameter("Of the gearbox", default=1.0, above=0.0, high=1.0)
+    supply_voltage: float = parameter("Supply", "V", default=48.0, above=0.0)
+    thermal_time: float = parameter(
+        "Time constant of the winding's cooling; 0: not known",
+        "s",
+        default=0.0,
+        low=0.0,
+        derived="thermal_resistance × thermal_capacitance",
+    )
+    ambient: float = parameter(
+        "Temperature around the motor", "°C", default=25.0, low=-273.15, high=1000.0
+    )
 
     @property
     def torque_per_ampere(self) -> float:
@@ -118,85 +148,114 @@ class Motor:
         """Current at standstill, I = V/R, A; output in percent."""
         return 0.01 * output * self.supply_voltage / self.resistance
 
-    def check(self, key: str) -> None:
-        for name in (
-            "resistance",
-            "inductance",
-            "torque_constant",
-            "gear_ratio",
-            "supply_voltage",
-        ):
-            check_number(f"{key}.{name}", getattr(self, name), above=0.0, high=HUGE)
-        check_number(f"{key}.efficiency", self.efficiency, above=0.0, high=1.0)
-        check_number(f"{key}.thermal_time", self.thermal_time, 0.0, HUGE)
-        check_number(f"{key}.ambient", self.ambient, -273.15, 1000.0)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class Impedance:
-    """Virtual spring and damper at start-up and their bounds (SPEC I6); N·m/rad, N·m·s/rad."""
+    """Virtual spring and damper at start-up and their bounds (SPEC I6)."""
 
-    stiffness: float
-    damping: float
-    max_stiffness: float
-    max_damping: float
-
-    def check(self, key: str) -> None:
-        for name in ("max_stiffness", "max_damping"):
-            check_number(f"{key}.{name}", getattr(self, name), 0.0, HUGE)
-        check_number(f"{key}.stiffness", self.stiffness, 0.0, self.max_stiffness)
-        check_number(f"{key}.damping", self.damping, 0.0, self.max_damping)
+    stiffness: float = parameter(
+        "At start (I6)", "N·m/rad", low=0.0, high="max_stiffness", derived="position_pid"
+    )
+    damping: float = parameter(
+        "At start (I6)", "N·m·s/rad", low=0.0, high="max_damping", derived="position_pid"
+    )
+    max_stiffness: float = parameter("Allowed", "N·m/rad", low=0.0, derived="position_pid")
+    max_damping: float = parameter("Allowed", "N·m·s/rad", low=0.0, derived="position_pid")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class Timeouts:
-    """Reference timeouts in s, 0 = never (SPEC P12), and sensor silence that is a fault."""
+    """Reference timeouts (SPEC P12), and sensor silence that is a fault."""
 
-    velocity: float = 0.2
-    torque: float = 0.0
-    output: float = 0.0
-    encoder: float = 0.02
-    torque_sensor: float = 0.02
-
-    def check(self, key: str) -> None:
-        for name in ("velocity", "torque", "output"):
-            check_number(f"{key}.{name}", getattr(self, name), 0.0, 1e6)
-        for name in ("encoder", "torque_sensor"):
-            check_number(f"{key}.{name}", getattr(self, name), above=0.0, high=1e6)
+    velocity: float = parameter(
+        "Age of a velocity reference that stops the joint; 0: never (P12)",
+        "s",
+        default=0.2,
+        low=0.0,
+        high=1e6,
+        run_time=True,
+    )
+    torque: float = parameter(
+        "Age of a torque reference that is a fault; 0: never (P12)",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=1e6,
+        run_time=True,
+    )
+    output: float = parameter(
+        "Age of an open-loop reference that is a fault; 0: never (P12)",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=1e6,
+        run_time=True,
+    )
+    encoder: float = parameter(
+        "Silence of the encoder that is a fault",
+        "s",
+        default=0.02,
+        above=0.0,
+        high=1e6,
+        run_time=True,
+    )
+    torque_sensor: float = parameter(
+        "Silence of the torque sensor that is a fault",
+        "s",
+        default=0.02,
+        above=0.0,
+        high=1e6,
+        run_time=True,
+    )
 
 
 #: Types of calibration and what they are; core.calibration has the class of each.
 CALIBRATION_TYPES = {3: "offset and move", 5: "move to a hard stop", 12: "absolute sensor"}
-
 
 #: A hard stop is confirmed by a push that is harder by PUSH, and by LEAST_PUSH at least; it stays
 #: below the peak current by PUSH_CURRENT.
 PUSH, LEAST_PUSH, PUSH_CURRENT = 1.5, 1.2, 0.9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class Calibration:
-    """How a joint finds its zero (SPEC K5), with the iCub's type numbers.
+    """How a joint finds its zero (SPEC K5), with the iCub's type numbers."""
 
-    Attributes: type (of CALIBRATION_TYPES), required (the joint leaves NOT_CONFIGURED only through
-    calibration), zero (encoder reading at joint angle 0, rad; types 3 and 12), start (position
-    to go to, rad; types 3 and 5), speed (rad/s on the way there), output (PWM percent that
-    drives towards the stop; type 5, its sign is the direction), stop (joint angle of that hard
-    stop, rad; type 5), stall_time (s without motion that make a stop), timeout (s),
-    control_mode and interaction_mode (K3: what the joint is in when done).
-    """
-
-    type: int
-    required: bool = True
-    zero: float = 0.0
-    start: float = 0.0
-    speed: float = 10.0 * DEGREE
-    output: float = 0.0
-    stop: float = 0.0
-    stall_time: float = 0.1
-    timeout: float = 30.0
-    control_mode: ControlMode = ControlMode.POSITION
-    interaction_mode: InteractionMode = InteractionMode.STIFF
+    type: int = parameter(
+        ", ".join(["0 none", *(f"{n} {text}" for n, text in CALIBRATION_TYPES.items())]) + " (K5)",
+        default=0,
+        low=0,
+        high=12,
+    )
+    required: bool = parameter("Leave NOT_CONFIGURED only through calibration (N2)", default=True)
+    zero: float = parameter("Encoder reading at angle 0 (types 3 and 12)", "rad or m", default=0.0)
+    start: float = parameter("Where to go when done", "rad or m", default=0.0, derived="home")
+    speed: float = parameter(
+        "Speed on the way there",
+        "rad/s or m/s",
+        default=10.0 * DEGREE,
+        above=0.0,
+        high="limits.velocity",
+        derived="reference_speed",
+    )
+    output: float = parameter(
+        "PWM towards the stop, within limits.output; its sign is the direction (type 5)",
+        "percent",
+        default=0.0,
+        low=-100.0,
+        high=100.0,
+    )
+    stop: float = parameter("Angle of that stop (type 5)", "rad or m", default=0.0)
+    stall_time: float = parameter(
+        "Time without motion that makes a stop (type 5)", "s", default=0.1, above=0.0
+    )
+    timeout: float = parameter("Time allowed (K4)", "s", default=30.0, above=0.0)
+    control_mode: ControlMode = parameter(
+        "Control mode when done (K3)", default=ControlMode.POSITION, choices=SELECTABLE
+    )
+    interaction_mode: InteractionMode = parameter(
+        "Interaction mode when done (K3)", default=InteractionMode.STIFF, choices=InteractionMode
+    )
 
     def push(self, limits: Limits, motor: Motor) -> float:
         """PWM that confirms a hard stop, percent: 1.5 times the output, within the joint's limits.
@@ -208,26 +267,22 @@ class Calibration:
         return min(PUSH * abs(self.output), limits.output, current / per_percent)
 
     def check(self, key: str, limits: Limits, motor: Motor) -> None:
+        """Raise ConfigError unless the joint can be calibrated like this."""
         if self.type not in CALIBRATION_TYPES:
             known = (f"{number} ({text})" for number, text in sorted(CALIBRATION_TYPES.items()))
             raise ConfigError(f"{key}.type", self.type, ", ".join(known))
-        for name in ("zero", "start", "stop"):
-            check_number(f"{key}.{name}", getattr(self, name), -HUGE, HUGE)
         if self.type != 12:
             check_number(f"{key}.start", self.start, limits.lower, limits.upper)
-        check_number(f"{key}.speed", self.speed, above=0.0, high=limits.velocity)
         check_number(f"{key}.output", self.output, -limits.output, limits.output)
-        if self.type == 5 and self.output == 0.0:
-            raise ConfigError(
-                f"{key}.output", self.output, "not zero: the PWM that finds the stop"
-            )
         if self.type == 5:
             self._check_stop(key, limits, motor)
-        check_number(f"{key}.stall_time", self.stall_time, above=0.0, high=HUGE)
-        check_number(f"{key}.timeout", self.timeout, above=0.0, high=HUGE)
 
     def _check_stop(self, key: str, limits: Limits, motor: Motor) -> None:
         """The stop lies where the joint can be, and its drive leaves room for a harder push."""
+        if self.output == 0.0:
+            raise ConfigError(
+                f"{key}.output", self.output, "not zero: the PWM that finds the stop"
+            )
         margin = limits.hard_margin
         check_number(
             f"{key}.stop", self.stop, limits.hard_lower - margin, limits.hard_upper + margin

@@ -143,10 +143,13 @@ def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
     made = ParameterDescriptor(type=_TYPES[row.kind], description=row.description, read_only=fixed)
     if row.choices:
         made.additional_constraints = f"one of: {', '.join(row.choices)}"
+    low, high = row.bounds
     if row.kind is Kind.DOUBLE:
-        made.floating_point_range = [FloatingPointRange(from_value=row.low, to_value=row.high)]
+        made.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        if row.above is not None or isinstance(row.low, str) or isinstance(row.high, str):
+            made.additional_constraints = row.range_text
     elif row.kind is Kind.INTEGER:
-        made.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high))]
+        made.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
     return made
 
 

@@ -4,50 +4,43 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any, TypeVar
 
-from ..core.config import (
-    BoardConfig,
-    Calibration,
-    Impedance,
-    JointConfig,
-    Limits,
-    Motor,
-    Pid,
-    Timeouts,
-)
-from ..core.vocabs import parse_control_mode, parse_interaction_mode
+from ..core.config import BoardConfig, JointConfig
+from ..core.parameter import Parameter, parameters_of, parts_of
 from ..description.urdf import Urdf
-from ..sim.config import Encoder, JointSimulation, MotorModel, SimulationConfig
+from ..sim.config import JointSimulation, SimulationConfig
 
 T = TypeVar("T")
 Values = Mapping[str, Any]
 
-#: Parameters of a joint that are attributes of its configuration as they are.
-PLAIN = (
-    "back_emf_compensation",
-    "reference_speed",
-    "reference_acceleration",
-    "torque_sensor",
-    "max_travel_error",
-    "inertia_min",
-    "inertia_mean",
-    "inertia_max",
-)
 
+def configure(made: type[T], values: Values, prefix: str, **given: Any) -> T:
+    """A configuration of the values whose names begin with a prefix.
 
-def _part(made: type[T], values: Values, prefix: str) -> T:
-    """One dataclass of the values under a prefix; modes from their codes."""
-    given = {}
-    for item in fields(made):  # type: ignore[arg-type]
-        value = values[f"{prefix}.{item.name}"]
-        if item.name.endswith("interaction_mode"):
-            value = parse_interaction_mode(value)
-        elif item.name.endswith("control_mode"):
-            value = parse_control_mode(value)
-        given[item.name] = value
+    Args:
+        made: Its class.
+        values: By full parameter name.
+        prefix: Empty, or with a dot at its end.
+        given: Fields that are none of the values.
+
+    Raises:
+        ConfigError: a value is not allowed.
+    """
+    for row in parameters_of(made):
+        if row.name not in given:
+            given[row.name] = _typed(row, values[prefix + row.name])
+    for part in parts_of(made):
+        if part.name not in given:
+            given[part.name] = configure(part.made, values, f"{prefix}{part.name}.")
     return made(**given)
+
+
+def _typed(row: Parameter, value: Any) -> Any:
+    """A value as its field has it: modes for their codes, tuples for lists."""
+    if isinstance(value, list):
+        return tuple(row.choices.get(item, item) for item in value)
+    return row.choices[value] if row.choices else value
 
 
 def joint(values: Values, name: str, kind: str) -> JointConfig:
@@ -56,27 +49,8 @@ def joint(values: Values, name: str, kind: str) -> JointConfig:
     Raises:
         ConfigError: a value is not allowed.
     """
-    calibration = None
-    if values[f"{name}.calibration.type"] != 0:
-        calibration = _part(Calibration, values, f"{name}.calibration")
-    return JointConfig(
-        name=name,
-        kind=kind,
-        limits=_part(Limits, values, f"{name}.limits"),
-        position_pid=_part(Pid, values, f"{name}.position_pid"),
-        direct_pid=_part(Pid, values, f"{name}.direct_pid"),
-        torque_pid=_part(Pid, values, f"{name}.torque_pid"),
-        current_pid=_part(Pid, values, f"{name}.current_pid"),
-        impedance=_part(Impedance, values, f"{name}.impedance"),
-        motor=_part(Motor, values, f"{name}.motor"),
-        timeouts=_part(Timeouts, values, f"{name}.timeouts"),
-        control_modes=tuple(map(parse_control_mode, values[f"{name}.control_modes"])),
-        interaction_modes=tuple(map(parse_interaction_mode, values[f"{name}.interaction_modes"])),
-        startup_mode=parse_control_mode(values[f"{name}.startup_mode"]),
-        startup_interaction=parse_interaction_mode(values[f"{name}.startup_interaction"]),
-        calibration=calibration,
-        **{key: values[f"{name}.{key}"] for key in PLAIN},
-    )
+    none = {"calibration": None} if values[f"{name}.calibration.type"] == 0 else {}
+    return configure(JointConfig, values, f"{name}.", name=name, kind=kind, **none)
 
 
 def board(values: Values, urdf: Urdf, names: tuple[str, ...]) -> BoardConfig:
@@ -86,15 +60,15 @@ def board(values: Values, urdf: Urdf, names: tuple[str, ...]) -> BoardConfig:
         ConfigError: a value is not allowed.
     """
     kinds = {one.name: one.kind for one in urdf.joints}
-    groups = [
-        tuple(name.strip() for name in group.split(",")) for group in values["calibration_groups"]
-    ]
-    return BoardConfig(
+    return configure(
+        BoardConfig,
+        values,
+        "",
         joints=tuple(joint(values, name, kinds[name]) for name in names),
-        control_rate=values["control_rate"],
-        output=values["output"],
-        autoconfigure=values["autoconfigure"],
-        calibration_groups=tuple(groups),
+        calibration_groups=tuple(
+            tuple(name.strip() for name in group.split(","))
+            for group in values["calibration_groups"]
+        ),
     )
 
 
@@ -104,21 +78,10 @@ def simulation(values: Values, urdf: Urdf, names: tuple[str, ...]) -> Simulation
     Raises:
         ConfigError: a value is not allowed.
     """
-    x, y, z = values["gravity"]
-    return SimulationConfig(
-        joints=tuple(
-            JointSimulation(
-                name=name,
-                home=values[f"{name}.home"],
-                inertia=values[f"{name}.inertia"],
-                motor=_part(MotorModel, values, f"{name}.motor"),
-                encoder=_part(Encoder, values, f"{name}.encoder"),
-            )
-            for name in names
-        ),
+    return configure(
+        SimulationConfig,
+        values,
+        "",
+        joints=tuple(configure(JointSimulation, values, f"{name}.", name=name) for name in names),
         urdf=urdf,
-        base_fixed=values["base_fixed"],
-        gravity=(x, y, z),
-        physics_rate=values["physics_rate"],
-        gui=values["gui"],
     )

@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every parameter, in one table: name, type, default, range, unit, and when it can change.
+"""Every parameter by its full name: those of the node here, all others from the configurations.
 
-The settings, the ROS declarations and the parameter reference all come from here. Board
-parameters have plain names; joint parameters stand once, in JOINT, and are written as
-``<joint>.limits.lower`` for one joint or ``joint_defaults.limits.lower`` for all.
+The settings, the ROS declarations and docs/parameters.md come from here. Parameters of the board
+and of its plant have plain names; those of a joint are written as ``<joint>.limits.lower`` for one
+joint, or as ``joint_defaults.limits.lower`` for all.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
-from ..core.config import BoardConfig
-from ..sim.config import SimulationConfig
-from .parameter import JOINT_DEFAULTS, Kind, Parameter, default_of, flag, number, string, strings
-from .schema_joint import JOINT
+from ..core.config import BoardConfig, JointConfig
+from ..core.parameter import Bound, Kind, Parameter, parameters_of, parts_of
+from ..core.vocabs import Vocab
+from ..sim.config import JointSimulation, SimulationConfig
 
 __all__ = [
     "BOARD",
@@ -25,26 +26,40 @@ __all__ = [
     "Kind",
     "Parameter",
     "find_row",
-    "rows",
 ]
 
-BOARD = (
-    string("robot", "iiwa", "Robot: iiwa, panda, icub_left_arm, icub_right_arm or a URDF's path."),
-    strings("joints", [], "Joints of the board in its order; empty: all that move."),
-    number(
-        "control_rate",
-        default_of(BoardConfig, "control_rate"),
-        "Control cycles, Hz; the gains hold from 200 to 4000, the log warns below.",
-        10,
-        high=2e4,
+JOINT_DEFAULTS = "joint_defaults"
+
+#: What only the node must know.
+NODE = (
+    Parameter(
+        name="robot",
+        kind=Kind.STRING,
+        default="iiwa",
+        text="Robot: iiwa, panda, icub_left_arm, icub_right_arm or a URDF's path",
     ),
-    number(
-        "state_rate", 100.0, "Rate of joint_states and ~/state, Hz.", 0.1, high=1e3, run_time=True
+    Parameter(
+        name="joints",
+        kind=Kind.STRINGS,
+        default=[],
+        text="Joints of the board in its order; empty: all that move",
     ),
-    number(
-        "real_time_factor",
-        1.0,
-        "Simulated seconds per second; 0: as fast as possible.",
+    Parameter(
+        name="state_rate",
+        kind=Kind.DOUBLE,
+        default=100.0,
+        text="Rate of joint_states and ~/state",
+        unit="Hz",
+        low=0.1,
+        high=1000.0,
+        run_time=True,
+    ),
+    Parameter(
+        name="real_time_factor",
+        kind=Kind.DOUBLE,
+        default=1.0,
+        text="Simulated seconds per second; 0: as fast as possible",
+        low=0.0,
         high=1000.0,
         run_time=True,
     ),
@@ -52,7 +67,7 @@ BOARD = (
         name="realtime_priority",
         kind=Kind.INTEGER,
         default=0,
-        description="SCHED_FIFO priority of the node, 0: none; needs CAP_SYS_NICE.",
+        text="SCHED_FIFO priority of the node, 0: none; needs CAP_SYS_NICE",
         low=0,
         high=98,
     ),
@@ -60,49 +75,62 @@ BOARD = (
         name="niceness",
         kind=Kind.INTEGER,
         default=-20,
-        description="Niceness of the node where it is granted, as to root; not at "
-        "real_time_factor 0.",
+        text="Niceness of the node where it is granted, as to root; not at real_time_factor 0",
         low=-20,
         high=19,
     ),
-    flag("gui", False, "Show the arm in pybullet's window."),
-    flag("autoconfigure", True, "Leave NOT_CONFIGURED at start (N2); else by ~/configure."),
-    string(
-        "output",
-        "pwm",
-        "What the control laws give: pwm, or current to an inner loop (P10).",
-        choices=("pwm", "current"),
-    ),
-    flag("publish_clock", False, "Publish /clock, also at real_time_factor 1."),
-    flag("allow_fault_injection", False, "Offer ~/inject_fault; for tests, in simulation."),
-    strings(
-        "calibration_groups",
-        [],
-        'Joints that calibrate together, group after group: each "joint,joint,…".',
-    ),
-    number(
-        "physics_rate",
-        None,
-        "Physics steps, Hz; a whole multiple of control_rate.",
-        10,
-        high=1e5,
-        derived="control_rate: its first multiple from 1000",
+    Parameter(
+        name="publish_clock",
+        kind=Kind.BOOL,
+        default=False,
+        text="Publish /clock, also at real_time_factor 1",
     ),
     Parameter(
-        name="gravity",
-        kind=Kind.DOUBLES,
-        default=list(default_of(SimulationConfig, "gravity")),
-        description="Gravity along the world's x, y, z, m/s².",
-        low=-1000.0,
-        high=1000.0,
-        length=3,
+        name="allow_fault_injection",
+        kind=Kind.BOOL,
+        default=False,
+        text="Offer ~/inject_fault; for tests, in simulation",
     ),
-    flag("base_fixed", default_of(SimulationConfig, "base_fixed"), "The base link cannot move."),
 )
 
 
-BOARD_BY_NAME = {parameter.name: parameter for parameter in BOARD}
-JOINT_BY_NAME = {parameter.name: parameter for parameter in JOINT}
+def rows_of(made: type) -> Iterator[Parameter]:
+    """The parameters of a configuration and of its parts; defaults as YAML has them."""
+    for row in parameters_of(made):
+        yield replace(row, default=None if row.derived else _plain(row.default))
+    for part in parts_of(made):
+        for row in parameters_of(part.made):
+            derived = part.derived.get(row.name, row.derived)
+            default = _plain(getattr(part.in_files, row.name, row.default))
+            yield replace(
+                row,
+                name=f"{part.name}.{row.name}",
+                text=part.text + row.text,
+                unit=part.units.get(row.name, row.unit),
+                derived=derived,
+                default=None if derived else default,
+                low=_full(row.low, part.name),
+                high=_full(row.high, part.name),
+                above=None if row.above is None else _full(row.above, part.name),
+            )
+
+
+def _full(bound: Bound, part: str) -> Bound:
+    """A bound with the full name of the parameter that it is."""
+    return f"{part}.{bound}" if isinstance(bound, str) and "." not in bound else bound
+
+
+def _plain(value: Any) -> Any:
+    """A default as a parameter file has it: modes by their codes, lists."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return value.code if isinstance(value, Vocab) else value
+
+
+BOARD = (*NODE, *rows_of(BoardConfig), *rows_of(SimulationConfig))
+JOINT = (*rows_of(JointConfig), *rows_of(JointSimulation))
+BOARD_BY_NAME = {row.name: row for row in BOARD}
+JOINT_BY_NAME = {row.name: row for row in JOINT}
 
 
 def find_row(name: str, joints: Iterable[str]) -> Parameter | None:
@@ -115,27 +143,3 @@ def find_row(name: str, joints: Iterable[str]) -> Parameter | None:
             if row is not None:
                 return row
     return None
-
-
-def rows() -> Iterator[tuple[str, str, str, str, bool, str]]:
-    """The parameter reference: name, type, default, range, changes at run time, description."""
-    for prefix, table in (("", BOARD), ("<joint>.", JOINT)):
-        for row in table:
-            default = row.derived and f"from {row.derived}" if row.default is None else row.default
-            yield (
-                prefix + row.name,
-                str(row.kind),
-                _written(default),
-                row.range_text,
-                row.run_time,
-                row.description,
-            )
-
-
-def _written(value: Any) -> str:
-    """A value as YAML has it."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(map(_written, value)) + "]"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -3,16 +3,10 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from ..core.config import CONTROL_MODES
-from ..core.vocabs import InteractionMode
-from .parameter import Kind, Parameter
+from ..core.parameter import Kind, Parameter
 from .params_file import Entry, SettingsError, shown
-
-#: Long names of modes, as people may write them, and their codes.
-_CODES = {mode.name.lower(): mode.code for mode in (*CONTROL_MODES, *InteractionMode)}
 
 
 def convert(row: Parameter, name: str, entry: Entry) -> Any:
@@ -31,11 +25,11 @@ def convert(row: Parameter, name: str, entry: Entry) -> Any:
 
 def _typed(row: Parameter, value: Any) -> Any:
     """The typed value, None where it is not allowed."""
+    low, high = row.bounds
     if row.kind is Kind.BOOL:
         return value if isinstance(value, bool) else None
     if row.kind is Kind.INTEGER:
-        good = type(value) is int and row.low <= value <= row.high
-        return value if good else None
+        return value if type(value) is int and low <= value <= high else None
     if row.kind is Kind.DOUBLE:
         return _number(row, value)
     if row.kind is Kind.STRING:
@@ -54,13 +48,17 @@ def _number(row: Parameter, value: Any) -> float | None:
         number = float(value)
     except OverflowError:
         return None
-    return None if math.isnan(number) or not row.low <= number <= row.high else number
+    low, high = row.bounds
+    return number if low <= number <= high else None
 
 
 def _choice(row: Parameter, value: Any) -> str | None:
+    """A text; of modes the code, also for a long name, in any case."""
     if not isinstance(value, str) or "\0" in value:
         return None
     if not row.choices:
         return value
-    code = _CODES.get(value.lower(), value.lower())
-    return code if code in row.choices else None
+    for code, choice in row.choices.items():
+        if value.lower() in (code, str(choice).lower()):
+            return code
+    return None

@@ -9,98 +9,117 @@ Units: rad, rad/s, N·m, kg·m², K, °C, W, J, s; m, N and kg for prismatic joi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
 
-from ..core.checks import HUGE, ConfigError, check_number
+from ..core.checks import ConfigError, check_number, check_parameters
 from ..core.config import BoardConfig
+from ..core.parameter import configuration, parameter, part
 from ..description.urdf import Urdf
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class MotorModel:
-    """What the name plate of a motor and its gearbox does not say.
+    """What the name plate of a motor and its gearbox does not say."""
 
-    Attributes: coulomb (friction at the joint, N·m), viscous (friction at the joint,
-    N·m·s/rad), inertia (of the rotor, kg·m² on the motor's side: gear_ratio² of it adds to the
-    joint), thermal_resistance (winding to ambient, K/W), thermal_capacitance (J/K), ambient
-    (°C).
-    """
+    coulomb: float = parameter(
+        "Dry friction at the joint",
+        "N·m",
+        default=0.0,
+        low=0.0,
+        derived="URDF, or 1 % of limits.torque",
+    )
+    viscous: float = parameter(
+        "Viscous friction at the joint",
+        "N·m·s/rad",
+        default=0.0,
+        low=0.0,
+        derived="URDF, or limits",
+    )
+    inertia: float = parameter(
+        "Of the rotor, on the motor's side: gear_ratio² of it adds to the joint",
+        "kg·m²",
+        default=0.0,
+        low=0.0,
+        derived="load, torque",
+    )
+    thermal_resistance: float = parameter(
+        "Winding to ambient",
+        "K/W",
+        default=1.0,
+        above=0.0,
+        derived="nominal current 20 K below limits.temperature",
+    )
+    thermal_capacitance: float = parameter(
+        "Of the winding", "J/K", default=100.0, above=0.0, derived="120 s / thermal_resistance"
+    )
 
-    coulomb: float = 0.0
-    viscous: float = 0.0
-    inertia: float = 0.0
-    thermal_resistance: float = 1.0
-    thermal_capacitance: float = 100.0
-    ambient: float = 25.0
 
-    def check(self, key: str) -> None:
-        for name in ("coulomb", "viscous", "inertia"):
-            check_number(f"{key}.{name}", getattr(self, name), 0.0, HUGE)
-        for name in ("thermal_resistance", "thermal_capacitance"):
-            check_number(f"{key}.{name}", getattr(self, name), above=0.0, high=HUGE)
-        check_number(f"{key}.ambient", self.ambient, -273.15, 1000.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class Encoder:
-    """The joint encoder: resolution (rad, 0 = none) and zero (rad added to the reading)."""
+    """The joint encoder."""
 
-    resolution: float = 0.0
-    zero: float = 0.0
-
-    def check(self, key: str) -> None:
-        check_number(f"{key}.resolution", self.resolution, 0.0, 1.0)
-        check_number(f"{key}.zero", self.zero, -HUGE, HUGE)
+    resolution: float = parameter(
+        "Step of the reading; 0: none", "rad or m", default=0.0, low=0.0, high=1.0
+    )
+    zero: float = parameter("Added to the reading", "rad or m", default=0.0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class JointSimulation:
-    """One simulated joint.
-
-    Attributes: name (of the board's joint), home (position at start and after a reset, rad),
-    inertia (of what hangs on the joint, kg·m²; the ideal body only, the URDF knows its own),
-    motor and encoder.
-    """
+    """One simulated joint; ``name`` is that of the board's joint."""
 
     name: str
-    home: float = 0.0
-    inertia: float = 1.0
-    motor: MotorModel = field(default_factory=MotorModel)
-    encoder: Encoder = field(default_factory=Encoder)
+    home: float = parameter(
+        "Pose at start and after ~/reset", "rad or m", default=0.0, derived="limits"
+    )
+    inertia: float = parameter(
+        "What the joint moves, about; of the ideal body only, the URDF knows its own",
+        "kg·m² or kg",
+        default=1.0,
+        above=0.0,
+        derived="URDF",
+    )
+    motor: MotorModel = part(default=MotorModel())
+    encoder: Encoder = part(default=Encoder())
 
     def __post_init__(self) -> None:
         if not self.name:
             raise ConfigError("simulation.joints", self.name, "a joint name")
-        check_number(f"{self.name}.home", self.home, -HUGE, HUGE)
-        check_number(f"{self.name}.inertia", self.inertia, above=0.0, high=HUGE)
-        self.motor.check(f"{self.name}.motor")
-        self.encoder.check(f"{self.name}.encoder")
+        check_parameters(f"{self.name}.", self)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@configuration
 class SimulationConfig:
     """A whole simulated plant.
 
-    Attributes: joints (of the board, in its order), urdf (the robot; None for the ideal body:
-    one double integrator per joint, no gravity), base_fixed, gravity (m/s², in world axes),
-    physics_rate (Hz, a whole multiple of the control rate), gui (show the arm in a window).
+    Attributes:
+        joints: Of the board, in its order.
+        urdf: The robot; None for the ideal body: one double integrator per joint, no gravity.
     """
 
     joints: tuple[JointSimulation, ...]
     urdf: Urdf | None = None
-    base_fixed: bool = True
-    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
-    physics_rate: float = 1000.0
-    gui: bool = False
+    base_fixed: bool = parameter("The base link cannot move", default=True)
+    gravity: tuple[float, float, float] = parameter(
+        "Gravity along the world's x, y, z",
+        "m/s²",
+        default=(0.0, 0.0, -9.81),
+        low=-1000.0,
+        high=1000.0,
+    )
+    physics_rate: float = parameter(
+        "Physics steps; a whole multiple of control_rate",
+        "Hz",
+        default=1000.0,
+        low=10.0,
+        high=100000.0,
+        derived="control_rate: its first multiple from 1000",
+    )
+    gui: bool = parameter("Show the arm in pybullet's window", default=False)
 
     def __post_init__(self) -> None:
         if not self.joints:
             raise ConfigError("simulation.joints", [], "at least one joint")
-        if len(self.gravity) != 3:
-            raise ConfigError("simulation.gravity", self.gravity, "three numbers, m/s²")
-        for value in self.gravity:
-            check_number("simulation.gravity", value, -1000.0, 1000.0)
-        check_number("simulation.physics_rate", self.physics_rate, 10.0, 100000.0)
+        check_parameters("simulation.", self)
         if self.gui and self.urdf is None:
             raise ConfigError("simulation.gui", True, "false without a urdf: nothing to show")
 

@@ -58,7 +58,7 @@ class Motors:
 
         capacity = np.array([m.thermal_capacitance for m in models])
         thermal = np.array([m.thermal_resistance for m in models])
-        self._ambient = np.array([m.ambient for m in models])
+        self._ambient = np.array([joint.motor.ambient for joint in board.joints])
         self._warming = thermal * [joint.motor.resistance for joint in board.joints]
         self.heat_cycles = max(1, round(HEAT_PERIOD * board.control_rate))
         period = self.heat_cycles * board.period

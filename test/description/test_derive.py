@@ -42,7 +42,7 @@ def test_ratings_of_a_motor_fit_its_joint(name: str) -> None:
     for joint, model in zip(made.board.joints, made.simulation.joints, strict=True):
         limits, motor, heat = joint.limits, joint.motor, model.motor
         rise = heat.thermal_resistance * motor.resistance * limits.nominal_current**2
-        assert heat.ambient + rise <= limits.temperature - 15.0, joint.name
+        assert motor.ambient + rise <= limits.temperature - 15.0, joint.name
         assert limits.nominal_current < limits.peak_current
         held = limits.nominal_current * motor.torque_per_ampere
         assert held > carried[joint.name].gravity, joint.name

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from documents import ROOT
 
-from control_board_ros.settings.schema import rows
+from control_board_ros.settings.schema import BOARD, JOINT
 
 
 def generate(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -45,8 +45,10 @@ def test_a_stale_page_is_found(tmp_path: Path) -> None:
 
 def test_every_parameter_has_its_row() -> None:
     text = (ROOT / "docs" / "parameters.md").read_text("utf-8")
-    for name, *_ in rows():
-        assert f"| `{name}` |" in text
+    for row in BOARD:
+        assert f"| `{row.name}` |" in text
+    for row in JOINT:
+        assert f"| `<joint>.{row.name}` |" in text
 
 
 def test_every_definition_has_its_section() -> None:

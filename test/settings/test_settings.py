@@ -232,6 +232,24 @@ def test_numbers_as_people_write_them(tmp_path: Path) -> None:
     assert (pid.kp, pid.ki, pid.kd, pid.integral_limit) == (1000.0, 0.001, 0.5, math.inf)
 
 
+def test_a_calibration_ends_in_any_control_mode_of_the_joint() -> None:
+    """K3."""
+    made = load("iiwa", {f"{J2}.calibration.control_mode": "velocity"})
+    calibration = made.board.joints[1].calibration
+    assert calibration is not None
+    assert calibration.control_mode is ControlMode.VELOCITY
+
+
+def test_a_joint_without_end() -> None:
+    """Software limits and hard stops at infinity; no disagreement is a fault."""
+    low, high = -math.inf, math.inf
+    endless = {"lower": low, "hard_lower": low, "upper": high, "hard_upper": high}
+    given = {f"{J2}.limits.{name}": value for name, value in endless.items()}
+    made = load("iiwa", given | {f"{J2}.max_travel_error": math.inf}).board.joints[1]
+    assert (made.limits.lower, made.limits.upper) == (-math.inf, math.inf)
+    assert math.isfinite(made.position_pid.kp)
+
+
 # What is refused ----------------------------------------------------------------------------
 
 BROKEN = {
@@ -497,14 +515,6 @@ def test_every_value_of_the_settings_is_allowed_by_its_row(iiwa: Settings) -> No
         assert row is not None, name
         assert convert(row, name, Entry(value, "")) == value
         assert type(convert(row, name, Entry(value, ""))) is type(value), name
-
-
-def test_rows_for_the_reference() -> None:
-    rows = {row[0]: row for row in schema.rows()}
-    assert len(rows) == len(schema.BOARD) + len(schema.JOINT)
-    assert rows["control_rate"][1:5] == ("double", "1000", "a number from 10 to 20000", False)
-    assert rows["<joint>.position_pid.kp"][4] is True
-    assert rows["gui"][2] == "false"
 
 
 def test_caps_are_what_the_security_page_says() -> None:

@@ -184,8 +184,8 @@ def test_the_rotor_adds_its_reflected_inertia():
 
 def test_the_winding_warms_to_its_steady_state():
     """T = ambient + Rth R i², with the time constant Rth Cth."""
-    model = MotorModel(thermal_resistance=2.0, thermal_capacitance=1.0, ambient=20.0)
-    plant = locked(model)
+    model = MotorModel(thermal_resistance=2.0, thermal_capacitance=1.0)
+    plant = locked(model, replace(MOTOR, ambient=20.0))
     rise = 2.0 * 0.5 * 2.4**2  # 2.4 A at 2.5 %
     after = drive(plant, 2.5, cycles=2000)[Row.TEMPERATURE, 0]
     assert after == pytest.approx(20.0 + rise * -math.expm1(-1.0), rel=0.01)

@@ -11,7 +11,6 @@ import numpy as np
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config import (
-    CONTROL_MODES,
     BoardConfig,
     Calibration,
     Impedance,
@@ -21,6 +20,7 @@ from control_board_ros.core.config import (
     Pid,
 )
 from control_board_ros.core.measurement import ROWS, Actuation, Array, Measurement, Row
+from control_board_ros.core.modes import SELECTABLE
 from control_board_ros.core.state import Snapshot
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import (
@@ -59,7 +59,9 @@ def joint(name: str, *, limits: dict[str, Any] | None = None, **changes: Any) ->
         "name": name,
         "limits": replace(LIMITS, **(limits or {})),
         "motor": MOTOR,
-        "position_pid": Pid(kp=400.0, ki=400.0, kd=40.0, integral_limit=20.0),
+        "position_pid": Pid(
+            kp=400.0, ki=400.0, kd=40.0, integral_limit=20.0, derivative_cutoff=100.0
+        ),
         "torque_pid": Pid(kp=0.3, ki=20.0, kff=1.0, integral_limit=20.0),
         "impedance": Impedance(stiffness=50.0, damping=5.0, max_stiffness=500.0, max_damping=50.0),
         "startup_mode": M.IDLE,
@@ -71,7 +73,7 @@ def plain(name: str, **changes: Any) -> JointConfig:
     """A joint without torque sensing (I7)."""
     values = {
         "torque_sensor": False,
-        "control_modes": tuple(m for m in CONTROL_MODES if m is not M.TORQUE),
+        "control_modes": tuple(m for m in SELECTABLE if m is not M.TORQUE),
         "interaction_modes": (STIFF,),
     }
     return joint(name, **(values | changes))

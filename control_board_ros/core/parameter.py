@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters: what is known of one stands on the field that holds it, and nowhere else.
+
+    @configuration
+    class Limits:
+        velocity: float = parameter("Speed limit", "rad/s or m/s", above=0.0, derived="URDF")
+
+The check of a configuration, the ROS parameters and docs/parameters.md are made from it. A bound
+is a number, or the name of the parameter that bounds: ``upper`` of the same class, or
+``limits.velocity`` of the joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from enum import StrEnum
+from types import NoneType
+from typing import Any, TypeVar, dataclass_transform, get_args, get_origin, get_type_hints
+
+T = TypeVar("T")
+Bound = float | str
+
+#: The largest finite number a configuration takes, and the least that is above another one: they
+#: keep products and quotients of two finite.
+HUGE, TINY = 1e12, 1e-12
+
+
+class Kind(StrEnum):
+    """The type of a parameter, in ROS's words."""
+
+    BOOL = "bool"
+    INTEGER = "integer"
+    DOUBLE = "double"
+    STRING = "string"
+    DOUBLES = "double_array"
+    STRINGS = "string_array"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One parameter.
+
+    Attributes:
+        name: Of the field; with dots in front of it where it is a part's.
+        kind: Its type.
+        default: Of the field.
+        text: What it is.
+        unit: Of numbers; empty where there is none.
+        low, high: Least and greatest value, inclusive; of numbers.
+        above: What the value is greater than, by TINY at least.
+        choices: Of strings: the text of each allowed value, and the value.
+        length: Of arrays with a fixed one.
+        run_time: Whether it can change while the board runs.
+        derived: What a parameter file that leaves it out derives it from; empty: the default.
+    """
+
+    name: str
+    kind: Kind
+    default: Any
+    text: str
+    unit: str = ""
+    low: Bound = -HUGE
+    high: Bound = HUGE
+    above: Bound | None = None
+    choices: Mapping[str, Any] = field(default_factory=dict)
+    length: int | None = None
+    run_time: bool = False
+    derived: str = ""
+
+    @property
+    def description(self) -> str:
+        """Text and unit."""
+        return f"{self.text} [{self.unit}]." if self.unit else f"{self.text}."
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Both ends of the range, inclusive; of HUGE where another parameter is the bound."""
+        low, high = self.low, HUGE if isinstance(self.high, str) else self.high
+        if self.above is not None:
+            low = self.above if isinstance(self.above, str) else self.above + TINY
+        return -HUGE if isinstance(low, str) else low, high
+
+    @property
+    def range_text(self) -> str:
+        """What is allowed, in words."""
+        if self.choices:
+            return ", ".join(self.choices)
+        nouns = {Kind.DOUBLES: "a list of numbers", Kind.INTEGER: "a whole number"}
+        words = {Kind.BOOL: "true, false", Kind.STRING: "text", Kind.STRINGS: "a list of texts"}
+        noun = nouns.get(self.kind, "a number")
+        return words.get(self.kind) or range_text(noun, self.low, self.high, self.above)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """A configuration that is a field of another one.
+
+    Attributes:
+        name: Of the field.
+        made: Its class.
+        in_files: Its parameters where a parameter file leaves them out; None: as its class.
+        text: What comes before the text of each of its parameters.
+        units: Of its parameters, by name; over their own.
+        derived: What its parameters are derived from, by name; over what they say themselves.
+    """
+
+    name: str
+    made: type
+    in_files: Any
+    text: str
+    units: Mapping[str, str]
+    derived: Mapping[str, str]
+
+
+def range_text(noun: str, low: Bound, high: Bound, above: Bound | None) -> str:
+    """A range in words; bounds of HUGE and more are none."""
+    least = None if not isinstance(low, str) and low <= -HUGE else _shown(low)
+    most = None if not isinstance(high, str) and high >= HUGE else _shown(high)
+    if above is not None:
+        return f"{noun} above {_shown(above)}" + (f" and up to {most}" if most else "")
+    if least and most:
+        return f"{noun} from {least} to {most}"
+    if most:
+        return f"{noun} of at most {most}"
+    return f"{noun} of at least {least}" if least else noun
+
+
+def _shown(bound: Bound) -> str:
+    return bound if isinstance(bound, str) else f"{bound:g}"
+
+
+# Fields ---------------------------------------------------------------------------------------
+
+
+def parameter(
+    text: str,
+    unit: str = "",
+    *,
+    default: Any = MISSING,
+    low: Bound = -HUGE,
+    high: Bound = HUGE,
+    above: Bound | None = None,
+    choices: Iterable[Any] = (),
+    run_time: bool = False,
+    derived: str = "",
+) -> Any:
+    """A field that is a parameter; see :class:`Parameter`.
+
+    Args:
+        text: What it is.
+        unit: Of numbers.
+        default: Where the configuration is made without it; none: it must be given.
+        low: Least value.
+        high: Greatest value.
+        above: What the value is greater than.
+        choices: The values allowed: texts, or modes, which users write by their code.
+        run_time: Whether it can change while the board runs.
+        derived: What a parameter file that leaves it out derives it from; empty: the default.
+    """
+    known = {
+        "text": text,
+        "unit": unit,
+        "default": _or_none(default),
+        "low": low,
+        "high": high,
+        "above": above,
+        "choices": {getattr(choice, "code", choice): choice for choice in choices},
+        "run_time": run_time,
+        "derived": derived,
+    }
+    return field(default=default, metadata={"parameter": known})
+
+
+def part(
+    text: str = "",
+    *,
+    default: Any = MISSING,
+    in_files: Any = None,
+    units: Mapping[str, str] | None = None,
+    derived: Mapping[str, str] | None = None,
+) -> Any:
+    """A field that is a configuration of its own.
+
+    Its parameters have its name and a dot in front of theirs.
+
+    Args:
+        text: See :class:`Part`, also for the rest.
+        default: The part where the configuration is made without it; none: it must be given.
+        in_files: Its parameters where a parameter file leaves them out; None: as the default's.
+        units: Of its parameters, by name.
+        derived: What its parameters are derived from, by name.
+    """
+    in_files = in_files or _or_none(default)
+    known = {"text": text, "in_files": in_files, "units": units or {}, "derived": derived or {}}
+    return field(default=default, metadata={"part": known})
+
+
+def _or_none(default: Any) -> Any:
+    return None if default is MISSING else default
+
+
+@dataclass_transform(
+    frozen_default=True, kw_only_default=True, field_specifiers=(parameter, part, field)
+)
+def configuration(made: type[T]) -> type[T]:
+    """A dataclass that is frozen and slotted, made by keywords: a configuration."""
+    made = dataclass(frozen=True, slots=True, kw_only=True)(made)
+    types = get_type_hints(made)
+    parameters, parts = [], []
+    for item in fields(made):  # type: ignore[arg-type]  # it is a dataclass
+        if (known := item.metadata.get("parameter")) is not None:
+            kind, length = _kind(types[item.name])
+            parameters.append(Parameter(name=item.name, kind=kind, length=length, **known))
+        elif (known := item.metadata.get("part")) is not None:
+            parts.append(Part(name=item.name, made=_given(types[item.name]), **known))
+    _PARAMETERS[made], _PARTS[made] = tuple(parameters), tuple(parts)
+    return made
+
+
+_PARAMETERS: dict[type, tuple[Parameter, ...]] = {}
+_PARTS: dict[type, tuple[Part, ...]] = {}
+
+
+def parameters_of(made: type) -> tuple[Parameter, ...]:
+    """The parameters that are fields of a configuration, those of its parts left out."""
+    return _PARAMETERS[made]
+
+
+def parts_of(made: type) -> tuple[Part, ...]:
+    """The fields of a configuration that are configurations of their own."""
+    return _PARTS[made]
+
+
+def _kind(hint: Any) -> tuple[Kind, int | None]:
+    """Kind and length of a field's type."""
+    if get_origin(hint) is tuple:
+        first, *rest = get_args(hint)
+        if first is float:
+            return Kind.DOUBLES, 1 + len(rest)
+        return Kind.STRINGS, None
+    kinds = {bool: Kind.BOOL, int: Kind.INTEGER, float: Kind.DOUBLE}
+    return kinds.get(hint, Kind.STRING), None
+
+
+def _given(hint: Any) -> type:
+    """The class of a part, None left out."""
+    made: type = next((one for one in get_args(hint) if one is not NoneType), hint)
+    return made
