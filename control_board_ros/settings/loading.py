@@ -15,19 +15,18 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from ..core.config import BoardConfig, ConfigError
-from ..description.assumed import Assumed
 from ..description.derive import complete
 from ..description.robots import ROBOTS, load_robot
 from ..description.urdf import Urdf, UrdfError
 from ..sim.config import SimulationConfig
 from . import build
-from .params_file import Entry, Layer, SettingsError, read_file, shown
-from .schema import BOARD, BOARD_BY_NAME, JOINT, JOINT_BY_NAME, JOINT_DEFAULTS, find_row
+from .layers import joints_of, merged, robot_of, typed, unknown, without_ros
+from .params_file import Entry, Layer, SettingsError, read_file
+from .schema import BOARD, JOINT, JOINT_DEFAULTS, Parameter, find_row
 from .shipped import find_config
 from .values import convert
 
@@ -35,9 +34,6 @@ __all__ = ["Settings", "SettingsError", "find_config", "load", "load_layers"]
 
 LEAST_PHYSICS_RATE = 1000.0  # Hz, where nobody gives one
 LEAST_CONTROL_RATE = 200.0  # Hz, for which gains are made
-#: Parameters that every ROS node has; they are the node's, not the board's.
-ROS_NAMES = ("use_sim_time", "start_type_description_service")
-ROS_PREFIXES = ("qos_overrides.",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +73,9 @@ class Settings:
             if not row.run_time or name.startswith(JOINT_DEFAULTS + "."):
                 raise SettingsError(f"{name}: is fixed while the board runs; set it at start")
             values[name] = convert(row, name, Entry(value, ""))
-        touched = {name for name in self.board.names if any(_owned(c, name) for c in changes)}
+        touched = {
+            name for name in self.board.names if any(c.startswith(name + ".") for c in changes)
+        }
         for name in touched:
             self._restart(name, values)
         try:
@@ -124,7 +122,7 @@ def _is_name(source: str) -> bool:
 def load_layers(layers: Iterable[Layer]) -> Settings:
     """Settings of layers, the last one strongest; the robot's shipped layer comes first."""
     given = list(layers)
-    robot, folder = _robot(given)
+    robot, folder, where = robot_of(given)
     if robot in ROBOTS:
         base = find_config(robot)
         if all(layer.path != base.absolute() for layer in given):
@@ -132,32 +130,51 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
     try:
         urdf = load_robot(robot, folder)
     except UrdfError as error:
-        entry = _last(given, "robot")
-        at = f"{entry.where}: " if entry is not None else ""
-        raise SettingsError(f"{at}robot: {error}") from None
-    ros = _take_ros(given)
-    _check_names(given, urdf)
-    board = _board_values(given)
-    names = _joint_names(board, urdf, _last(given, "joints"))
-    values, where = dict(board), _origins(given)
+        raise SettingsError(f"{where}: robot: {error}" if where else f"robot: {error}") from None
+    ours, ros = without_ros(given)
+    return _settings(merged([typed(one, urdf.independent) for one in ours], urdf), urdf, ros)
+
+
+def _settings(entries: Mapping[str, Entry], urdf: Urdf, ros: dict[str, Any]) -> Settings:
+    """Settings of what is given; the rest has its default, or is derived."""
+    where = {name: entry.where for name, entry in entries.items()}
+    values = _values(BOARD, entries)
+    rate = values["control_rate"]
+    values.setdefault("physics_rate", rate * math.ceil(LEAST_PHYSICS_RATE / rate))
+    names = joints_of(values["joints"], urdf, where.get("joints", ""))
+    joints = {name: _values(JOINT, entries, f"{name}.") for name in names}
     try:
-        found, assumed = _joint_values(given, names, urdf, board, where)
-        for name, joint_values in found.items():
-            values.update({f"{name}.{key}": value for key, value in joint_values.items()})
-        made = build.board(values, urdf, names)
+        x, y, z = values["gravity"]
+        assumed = complete(joints, urdf, (x, y, z), rate)
+        for name, found in joints.items():
+            if not found["torque_sensor"]:  # I7
+                found["control_modes"] = [m for m in found["control_modes"] if m != "torq"]
+                found["interaction_modes"] = [m for m in found["interaction_modes"] if m != "comp"]
+            values |= {f"{name}.{key}": value for key, value in found.items()}
+        board = build.board(values, urdf, names)
         simulation = build.simulation(values, urdf, names)
-        simulation.check_board(made)
+        simulation.check_board(board)
     except ConfigError as error:
         raise SettingsError(_explain(error, where)) from None
-    values["robot"], values["joints"] = robot, list(names)
-    for layer in given:
-        for name, entry in layer.entries.items():
-            if name.startswith(JOINT_DEFAULTS + "."):
-                row = JOINT_BY_NAME[name.partition(".")[2]]
-                values[name] = convert(row, name, entry)
-    warnings = urdf.warnings + assumed.warnings + _slow(values["control_rate"])
-    notes = () if robot in ROBOTS else assumed.notes
-    return Settings(made, simulation, urdf, values, ros, warnings, notes, where)
+    values["joints"] = list(names)
+    defaults = {name for name in entries if name.startswith(JOINT_DEFAULTS + ".")}
+    values |= {name: entries[name].value for name in defaults}
+    warnings = urdf.warnings + assumed.warnings + _slow(rate)
+    notes = () if values["robot"] in ROBOTS else assumed.notes
+    return Settings(board, simulation, urdf, values, ros, warnings, notes, where)
+
+
+def _values(
+    rows: Iterable[Parameter], entries: Mapping[str, Entry], prefix: str = ""
+) -> dict[str, Any]:
+    """What is given of some parameters, and defaults; what is to be derived is left out."""
+    found = {}
+    for row in rows:
+        if (entry := entries.get(prefix + row.name)) is not None:
+            found[row.name] = entry.value
+        elif row.default is not None:
+            found[row.name] = row.default
+    return found
 
 
 def _slow(rate: float) -> tuple[str, ...]:
@@ -171,136 +188,12 @@ def _slow(rate: float) -> tuple[str, ...]:
     )
 
 
-def _robot(layers: list[Layer]) -> tuple[str, Path | None]:
-    """The robot asked for, and the folder that its path is relative to."""
-    row, robot, folder = BOARD_BY_NAME["robot"], str(BOARD_BY_NAME["robot"].default), None
-    for layer in layers:
-        if "robot" in layer.entries:
-            robot = convert(row, "robot", layer.entries["robot"])
-            folder = layer.folder
-    return robot, folder
-
-
-def _last(layers: list[Layer], name: str) -> Entry | None:
-    return next((one.entries[name] for one in reversed(layers) if name in one.entries), None)
-
-
-def _origins(layers: list[Layer]) -> dict[str, str]:
-    return {name: entry.where for layer in layers for name, entry in layer.entries.items()}
-
-
-def _take_ros(layers: list[Layer]) -> dict[str, Any]:
-    """Take the ROS node's own parameters out of the layers."""
-    found = {}
-    for layer in layers:
-        for name in list(layer.entries):
-            if name in ROS_NAMES or name.startswith(ROS_PREFIXES):
-                entry = layer.entries.pop(name)
-                if name in ROS_NAMES and not isinstance(entry.value, bool):
-                    raise SettingsError(
-                        f"{entry.where}: {name}: {shown(entry.value)} is not allowed; "
-                        "use true or false"
-                    )
-                found[name] = entry.value
-    return found
-
-
-def _owned(name: str, joint: str) -> bool:
-    return name.startswith(joint + ".")
-
-
-def unknown(name: str, known: Iterable[str]) -> str:
-    """The message for a parameter name that does not exist."""
-    near = get_close_matches(name[:200], list(known), n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else "see docs/parameters.md"
-    return f"{shown(name)}: no such parameter; {hint}"
-
-
-def _check_names(layers: list[Layer], urdf: Urdf) -> None:
-    joints = urdf.independent
-    for layer in layers:
-        for name, entry in layer.entries.items():
-            if find_row(name, joints) is None:
-                known = [*BOARD_BY_NAME, JOINT_DEFAULTS]
-                owners = (JOINT_DEFAULTS, *joints)
-                known += [f"{owner}.{row.name}" for owner in owners for row in JOINT]
-                raise SettingsError(f"{entry.where}: {unknown(name, known)}")
-
-
-def _board_values(layers: list[Layer]) -> dict[str, Any]:
-    values = {row.name: row.default for row in BOARD}
-    for layer in layers:
-        for name, entry in layer.entries.items():
-            if name in BOARD_BY_NAME:
-                values[name] = convert(BOARD_BY_NAME[name], name, entry)
-    if values["physics_rate"] is None:
-        rate = values["control_rate"]
-        values["physics_rate"] = rate * math.ceil(LEAST_PHYSICS_RATE / rate)
-    return values
-
-
-def _joint_names(board: Mapping[str, Any], urdf: Urdf, entry: Entry | None) -> tuple[str, ...]:
-    chosen = tuple(board["joints"]) or urdf.independent
-    at = f"{entry.where}: " if entry is not None else ""
-    for name in chosen:
-        if name in urdf.independent and chosen.count(name) == 1:
-            continue
-        if name in urdf.mimics:
-            reason = f"it follows {urdf.mimics[name].leader!r}; leave it out"
-        elif name in urdf.independent:
-            reason = "it is there twice; leave one out"
-        else:
-            near = get_close_matches(name, urdf.independent, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            reason = f"{hint}joints: {', '.join(urdf.independent)}"
-        raise SettingsError(f"{at}joints: {shown(name)} is not allowed; {reason}")
-    for reserved in (JOINT_DEFAULTS, "qos_overrides"):
-        if reserved in chosen:
-            raise SettingsError(f"{at}joints: {reserved!r} is not allowed as a joint's name")
-    return chosen
-
-
-def _joint_values(
-    layers: list[Layer],
-    names: tuple[str, ...],
-    urdf: Urdf,
-    board: Mapping[str, Any],
-    where: dict[str, str],
-) -> tuple[dict[str, dict[str, Any]], Assumed]:
-    """The complete parameters of every joint of the board; notes where each came from."""
-    found: dict[str, dict[str, Any]] = {name: {} for name in names}
-    for layer in layers:
-        for name, entry in layer.entries.items():
-            owner, _, key = name.partition(".")
-            if owner == JOINT_DEFAULTS:
-                value = convert(JOINT_BY_NAME[key], name, entry)
-                for joint in names:
-                    found[joint][key] = value
-                    where[f"{joint}.{key}"] = entry.where
-        for name, entry in layer.entries.items():
-            for joint in names:
-                if _owned(name, joint) and (row := JOINT_BY_NAME.get(name[len(joint) + 1 :])):
-                    found[joint][row.name] = convert(row, name, entry)
-                    where[name] = entry.where
-    plain = {row.name: row.default for row in JOINT if row.default is not None}
-    for values in found.values():
-        for key, default in plain.items():
-            values.setdefault(key, default)
-    x, y, z = board["gravity"]
-    assumed = complete(found, urdf, (x, y, z), board["control_rate"])
-    for values in found.values():
-        if not values["torque_sensor"]:  # I7
-            values["control_modes"] = [m for m in values["control_modes"] if m != "torq"]
-            values["interaction_modes"] = [m for m in values["interaction_modes"] if m != "comp"]
-    return found, assumed
-
-
 def _blame(error: ConfigError, changes: Mapping[str, Any], values: Mapping[str, Any]) -> str:
     """A configuration error by the change that caused it, not by what it does not fit."""
     if error.key in changes:
         return str(error)
     joint = error.key.partition(".")[0]
-    guilty = [name for name in changes if _owned(name, joint)] or list(changes)
+    guilty = [name for name in changes if name.startswith(joint + ".")] or list(changes)
     told = ", ".join(f"{name}: {values[name]!r} is not allowed" for name in guilty)
     return f"{told}; {error.key} is {error.value!r} and would have to be {error.allowed}"
 

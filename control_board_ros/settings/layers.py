@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Layers of parameters, the last one strongest: what they hold, checked and merged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from ..core.parameter import Parameter
+from ..description.urdf import Urdf
+from .params_file import Entry, Layer, SettingsError, shown
+from .schema import BOARD_BY_NAME, JOINT, JOINT_DEFAULTS, find_row
+from .values import convert
+
+#: Parameters that every ROS node has; they are the node's, not the board's.
+ROS_NAMES = ("use_sim_time", "start_type_description_service")
+ROS_PREFIXES = ("qos_overrides.",)
+
+Entries = dict[str, Entry]
+
+
+def robot_of(layers: Sequence[Layer]) -> tuple[str, Path | None, str]:
+    """The robot asked for, the folder that its path is relative to, and where it was written."""
+    row = BOARD_BY_NAME["robot"]
+    robot, folder, where = str(row.default), None, ""
+    for layer in layers:
+        if (entry := layer.entries.get("robot")) is not None:
+            robot, folder, where = convert(row, "robot", entry), layer.folder, entry.where
+    return robot, folder, where
+
+
+def without_ros(layers: Sequence[Layer]) -> tuple[list[Entries], dict[str, Any]]:
+    """Entries of each layer without the ROS node's own parameters, and the values of those.
+
+    Raises:
+        SettingsError: a value that is not allowed.
+    """
+    ours: list[Entries] = []
+    ros: dict[str, Any] = {}
+    for layer in layers:
+        ours.append({})
+        for name, entry in layer.entries.items():
+            if name in ROS_NAMES and not isinstance(entry.value, bool):
+                raise SettingsError(
+                    f"{entry.where}: {name}: {shown(entry.value)} is not allowed; "
+                    "use true or false"
+                )
+            if name in ROS_NAMES or name.startswith(ROS_PREFIXES):
+                ros[name] = entry.value
+            else:
+                ours[-1][name] = entry
+    return ours, ros
+
+
+def typed(entries: Entries, joints: Sequence[str]) -> Entries:
+    """Entries with the values that their parameters have.
+
+    Raises:
+        SettingsError: a name that does not exist, or a value that is not allowed.
+    """
+    return {
+        name: Entry(convert(_row(name, entry, joints), name, entry), entry.where)
+        for name, entry in entries.items()
+    }
+
+
+def _row(name: str, entry: Entry, joints: Sequence[str]) -> Parameter:
+    row = find_row(name, joints)
+    if row is None:
+        owners = (JOINT_DEFAULTS, *joints)
+        known = [*BOARD_BY_NAME, JOINT_DEFAULTS]
+        known += [f"{owner}.{row.name}" for owner in owners for row in JOINT]
+        raise SettingsError(f"{entry.where}: {unknown(name, known)}")
+    return row
+
+
+def merged(layers: Iterable[Entries], urdf: Urdf) -> Entries:
+    """The strongest entry of each name; in a layer, a joint's own wins over ``joint_defaults``."""
+    found: Entries = {}
+    for layer in layers:
+        for name, entry in layer.items():
+            owner, _, key = name.partition(".")
+            if owner == JOINT_DEFAULTS:
+                found |= {f"{joint}.{key}": entry for joint in urdf.independent}
+        found |= layer
+    return found
+
+
+def joints_of(chosen: Sequence[str], urdf: Urdf, where: str) -> tuple[str, ...]:
+    """The joints of the board: those chosen, or (none chosen) all that move.
+
+    Raises:
+        SettingsError: a joint that cannot be chosen; the message says why.
+    """
+    names = tuple(chosen) or urdf.independent
+    at = f"{where}: " if where else ""
+    for name in names:
+        if name in urdf.independent and names.count(name) == 1:
+            continue
+        if name in urdf.mimics:
+            reason = f"it follows {urdf.mimics[name].leader!r}; leave it out"
+        elif name in urdf.independent:
+            reason = "it is there twice; leave one out"
+        else:
+            near = get_close_matches(name, urdf.independent, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            reason = f"{hint}joints: {', '.join(urdf.independent)}"
+        raise SettingsError(f"{at}joints: {shown(name)} is not allowed; {reason}")
+    for reserved in (JOINT_DEFAULTS, "qos_overrides"):
+        if reserved in names:
+            raise SettingsError(f"{at}joints: {reserved!r} is not allowed as a joint's name")
+    return names
+
+
+def unknown(name: str, known: Iterable[str]) -> str:
+    """The message for a parameter name that does not exist."""
+    near = get_close_matches(name[:200], list(known), n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}?" if near else "see docs/parameters.md"
+    return f"{shown(name)}: no such parameter; {hint}"
