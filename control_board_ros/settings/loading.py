@@ -40,9 +40,15 @@ LEAST_CONTROL_RATE = 200.0  # Hz, for which gains are made
 class Settings:
     """All that a board and its plant are made of.
 
-    Attributes: values (every parameter by its full name, ``joint_defaults.*`` only where
-    given), urdf (the robot), ros (parameters of the ROS node itself), warnings and notes
-    (what was assumed; one line each), where (the origin of each given value).
+    Attributes:
+        board: The configuration of the board.
+        simulation: That of its plant.
+        urdf: The robot.
+        values: Every parameter by its full name, ``joint_defaults.*`` only where given.
+        ros: Parameters of the ROS node itself.
+        warnings: What may be wrong; one line each.
+        notes: What was assumed; one line each.
+        where: The origin of each given value.
     """
 
     board: BoardConfig

@@ -197,4 +197,4 @@ def test_check_number_says_the_range(
 
 
 def test_the_limits_of_the_tests_are_good() -> None:
-    LIMITS.check("j.limits")
+    assert joint("j").limits == LIMITS
