@@ -172,8 +172,8 @@ class BulletBody:
         joints = {}
         if (count := bullet.getNumJoints(self._body, self._client)) > MOST_JOINTS:
             raise PlantError(
-                f"urdf: {count} joints, fixed ones included; pybullet takes at "
-                f"most {MOST_JOINTS}; cut the robot to a chain"
+                f"urdf: {count} joints move, pybullet takes at most {MOST_JOINTS}; name those "
+                "of the board in the parameter joints, the others are fixed then"
             )
         for index in range(count):
             info = bullet.getJointInfo(self._body, index, self._client)
