@@ -20,7 +20,7 @@ class Assumed:
         self._warnings: dict[tuple[str, str], list[str]] = {}
 
     def count(self, joint: str, given: Mapping[str, Any]) -> None:
-        """Note which parts of a joint nobody gives."""
+        """Note which parts of a joint no parameter gives."""
         self._count += 1
         for key, part in PARTS.items():
             if key not in given:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a joint's parameters are where nobody gives them: derived from the URDF.
+"""Parameters of a joint that are not given: derived from the URDF.
 
 Good enough to hold and move any sane robot; a tuned robot has its own YAML. A joint is sized
 by what hangs on it: the inertia and the gravity torque of its worst pose (see ``loads``); its

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gains that fit a joint, where nobody gives them.
+"""Gains that fit a joint, where none are given.
 
 With the least inertia J that the motor feels and the greatest J_M, the torque limit τ and the
 control period T::

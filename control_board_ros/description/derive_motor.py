@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A motor that fits its joint, where nobody gives one.
+"""A motor that fits its joint, where none is given.
 
 With the joint's torque limit T, speed limit v, gravity torque g, and the supply U::
 

@@ -54,7 +54,7 @@ class Body(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of what the body holds; safe to call twice."""
+        """Release what the body holds; safe to call twice."""
         ...
 
 
@@ -181,7 +181,7 @@ class SimulatedPlant:
         self._sensors.sample_temperature()
 
     def close(self) -> None:
-        """Let go of the body; safe to call twice."""
+        """Release the body; safe to call twice."""
         self.body.close()
 
     def _disturb(self, torque: Array) -> Array:

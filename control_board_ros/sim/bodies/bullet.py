@@ -3,8 +3,8 @@
 
 pybullet's own joint motors and dampers are off: every torque comes from our motors. Hard stops
 are the board's hard limits (the URDF's, unless the configuration narrows them); they are hard
-and without bounce. Each body is a physics server of its own, and without looks unless it has a
-window: they are loaded for a picture only.
+and without bounce. Each body is a physics server of its own, and without visual shapes unless
+it has a window: they are loaded for a picture only.
 """
 
 from __future__ import annotations

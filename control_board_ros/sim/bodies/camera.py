@@ -2,7 +2,7 @@
 """Pictures of the arm, drawn without a display.
 
 The physics itself loads no visual shapes (they cost seconds and most of the memory), so the
-camera keeps a second world with the robot's looks and no physics, and poses it as asked.
+camera keeps a second world with visual shapes and no physics, and poses the robot there.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from .world import Box, bullet, connect, load
 
 
 class Camera:
-    """A photographer's world for one robot.
+    """A second world of one robot, for pictures.
 
     Raises:
-        PlantError: the description cannot be loaded with its looks.
+        PlantError: the description cannot be loaded with its visual shapes.
     """
 
     def __init__(self, text: str, simulation: SimulationConfig) -> None:

@@ -52,4 +52,4 @@ class IdealBody:
         self._state[:] = state
 
     def close(self) -> None:
-        """Nothing to let go."""
+        """Holds nothing to release."""

@@ -69,7 +69,7 @@ def load(client: int, text: str, simulation: SimulationConfig, *, visuals: bool)
         deterministicOverlappingPairs=1,
         physicsClientId=client,
     )
-    looks = 0 if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
+    shapes = 0 if visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
     with file_in_memory("urdf") as file, captured_output() as lines:
         file.write(text.encode())
         file.flush()
@@ -77,7 +77,7 @@ def load(client: int, text: str, simulation: SimulationConfig, *, visuals: bool)
             body = bullet.loadURDF(
                 f"/proc/self/fd/{file.fileno()}",
                 useFixedBase=simulation.base_fixed,
-                flags=bullet.URDF_USE_INERTIA_FROM_FILE | looks,
+                flags=bullet.URDF_USE_INERTIA_FROM_FILE | shapes,
                 physicsClientId=client,
             )
         except bullet.error as error:
