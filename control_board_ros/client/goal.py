@@ -33,6 +33,7 @@ class Goal:
     Args:
         link: the connection.
         action: which.
+        changed: called when it was accepted, and when it has ended.
         on_feedback: called with each feedback in the link's thread, also when nobody waits.
         on_result: called likewise with the result.
     """
@@ -41,11 +42,12 @@ class Goal:
         self,
         link: Link,
         action: Endpoint,
+        changed: Callable[[], None],
         on_feedback: Callable[[Any], None] = lambda _: None,
         on_result: Callable[[Any], None] = lambda _: None,
     ) -> None:
         self._link, self._thread, self._action = link, link.thread, action
-        self._name = action.short
+        self._name, self._changed = action.short, changed
         self._on_feedback, self._on_result = on_feedback, on_result
         self._id = UUID(uuid=list(uuid4().bytes))
         self._client: Any = None
@@ -76,6 +78,7 @@ class Goal:
         try:
             if not (yield from self._send(fields)):
                 return refused(f"the board refused to {self._name}; see its log", names)
+            self._changed()
             while not self._result.done():
                 yield from self._next_sign()
                 while self._feedback:
@@ -87,10 +90,12 @@ class Goal:
             raise
         except BaseException:
             yield from self._cancel()
+            self._changed()
             raise
         yield from self._thread.run(lambda: None)  # the thread takes a result before feedback
         while self._feedback:
             show(self._feedback.popleft())
+        self._changed()
         answer = self._result.result()
         message = answer.result.message
         if answer.status == GoalStatus.STATUS_CANCELED and not message:

@@ -94,11 +94,8 @@ class Goals:
                 measured = np.array(message.positions)
                 feedback(MoveFeedback(tuple(message.names), measured, message.remaining_time))
 
-        goal = Goal(self._services.link, MOVE)
-        try:
-            return (yield from goal.run(fields, selection.names, show))
-        finally:
-            self._services.states.changed()
+        goal = Goal(self._services.link, MOVE, self._services.states.changed)
+        return (yield from goal.run(fields, selection.names, show))
 
     def calibrate(
         self,
@@ -132,13 +129,11 @@ class Goals:
         goal = Goal(
             self._services.link,
             CALIBRATE,
+            self._services.states.changed,
             view.on_feedback,
             lambda result: view.ended(names, result.success, result.message),
         )
-        try:
-            return (yield from goal.run({"names": list(names)}, names, show, to_the_end=wait))
-        finally:
-            self._services.states.changed()
+        return (yield from goal.run({"names": list(names)}, names, show, to_the_end=wait))
 
     def get_calibration(self, joints: Joints = None) -> Steps[list[CalibrationStatus]]:
         """How the last calibration of each joint stands, of those this client asked for."""

@@ -54,7 +54,7 @@ class Wait:
         """Finish it if its condition holds or its time is over; ``now`` is monotonic, s."""
         try:
             met = self.condition is not None and self.condition()
-        except Exception as error:  # noqa: BLE001  (of who waits, and handed on to him)
+        except Exception as error:  # noqa: BLE001  (handed on to whoever waits)
             self.finish(done=False, error=error)
             return
         if met:
