@@ -4,10 +4,11 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import threading
 import time
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,12 +18,21 @@ from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTime
 from control_board_ros.client.modes import mode_texts
 from control_board_ros.client.modes_view import ANSWER_HOLDS, ModesView
 from control_board_ros.client.operations import Aio, operation
+from control_board_ros.client.prediction import KnownJoint, predict
 from control_board_ros.client.services import reply_of
 from control_board_ros.client.values import as_given
 from control_board_ros.client.waiting import Steps, Wait, run
+from control_board_ros.core.config import JointConfig
+from control_board_ros.core.decisions import Facts
+from control_board_ros.core.faults import FaultRecord
 from control_board_ros.core.reply import Answer, accepted, refused
 from control_board_ros.core.selection import Selection
-from control_board_ros.core.vocabs import ControlMode, InteractionMode, parse_control_mode
+from control_board_ros.core.vocabs import (
+    CommandKind,
+    ControlMode,
+    InteractionMode,
+    parse_control_mode,
+)
 
 
 class Part:
@@ -221,6 +231,66 @@ def test_malformed_values_are_sent_as_far_as_they_go() -> None:
     assert as_given({"positions": [1, 2], "speeds": None}) == {"positions": [1.0, 2.0]}
     assert as_given({"positions": "x"}) == {"positions": []}
     assert as_given({"positions": 3}) == {"positions": [3.0]}
+
+
+def facts(mode: ControlMode, *control_modes: ControlMode) -> Facts:
+    """What a client knows of a joint ``a``."""
+    joint = cast(JointConfig, KnownJoint("a", control_modes))
+    fault = FaultRecord("a", active=mode is ControlMode.HW_FAULT, text="encoder silent")
+    return Facts(joint, mode, InteractionMode.STIFF, True, fault, None, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("mode", "answer", "reason"),
+    [
+        (ControlMode.TORQUE, Answer.ACCEPTED, ""),
+        (ControlMode.IDLE, Answer.IGNORED, "mode is IDLE; switch with: cbctl mode a torq"),
+        (ControlMode.CALIBRATING, Answer.IGNORED, "mode is CALIBRATING; wait"),
+        (ControlMode.HW_FAULT, Answer.IGNORED, "(encoder silent); clear it with: cbctl clear a"),
+        (ControlMode.NOT_CONFIGURED, Answer.REFUSED, "configure the board first"),
+    ],
+)
+def test_predictions_are_core_s_decisions(mode: ControlMode, answer: Answer, reason: str) -> None:
+    """M3, M4, N4: of a command, with the words that the board's log has."""
+    predicted = predict(CommandKind.TORQUE, facts(mode, ControlMode.TORQUE), (1.0,))
+    assert predicted[0] is answer
+    assert reason in predicted[1]
+    assert bool(predicted[1]) == bool(reason)
+
+
+def test_predictions_without_a_mode_to_offer() -> None:
+    """M4: nobody is sent into a mode that the joint does not implement (M5)."""
+    _, reason = predict(CommandKind.TORQUE, facts(ControlMode.IDLE, ControlMode.POSITION), (1.0,))
+    assert reason.endswith("mode is IDLE, and the joint has no mode for it")
+
+
+def test_predictions_of_feedforward() -> None:
+    """P11, K6: it acts in all modes but one."""
+    assert predict(None, facts(ControlMode.IDLE), (1.0,)) == (Answer.ACCEPTED, "")
+    answer, reason = predict(None, facts(ControlMode.CALIBRATING), (1.0,))
+    assert answer is Answer.IGNORED
+    assert "mode is CALIBRATING" in reason
+    assert predict(None, facts(ControlMode.IDLE), (math.nan,))[0] is Answer.IGNORED
+
+
+def test_predictions_know_the_limit() -> None:
+    """P2: what goes along with references lies above 0 and within the limit."""
+    moving = facts(ControlMode.POSITION)
+    for speed, answer in ((0.0, "ignored"), (0.5, "accepted"), (1.0, "accepted")):
+        predicted = predict(CommandKind.POSITION, moving, (0.1, speed), "speeds", 1.0)
+        assert predicted[0] == answer
+    answer, reason = predict(CommandKind.POSITION, moving, (0.1, 2.0), "speeds", 1.0)
+    assert answer is Answer.IGNORED
+    assert reason.endswith("speeds must be above 0 and up to 1, not 2")
+
+
+def test_a_condition_that_fails_ends_its_wait_only() -> None:
+    """Who waits gets the error; the thread that looks goes on."""
+    wait = Wait(None, lambda: 1 / 0 > 0)
+    wait.look(time.monotonic())
+    assert wait.finished
+    with pytest.raises(ZeroDivisionError):
+        wait.check()
 
 
 def test_calibrations() -> None:
