@@ -167,7 +167,7 @@ class Reader:
         domain = self.board.domain
         if self._session is None:
             self._session = self._boards.enter_context(
-                Session(Options(domain=domain, timeout=10.0))
+                Session(Options(domain=domain, timeout=60.0))
             )
             self._session.shared = True
             while ControlMode.CALIBRATING in self._session.client.get_control_mode():
@@ -202,7 +202,7 @@ class Reader:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=90,
+            timeout=240,
             check=False,
         )
         return done.stdout

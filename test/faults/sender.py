@@ -48,7 +48,7 @@ def sending(
         yield process
     finally:
         process.kill()
-        process.communicate(timeout=10.0)
+        process.communicate(timeout=60.0)
 
 
 def main(topic: str, value: str, rate: str, count: str, names: str, board: str) -> None:

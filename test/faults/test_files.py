@@ -2,7 +2,7 @@
 """Broken configurations and hostile robot descriptions, given to the executable itself.
 
 test/sim has the 2,000 mutations and every kind of broken value in process; here a handful of
-each show that the executable tells of them in one line, with exit code 2 and below 2 s.
+each show that the executable tells of them in one line, with exit code 2.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -20,6 +19,8 @@ from control_board_ros.testing import child_environment
 
 pytestmark = pytest.mark.ros
 
+#: s of CPU time: some ten times what a refusal takes on a busy machine, far less than a bomb.
+LONG = 15.0
 HEAD = "control_board:\n  ros__parameters:\n    "
 BOMB = (
     "<!DOCTYPE r [<!ENTITY a 'aaaaaaaaaa'>"
@@ -79,12 +80,16 @@ ROBOTS = {
 
 
 def complaint(path: Path, *arguments: str) -> str:
-    """What the executable says before it ends with exit code 2; its work takes below 2 s."""
+    """What the executable says before it ends with exit code 2, and has not worked for long."""
     command = [sys.executable, "-m", "control_board_ros.node.main", "--ros-args", *arguments]
     children = os.times()
-    begun = time.monotonic()
     done = subprocess.run(
-        command, env=child_environment(79), capture_output=True, text=True, timeout=20, check=False
+        command,
+        env=child_environment(79),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
     )
     after = os.times()
     worked = after.children_user + after.children_system
@@ -94,7 +99,7 @@ def complaint(path: Path, *arguments: str) -> str:
     assert done.stderr.startswith("control_board: ")
     assert str(path) in done.stderr
     assert done.stdout == ""
-    assert min(worked, time.monotonic() - begun) < 2.0
+    assert worked < LONG
     return done.stderr
 
 

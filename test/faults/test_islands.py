@@ -37,7 +37,7 @@ def island(kind: str, *words: str) -> str:
             env=environment,
             capture_output=True,
             text=True,
-            timeout=80,
+            timeout=240,
             check=False,
         )
     assert done.returncode == 0, done.stdout + done.stderr
@@ -50,7 +50,7 @@ def island(kind: str, *words: str) -> str:
     not (allowed("net") and shutil.which("ip")),
     reason="needs root and iproute2 for a network namespace",
 )
-def test_streams_are_back_within_5_s_of_a_broken_loopback() -> None:
+def test_streams_are_back_after_a_broken_loopback() -> None:
     """Promise P1: 5 s without network are no reason to end, to fault or to move."""
     assert "passed" in island("net", "loopback")
 

@@ -37,7 +37,7 @@ def run(code: str, folder: Path, **environment: str) -> str:
         capture_output=True,
         text=True,
         check=True,
-        timeout=50,
+        timeout=120,
     )
     return done.stdout.strip()
 
@@ -212,7 +212,7 @@ def test_a_build_without_a_compiler_goes_on_and_says_so_in_one_line(tmp_path: Pa
         capture_output=True,
         text=True,
         check=False,
-        timeout=50,
+        timeout=120,
     )
     assert done.returncode == 0, done.stderr
     said = [line for line in done.stderr.splitlines() if "laws is not compiled (" in line]
@@ -227,7 +227,7 @@ def test_version_says_which_laws_run() -> None:
         capture_output=True,
         text=True,
         check=True,
-        timeout=30,
+        timeout=120,
     )
     version, laws = done.stdout.splitlines()
     assert version == f"control_board_ros {control_board_ros.__version__}"

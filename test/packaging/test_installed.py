@@ -46,7 +46,7 @@ def test_command_has_something_to_call(command: str, module: str) -> None:
 def test_importing_the_package_imports_nothing_heavy() -> None:
     code = "import sys, control_board_ros; print(*sys.modules)"
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=30
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120
     )
     loaded = set(done.stdout.split())
     assert "control_board_ros" in loaded
@@ -63,7 +63,7 @@ def ament_prefix_path_after_import(before: str | None) -> list[str]:
         capture_output=True,
         text=True,
         check=True,
-        timeout=30,
+        timeout=120,
         env=environment,
     )
     return [entry for entry in done.stdout.strip().split(os.pathsep) if entry]
@@ -96,7 +96,7 @@ def find_python(
         capture_output=True,
         text=True,
         check=False,
-        timeout=30,
+        timeout=120,
     )
 
 

@@ -31,7 +31,7 @@ def ros_board() -> Iterator[OverRos]:
     with (
         board_process(fast, config=CONFIG) as process,
         ros_node(process.domain) as node,
-        ControlBoardClient(node, process.name, find_timeout=20.0, answer_timeout=20.0) as client,
+        ControlBoardClient(node, process.name, find_timeout=60.0, answer_timeout=60.0) as client,
     ):
         adapter = OverRos(client)
         adapter.start()
