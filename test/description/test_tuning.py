@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,13 +21,20 @@ from control_board_ros.simulation import Simulation
 pytestmark = [pytest.mark.physics]
 needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 
+
+def tuned(robot: str, output: str, *more: pytest.MarkDecorator) -> Any:
+    """A configuration whose tests run in one process, which sets its robot up once."""
+    group = pytest.mark.xdist_group(f"tuning_{robot}_{output}")
+    return pytest.param((robot, output), marks=[group, *more], id=f"{robot}-{output}")
+
+
 RIGS = [
-    ("iiwa", "pwm"),
-    ("iiwa", "current"),
-    ("panda", "pwm"),
-    ("panda", "current"),
-    pytest.param(("icub_left_arm", "pwm"), marks=needs_icub),
-    pytest.param(("icub_right_arm", "current"), marks=needs_icub),
+    tuned("iiwa", "pwm"),
+    tuned("iiwa", "current"),
+    tuned("panda", "pwm"),
+    tuned("panda", "current"),
+    tuned("icub_left_arm", "pwm", needs_icub),
+    tuned("icub_right_arm", "current", needs_icub),
 ]
 M = ControlMode
 STILL = 1e-4  # rad or m in 0.2 s
@@ -83,7 +91,7 @@ class Rig:
         return self.board.get_control_mode() == [mode] * len(self.joints)
 
 
-@pytest.fixture(scope="module", params=RIGS, ids="-".join)
+@pytest.fixture(scope="module", params=RIGS)
 def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
     made = Rig(*request.param)
     yield made
