@@ -112,7 +112,9 @@ def explain(error: Exception) -> tuple[str, int]:
 
 
 def expected_errors() -> tuple[type[Exception], ...]:
-    """What the client raises; asked for only when something was raised."""
+    """What the client raises, once there is one."""
+    if "control_board_ros.client" not in sys.modules:
+        return ()
     from control_board_ros.client import BoardError
     from control_board_ros.core.selection import RequestError
 

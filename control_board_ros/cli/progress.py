@@ -47,17 +47,23 @@ class Bar:
 
 
 class Standstill:
-    """Notices that what is left of a motion does not get less: the board's time stands still."""
+    """Notices that the board's time stands still, by a value that changes with it."""
 
-    #: s for which it must not change.
+    #: s for which the value must not change.
     PATIENCE = 1.0
+    HINT = "; paused? go on with: cbctl resume"
 
     def __init__(self) -> None:
-        self._left = math.nan
+        self._value = math.nan
         self._since = 0.0
 
-    def at(self, left: float, now: float) -> bool:
-        """Take what is left, s, at a time of this process, s; whether time stands still."""
-        if left != self._left:
-            self._left, self._since = left, now
-        return left > 0.0 and now - self._since >= self.PATIENCE
+    def hint(self, value: float, now: float) -> str:
+        """What to add to a text.
+
+        Args:
+            value: what is left of a motion, s, or the stamp of a state; 0 when it has ended.
+            now: time of this process, s.
+        """
+        if value != self._value:
+            self._value, self._since = value, now
+        return self.HINT if value and now - self._since >= self.PATIENCE else ""

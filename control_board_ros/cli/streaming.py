@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from .output import REFUSED, conclude, note
-from .progress import Bar
+from .progress import Bar, Standstill
 from .session import Session
 from .status import warn_not_holding, what_they_do
 from .tables import short_names
@@ -86,6 +86,7 @@ def sent(
     """Send references at RATE, showing how the joints stand; the reply to each."""
     names, numbers = list(values), list(values.values())
     where(session, names)  # from now on it is known without waiting
+    standstill = Standstill()
     with Bar(session, "streaming", endless=seconds is None) as bar:
         start = due = time.monotonic()
         yield send(names, numbers)  # what is refused at once draws no bar
@@ -93,7 +94,9 @@ def sent(
             elapsed = due - start
             left = "Ctrl-C stops" if seconds is None else f"{seconds - elapsed:.1f} s"
             share = 0.0 if seconds is None else elapsed / seconds
-            bar.update(share, f"{where(session, names)}, {left}")
+            stamp = session.client.get_state(fresh=False).stamp
+            hint = standstill.hint(stamp, time.monotonic())
+            bar.update(share, f"{where(session, names)}, {left}{hint}")
             due += 1.0 / RATE
             time.sleep(max(due - time.monotonic(), 0.0))
             yield send(names, numbers)

@@ -156,6 +156,17 @@ def test_a_move_on_a_paused_board(cbctl: Any) -> None:
     assert cbctl("move", "joint_1=0").code == 0
 
 
+def test_a_stream_on_a_paused_board(cbctl: Any) -> None:
+    """It says so, too, and stops with Ctrl-C."""
+    assert cbctl("mode", "joint_1", "vel").code == 0
+    assert cbctl("pause").code == 0
+    with terminal(cbctl, "velocity", "joint_1=1deg") as at:
+        at.see("paused? go on with: cbctl resume")
+        assert cbctl("resume").code == 0
+        at.process.send_signal(signal.SIGINT)
+    assert cbctl("mode", "joint_1", "pos").code == 0
+
+
 def test_jog(cbctl: Any) -> None:
     """P5: a joint moves while a key is held, and the terminal is as before at the end."""
     assert cbctl("mode", "joint_7", "vel").code == 0

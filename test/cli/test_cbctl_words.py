@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from control_board_ros.cli.app import explain
 from control_board_ros.cli.arguments import Parser, arguments_of
 from control_board_ros.cli.limits import JointLimits, check_targets, limits_of
 from control_board_ros.cli.options import hoist, split_ros_arguments
@@ -143,15 +144,22 @@ def test_joints_then_mode() -> None:
 
 
 def test_time_that_stands_still() -> None:
-    """A motion of which nothing more is left, or less with every look, is under way."""
+    """A motion of which nothing is left, or less with every look, is under way."""
     standstill = Standstill()
-    assert not standstill.at(2.0, 10.0)
-    assert not standstill.at(1.5, 11.5)
-    assert not standstill.at(1.5, 11.5 + 0.9 * Standstill.PATIENCE)
-    assert standstill.at(1.5, 11.5 + Standstill.PATIENCE)
-    assert not standstill.at(1.4, 20.0)
-    assert not standstill.at(0.0, 20.0)
-    assert not standstill.at(0.0, 30.0)
+    assert standstill.hint(2.0, 10.0) == ""
+    assert standstill.hint(1.5, 11.5) == ""
+    assert standstill.hint(1.5, 11.5 + 0.9 * Standstill.PATIENCE) == ""
+    assert standstill.hint(1.5, 11.5 + Standstill.PATIENCE) == Standstill.HINT
+    assert standstill.hint(1.4, 20.0) == ""
+    assert standstill.hint(0.0, 20.0) == ""
+    assert standstill.hint(0.0, 30.0) == ""
+
+
+@pytest.mark.parametrize("module", ["control_board_msgs", "rich"])
+def test_what_is_not_installed_is_no_refusal(module: str) -> None:
+    """Errors that nobody expects keep their traceback."""
+    with pytest.raises(ModuleNotFoundError, match=module):
+        explain(ModuleNotFoundError(f"No module named {module!r}"))
 
 
 def test_durations() -> None:

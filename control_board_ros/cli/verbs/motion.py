@@ -18,8 +18,6 @@ from ..streaming import RATE, end
 from ..tables import short_names
 from ..words import Refused, UsageError, assignments, quantity
 
-#: What the bar says while the board's time stands still.
-PAUSED = "paused? go on with: cbctl resume"
 #: How near to its target a joint has arrived, rad and m.
 NEAR, NEAR_SLIDING = 0.01, 1e-3
 
@@ -50,9 +48,9 @@ def move(session: Session, words: list[str], speed: str | None, wait: bool) -> i
             def feedback(sent: Any) -> None:
                 now, left = time.monotonic(), sent.remaining_time
                 elapsed = now - start
-                paused = f"; {PAUSED}" if standstill.at(left, now) else ""
                 whole = elapsed + left
-                bar.update(elapsed / whole if whole > 0 else 1.0, f"{left:.1f} s{paused}")
+                share = elapsed / whole if whole > 0 else 1.0
+                bar.update(share, f"{left:.1f} s{standstill.hint(left, now)}")
 
             reply = client.move(names, positions, speeds, feedback)
             reached = dict(zip(names, client.get_encoder(names).tolist(), strict=True))
