@@ -113,7 +113,7 @@ def plain(value: Any) -> Any:
 
 
 def note(session: Session, text: str) -> None:
-    """Say something to a person; machines do not hear it."""
+    """Print a remark on stderr; none with --json."""
     if not session.options.json:
         console(stderr=True).print(text, markup=False, soft_wrap=True)
 

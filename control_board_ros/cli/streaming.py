@@ -43,7 +43,7 @@ def duration(text: str | None) -> float | None:
 
 
 def settle(session: Session, names: list[str]) -> None:
-    """Let velocity references ramp down, so that what is told holds."""
+    """Let velocity references ramp down, so that what is said of them holds."""
     from control_board_ros.client import BoardTimeout
 
     chosen = [session.names.index(name) for name in names]
@@ -107,12 +107,12 @@ def where(session: Session, names: list[str]) -> str:
     """The positions last heard of some joints, as many as a line has room for."""
     state = session.client.get_state(fresh=False)
     shorts = short_names(state.names)
-    told = [
+    positions = [
         f"{shorts[name]} {session.show_angle(name, float(state.position[j]))}"
         for j, name in enumerate(state.names)
         if name in names
     ]
-    return ", ".join(told[:SHOWN]) + (", …" if len(told) > SHOWN else "")
+    return ", ".join(positions[:SHOWN]) + (", …" if len(positions) > SHOWN else "")
 
 
 def accepted_joints(reply: Reply) -> list[str]:

@@ -45,7 +45,7 @@ class Refused(Exception):  # noqa: N818  (the word of the exit code)
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number in the board's unit; dimension is angle or length where a unit told it."""
+    """A number in the board's unit; dimension is angle or length where a unit says so."""
 
     value: float
     dimension: str = ""

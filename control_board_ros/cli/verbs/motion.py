@@ -59,12 +59,12 @@ def move(session: Session, words: list[str], speed: str | None, wait: bool) -> i
                 bar.update(1.0, "done")
     except KeyboardInterrupt:
         return cancelled(session, "move", names)
-    told = ", ".join(
+    text = ", ".join(
         f"{name} at {session.show_angle(name, q)}"
         + (f", not at {session.show_angle(name, values[name])}" if name in short else "")
         for name, q in reached.items()
     )
-    return conclude(session, reply, told, positions=reached)
+    return conclude(session, reply, text, positions=reached)
 
 
 def speed_above_zero(text: str) -> float:
@@ -92,8 +92,8 @@ def direct(session: Session, words: list[str]) -> int:
     """Step the position references at once (mode posd)."""
     values = session.targets(assignments(words, "position"))
     reply = session.client.set_position(list(values), list(values.values()))
-    told = ", ".join(f"{name} to {session.show_angle(name, v)}" for name, v in values.items())
-    return conclude(session, reply, told)
+    text = ", ".join(f"{name} to {session.show_angle(name, v)}" for name, v in values.items())
+    return conclude(session, reply, text)
 
 
 KEYS = "←→ move, ↑↓ joint, + - speed, q ends"
@@ -127,19 +127,19 @@ def jog(session: Session, joints: list[str], speed: str) -> int:
     return conclude(session, reply, f"stopped: {what_they_do(session, used or ready[:1])}")
 
 
-def jog_with_keys(session: Session, names: list[str], state: Jog) -> list[str]:
+def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
     """Send velocities as the keys say until the end; the joints that were moved."""
     from rich.live import Live
 
-    line(session, names[0], state)  # from now on it is known without waiting
+    line(session, names[0], keys)  # from now on it is known without waiting
     moving, used = "", dict[str, None]()
     screen = console(stderr=True)
     with keys_at_once() as terminal, Live(console=screen, auto_refresh=False) as live:
         try:
-            while not state.ended:
+            while not keys.ended:
                 for key in pressed(terminal, 1.0 / RATE):
-                    state.press(key, time.monotonic())
-                velocity, name = state.velocity(time.monotonic()), names[state.chosen]
+                    keys.press(key, time.monotonic())
+                velocity, name = keys.velocity(time.monotonic()), names[keys.chosen]
                 if moving and (moving != name or not velocity):
                     session.client.velocity_move(moving, 0.0)
                 moving = name if velocity else ""
@@ -149,19 +149,19 @@ def jog_with_keys(session: Session, names: list[str], state: Jog) -> list[str]:
                     if not reply:
                         complain(reply.message)
                         break
-                live.update(line(session, name, state), refresh=True)
+                live.update(line(session, name, keys), refresh=True)
         except KeyboardInterrupt:
             return list(used)  # the end asked for, as q
     return list(used)
 
 
-def line(session: Session, name: str, state: Jog) -> str:
+def line(session: Session, name: str, keys: Jog) -> str:
     """The joint, where it is, how fast it goes, and the keys."""
-    heard = session.client.get_state(fresh=False)
-    angle = session.show_angle(name, float(heard.position[heard.names.index(name)]))
-    speed = session.show_angle(name, state.speed)
-    arrow = {-1: "←", 0: " ", 1: "→"}[state.direction]
-    return f"{short_names([name], heard.names)[name]} {angle} {arrow} {speed}/s   {KEYS}"
+    state = session.client.get_state(fresh=False)
+    angle = session.show_angle(name, float(state.position[state.names.index(name)]))
+    speed = session.show_angle(name, keys.speed)
+    arrow = {-1: "←", 0: " ", 1: "→"}[keys.direction]
+    return f"{short_names([name], state.names)[name]} {angle} {arrow} {speed}/s   {KEYS}"
 
 
 @takes(JOINTS)

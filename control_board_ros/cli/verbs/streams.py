@@ -40,8 +40,8 @@ def torque(session: Session, words: list[str], time: str | None) -> int:
     if seconds is not None:
         return stream(session, session.client.set_ref_torque, values, seconds)
     reply = session.client.set_ref_torque(list(values), list(values.values()))
-    told = ", ".join(f"{name} {value:g}" for name, value in values.items())
-    return conclude(session, reply, f"torque references: {told}; they stay until changed")
+    values_text = ", ".join(f"{name} {value:g}" for name, value in values.items())
+    return conclude(session, reply, f"torque references: {values_text}; they stay until changed")
 
 
 @takes(VALUES, FOR)
@@ -52,8 +52,8 @@ def output(session: Session, words: list[str], time: str | None) -> int:
     if seconds is not None:
         return stream(session, session.client.set_output, values, seconds)
     reply = session.client.set_output(list(values), list(values.values()))
-    told = ", ".join(f"{name} {value:g} %" for name, value in values.items())
-    return conclude(session, reply, f"outputs: {told}; they stay until changed")
+    values_text = ", ".join(f"{name} {value:g} %" for name, value in values.items())
+    return conclude(session, reply, f"outputs: {values_text}; they stay until changed")
 
 
 @takes(
