@@ -6,6 +6,7 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -17,6 +18,9 @@ from control_board_ros.testing import BoardProcess, board_process, free_domain, 
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_calling")]
 
+#: A client that waits long enough on the busiest machine.
+patient = partial(ControlBoardClient, find_timeout=60.0, answer_timeout=60.0)
+
 
 @pytest.fixture
 def spinning(process: BoardProcess) -> Iterator[Any]:
@@ -27,7 +31,7 @@ def spinning(process: BoardProcess) -> Iterator[Any]:
 
 def test_beside_a_spinning_executor(process: BoardProcess, spinning: Any) -> None:
     """The user's node spins elsewhere."""
-    with ControlBoardClient(spinning, process.name) as client:
+    with patient(spinning, process.name) as client:
         assert client.get_control_mode(0) == [M.POSITION]
 
 
@@ -35,7 +39,7 @@ def test_within_a_callback(process: BoardProcess, spinning: Any) -> None:
     """A call from a callback of the executor that spins the node does not deadlock."""
     answers: list[Any] = []
     done = threading.Event()
-    with ControlBoardClient(spinning, process.name) as client:
+    with patient(spinning, process.name) as client:
 
         def once() -> None:
             timer.cancel()
@@ -52,7 +56,7 @@ def test_in_a_coroutine_of_rclpy(process: BoardProcess, spinning: Any) -> None:
     """Await in a coroutine of the node's executor, which stays free meanwhile."""
     done = threading.Event()
     answers: list[Any] = []
-    with ControlBoardClient(spinning, process.name) as client:
+    with patient(spinning, process.name) as client:
 
         async def ask() -> None:
             answers.append(await client.aio.get_control_mode(0))
@@ -88,13 +92,13 @@ def test_in_asyncio(process: BoardProcess, node: Any) -> None:
         assert ticks > 10  # the loop was free
         assert move.result()
 
-    with ControlBoardClient(node, process.name) as client:
+    with patient(node, process.name) as client:
         asyncio.run(talk(client))
 
 
 def test_the_awaitable_forms(process: BoardProcess, node: Any) -> None:
     """Aio lists what it has, and says so where it has not."""
-    with ControlBoardClient(node, process.name) as client:
+    with patient(node, process.name) as client:
         assert {"set_control_mode", "move", "get_encoder", "wait_for_state"} <= set(
             dir(client.aio)
         )
@@ -105,7 +109,7 @@ def test_the_awaitable_forms(process: BoardProcess, node: Any) -> None:
 def test_from_many_threads(process: BoardProcess, node: Any) -> None:
     """One client, many threads."""
     failed: list[BaseException] = []
-    with ControlBoardClient(node, process.name, answer_timeout=10.0) as client:
+    with patient(node, process.name) as client:
 
         def talk(k: int) -> None:
             try:
@@ -131,7 +135,7 @@ def test_namespaces_and_remappings(process: BoardProcess) -> None:
             assert client.board_name == "/somewhere/control_board"
             with pytest.raises(BoardError, match="boards there are: /control_board"):
                 assert client.names
-        with ControlBoardClient(node, "/control_board") as client:
+        with patient(node, "/control_board") as client:
             assert len(client.names) == 7
 
 
@@ -157,7 +161,7 @@ def test_a_board_that_comes_back() -> None:
 
 def test_several_executors_do_not_mind(process: BoardProcess, node: Any) -> None:
     """The node may be added to an executor after the client was made."""
-    with ControlBoardClient(node, process.name) as client:
+    with patient(node, process.name) as client:
         assert client.names
         executor = SingleThreadedExecutor(context=node.context)
         executor.add_node(node)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from functools import partial
 from typing import Any
 
 import pytest
@@ -21,10 +22,13 @@ from control_board_ros.testing import BoardProcess, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_ends")]
 
+#: A client that waits long enough on the busiest machine.
+patient = partial(ControlBoardClient, find_timeout=60.0, answer_timeout=60.0)
+
 
 def test_a_closed_client_says_so(process: BoardProcess, node: Any) -> None:
     """A call after close, and one that waits while another thread closes."""
-    client = ControlBoardClient(node, process.name)
+    client = patient(node, process.name)
     assert client.names
     ended: list[Any] = []
 
@@ -48,7 +52,7 @@ def test_a_closed_client_says_so(process: BoardProcess, node: Any) -> None:
 def test_a_context_that_is_shut_down(process: BoardProcess) -> None:
     """rclpy.shutdown() under a waiting call ends it with an error."""
     with ros_node(process.domain, "short", spin=False) as node:
-        client = ControlBoardClient(node, process.name)
+        client = patient(node, process.name)
         assert client.names
         threading.Timer(0.3, node.context.shutdown).start()
         with pytest.raises(BoardError, match="context was shut down"):
@@ -93,7 +97,7 @@ client.move(0, 1.5, 0.1, lambda feedback: print("moving", flush=True))
 
 def test_ctrl_c_where_rclpy_handles_signals(process: BoardProcess, node: Any) -> None:
     """As most programs are: rclpy shuts every context down first, and the joints stop still."""
-    with ControlBoardClient(node, process.name, answer_timeout=20.0) as client:
+    with patient(node, process.name) as client:
         assert client.set_control_mode(0, "pos")
         program = subprocess.Popen(
             [sys.executable, "-c", MOVING],
@@ -119,7 +123,7 @@ def test_what_goes_away_under_calls_is_a_board_error(process: BoardProcess, end:
     """Nothing of rclpy's comes through, in no thread, whatever it was doing."""
     ended: list[BaseException] = []
     with ros_node(process.domain, "brief", spin=False) as node:
-        client = ControlBoardClient(node, process.name)
+        client = patient(node, process.name)
         assert client.set_control_mode(0, "vel")
         calls = [
             lambda: client.get_control_mode(0),
@@ -157,7 +161,7 @@ def test_what_goes_away_under_calls_is_a_board_error(process: BoardProcess, end:
 def test_a_node_that_was_destroyed(process: BoardProcess) -> None:
     """A client cannot be made of it, and one made before goes on."""
     with ros_node(process.domain, "gone", spin=False) as node:
-        client = ControlBoardClient(node, process.name)
+        client = patient(node, process.name)
         node.destroy_node()
         assert client.get_axes() == 7
         with pytest.raises(BoardError, match="make a new client"):
@@ -171,7 +175,7 @@ def test_a_message_that_cannot_be_read(process: BoardProcess, capfd: Any) -> Non
     with (
         ros_node(process.domain, "newer", spin=False) as newer,
         ros_node(process.domain, "reader", spin=False) as node,
-        ControlBoardClient(node, "newer", find_timeout=20.0) as client,
+        patient(node, "newer") as client,
     ):
         publisher = newer.create_publisher(JointModes, "newer/modes", latched)
         message = JointModes(names=["a"], control_modes=["?"], interaction_modes=["stif"])
