@@ -141,7 +141,12 @@ class ExecutorThread:
 
         Requests of actions go out this way: rclpy forgets an answer that the thread takes before
         the asking thread has noted the question. Its service clients have a lock for that.
+
+        Raises:
+            BoardError: the thread has ended.
         """
+        if self.closed:
+            raise BoardError(self.closed)
         return self._executor.create_task(function)
 
     def run(self, function: Callable[[], Any]) -> Steps[Any]:

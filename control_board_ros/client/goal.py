@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -86,7 +87,8 @@ class Goal:
                     if not to_the_end:
                         return accepted(names)
         except GeneratorExit:  # nobody can wait any more
-            self._ask_to_cancel()
+            with contextlib.suppress(BoardError, *GONE):  # nor be told
+                self._ask_to_cancel()
             raise
         except BaseException:
             yield from self._cancel()
@@ -105,16 +107,22 @@ class Goal:
     def _send(self, fields: dict[str, Any]) -> Steps[bool]:
         """Send the goal; whether it was accepted."""
         goal = self._action.load().Goal(**fields)
-        self._sending = yield from self._thread.run(
-            lambda: self._client.send_goal_async(goal, self._hear, self._id)
-        )
+
+        def send() -> None:
+            self._sending = self._client.send_goal_async(goal, self._hear, self._id)
+
+        yield from self._thread.run(send)
         if not (yield from self._thread.outcome(self._sending, self._link.answer_timeout)):
             raise self._link.discovery.timed_out(self._action)
         handle = self._sending.result()
         if handle.accepted:
-            self._result = yield from self._thread.run(handle.get_result_async)
-            self._result.add_done_callback(self._end)
+            yield from self._thread.run(self._ask_for_result)
         return bool(handle.accepted)
+
+    def _ask_for_result(self) -> None:
+        if self._result is None:
+            self._result = self._sending.result().get_result_async()
+            self._result.add_done_callback(self._end)
 
     def _next_sign(self) -> Steps[None]:
         """Wait for feedback or the result.
@@ -139,10 +147,13 @@ class Goal:
         """Stop the joints, whatever is left of the connection."""
         patience = self._link.answer_timeout
         try:
-            if self._sending is not None:
-                yield from self._thread.outcome(self._sending, patience)
+            yield from self._thread.run(lambda: None)  # what it was asked for before is sent now
+            if self._sending is None:
+                return
+            yield from self._thread.outcome(self._sending, patience)
+            if self._sending.done() and self._sending.result().accepted:
                 self._ask_to_cancel()
-            if self._result is not None:
+                yield from self._thread.run(self._ask_for_result)
                 yield from self._thread.outcome(self._result, patience)
         except (BoardError, *GONE):
             service = f"{self._link.full_name(self._action)}/_action/cancel_goal"
