@@ -143,12 +143,17 @@ def attempts(tried: Iterable[Mutant], jobs: int, folder: Path) -> Iterator[tuple
         raise SystemExit("the tests fail without any mutant: mend them first (make test)")
     print(f"without a mutant the tests take {seconds:.0f} s of CPU time", flush=True)
     running: dict[int, tuple[Copy, Mutant]] = {}
-    while waiting or running:
-        while waiting and idle:
-            copied, mutant = idle.pop(), waiting.pop()
-            running[copied.start(mutant, PATIENCE * seconds + MORE)] = copied, mutant
-        child, status, _ = os.wait4(-1, 0)
-        copied, mutant = running.pop(child)
-        copied.restore()
-        idle.append(copied)
-        yield mutant, fate_of(status)
+    try:
+        while waiting or running:
+            while waiting and idle:
+                copied, mutant = idle.pop(), waiting.pop()
+                running[copied.start(mutant, PATIENCE * seconds + MORE)] = copied, mutant
+            child, status, _ = os.wait4(-1, 0)
+            copied, mutant = running.pop(child)
+            copied.restore()
+            idle.append(copied)
+            yield mutant, fate_of(status)
+    finally:
+        for child in running:  # of a run that was stopped
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)

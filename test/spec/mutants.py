@@ -20,6 +20,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import random
+import signal
 import sys
 import tempfile
 import time
@@ -165,6 +166,7 @@ def main(words: list[str]) -> int:
         print("\n".join(f"{mutant}  (line {mutant.line})" for mutant in tried))
         return 0
     print(f"{len(tried)} of {len(made)} mutants, seed {wanted.seed}")
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that nothing is left behind
     begin = time.monotonic()
     # What every run imports; the package itself is left to the child, which takes the copy.
     import hypothesis  # noqa: F401
