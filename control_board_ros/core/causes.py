@@ -73,7 +73,7 @@ def bound_cause(check: Check, monitor: JointMonitor, joint: JointConfig, value: 
     texts = {
         Check.CURRENT: f"{abs(value):.3g} A > {monitor.max_current:.3g} A",
         Check.ENCODER_AGE: f"{late}{monitor.max_encoder_age * 1e3:.0f} ms",
-        Check.POSITION: f"the reading jumped by more than {jump} in a cycle",
+        Check.POSITION: f"the reading jumped by more than {jump} off its motion in a cycle",
         Check.TORQUE_AGE: f"{late}{monitor.max_torque_age * 1e3:.0f} ms",
         Check.TORQUE: f"reads {value:.3g} {torque_unit}, out of its range",
         Check.TEMPERATURE: f"winding at {value:.0f} °C > {hottest:.0f} °C",

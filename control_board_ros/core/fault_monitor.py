@@ -31,7 +31,8 @@ SLOW = 8
 #: Time constant of the forgetting of travel errors, s.
 TRAVEL_MEMORY = 0.5
 
-#: What a reading may jump in a cycle beyond four times the speed limit.
+#: What a reading may jump in a cycle, off the motion of the cycle before, beyond four times the
+#: speed limit or what twice the torque limit makes of the least inertia.
 JUMP_RADIANS, JUMP_METRES = 0.5 * DEGREE, 1e-3
 
 #: Encoder and current are sampled so far apart at most, s. A reversal at full speed makes a
@@ -189,11 +190,12 @@ def checked_limits(joint: JointConfig, period: float) -> dict[str, float]:
     """The limits of a joint that is configured; attributes of JointMonitor."""
     limits, timeouts = joint.limits, joint.timeouts
     slack = JUMP_METRES if joint.kind == "prismatic" else JUMP_RADIANS
+    thrown = 2.0 * limits.torque / joint.inertia_min * period**2
     return {
         "max_alarm": 0.0,
         "max_current": limits.peak_current,
         "max_encoder_age": timeouts.encoder,
-        "max_jump": 4.0 * limits.velocity * period + slack,
+        "max_jump": max(4.0 * limits.velocity * period, thrown) + slack,
         "max_torque_age": timeouts.torque_sensor if joint.torque_sensor else math.inf,
         "max_torque": 100.0 * limits.torque if joint.torque_sensor else math.inf,
         "max_temperature": limits.temperature,

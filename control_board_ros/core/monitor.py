@@ -72,6 +72,8 @@ class JointMonitor:
     # --- state ------------------------------------------------------------------------------
     live = cython.declare(cython.double, visibility="public")  # 1 with power, 0 without
     switched = cython.declare(cython.bint, visibility="public")  # since the last reading
+    seen = cython.declare(cython.bint, visibility="public")  # there is a last position
+    last = cython.declare(cython.double, visibility="public")  # position, no offset taken off
     lowest = cython.declare(cython.double, visibility="public")  # the next position may be
     highest = cython.declare(cython.double, visibility="public")
     outputs = cython.declare(cython.double, visibility="public")  # sums since the last look
@@ -94,7 +96,7 @@ class JointMonitor:
 
     def __init__(self) -> None:
         self.switched = self.strained = self.hot = False
-        self.slipped = self.overran = self.overloaded = False
+        self.slipped = self.overran = self.overloaded = self.seen = False
         self.expect_anything()
 
     def set(self, values: dict[str, float]) -> None:
@@ -129,6 +131,7 @@ class JointMonitor:
     def mend(self, position: cython.double) -> cython.void:
         """Forget what is not a number; position: of the joint where the mark is not."""
         if not is_finite(self.lowest + self.highest):
+            self.seen = False
             self.expect_anything()
         if not is_finite(self.mark):
             self.mark = position
@@ -154,6 +157,18 @@ if not cython.compiled:  # attributes start at zero, as they do compiled
 def is_finite(value: cython.double) -> cython.bint:
     """Neither infinite nor not a number."""
     return value - value == 0.0
+
+
+@cython.cfunc
+def expect(m: JointMonitor, position: cython.double) -> cython.void:
+    """Where the next reading may be: between standing still and going on as in the last cycle.
+
+    q + min(0, Δ) − m ≤ q' ≤ q + max(0, Δ) + m, with Δ the last displacement and m = max_jump
+    """
+    moved: cython.double = position - m.last if m.seen and m.passed != POSITION else 0.0
+    m.lowest = position + min(moved, 0.0) - m.max_jump
+    m.highest = position + max(moved, 0.0) + m.max_jump
+    m.last, m.seen = position, True
 
 
 @cython.cfunc
@@ -297,8 +312,7 @@ class Monitor:
         for k in range(len(self.joints)):
             m = self.joints[k]
             m.passed = self.first_passed(m, k)
-            m.lowest = self.position[k] - m.max_jump
-            m.highest = self.position[k] + m.max_jump
+            expect(m, self.position[k])
             m.currents += self.current[k]
             m.outputs += self.output[k]
             if m.switched:

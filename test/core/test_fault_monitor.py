@@ -3,14 +3,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from spec.rig import MOTOR, board_config, held, joint, ready
+from spec.rig import MOTOR, RATE, Held, Rig, board_config, held, joint, ready
 
-from control_board_ros.core.fault_monitor import first_weight
+from control_board_ros.core.fault_monitor import checked_limits, first_weight
 from control_board_ros.core.faults import FaultCode
 from control_board_ros.core.measurement import Row
 from control_board_ros.core.parts import DEGREE
@@ -117,8 +118,49 @@ def test_a_jump_is_an_angle_or_a_length(kind: str, step: float) -> None:
     rig = held(joint("left", kind=kind))
     allowed = 4.0 * rig.config.joints[0].limits.velocity * rig.period + step
     rig.plant.values[Row.POSITION] += 0.99 * allowed
-    rig.tick()
+    rig.tick(2)  # it stands still in the second: the next jump is none that goes on
     assert rig.modes() == [M.IDLE]
     rig.plant.values[Row.POSITION] += 1.01 * allowed
     rig.tick()
     assert rig.board.get_faults("left")[0].code == FaultCode.ENCODER_SPIKE
+
+
+def spikes(readings: list[float]) -> list[bool]:
+    """Whether each of a row of readings is an encoder spike, of a joint at rest in IDLE."""
+    plant = Held(board_config(joint("a")))
+    rig = Rig(board_config(joint("a")), plant)
+    rig.tick(3)
+    found = []
+    for reading in readings:
+        plant.values[Row.POSITION, 0] = reading
+        rig.tick()
+        fault = rig.board.get_faults("a")[0]
+        found.append(fault.active and fault.code == FaultCode.ENCODER_SPIKE)
+    return found
+
+
+def test_a_joint_that_is_thrown_is_no_spike() -> None:
+    """F1: it may go on as in the last cycle, or stop at once; both are true readings."""
+    bound = checked_limits(joint("a"), 1.0 / RATE)["max_jump"]
+    thrown = np.cumsum([0.0, *(0.9 * bound * np.arange(1, 6)), *([4.5 * bound] * 3), 0.0, 0.0])
+    assert not any(spikes(thrown.tolist()))
+
+
+@pytest.mark.parametrize("jump", [1.1, -1.1, 30.0, -30.0])
+def test_a_reading_off_the_motion_is_a_spike(jump: float) -> None:
+    """F1: in the cycle that shows it, at rest and in motion, either way."""
+    bound = checked_limits(joint("a"), 1.0 / RATE)["max_jump"]
+    for speed in (0.0, math.copysign(0.8 * bound, jump)):
+        steady = [speed * k for k in range(4)]
+        assert spikes([*steady, steady[-1] + speed + jump * bound]) == [False] * 4 + [True]
+
+
+def test_the_bound_of_a_light_joint_is_what_its_torque_does_to_it() -> None:
+    """F1: m = max(4 v T, 2 τ/J T²) and a slack, of the least inertia."""
+    light = replace(joint("a"), inertia_min=1e-4, inertia_mean=1e-4, inertia_max=1e-4)
+    period, limits = 1.0 / RATE, light.limits
+    slack = 0.5 * math.radians(1.0)
+    heavy = checked_limits(joint("a"), period)["max_jump"]
+    assert heavy == pytest.approx(4.0 * limits.velocity * period + slack)
+    thrown = 2.0 * limits.torque / 1e-4 * period**2
+    assert checked_limits(light, period)["max_jump"] == pytest.approx(thrown + slack)

@@ -55,22 +55,28 @@ def prepare_raising() -> None:
     """Let every callback of services, topics and actions raise once SIGUSR1 has come."""
     from control_board_ros.node import actions, services, topics, trajectory
 
-    def wrap(owner: Any, name: str) -> None:
-        original = getattr(owner, name)
-
+    def raised(original: Any) -> Any:
         def call(*given: Any, **named: Any) -> Any:
             if raise_from_now_on:
                 raise RuntimeError("a bug\nof two lines")
             return original(*given, **named)
 
-        setattr(owner, name, call)
+        return call
 
-    for owner in (services.Services, topics.CommandTopics):
-        for name in [name for name in vars(owner) if not name.startswith("_")]:
-            wrap(owner, name)
+    def wrap(owner: Any, name: str) -> None:
+        setattr(owner, name, raised(getattr(owner, name)))
+
+    for name in [name for name in vars(services.Services) if not name.startswith("_")]:
+        wrap(services.Services, name)
     wrap(trajectory.TrajectoryTopic, "on_message")
     for task in (actions.MoveTask, actions.CalibrationTask):
         wrap(task, "outcome")
+    made = topics.CommandTopics.callbacks
+
+    def callbacks(self: Any) -> Any:
+        return {topic: raised(callback) for topic, callback in made(self).items()}
+
+    topics.CommandTopics.callbacks = callbacks  # type: ignore[method-assign]
 
 
 if __name__ == "__main__":
