@@ -3,8 +3,9 @@
 
 The package is plain Python with two exceptions, both in `build_ext`. `msg_defs/` is an ament_cmake
 package of interfaces: CMake builds it into a staging folder, and what came out goes to setuptools
-as data files, so that every way of installing Python installs the messages too. The modules of
-COMPILED are compiled by Cython where that is possible, beside their source.
+as data files, so that every way of installing Python installs the messages too. So are those of
+`vendor/`, parts of packages that the ROS wheels lack, where the ROS 2 at hand has none of that
+name. The modules of COMPILED are compiled by Cython where that is possible, beside their source.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from compile_modules import extension, say_uncompiled, translate  # noqa: E402
 NAME = "control_board_ros"
 MESSAGES = "control_board_msgs"
 MSG_DEFS = HERE / "msg_defs"
+#: Interface packages of others, by name: built only where there is none.
+VENDORED = {path.parent.name: path.parent for path in sorted(HERE.glob("vendor/*/package.xml"))}
 # Plain Python in Cython's pure mode; runs as it is where it cannot be compiled. pyproject.toml
 # (cache-keys) and the Makefile (SOURCES) name the same files.
 COMPILED = [
@@ -88,6 +91,19 @@ def ros_prefixes() -> list[Path]:
     return prefixes
 
 
+def definitions_to_build(prefixes: list[Path]) -> dict[str, Path]:
+    """The interface packages to build, by name: ours, and those that no prefix has."""
+
+    def is_there(name: str) -> bool:
+        files = [prefix / "share" / name / "package.xml" for prefix in prefixes]
+        # An earlier install of this project has its own; the next one replaces it.
+        return any(NAME not in file.read_text("utf-8") for file in files if file.is_file())
+
+    return {MESSAGES: MSG_DEFS} | {
+        name: folder for name, folder in VENDORED.items() if not is_there(name)
+    }
+
+
 def require_tools() -> None:
     """Stop with one line that names the packages, where a build tool is missing."""
     packages = {"cmake": "cmake", "c++": "g++", "make": "make"}
@@ -113,10 +129,10 @@ def build_environment(prefixes: list[Path]) -> dict[str, str]:
     return environment
 
 
-def fresh_folder(work: Path, prefixes: list[Path]) -> None:
+def fresh_folder(work: Path, definitions: Path, prefixes: list[Path]) -> None:
     """Make the work folder; begin anew where CMake's cache would belong to another setup."""
     compilers = [os.environ.get(name, "") for name in ("CC", "CXX", "CFLAGS", "CXXFLAGS")]
-    parts = [sys.executable, sys.version, str(MSG_DEFS), *compilers, *map(str, prefixes)]
+    parts = [sys.executable, sys.version, str(definitions), *compilers, *map(str, prefixes)]
     key = "\n".join(parts)
     stamp = work / "built-for.txt"
     if work.exists() and not (stamp.is_file() and stamp.read_text() == key):
@@ -125,15 +141,13 @@ def fresh_folder(work: Path, prefixes: list[Path]) -> None:
     stamp.write_text(key)
 
 
-def build_messages(work: Path, jobs: int) -> Path:
-    """Build `msg_defs/` in the work folder; return the staged tree."""
-    require_tools()
-    prefixes = ros_prefixes()
-    fresh_folder(work, prefixes)
+def build_messages(definitions: Path, work: Path, prefixes: list[Path], jobs: int) -> Path:
+    """Build one interface package in the work folder; return the staged tree."""
+    fresh_folder(work, definitions, prefixes)
     build, stage = work / "build", work / "stage"
     if stage.exists():
         shutil.rmtree(stage)  # or files of a message that is gone would be installed for ever
-    definitions = {
+    settings = {
         "CMAKE_INSTALL_PREFIX": stage,
         "BUILD_TESTING": "OFF",
         "Python3_EXECUTABLE": sys.executable,
@@ -144,9 +158,9 @@ def build_messages(work: Path, jobs: int) -> Path:
         "CMAKE_PROJECT_INCLUDE": HERE / "tools" / "msg_defs.cmake",
     }
     environment = build_environment(prefixes)
-    arguments = [f"-D{key}={value}" for key, value in definitions.items()]
+    arguments = [f"-D{key}={value}" for key, value in settings.items()]
     for command in (
-        ["cmake", "-S", str(MSG_DEFS), "-B", str(build), *arguments],
+        ["cmake", "-S", str(definitions), "-B", str(build), *arguments],
         ["cmake", "--build", str(build), "--target", "install", "--parallel", str(jobs)],
     ):
         done = subprocess.run(command, env=environment, check=False)
@@ -177,11 +191,14 @@ class Build(build_ext):
         jobs = int(self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or 0)
         # An editable install's own folders are gone afterwards, and the one above is everybody's.
         builds = HERE / "build" if self.editable_mode else Path(self.build_temp).resolve().parent
-        work = builds / f"{MESSAGES}-{sys.implementation.cache_tag}"
-        stage = build_messages(work, jobs or os.cpu_count() or 1)
-        known = self.distribution.data_files
-        known[:] = [pair for pair in known if MESSAGES not in pair[0] and pair[0] != "lib"]
-        known.extend(staged_files(stage))  # in place: install_data already holds this list
+        known = self.distribution.data_files  # in place: install_data already holds this list
+        known[:] = [pair for pair in known if NAME in pair[0] or "resource_index" in pair[0]]
+        require_tools()
+        prefixes = ros_prefixes()
+        for name, definitions in definitions_to_build(prefixes).items():
+            work = builds / f"{name}-{sys.implementation.cache_tag}"
+            stage = build_messages(definitions, work, prefixes, jobs or os.cpu_count() or 1)
+            known.extend(staged_files(stage))
         super().run()
 
     def build_extension(self, ext: Extension) -> None:
@@ -201,7 +218,8 @@ class Build(build_ext):
         return {built: path for built, path in mapping.items() if Path(built).exists()}
 
     def get_source_files(self) -> list[str]:
-        files = [path for path in MSG_DEFS.rglob("*") if path.is_file()]
+        folders = [MSG_DEFS, *VENDORED.values()]
+        files = [path for folder in folders for path in folder.rglob("*") if path.is_file()]
         return sorted(os.path.relpath(path, HERE) for path in [*files, *HERE.glob("tools/*")])
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-# Included by setup.py into the build of msg_defs/ (CMAKE_PROJECT_INCLUDE), which by itself is
-# an ordinary interface package. Both functions run at its end, when all targets are there.
+# Included by setup.py into the builds of msg_defs/ and vendor/*/ (CMAKE_PROJECT_INCLUDE), which by
+# themselves are ordinary interface packages. Both functions run at the end, when all targets are
+# there.
 
 # Many ROS wheels export an include folder of the machine that built them; CMake then stops.
 function(drop_missing_includes)
