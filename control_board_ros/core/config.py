@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from .checks import ConfigError, check_number, check_parameters
+from .constraints import Constraints, JointConstraints
 from .modes import SELECTABLE
 from .parameter import configuration, parameter, parameters_of, part
 from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Pid, Timeouts
@@ -114,6 +115,7 @@ class JointConfig:
         derived="10 deg/s²; 0.05 m/s²",
     )
     timeouts: Timeouts = part(default=Timeouts())
+    constraints: JointConstraints = part(default=JointConstraints())
     torque_sensor: bool = parameter(
         "Has a torque sensor; TORQUE and COMPLIANT need one (I7)", default=True
     )
@@ -257,6 +259,10 @@ class BoardConfig:
     calibration_groups: tuple[tuple[str, ...], ...] = parameter(
         'Joints that calibrate together, group after group: each "joint,joint,…"', default=()
     )
+    allow_partial_joints_goal: bool = parameter(
+        "Take trajectory goals for some of the joints", default=True, run_time=True
+    )
+    constraints: Constraints = part(default=Constraints())
 
     def __post_init__(self) -> None:
         if not self.joints:

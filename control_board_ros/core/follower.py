@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 
 from ..protocols import Joints
 from .board import Board
-from .path import SAME_TIME, Path, Sample, Spline
+from .path import SAME_TIME, Path, Sample, Spline, braking
 from .reply import Answer, Reply, decided, joints_of, position_text
 from .vocabs import CommandKind, InteractionMode
 
 Bools = NDArray[np.bool_]
+
+#: Why joints leave a path for a newer one.
+TAKEN = "another trajectory took over"
 
 
 @dataclass(slots=True, eq=False)
@@ -26,15 +29,19 @@ class Run:
     """A path under way, or waiting for its start.
 
     Attributes: joints (indices, shape (k,)), interactions (theirs when the path was accepted),
-    path, start (time of the board, s), spline (None while it waits), last (what was sent last).
+    path, start (time of the board, s), held (it stays at its last point until it is ended), spline
+    (None while it waits), last (what was sent last), left (why joints left it first, with their
+    names; empty while none did).
     """
 
     joints: NDArray[np.intp]
     interactions: list[InteractionMode]
     path: Path
     start: float
+    held: bool = False
     spline: Spline | None = None
     last: Sample | None = None
+    left: str = ""
 
     def keep(self, columns: Bools) -> None:
         """Go on with some of the joints only."""
@@ -96,15 +103,59 @@ class Follower:
                 zip(names, zip(refusal.answers, refusal.reasons, strict=True), strict=True)
             )
         if good.any():
-            chosen = selection.joints[good]
-            interactions = [board.state.interaction_modes[j] for j in chosen]
-            run = Run(chosen, interactions, path.of(good), start)
-            self._begin_due(board.time)
-            self._release(chosen, waiting=True)
-            self._known[chosen] = board.get_ref_position(chosen.tolist())
-            self._runs.append(run)
-            verdicts |= self._cut(run)
+            run = self.take(selection.joints[good], path.of(good), start)
+            verdicts |= {name: (Answer.ACCEPTED, text) for name, text in cuts(board, run).items()}
         return decided(tuple(verdicts), list(verdicts.values()))
+
+    def take(
+        self, joints: NDArray[np.intp], path: Path, start: float, *, held: bool = False
+    ) -> Run:
+        """Follow a path with joints that are known to be in POSITION_DIRECT.
+
+        Args:
+            joints: indices, of the path's columns.
+            path: to follow.
+            start: time of the board at which the path begins, s.
+            held: stay at the last point, and watch the joints, until the run is ended.
+        """
+        board = self._board
+        run = Run(joints, [board.state.interaction_modes[j] for j in joints], path, start, held)
+        self._begin_due(board.time)
+        self._release(joints, waiting=True)
+        self._known[joints] = board.get_ref_position(joints.tolist())
+        self._runs.append(run)
+        return run
+
+    def follows(self, run: Run) -> bool:
+        """Whether a run is under way or waiting still."""
+        return any(other is run for other in self._runs)
+
+    def leave(self, run: Run) -> None:
+        """End a run, quietly: its joints hold its last reference."""
+        self._runs = [other for other in self._runs if other is not run]
+
+    def brake(self, joints: NDArray[np.intp], why: str, present: Sample | None = None) -> None:
+        """End what joints follow, and stop them with their acceleration limits.
+
+        Args:
+            joints: indices, shape (k,).
+            why: for the log.
+            present: where they begin to brake, shape (k,); None: at their references.
+        """
+        if not joints.size:
+            return
+        board = self._board
+        references, rates = board.state.position_reference, board.state.velocity_reference
+        if present is None:
+            present = Sample(references[joints], rates[joints], np.zeros(len(joints)))
+        self.end(joints.tolist(), why)
+        for k, j in enumerate(joints.tolist()):
+            path = braking(
+                float(present.positions[k]),
+                float(present.velocities[k]),
+                board.config.joints[j].limits.acceleration,
+            )
+            self.take(joints[k : k + 1], path, board.time)
 
     def end(self, joints: Joints, why: str) -> None:
         """Follow nothing any more with these joints; ``why`` goes to the log."""
@@ -208,21 +259,22 @@ class Follower:
         self._known[run.joints] = self._board.get_ref_position(joints)
         if not reply:
             self._drop(run, np.ones(len(joints), dtype=bool), reply.message)
-        elif elapsed >= run.path.duration:
+        elif elapsed >= run.path.duration and not run.held:
             self._runs.remove(run)
 
     def _release(self, joints: NDArray[np.intp], *, waiting: bool) -> None:
         """Joints leave the paths that wait, or those that run, for a newer one."""
         for run in list(self._runs):
             if (run.spline is None) is waiting:
-                self._drop(run, np.isin(run.joints, joints), "")
+                self._drop(run, np.isin(run.joints, joints), TAKEN, quiet=True)
 
-    def _drop(self, run: Run, columns: Bools, why: str) -> None:
-        """Take joints out of a run, and say why where there is something to say."""
+    def _drop(self, run: Run, columns: Bools, why: str, *, quiet: bool = False) -> None:
+        """Take joints out of a run, and say why."""
         if not columns.any():
             return
         names = [self._board.names[j] for j in run.joints[columns]]
-        if why:
+        run.left = run.left or f"{', '.join(names)}: {why}"
+        if not quiet:
             text = f"trajectory of {', '.join(names)} ended: {why}"
             self._board.events.add("info", "trajectory", names[0], text)
         if columns.all():
@@ -230,26 +282,24 @@ class Follower:
         else:
             run.keep(~columns)
 
-    def _cut(self, run: Run) -> dict[str, tuple[Answer, str]]:
-        """What the limits cut of a path, by joint."""
-        found = {}
-        for k, j in enumerate(run.joints):
-            joint, name = self._board.config.joints[j], self._board.names[j]
-            limits = joint.limits
-            column = run.path.positions[:, k]
-            beyond = (column < limits.lower) | (column > limits.upper)
-            if beyond.any():
-                i = int(np.argmax(beyond))
-                low, high, asked = (
-                    position_text(joint.kind, value)
-                    for value in (limits.lower, limits.upper, column[i])
-                )
-                found[name] = (
-                    Answer.ACCEPTED,
-                    f"{name} stays within {low} to {high} (point {i} asks for {asked}): "
-                    "software limit",
-                )
-        return found
+
+def cuts(board: Board, run: Run) -> dict[str, str]:
+    """What the limits cut of a path, by joint."""
+    found = {}
+    for k, j in enumerate(run.joints):
+        joint, name = board.config.joints[j], board.names[j]
+        limits, column = joint.limits, run.path.positions[:, k]
+        beyond = (column < limits.lower) | (column > limits.upper)
+        if beyond.any():
+            i = int(np.argmax(beyond))
+            low, high, asked = (
+                position_text(joint.kind, value)
+                for value in (limits.lower, limits.upper, column[i])
+            )
+            found[name] = (
+                f"{name} stays within {low} to {high} (point {i} asks for {asked}): software limit"
+            )
+    return found
 
 
 def send(board: Board, joints: list[int], sample: Sample) -> Reply:

@@ -47,6 +47,15 @@ class Sample(NamedTuple):
     accelerations: Array
 
 
+class Points(NamedTuple):
+    """The points of a trajectory as they come in a message; see ``make_path``."""
+
+    times: Sequence[float]
+    positions: Rows
+    velocities: Rows
+    accelerations: Rows
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Path:
     """Points of k joints.
@@ -141,6 +150,26 @@ def coefficients(path: Path) -> Array:
         6 * delta - 3 * (v0 + v1) - 0.5 * (a0 - a1),
     ]
     return np.stack(rows, axis=1)
+
+
+def braking(position: float, velocity: float, acceleration: float) -> Path:
+    """The path of one joint to rest.
+
+    q(t) = q₀ + v₀ t − sign(v₀) a t²/2 until t = |v₀|/a.
+
+    Args:
+        position: q₀, rad or m.
+        velocity: v₀, rad/s or m/s.
+        acceleration: a, above 0, rad/s² or m/s².
+    """
+    time = abs(velocity) / acceleration
+    if time <= SAME_TIME:
+        return Path(np.zeros(1), np.array([[position]]))
+    return Path(
+        np.array([0.0, time]),
+        np.array([[position], [position + 0.5 * velocity * time]]),
+        np.array([[velocity], [0.0]]),
+    )
 
 
 def make_path(

@@ -293,3 +293,12 @@ def test_power_on_ends_everything(rig: Following) -> None:
     rig.board.power_cycle()
     rig.follower.check()
     assert not rig.follower.busy
+
+
+def test_braking_begins_no_faster_than_the_joint_may(rig: Following) -> None:
+    """P14: a reference of 10 rad/s stops from the joint's 3: q₀ + v²/2a."""
+    rig.follower.follow("a", line(("a",), (0.1, 1.0)), rig.board.time)
+    before = rig.cycle(20)[0]
+    rig.follower.brake(np.array([0]), "cancelled")
+    assert rig.cycle(300)[0] == pytest.approx(before + 3.0**2 / (2 * 20.0), abs=1e-6)
+    assert not rig.follower.busy
