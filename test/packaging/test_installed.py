@@ -19,16 +19,17 @@ COMMANDS = {"control_board": "control_board_ros.node.main", "cbctl": "control_bo
 
 def test_configurations_are_installed_as_they_are_in_the_source() -> None:
     installed = Path(get_package_share_directory("control_board_ros")) / "config"
-    sources = [path for path in (ROOT / "config").iterdir() if path.suffix in {".yaml", ".xml"}]
+    sources = [path for path in (ROOT / "config").rglob("*") if path.suffix in {".yaml", ".xml"}]
     assert sources
     for path in sources:
-        assert (installed / path.name).read_text() == path.read_text(), (
+        copy = installed / path.relative_to(ROOT / "config")
+        assert copy.read_text() == path.read_text(), (
             f"{path.name} is not the installed one; run `make setup`"
         )
 
 
-def test_both_packages_are_in_the_ament_index() -> None:
-    for package in ("control_board_ros", "control_board_msgs"):
+def test_all_packages_are_in_the_ament_index() -> None:
+    for package in ("control_board_ros", "control_board_msgs", "control_msgs"):
         assert (Path(get_package_share_directory(package)) / "package.xml").is_file()
 
 

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Vendored interfaces are those of ROS 2 Jazzy, field for field: programs of both sides connect.
+
+Two ends of a topic or a service with unlike type hashes do not talk to each other.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ament_index_python.packages import get_package_share_directory
+from type_hashes import (
+    constants,
+    described,
+    hash_of,
+    hash_of_whole,
+    lines,
+    without_defaults,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+CONTROL_MSGS = ROOT / "vendor/control_msgs"
+
+#: As the generator of ROS 2 wrote them into published builds of control_msgs itself; but for the
+#: controller's state, which has had one field more since 5.3.0: that is computed.
+CONTROL_MSGS_HASHES = {
+    "control_msgs/msg/JointTolerance": (
+        "RIHS01_c254f9cece0f3b733017b6990fd46d1326e25242d6b8844398c97d9a88e7d648"
+    ),
+    "control_msgs/msg/JointComponentTolerance": (
+        "RIHS01_739ea7566931944d33830fa10f1bf5e7a7fbdc3172bce7a7eaac642bd6e3ffa4"
+    ),
+    "control_msgs/msg/JointTrajectoryControllerState": (
+        "RIHS01_51d8dd89cc624cbe9daaeeb4d80d6de9b86168ffdc3be41fefc0953e3c26e480"
+    ),
+    "control_msgs/action/FollowJointTrajectory_Goal": (
+        "RIHS01_8a9060704b269608f5a340934cc26e66869dd14bdac29e2e7fd9ec8b9882d205"
+    ),
+    "control_msgs/action/FollowJointTrajectory_Result": (
+        "RIHS01_8002e99ed2c14c6faa522f2a93c26d744c5982f254f9e98ff9c6f19789bdb220"
+    ),
+    "control_msgs/action/FollowJointTrajectory": (
+        "RIHS01_738ebcb7a2d7cfa42f9f1001cc99ce3a4383d1cfe508015d9be8485e4b1c66f6"
+    ),
+}
+STATE = "control_msgs/msg/JointTrajectoryControllerState"
+STATE_BEFORE_5_3 = "RIHS01_6cb9ac0858fc11b54bd6c0a46f032ea243c16856182276d8eb0875f6ce6a8335"
+PARTS = ("Goal", "Result", "Feedback")
+
+
+def in_source(name: str) -> str:
+    """The hash of a type of vendor/, from its fields."""
+    package, kind, short = name.split("/")
+    folder = ROOT / "vendor" / package
+    short, _, part = short.partition("_")
+    number = PARTS.index(part) if part else 0
+    return hash_of(described(name, lines(folder / kind / f"{short}.{kind}")[number]), folder)
+
+
+def in_installation(name: str) -> str:
+    """The hash of what is installed, from the description that its generator wrote."""
+    package, kind, short = name.split("/")
+    path = Path(get_package_share_directory(package)) / kind / f"{short.partition('_')[0]}.json"
+    made = json.loads(path.read_text(encoding="utf-8"))
+    told = {one["type_name"]: str(one["hash_string"]) for one in made["type_hashes"]}
+    whole = made["type_description_msg"]
+    if whole["type_description"]["type_name"] == name:
+        others = [without_defaults(one) for one in whole["referenced_type_descriptions"]]
+        computed = hash_of_whole(without_defaults(whole["type_description"]), others)
+        assert told[name] == computed
+    return told[name]
+
+
+def test_the_hash_of_a_published_build_is_computed() -> None:
+    """The state without its newest field is what control_msgs had before 5.3.0."""
+    (part,) = lines(CONTROL_MSGS / "msg/JointTrajectoryControllerState.msg")
+    assert part[-1] == "float64 speed_scaling_factor"
+    assert hash_of(described(STATE, part[:-1]), CONTROL_MSGS) == STATE_BEFORE_5_3
+
+
+@pytest.mark.parametrize("name", [n for n in CONTROL_MSGS_HASHES if not n.endswith("Trajectory")])
+def test_the_fields_in_the_source_are_those_of_jazzy(name: str) -> None:
+    assert in_source(name) == CONTROL_MSGS_HASHES[name]
+
+
+@pytest.mark.parametrize("name", CONTROL_MSGS_HASHES)
+def test_the_installed_types_are_those_of_jazzy(name: str) -> None:
+    """Built here, or of the ROS 2 that is sourced."""
+    assert in_installation(name) == CONTROL_MSGS_HASHES[name]
+
+
+def test_the_feedback_has_jazzy_s_fields() -> None:
+    """Those of later distributions have an index, too, and another hash."""
+    name = "control_msgs/action/FollowJointTrajectory_Feedback"
+    assert in_source(name) == in_installation(name)
+    assert "index" not in "".join(lines(CONTROL_MSGS / "action/FollowJointTrajectory.action")[2])
+
+
+def test_constants_are_those_of_jazzy() -> None:
+    """They are no part of the hash."""
+    assert constants(CONTROL_MSGS / "action/FollowJointTrajectory.action") == {
+        "SUCCESSFUL": "int32 0",
+        "INVALID_GOAL": "int32 -1",
+        "INVALID_JOINTS": "int32 -2",
+        "OLD_HEADER_TIMESTAMP": "int32 -3",
+        "PATH_TOLERANCE_VIOLATED": "int32 -4",
+        "GOAL_TOLERANCE_VIOLATED": "int32 -5",
+    }
+    assert constants(CONTROL_MSGS / "msg/JointComponentTolerance.msg") == {
+        "X_AXIS": "uint16 1",
+        "Y_AXIS": "uint16 2",
+        "Z_AXIS": "uint16 3",
+        "TRANSLATION": "uint16 4",
+        "ROTATION": "uint16 5",
+    }
+
+
+def test_the_core_s_codes_are_those_of_the_action() -> None:
+    from control_board_ros.core.trajectory_goal import Code
+
+    result = importlib.import_module("control_msgs.action").FollowJointTrajectory.Result
+    assert {code.name: int(code) for code in Code} == {
+        name: getattr(result, name) for name in (code.name for code in Code)
+    }
+
+
+def test_what_is_vendored_has_its_licence() -> None:
+    for package in (ROOT / "vendor").iterdir():
+        text = (package / "LICENSE").read_text(encoding="utf-8")
+        assert "Redistribution and use in source and binary forms" in text
+
+
+TO_BUILD = """
+import sys
+from pathlib import Path
+from distutils.core import run_setup
+import setuptools
+build = run_setup("setup.py", stop_after="init").get_command_class("build_ext")
+found = build.run.__globals__["definitions_to_build"]([Path(entry) for entry in sys.argv[1:]])
+print(*sorted(found))
+"""
+
+
+def built_with(*prefixes: Path) -> list[str]:
+    """The interface packages that setup.py would build for these prefixes."""
+    done = subprocess.run(
+        [sys.executable, "-c", TO_BUILD, *map(str, prefixes)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=50,
+    )
+    return done.stdout.split()
+
+
+def test_what_the_ros_at_hand_has_is_not_built(tmp_path: Path) -> None:
+    """An earlier installation of ours is no reason to leave it out."""
+    theirs, ours = tmp_path / "theirs", tmp_path / "ours"
+    for prefix, text in (
+        (theirs, "<package><name>control_msgs</name></package>"),
+        (ours, (CONTROL_MSGS / "package.xml").read_text(encoding="utf-8")),
+    ):
+        file = prefix / "share/control_msgs/package.xml"
+        file.parent.mkdir(parents=True)
+        file.write_text(text, encoding="utf-8")
+    assert built_with(tmp_path) == ["control_board_msgs", "control_msgs"]
+    assert built_with(ours) == ["control_board_msgs", "control_msgs"]
+    assert built_with(ours, theirs) == ["control_board_msgs"]
