@@ -60,11 +60,20 @@ def board(values: Values, urdf: Urdf, names: tuple[str, ...]) -> BoardConfig:
         ConfigError: a value is not allowed.
     """
     kinds = {one.name: one.kind for one in urdf.joints}
+    return board_of(values, tuple(joint(values, name, kinds[name]) for name in names))
+
+
+def board_of(values: Values, joints: tuple[JointConfig, ...]) -> BoardConfig:
+    """The configuration of the board with joints that are made already.
+
+    Raises:
+        ConfigError: a value is not allowed.
+    """
     return configure(
         BoardConfig,
         values,
         "",
-        joints=tuple(joint(values, name, kinds[name]) for name in names),
+        joints=joints,
         calibration_groups=tuple(
             tuple(name.strip() for name in group.split(","))
             for group in values["calibration_groups"]

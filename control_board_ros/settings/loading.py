@@ -89,7 +89,7 @@ class Settings:
                 build.joint(values, one.name, one.kind) if one.name in touched else one
                 for one in self.board.joints
             )
-            board = replace(self.board, joints=joints)
+            board = build.board_of(values, joints)
         except ConfigError as error:
             raise SettingsError(_blame(error, changes, values)) from None
         return replace(self, board=board, values=values)

@@ -520,3 +520,12 @@ def test_every_value_of_the_settings_is_allowed_by_its_row(iiwa: Settings) -> No
 def test_caps_are_what_the_security_page_says() -> None:
     assert params_file.SIZE_CAP == 1024 * 1024
     assert yaml_tree.DEPTH_CAP == 16
+
+
+def test_parameters_of_the_board_change_at_run_time(iiwa: Settings) -> None:
+    changed = iiwa.changed({"constraints.goal_time": 2.0, "allow_partial_joints_goal": False})
+    assert changed.board.constraints.goal_time == 2.0
+    assert not changed.board.allow_partial_joints_goal
+    assert changed.board.joints == iiwa.board.joints
+    with pytest.raises(SettingsError, match=r"constraints\.goal_time"):
+        iiwa.changed({"constraints.goal_time": -1.0})
