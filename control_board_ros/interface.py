@@ -143,6 +143,13 @@ STATE = topic(
     "control cycles; at most one per cycle.",
 )
 FAULTS = topic("~/faults", "JointFaults", LATCHED, "The joints in fault now, on every change.")
+CONTROLLER_STATE = topic(
+    "~/controller_state",
+    "control_msgs/msg/JointTrajectoryControllerState",
+    STREAM,
+    "Reference, measurement and error of every joint, `state_rate` times a second, for the "
+    "plotting tools of trajectory controllers.",
+)
 ROBOT_DESCRIPTION = topic("robot_description", "std_msgs/msg/String", LATCHED, "The URDF.")
 DIAGNOSTICS = topic(
     "/diagnostics",
@@ -269,6 +276,12 @@ RESET = service(
 
 CALIBRATE = action("~/calibrate", "Calibrate", "Calibrate joints.")
 MOVE = action("~/move", "Move", "Move joints along minimum-jerk profiles and wait for the end.")
+FOLLOW_JOINT_TRAJECTORY = action(
+    "~/follow_joint_trajectory",
+    "control_msgs/action/FollowJointTrajectory",
+    "Follow a trajectory to its end within tolerances, as MoveIt asks for it; see "
+    "[Trajectories](#trajectories).",
+)
 
 #: All of the above, in this order.
 ENDPOINTS: tuple[Endpoint, ...] = tuple(

@@ -46,7 +46,7 @@ of `~/state`, and logged once a second. QoS: {qos}; `qos_overrides` parameters c
 
 
 TRAJECTORIES = """\
-What `~/joint_trajectory` takes has the meaning of ros2_controllers'
+What `~/joint_trajectory` and `~/follow_joint_trajectory` take has the meaning of ros2_controllers'
 joint_trajectory_controller, joint by joint:
 
 - Segments are linear with positions only, cubic with velocities, quintic with accelerations
@@ -59,13 +59,53 @@ joint_trajectory_controller, joint by joint:
 - It begins at the reference that is then in force, with its velocity, unless its first point
   is at the very time of its beginning. It replaces what its joints followed; other joints go
   on.
-- Joints in another mode are counted and told, the others are served whole.
+- Joints in another mode are counted and told, the others are served whole; a goal of the action is
+  then refused whole.
 - It ends for a joint that is stopped, changes its control or interaction mode, faults, or
   gets a direct position from elsewhere; for all of its joints with a message without points.
   Nothing of it is kept.
 - Software limits cut what leads beyond them, and the log says so.
 
+The action adds, with the parameters and error codes that MoveIt and others know:
+
+- One goal at a time: a new one aborts the old with INVALID_GOAL. Joints in both go on until
+  the new one begins; the others stop. Cancelling, and every failure, stops the joints within
+  their acceleration limits: q = q₀ + v₀²/2a.
+- `path_tolerance` is checked in every control cycle until the last point, then
+  `goal_tolerance`; the goal succeeds when all joints are within it. `goal_time_tolerance` is
+  the time for that, without end where it is 0. In a goal, 0 leaves the default, a negative
+  number removes the limit. Defaults: `<joint>.constraints.trajectory` and `.goal` of positions,
+  `constraints.stopped_velocity_tolerance` of the velocity at the end, `constraints.goal_time`.
+  Tolerances of velocity are checked, too; accelerations are not measured, so theirs are not.
+- Feedback, 20 times a second, has desired, actual and error of all joints in the board's order.
+- A refused goal is accepted and aborts at once, so that its result can say why, and the one
+  under way goes on ([why](decisions/0018-a-refused-goal-says-why.md)).
+- Positions of continuous joints count turns: 6.3 rad is not 0.0168 rad.
+
 """
+
+#: Error codes of ~/follow_joint_trajectory.
+CODES = (
+    ("0 SUCCESSFUL", "reached; or cancelled, with the status CANCELED"),
+    (
+        "−1 INVALID_GOAL",
+        "wrong points or tolerances; joints in another mode, or one left it; preempted; effort, "
+        "or joints of several degrees of freedom",
+    ),
+    (
+        "−2 INVALID_JOINTS",
+        "an unknown joint, one named twice; some missing, with `allow_partial_joints_goal: false`",
+    ),
+    ("−3 OLD_HEADER_TIMESTAMP", "the last point is past"),
+    (
+        "−4 PATH_TOLERANCE_VIOLATED",
+        "a joint was beyond a tolerance on the way; it stops where it is",
+    ),
+    (
+        "−5 GOAL_TOLERANCE_VIOLATED",
+        "a joint was beyond a tolerance when its time was over; it stops where it is",
+    ),
+)
 
 TIME = """\
 Every stamp is an offset plus simulated time: stamps never go backwards, and are as far apart
@@ -152,7 +192,12 @@ def page() -> str:
     for title, endpoints in (("Services", SERVICES), ("Actions", ACTIONS)):
         lines += ["", f"## {title}", "", *header(title[:-1].lower(), "type", "what it does")]
         lines += rows(endpoints)
-    lines += ["", "## Trajectories", "", TRAJECTORIES, "## Time", "", TIME]
+    lines += ["", "## Trajectories", "", TRAJECTORIES.rstrip("\n"), ""]
+    lines += [
+        *header("error code", "when; `error_string` says which joint, by how much, what to do")
+    ]
+    lines += [row(*code) for code in CODES]
+    lines += ["", "## Time", "", TIME]
     lines += ["## Definitions of control_board_msgs", ""]
     lines += ["In Python: `from control_board_msgs.msg import JointModes`; `.srv` and `.action`."]
     for definition in known.values():

@@ -41,6 +41,7 @@ GROUPS = {
     "impedance": "Impedance",
     "motor": "Motor",
     "timeouts": "Timeouts",
+    "constraints": "Trajectories",
     "calibration": "Calibration",
     "encoder": "Simulated encoder",
 }

@@ -23,6 +23,7 @@ from ..interface import DIAGNOSTICS, SERVICES, Endpoint
 from .actions import Actions
 from .command_subscription import CommandSubscription
 from .diagnostics import Diagnostics
+from .follow_trajectory import FollowTrajectory
 from .loop import ControlLoop
 from .messages import stamp
 from .parameters import Parameters, Start
@@ -92,6 +93,9 @@ class BoardNode:
         )
         self._subscriptions = self._subscribe(commands)
         self._actions = Actions(self.node, self.loop, self.warn)
+        self._follow_trajectory = FollowTrajectory(
+            self.node, self.loop, self._trajectories.follower, self.on_error
+        )
         self._diagnostics = Diagnostics(
             self.loop,
             names,

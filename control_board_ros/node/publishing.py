@@ -21,6 +21,7 @@ from std_msgs.msg import String
 
 from ..interface import (
     CLOCK,
+    CONTROLLER_STATE,
     FAULTS,
     JOINT_STATES,
     MODES,
@@ -28,6 +29,7 @@ from ..interface import (
     STATE,
     Endpoint,
 )
+from .follow_trajectory import controller_state
 from .loop import ControlLoop
 from .messages import joint_faults, joint_modes, set_stamp
 from .pacing import sharpen_timers
@@ -56,7 +58,8 @@ def publisher(node: Node, topic: Endpoint) -> Any:
 
 
 class StatePublisher:
-    """Publishes joint_states, ~/state, ~/modes, ~/faults, robot_description and /clock.
+    """Publishes joint_states, ~/state, ~/controller_state, ~/modes, ~/faults, robot_description
+    and /clock.
 
     Args:
         node: to publish from.
@@ -80,6 +83,7 @@ class StatePublisher:
         self._node = node
         self._joint_states = publisher(node, JOINT_STATES)
         self._states = publisher(node, STATE)
+        self._controller_states = publisher(node, CONTROLLER_STATE)
         self._modes = publisher(node, MODES)
         self._faults = publisher(node, FAULTS)
         self._description = publisher(node, ROBOT_DESCRIPTION)
@@ -155,6 +159,8 @@ class StatePublisher:
                 self._joint_states.publish(self._joint_state.of(snapshot, stamp))
             if self._states.get_subscription_count():
                 self._states.publish(self._board_state.of(snapshot, stamp))
+            if self._controller_states.get_subscription_count():
+                self._controller_states.publish(controller_state(self._names, snapshot, stamp))
             if self._clock is not None:
                 set_stamp(self._clock_message.clock, stamp)
                 self._clock.publish(self._clock_message)

@@ -8,29 +8,35 @@ from typing import Any
 
 from ..core.board import Board
 from ..core.follower import Follower
-from ..core.path import MAX_POINTS, Path, make_path
+from ..core.path import MAX_POINTS, Points, make_path
 from ..core.selection import RequestError
 from .loop import ControlLoop
 from .messages import NANOSECONDS, bounded
+from .time_base import TimeBase
 
 
-def read_path(names: tuple[str, ...], message: Any) -> Path:
-    """The path of a JointTrajectory for these joints.
+def read_points(message: Any) -> Points:
+    """The points of a JointTrajectory.
 
     Raises:
-        RequestError: what is wrong with which point.
+        RequestError: a point has effort.
     """
     points = message.points[: MAX_POINTS + 1]  # one too many is enough to refuse it
     for i, point in enumerate(points):
         if len(point.effort):
             raise RequestError(f"point {i} has effort, which is not followed; leave effort empty")
-    return make_path(
-        names,
+    return Points(
         [p.time_from_start.sec + p.time_from_start.nanosec / NANOSECONDS for p in points],
         [point.positions for point in points],
         [point.velocities for point in points],
         [point.accelerations for point in points],
     )
+
+
+def start_time(stamp: Any, board: Board, base: TimeBase) -> float:
+    """When a trajectory with this stamp begins, time of the board, s; 0 means now."""
+    nanoseconds = stamp.sec * NANOSECONDS + stamp.nanosec
+    return (nanoseconds - base.offset) / NANOSECONDS if nanoseconds else board.time
 
 
 class TrajectoryTopic:
@@ -64,11 +70,8 @@ class TrajectoryTopic:
             if not message.points:
                 self.follower.hold(names, "a trajectory without points came")
                 return ""
-            path = read_path(names, message)
+            path = make_path(names, *read_points(message))
         except RequestError as error:
             return board.reject(joints, f"refused, {error}").message
-        stamp = message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec
-        start = board.time
-        if stamp:
-            start = (stamp - self._loop.time_base.offset) / NANOSECONDS
+        start = start_time(message.header.stamp, board, self._loop.time_base)
         return self.follower.follow(names, path, start).message

@@ -10,6 +10,7 @@ PUBLISHED = {
     "~/modes": ("control_board_msgs/msg/JointModes", "RT"),
     "~/state": ("control_board_msgs/msg/BoardState", "RV"),
     "~/faults": ("control_board_msgs/msg/JointFaults", "RT"),
+    "~/controller_state": ("control_msgs/msg/JointTrajectoryControllerState", "RV"),
     "robot_description": ("std_msgs/msg/String", "RT"),
     "/diagnostics": ("diagnostic_msgs/msg/DiagnosticArray", "RV"),
 }
@@ -53,4 +54,5 @@ SERVICES = {
 ACTIONS = {
     "~/calibrate": "control_board_msgs/action/Calibrate",
     "~/move": "control_board_msgs/action/Move",
+    "~/follow_joint_trajectory": "control_msgs/action/FollowJointTrajectory",
 }
