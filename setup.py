@@ -301,6 +301,13 @@ setup(
                 for path in (HERE / "config").glob(pattern)
             ),
         ),
+        *(
+            (
+                f"share/{NAME}/{folder.relative_to(HERE)}",
+                sorted(os.path.relpath(path, HERE) for path in folder.glob("*.yaml")),
+            )
+            for folder in sorted((HERE / "config/moveit").iterdir())
+        ),
     ],
     install_requires=runtime_requirements(),
     extras_require={"test": TEST, "icub": ICUB, "xacro": XACRO, "dev": DEV},
