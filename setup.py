@@ -53,6 +53,7 @@ ROS_WHEELS = [
     "ros-std-msgs==5.3.6",
     "ros-std-srvs==5.3.6",
     "ros-trajectory-msgs==5.3.6",
+    "ros-unique-identifier-msgs==2.5.0",
     "setuptools",
 ]
 
