@@ -316,6 +316,7 @@ setup(
         "console_scripts": [
             f"control_board = {NAME}.node.main:main",
             f"cbctl = {NAME}.cli:main",
+            f"control_board_conformance = {NAME}.conformance.app:main",
         ]
     },
     ext_modules=[extension(HERE, module) for module in COMPILED],

@@ -1,0 +1,8 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m control_board_ros.conformance``."""
+
+import sys
+
+from .app import main
+
+sys.exit(main())

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a board is found with, and is left with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from control_board_ros.client import BoardError, ControlBoardClient
+from control_board_ros.core.modes import SELECTABLE
+from control_board_ros.core.reply import Reply
+from control_board_ros.core.selection import RequestError
+from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.protocols import Floats
+
+from .bench import Bench, M
+from .rules import NotHeld, NotTestable
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AsFound:
+    """What the rules change, of the joints they may change.
+
+    Attributes: names, control_modes, interaction_modes, speeds, accelerations (reference ones),
+    stiffness, damping, one entry per name.
+    """
+
+    names: list[str]
+    control_modes: list[ControlMode]
+    interaction_modes: list[InteractionMode]
+    speeds: Floats
+    accelerations: Floats
+    stiffness: Floats
+    damping: Floats
+
+    @classmethod
+    def of(cls, client: ControlBoardClient) -> AsFound:
+        """The joints of a board that are in a mode a user sets, and have POSITION."""
+        modes = client.get_control_mode()
+        calibrated = client.get_state().calibrated
+        available = client.get_available_modes()
+        names = [
+            name
+            for j, name in enumerate(client.names)
+            if modes[j] in SELECTABLE and calibrated[j] and M.POSITION in available[j][0]
+        ]
+        if not names:
+            shown = ", ".join(sorted({mode.name for mode in modes}))
+            raise NotTestable(f"no joint can be tried; they are in {shown}")
+        stiffness, damping = client.get_impedance(names)
+        return cls(
+            names,
+            client.get_control_mode(names),
+            client.get_interaction_mode(names),
+            client.get_ref_speed(names),
+            client.get_ref_acceleration(names),
+            stiffness,
+            damping,
+        )
+
+    def hold(self, client: ControlBoardClient) -> None:
+        """Bring all of them to POSITION, where they hold still.
+
+        Raises:
+            NotTestable: one of them does not get there.
+        """
+        modes = dict(zip(self.names, client.get_control_mode(self.names), strict=True))
+        faulted = [name for name in self.names if modes[name] is M.HW_FAULT]
+        if faulted:
+            client.set_control_mode(faulted, M.FORCE_IDLE)
+        others = [name for name in self.names if modes[name] is not M.POSITION]
+        reply = client.set_control_mode(others, M.POSITION) if others else True
+        if not reply:
+            raise NotTestable(f"joints do not come to POSITION: {getattr(reply, 'message', '')}")
+
+    def restore(self, bench: Bench) -> list[str]:
+        """Leave the joints as found; what could not be restored, in words."""
+        client, wrong = bench.client, []
+        steps: tuple[Callable[[], Reply], ...] = (
+            lambda: client.set_feedforward(bench.joint, outputs=0.0),
+            lambda: client.set_reference_speed(self.names, self.speeds, self.accelerations),
+            lambda: client.set_impedance(self.names, self.stiffness, self.damping),
+            lambda: client.set_interaction_mode(self.names, self.interaction_modes),
+            lambda: client.set_control_mode(self.names, self.control_modes),
+        )
+        try:
+            self.hold(client)
+            bench.home()
+        except (NotTestable, NotHeld, RequestError) as error:
+            wrong.append(f"{bench.joint} is not back where it was found: {error}")
+        except BoardError as error:
+            return [str(error)]
+        for step in steps:
+            try:
+                reply = step()
+            except BoardError as error:
+                return [*wrong, str(error)]
+            if not reply:
+                wrong.append(reply.message)
+        return wrong

@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a rule works with: one joint of a board, the range it is tried in, and what it shows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from control_board_ros.client import BoardTimeout, ControlBoardClient, State
+from control_board_ros.core.modes import SELECTABLE, STOPPABLE, UNIMPLEMENTED
+from control_board_ros.core.reply import Reply
+from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+
+from .channel import Channel
+from .limits import Range
+from .rules import NotHeld, NotTestable, assume
+
+M, K = ControlMode, CommandKind
+STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
+
+#: The method that sends a kind of reference, and the one that reads the last accepted one.
+COMMANDS = {
+    K.POSITION: ("position_move", "get_target_position"),
+    K.POSITION_DIRECT: ("set_position", "get_ref_position"),
+    K.VELOCITY: ("velocity_move", "get_ref_velocity"),
+    K.TORQUE: ("set_ref_torque", "get_ref_torque"),
+    K.OUTPUT: ("set_output", "get_output"),
+}
+
+#: s of the board's time in which a reference is taken or counted as ignored; and of ours.
+TAKING, TAKING_HERE = 0.2, 0.5
+#: s between velocity references of a stream; those of the default timeout last four times that.
+RENEWAL = 0.05
+#: States below which nothing can be said of what happens in a time.
+FEWEST = 5
+
+
+class Fate(Enum):
+    """What became of a reference: it is read back, counted as ignored, or neither."""
+
+    TAKEN = auto()
+    COUNTED = auto()
+    VANISHED = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class Allowed:
+    """What may be done besides moving: calibrate (it may leave the range), power_cycle."""
+
+    calibrate: bool = False
+    power_cycle: bool = False
+
+
+class Bench:
+    """A joint to try rules on; every rule starts with it at rest in POSITION, STIFF.
+
+    Args:
+        client: of the board.
+        channel: to the same board.
+        joint: index of the joint.
+        partner: name of another one, that holds still; None where there is none.
+        limits: how far the joint may go.
+        allowed: what else may be done.
+
+    Attributes: names (of the board's joints), joint (name), j (index), modes and interactions
+    (what the joint implements).
+    """
+
+    def __init__(
+        self,
+        client: ControlBoardClient,
+        channel: Channel,
+        joint: int,
+        partner: str | None,
+        limits: Range,
+        allowed: Allowed,
+    ) -> None:
+        self.client, self.channel, self.range, self.allowed = client, channel, limits, allowed
+        self.names: tuple[str, ...] = client.names
+        self.j, self.joint, self.partner = joint, self.names[joint], partner
+        self.modes, self.interactions = client.get_available_modes(self.joint)[0]
+
+    # -- modes --------------------------------------------------------------------------------
+
+    @property
+    def mode(self) -> ControlMode:
+        """The control mode of the joint."""
+        return self.client.get_control_mode(self.joint)[0]
+
+    @property
+    def missing(self) -> ControlMode:
+        """A mode that the joint does not implement.
+
+        Raises:
+            NotTestable: it implements all of them.
+        """
+        for mode in (*UNIMPLEMENTED, *SELECTABLE):
+            if mode not in self.modes:
+                return mode
+        raise NotTestable(f"{self.joint} implements every mode")
+
+    def enter(self, mode: ControlMode, interaction: InteractionMode | None = None) -> None:
+        """Put the joint into a mode, for a rule that is about something else.
+
+        Raises:
+            NotTestable: it does not have the mode, or does not get there.
+        """
+        assume(mode in self.modes, f"{self.joint} does not implement {mode}")
+        if interaction is not None:
+            assume(interaction in self.interactions, f"{self.joint} has no {interaction}")
+            reply = self.client.set_interaction_mode(self.joint, interaction)
+            assume(reply, f"{interaction} is refused, see I1: {reply.message}")
+        reply = self.client.set_control_mode(self.joint, mode)
+        assume(reply, f"{mode} is refused, see M1: {reply.message}")
+        assume(self.mode is mode, f"{self.joint} is not in {mode} after it was set, see M1")
+
+    def home(self) -> None:
+        """Bring the joint to rest in POSITION, STIFF where it was found, from anywhere.
+
+        Raises:
+            NotTestable: it does not come.
+        """
+        if self.mode is M.HW_FAULT:
+            self.client.set_control_mode(self.joint, M.FORCE_IDLE)
+        self.enter(M.POSITION, STIFF)
+        here = self.state()
+        way = self.range.start - float(here.position[self.j])
+        if abs(way) > 0.02 * self.range.step:
+            self.client.position_move(self.joint, self.range.start, self.range.speed)
+            self.until(self.is_done, 2.0 + 2.0 * abs(way) / self.range.speed, guarded=False)
+        self.client.stop(self.joint)
+
+    def fault(self) -> Reply:
+        """Put the joint into HW_FAULT, as a user can (M5).
+
+        Raises:
+            NotTestable: it does not go there.
+        """
+        reply = self.client.set_control_mode(self.joint, self.missing)
+        assume(self.mode is M.HW_FAULT, f"no fault by asking for {self.missing}, see M5")
+        return reply
+
+    # -- references ---------------------------------------------------------------------------
+
+    def send(self, kind: CommandKind, value: float) -> None:
+        """Send a reference to the joint; moves and velocities as slowly as the range asks for."""
+        limits = self.range
+        along = {K.POSITION: [limits.speed], K.VELOCITY: [limits.acceleration]}.get(kind, [])
+        getattr(self.client, COMMANDS[kind][0])(self.joint, value, *along)
+
+    def last(self, kind: CommandKind, joint: str | None = None) -> float:
+        """The last accepted reference of a kind."""
+        return float(getattr(self.client, COMMANDS[kind][1])(joint or self.joint)[0])
+
+    def another(self, kind: CommandKind) -> float:
+        """A reference that does little, and differs from the last accepted one."""
+        limits, last = self.range, self.last(kind)
+        unit = {K.VELOCITY: limits.speed, K.TORQUE: limits.torque, K.OUTPUT: limits.output}
+        if kind in unit:
+            values = [0.1 * unit[kind], 0.15 * unit[kind]]
+        else:
+            values = [limits.start + 0.1 * limits.step, limits.start - 0.1 * limits.step]
+        return max(values, key=lambda value: abs(value - last))
+
+    def fate(self, kind: CommandKind, value: float) -> Fate:
+        """What becomes of a reference that is sent now."""
+        counted = self.rejected()
+        self.send(kind, value)
+        end = time.monotonic() + TAKING_HERE
+        while time.monotonic() < end:
+            if abs(self.last(kind) - value) <= 1e-9 + 1e-6 * abs(value):
+                return Fate.TAKEN
+            if self.rejected() != counted:
+                return Fate.COUNTED
+        return Fate.VANISHED
+
+    def take(self, kind: CommandKind, value: float) -> None:
+        """Send a reference that the mode takes, for a rule that is about what it does.
+
+        Raises:
+            NotTestable: it is not taken.
+        """
+        fate = self.fate(kind, value)
+        assume(fate is Fate.TAKEN, f"the {kind} reference was not taken, see M3")
+
+    def stream(self, velocity: float, seconds: float) -> list[State]:
+        """Send a velocity again and again; the states meanwhile."""
+        begin = self.state().stamp
+        while self.latest().stamp < begin + seconds:
+            self.send(K.VELOCITY, velocity)
+            self._wait(lambda: self.latest().stamp > begin + seconds, RENEWAL)
+        return self.since(begin)
+
+    # -- states -------------------------------------------------------------------------------
+
+    def state(self) -> State:
+        """A state that shows what was asked for before."""
+        fresh = self.client.get_state()
+        self._wait(lambda: self.latest().stamp >= fresh.stamp, self.channel.patience)
+        return fresh
+
+    def latest(self) -> State:
+        """The last state heard.
+
+        Raises:
+            BoardTimeout: there is none.
+        """
+        if not self.channel.wait_for(lambda: bool(self.channel.states), self.channel.patience):
+            raise BoardTimeout(f"no state of {self.channel.board}; is it paused?")
+        return self.channel.states[-1]
+
+    def rejected(self) -> int:
+        """How many commands of the joint were ignored so far."""
+        return int(self.state().rejected_commands[self.j])
+
+    def is_done(self, state: State) -> bool:
+        """Whether no move of the joint runs."""
+        return bool(state.motion_done[self.j])
+
+    def since(self, stamp: float) -> list[State]:
+        """All states from a time on, s."""
+        return [state for state in list(self.channel.states) if state.stamp >= stamp]
+
+    def record(self, seconds: float) -> list[State]:
+        """The states of so much time of the board from now on, and of more where they are few."""
+        begin = self.state().stamp
+
+        def enough() -> bool:
+            return self.latest().stamp >= begin + seconds and len(self.since(begin)) >= FEWEST
+
+        self._pass(enough, seconds)
+        return self.since(begin)
+
+    def until(
+        self, condition: Callable[[State], bool], seconds: float, *, guarded: bool = True
+    ) -> State | None:
+        """The first state from now on that fulfils a condition; None when none did in time."""
+        begin = self.state().stamp
+
+        def over() -> bool:
+            return condition(self.latest()) or self.latest().stamp >= begin + seconds
+
+        self._pass(over, seconds, guarded=guarded)
+        latest = self.latest()
+        return latest if condition(latest) else None
+
+    def still(self, states: Sequence[State]) -> float:
+        """How far the joint went meanwhile, rad."""
+        positions = [float(state.position[self.j]) for state in states]
+        return max(positions) - min(positions)
+
+    @property
+    def tolerance(self) -> float:
+        """What counts as not having moved, rad."""
+        return 0.05 * (self.range.high - self.range.low)
+
+    def _pass(
+        self, condition: Callable[[], bool], seconds: float, *, guarded: bool = True
+    ) -> None:
+        """Wait for something of the board's time, and see that the joint stays in its range.
+
+        Raises:
+            BoardTimeout: the board's time does not go on.
+            NotHeld, NotTestable: the joint left its range, held by the board or not.
+        """
+
+        def left() -> bool:
+            return guarded and not self.range.is_near(float(self.latest().position[self.j]))
+
+        patience = self.channel.patience + 20.0 * seconds
+        if not self._wait(lambda: condition() or left(), patience):
+            raise BoardTimeout(f"the time of {self.channel.board} does not go on; is it paused?")
+        if not left():
+            return
+        mode, position = self.mode, float(self.latest().position[self.j])
+        self.home()
+        text = f"{self.joint} in {mode} left its range, at {position:.3g}"
+        if mode in STOPPABLE:
+            raise NotHeld(text)
+        raise NotTestable(f"{text}; try a joint that bears no load: --joint NAME")
+
+    def _wait(self, condition: Callable[[], bool], patience: float) -> bool:
+        return self.channel.wait_for(condition, patience)

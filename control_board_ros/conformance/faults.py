@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""F: hardware faults; by a mode that is not implemented, and by injection where it is offered."""
+
+from __future__ import annotations
+
+from control_board_ros.client import BoardError
+from control_board_ros.core.modes import SELECTABLE
+
+from .bench import Bench, M
+from .rules import NotTestable, assume, expect, inside, rule
+
+
+@rule("F1", "a fault takes the power")
+def takes_the_power(bench: Bench) -> str:
+    bench.fault()
+    states = bench.record(0.1)
+    outputs = [float(state.output[bench.j]) for state in states]
+    expect(not any(outputs), f"{max(outputs, key=abs):.3g} % in HW_FAULT")
+    return f"0 % in {len(states)} states after a fault by the user"
+
+
+@rule("F2", "only FORCE_IDLE leaves a fault")
+def only_force_idle(bench: Bench) -> str:
+    bench.fault()
+    wanted = [mode for mode in SELECTABLE if mode in bench.modes]
+    for mode in wanted:
+        reply = bench.client.set_control_mode(bench.joint, mode)
+        expect(not reply, f"{mode} was accepted in HW_FAULT")
+        expect(bench.mode is M.HW_FAULT, f"{mode} was refused and left HW_FAULT")
+    reply = bench.client.set_control_mode(bench.joint, M.FORCE_IDLE)
+    expect(reply, f"FORCE_IDLE is refused: {reply.message}")
+    expect(bench.mode is M.IDLE, f"FORCE_IDLE led to {bench.mode}, not IDLE")
+    return f"{', '.join(mode.name for mode in wanted)} refused; FORCE_IDLE led to IDLE"
+
+
+@rule("F3", "a cause that persists")
+def persists(bench: Bench) -> str:
+    client, joint = bench.client, bench.joint
+    try:
+        reply = client.inject_fault(joint, "external", persistent=True)
+    except BoardError as error:
+        raise NotTestable(f"faults cannot be injected: {error}") from None
+    assume(reply, f"faults cannot be injected: {reply.message}")
+    try:
+        bench.record(0.1)
+        assume(bench.mode is M.HW_FAULT, "an injected fault did not fault it")
+        reply = client.set_control_mode(joint, M.FORCE_IDLE)
+        expect(not reply, "FORCE_IDLE was accepted while the cause persists")
+        bench.record(0.05)
+        expect(bench.mode is M.HW_FAULT, "it left HW_FAULT while the cause persists")
+    finally:
+        client.clear_injected_faults()
+    bench.record(0.05)
+    reply = client.set_control_mode(joint, M.FORCE_IDLE)
+    expect(reply, f"FORCE_IDLE is refused with the cause gone: {reply.message}")
+    return "FORCE_IDLE refused until the injected cause was gone"
+
+
+@rule("F4", "FORCE_IDLE outside a fault is IDLE")
+def force_idle(bench: Bench) -> str:
+    for mode in bench.modes:
+        bench.enter(mode)
+        reply = bench.client.set_control_mode(bench.joint, M.FORCE_IDLE)
+        expect(reply, f"FORCE_IDLE is refused in {mode}: {reply.message}")
+        expect(bench.mode is M.IDLE, f"FORCE_IDLE in {mode} led to {bench.mode}, not IDLE")
+    return f"from {', '.join(mode.name for mode in bench.modes)} to IDLE"
+
+
+@rule("F5", "the last fault stays readable")
+def last_fault(bench: Bench) -> str:
+    bench.fault()
+    fault = bench.client.get_faults(bench.joint)[0]
+    expect(fault.active and fault.code >= 0 and fault.text, f"the fault reads {fault}")
+    reply = bench.client.set_control_mode(bench.joint, M.FORCE_IDLE)
+    assume(reply, f"FORCE_IDLE is refused, see F2: {reply.message}")
+    after = bench.client.get_faults(bench.joint)[0]
+    expect(not after.active, "the fault counts as active after it was cleared")
+    same = (after.code, after.text, after.stamp) == (fault.code, fault.text, fault.stamp)
+    expect(same, f"after it was cleared it reads {after}")
+    return f"code {after.code}, {after.text!r}, at {after.stamp:.3f} s, after FORCE_IDLE too"
+
+
+inside("F6", "heat fades without power", "it would have to be overloaded")

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""I: interaction modes and impedance."""
+
+from __future__ import annotations
+
+import math
+
+from control_board_ros.interface import GET_IMPEDANCE, SET_IMPEDANCE
+
+from .bench import COMPLIANT, STIFF, Bench, Fate, K, M
+from .rules import NotTestable, assume, expect, inside, rule
+
+
+def both(bench: Bench) -> None:
+    """See that the joint implements STIFF and COMPLIANT.
+
+    Raises:
+        NotTestable: it does not.
+    """
+    assume(COMPLIANT in bench.interactions, f"{bench.joint} implements STIFF only")
+
+
+@rule("I1", "STIFF or COMPLIANT per joint")
+def per_joint(bench: Bench) -> str:
+    both(bench)
+    client, before = bench.client, bench.client.get_interaction_mode()
+    for interaction in (COMPLIANT, STIFF):
+        reply = client.set_interaction_mode(bench.joint, interaction)
+        expect(reply, f"{interaction} is available and refused: {reply.message}")
+        wanted = [*before]
+        wanted[bench.j] = interaction
+        now = client.get_interaction_mode()
+        expect(now == wanted, f"{interaction} for {bench.joint} alone did not do that")
+    return f"{bench.joint} COMPLIANT and STIFF again; the others kept theirs"
+
+
+@rule("I2", "stored where it does not act")
+def stored(bench: Bench) -> str:
+    both(bench)
+    tried = []
+    for mode in (M.IDLE, M.TORQUE, M.OPENLOOP, M.HW_FAULT):
+        if mode is M.HW_FAULT:
+            bench.fault()
+        elif mode in bench.modes:
+            bench.enter(mode)
+        else:
+            continue
+        for interaction in (COMPLIANT, STIFF, COMPLIANT):
+            reply = bench.client.set_interaction_mode(bench.joint, interaction)
+            expect(reply, f"{interaction} is refused in {mode}: {reply.message}")
+            stands = bench.client.get_interaction_mode(bench.joint)[0]
+            expect(stands is interaction, f"{interaction} was accepted in {mode}, not stored")
+        expect(bench.mode is mode, f"{mode} became {bench.mode} with the interaction mode")
+        tried.append(mode.name)
+    bench.client.set_control_mode(bench.joint, M.FORCE_IDLE)
+    bench.enter(M.POSITION)
+    stands = bench.client.get_interaction_mode(bench.joint)[0]
+    expect(stands is COMPLIANT, "what was stored is lost on entering POSITION")
+    return f"stored in {', '.join(tried)}, there on entering POSITION"
+
+
+@rule("I3", "alters no accepted commands")
+def alters_no_commands(bench: Bench) -> str:
+    both(bench)
+    kinds = (K.POSITION, K.POSITION_DIRECT, K.VELOCITY)
+    fates = []
+    for interaction in (STIFF, COMPLIANT):
+        bench.home()
+        bench.enter(M.POSITION, interaction)
+        fates.append([bench.fate(kind, bench.another(kind)) is Fate.TAKEN for kind in kinds])
+    stiff, compliant = fates
+    expect(
+        stiff == compliant, f"of {[*map(str, kinds)]} STIFF takes {stiff}, COMPLIANT {compliant}"
+    )
+    return f"POSITION takes the same of {len(kinds)} kinds, STIFF and COMPLIANT"
+
+
+@rule("I4", "a real change stops the joint")
+def change_stops(bench: Bench) -> str:
+    both(bench)
+    target = bench.range.start + bench.range.step
+    bench.take(K.POSITION, target)
+    bench.record(0.2)
+    assume(not bench.is_done(bench.state()), "the move ended too soon, see P1")
+    assume(bench.client.set_interaction_mode(bench.joint, STIFF), "STIFF is refused, see I1")
+    expect(not bench.is_done(bench.state()), "the present interaction mode again stopped a move")
+    assume(
+        bench.client.set_interaction_mode(bench.joint, COMPLIANT), "COMPLIANT is refused, see I1"
+    )
+    first, *_, last = bench.record(0.5)
+    expect(bench.is_done(first), "a move counts as running after the change")
+    way = abs(float(last.position_reference[bench.j] - first.position_reference[bench.j]))
+    expect(way < bench.tolerance, f"a move ran on for {way:.3g} after the change")
+    left = abs(target - float(last.position_reference[bench.j]))
+    return f"a move stopped {left:.3g} before its target; STIFF in STIFF did not stop it"
+
+
+@rule("I5", "COMPLIANT is a spring")
+def spring(bench: Bench) -> str:
+    both(bench)
+    most = float(bench.client.get_max_impedance(bench.joint)[0][0])
+    way = 0.3 * bench.range.step
+    stiffness = min(0.2 * most, bench.range.push / way)
+    assume(stiffness > 0.0, "it has no stiffness to set")
+    assume(bench.client.set_impedance(bench.joint, stiffness), "impedance is refused, see I6")
+    bench.enter(M.POSITION, COMPLIANT)
+    bench.record(0.5)
+    before = bench.state()
+    load = float(bench.client.get_torque_offset(bench.joint)[0])
+    torque = stiffness * way
+    bench.client.set_feedforward(bench.joint, torques=load + torque)
+    *_, pushed = bench.record(1.5)
+    bench.client.set_feedforward(bench.joint, torques=load)
+    went = float(pushed.position[bench.j] - before.position[bench.j])
+    expect(
+        0.6 * way < went < 1.4 * way,
+        f"{torque:.3g} on a spring of {stiffness:.3g} gave {went:.3g}, not {way:.3g}",
+    )
+    return f"{torque:.3g} N·m on {stiffness:.3g} N·m/rad: {went:.3g} rad of {way:.3g}"
+
+
+@rule("I6", "impedance is set and read at any time")
+def impedance(bench: Bench) -> str:
+    both(bench)
+    client, joint = bench.client, bench.joint
+    answer = bench.channel.call(GET_IMPEDANCE, names=[joint])
+    most, hardest = answer.max_stiffness[0], answer.max_damping[0]
+    tried = []
+    for number, mode in enumerate(bench.modes):
+        bench.enter(mode)
+        wanted = ((0.1 + 0.01 * number) * most, (0.2 + 0.01 * number) * hardest)
+        reply = client.set_impedance(joint, *wanted)
+        expect(reply, f"refused in {mode}: {reply.message}")
+        stands = tuple(float(values[0]) for values in client.get_impedance(joint))
+        near = all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(stands, wanted, strict=True))
+        expect(near, f"in {mode} {wanted} was set and {stands} is read")
+        expect(bench.mode is mode, f"{mode} became {bench.mode} with the impedance")
+        tried.append(mode.name)
+    for bad in (-1.0, math.nan, math.inf, 1.01 * most + 1.0):
+        refused = bench.channel.call(
+            SET_IMPEDANCE, names=[joint], stiffness=[bad], damping=[0.1 * hardest]
+        )
+        expect(not refused.success, f"a stiffness of {bad:g} was accepted; the most is {most:g}")
+        kept = float(client.get_impedance(joint)[0][0])
+        expect(
+            math.isclose(kept, stands[0]), f"a stiffness of {bad:g} was refused, and changed it"
+        )
+    return f"set in {', '.join(tried)}; negative, non-finite and above {most:g} refused"
+
+
+@rule("I7", "without torque sensing only STIFF")
+def only_stiff(bench: Bench) -> str:
+    if COMPLIANT in bench.interactions:
+        raise NotTestable(f"{bench.joint} senses torque; try a joint without: --joint NAME")
+    expect(M.TORQUE not in bench.modes, "TORQUE is available without COMPLIANT")
+    reply = bench.client.set_interaction_mode(bench.joint, COMPLIANT)
+    expect(not reply, "COMPLIANT is not available and was accepted")
+    expect(bench.mode is M.HW_FAULT, f"{bench.joint} is in {bench.mode}, not HW_FAULT")
+    return f"HW_FAULT, {bench.client.get_faults(bench.joint)[0].text!r}"
+
+
+inside("I8", "ignored while calibrating", "the law that runs in CALIBRATING is not shown")
+inside("I9", "the old impedance modes", "the old interface is the client's")
+
+
+@rule("I10", "stop in COMPLIANT moves nothing")
+def stop_in_compliant(bench: Bench) -> str:
+    both(bench)
+    bench.enter(M.POSITION, COMPLIANT)
+    bench.record(0.3)
+    begin = bench.state().stamp
+    for _ in range(5):
+        reply = bench.client.stop(bench.joint)
+        assume(reply, f"stop is refused, see P3: {reply.message}")
+        bench.record(0.1)
+    way = bench.still(bench.since(begin))
+    expect(way < bench.tolerance, f"{bench.joint} at rest moved {way:.3g} with 5 stops")
+    return f"5 stops at rest moved it {way:.2g}"

@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""V and M: vocabs and control modes."""
+
+from __future__ import annotations
+
+from control_board_ros.core.modes import ACCEPTS
+from control_board_ros.core.reply import Answer
+from control_board_ros.core.vocabs import encode
+from control_board_ros.interface import GET_CONTROL_MODE, POSITION_COMMAND, SET_CONTROL_MODE
+
+from .bench import Bench, Fate, K, M
+from .rules import assume, expect, inside, rule
+
+STATUSES_AND_EVENTS = ("hwfa", "cal", "cald", "cfgn", "cfgy")
+
+
+@rule("V1", "codes and vocabs agree")
+def codes_and_vocabs(bench: Bench) -> str:
+    answer = bench.channel.call(GET_CONTROL_MODE)
+    latched = bench.channel.modes[-1]
+    pairs = [
+        *zip(answer.modes, answer.vocabs, strict=True),
+        *zip(latched.control_modes, latched.control_mode_vocabs, strict=True),
+        *zip(latched.interaction_modes, latched.interaction_mode_vocabs, strict=True),
+    ]
+    for code, vocab in pairs:
+        expect(vocab == encode(code), f"{code!r} comes with {vocab}, not {encode(code)}")
+    return f"{len(pairs)} pairs, as {pairs[0][0]} = {pairs[0][1]}"
+
+
+inside("V2", "misprints of the source", "it is about the source's text")
+
+
+@rule("M1", "every joint has its own mode")
+def own_modes(bench: Bench) -> str:
+    client, before = bench.client, bench.client.get_control_mode()
+    wanted = next((m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in bench.modes), None)
+    assume(wanted, f"{bench.joint} has one active mode only")
+    assert wanted is not None
+    reply = client.set_control_mode(bench.joint, wanted)
+    expect(reply, f"{wanted} is available and refused: {reply.message}")
+    one = [*before]
+    one[bench.j] = wanted
+    expect(client.get_control_mode() == one, f"{wanted} for {bench.joint} alone did not do that")
+    if bench.partner is None:
+        return f"{bench.joint} set alone; there is no other joint"
+    pair = [bench.partner, bench.joint]
+    reply = client.set_control_mode(pair, M.POSITION)
+    expect(reply, f"POSITION for two is refused: {reply.message}")
+    one[bench.j] = one[bench.names.index(bench.partner)] = M.POSITION
+    expect(client.get_control_mode() == one, f"POSITION for {' and '.join(pair)} did not do that")
+    expect(client.get_control_mode(pair) == [M.POSITION] * 2, "a subset is read wrongly")
+    if set(one) == {M.POSITION}:
+        bench.enter(wanted)
+        reply = client.set_control_mode(None, M.POSITION)
+        expect(reply, f"POSITION for all is refused: {reply.message}")
+        expect(client.get_control_mode() == one, "POSITION for all did not do that")
+    return f"{bench.joint} alone, then {' and '.join(pair)}, then all; the others kept theirs"
+
+
+@rule("M2", "nobody but the user switches modes")
+def nobody_switches(bench: Bench) -> str:
+    tried = []
+    for mode, kind in ((M.POSITION, K.POSITION), (M.VELOCITY, K.VELOCITY), (M.MIXED, K.VELOCITY)):
+        if mode not in bench.modes:
+            continue
+        bench.enter(mode)
+        bench.take(kind, bench.another(kind))
+        bench.record(0.5)  # the move ends, the velocity expires
+        expect(bench.mode is mode, f"{mode} became {bench.mode} while {bench.joint} was used")
+        tried.append(mode.name)
+    return f"{', '.join(tried)} stayed, with moves that end and velocities that expire"
+
+
+@rule("M3", "what each mode accepts")
+def accepted_commands(bench: Bench) -> str:
+    taken = []
+    for mode in bench.modes:
+        for kind in sorted(ACCEPTS.get(mode, ())):
+            bench.enter(mode)
+            fate = bench.fate(kind, bench.another(kind))
+            expect(fate is Fate.TAKEN, f"{mode} ignored a {kind} reference")
+            taken.append(f"{mode}: {kind}")
+    return "; ".join(taken)
+
+
+@rule("M4", "other commands are ignored and counted")
+def ignored_commands(bench: Bench) -> str:
+    count = 0
+    for mode in bench.modes:
+        if mode is M.IDLE:
+            continue
+        bench.enter(mode)
+        for kind in K:
+            if kind not in ACCEPTS.get(mode, ()):
+                fate = bench.fate(kind, bench.another(kind))
+                expect(fate is not Fate.TAKEN, f"{mode} took a {kind} reference")
+                expect(fate is Fate.COUNTED, f"a {kind} reference in {mode} is not counted")
+                count += 1
+    never_kept(bench)
+    others_are_served(bench)
+    return f"{count} pairs of mode and command ignored, counted, and not kept"
+
+
+def never_kept(bench: Bench) -> None:
+    """A move that VELOCITY ignores does not begin in POSITION."""
+    if M.VELOCITY not in bench.modes:
+        return
+    bench.enter(M.VELOCITY)
+    bench.send(K.POSITION, bench.range.start + bench.range.step)
+    bench.state()
+    bench.enter(M.POSITION)
+    states = bench.record(0.3)
+    way = bench.still(states)
+    expect(way < bench.tolerance, f"an ignored move began later: {way:.3g} of way")
+
+
+def others_are_served(bench: Bench) -> None:
+    """A joint in POSITION is served by a message that another one ignores."""
+    if bench.partner is None or M.VELOCITY not in bench.modes:
+        return
+    bench.enter(M.VELOCITY)
+    ignored, there = bench.last(K.POSITION), float(bench.client.get_encoder(bench.partner)[0])
+    wanted = [bench.another(K.POSITION), there]
+    names = [bench.joint, bench.partner]
+    bench.channel.send(POSITION_COMMAND, names=names, positions=wanted)
+    bench.record(0.1)
+    expect(bench.last(K.POSITION) == ignored, f"VELOCITY took a position for {bench.joint}")
+    last = bench.last(K.POSITION, bench.partner)
+    expect(abs(last - there) < 1e-6, f"{bench.partner} in POSITION was not served beside it")
+
+
+@rule("M5", "a mode that is not implemented is a user fault")
+def not_implemented(bench: Bench) -> str:
+    missing = bench.missing
+    reply = bench.client.set_control_mode(bench.joint, missing)
+    expect(not reply, f"{missing} is not available and was accepted")
+    expect(bench.mode is M.HW_FAULT, f"{bench.joint} is in {bench.mode}, not HW_FAULT")
+    expect(reply.answers == (Answer.UNSUPPORTED,), f"the answer is {[*map(str, reply.answers)]}")
+    fault = bench.client.get_faults(bench.joint)[0]
+    expect(fault.active and fault.text, f"its fault reads {fault.text!r}, active {fault.active}")
+    return f"{missing.code}: HW_FAULT, {fault.text!r}"
+
+
+@rule("M6", "statuses and unknown vocabs are refused")
+def statuses_are_refused(bench: Bench) -> str:
+    before = bench.client.get_control_mode()
+    for mode in (*STATUSES_AND_EVENTS, "nope", ""):
+        answer = bench.channel.call(SET_CONTROL_MODE, names=[bench.joint], modes=[mode])
+        expect(not answer.success, f"{mode!r} was accepted")
+        expect(answer.message, f"{mode!r} was refused without a word")
+        now = bench.client.get_control_mode()
+        expect(now == before, f"{mode!r} was refused and changed modes")
+    return f"{', '.join(STATUSES_AND_EVENTS)} and unknown ones refused, nothing changed"
+
+
+@rule("M8", "the present mode again resets nothing")
+def the_same_again(bench: Bench) -> str:
+    target = bench.range.start + bench.range.step
+    bench.take(K.POSITION, target)
+    bench.record(0.2)
+    assume(not bench.is_done(bench.state()), "the move ended too soon, see P1")
+    reply = bench.client.set_control_mode(bench.joint, M.POSITION)
+    expect(reply, f"the present mode is refused: {reply.message}")
+    end = bench.until(bench.is_done, 4.0)
+    expect(end, "the move did not end")
+    assert end is not None
+    away = abs(float(end.position_reference[bench.j]) - target)
+    expect(away < bench.tolerance, f"the move was dropped {away:.3g} before its target")
+    return "a move went on to its target"
+
+
+@rule("M9", "entering a mode stops the joint and moves nothing")
+def entering_resets(bench: Bench) -> str:
+    held = []
+    for mode in bench.modes:
+        if mode in (M.IDLE, M.OPENLOOP, M.POSITION):  # unpowered ones give way to a load
+            continue
+        bench.home()
+        bench.enter(mode)
+        way = bench.still(bench.record(0.3))
+        expect(way < bench.tolerance, f"{bench.joint} moved {way:.3g} on entering {mode}")
+        held.append(mode.name)
+    bench.home()
+    if M.POSITION_DIRECT in bench.modes:
+        bench.take(K.POSITION, bench.range.start + bench.range.step)
+        bench.record(0.3)
+        bench.enter(M.POSITION_DIRECT)
+        first, *_, last = bench.record(0.4)
+        expect(bench.is_done(first), "a move counts as running after the mode changed")
+        way = abs(float(last.position_reference[bench.j] - first.position_reference[bench.j]))
+        expect(way < bench.tolerance, f"a move ran on for {way:.3g} after the mode changed")
+        held.append("a move dropped")
+    if M.OPENLOOP in bench.modes:
+        bench.enter(M.OPENLOOP)
+        output = float(bench.state().output[bench.j])
+        expect(output == 0.0, f"OPENLOOP begins with {output:.3g} %")
+        held.append("OPENLOOP at 0 %")
+    return f"nothing moved on entering: {', '.join(held)}"
+
+
+@rule("M10", "IDLE is unpowered")
+def idle_is_unpowered(bench: Bench) -> str:
+    bench.enter(M.IDLE)
+    outputs = [float(state.output[bench.j]) for state in bench.record(0.2)]
+    expect(not any(outputs), f"{max(outputs, key=abs):.3g} % in IDLE")
+    return f"0 % in {len(outputs)} states"
+
+
+@rule("M11", "getters keep each kind's last accepted reference")
+def last_references(bench: Bench) -> str:
+    sent = {}
+    for mode in bench.modes:
+        for kind in ACCEPTS.get(mode, ()):
+            if kind not in sent:
+                bench.enter(mode)
+                sent[kind] = bench.another(kind)
+                bench.take(kind, sent[kind])
+    bench.enter(M.POSITION)
+    for kind, value in sent.items():
+        last = bench.last(kind)
+        expect(
+            abs(last - value) < 1e-6, f"the last {kind} reference was {value:.4g}, not {last:.4g}"
+        )
+    return f"{', '.join(map(str, sent))} read back after changes of mode"

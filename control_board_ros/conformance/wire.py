@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""M7 and P13: requests and messages that no client would send."""
+
+from __future__ import annotations
+
+import math
+import time
+
+from control_board_ros.core.vocabs import CommandKind
+from control_board_ros.interface import (
+    COMMAND_TOPICS,
+    SET_CONTROL_MODE,
+    SET_INTERACTION_MODE,
+    Endpoint,
+)
+
+from .bench import TAKING_HERE, Bench, K, M
+from .rules import assume, expect, rule
+
+#: The field that holds the references of each kind.
+FIELDS = {
+    K.POSITION: "positions",
+    K.POSITION_DIRECT: "positions",
+    K.VELOCITY: "velocities",
+    K.TORQUE: "torques",
+    K.OUTPUT: "outputs",
+}
+
+#: A mode that takes each kind of reference.
+MODES = {
+    K.POSITION: M.POSITION,
+    K.POSITION_DIRECT: M.POSITION_DIRECT,
+    K.VELOCITY: M.VELOCITY,
+    K.TORQUE: M.TORQUE,
+    K.OUTPUT: M.OPENLOOP,
+}
+
+
+@rule("M7", "a request is checked whole and acts at once")
+def checked_whole(bench: Bench) -> str:
+    joint, before = bench.joint, bench.client.get_control_mode()
+    other = next((m for m in bench.modes if m not in (M.IDLE, before[bench.j])), M.IDLE).code
+    wrong = [
+        ([joint, "no_such_joint"], [other]),
+        ([joint, joint], [other]),
+        ([joint], [other, other]),
+        ([joint], []),
+    ]
+    for names, modes in wrong:
+        answer = bench.channel.call(SET_CONTROL_MODE, names=names, modes=modes)
+        expect(not answer.success, f"names {names} with modes {modes} were accepted")
+        expect(answer.message, f"names {names} with modes {modes} were refused without a word")
+        now = bench.client.get_control_mode()
+        expect(now == before, f"names {names} with modes {modes} were refused and changed modes")
+    for names in ([joint, "no_such_joint"], [joint, joint]):
+        answer = bench.channel.call(SET_INTERACTION_MODE, names=names, modes=["stif"])
+        expect(not answer.success, f"names {names} with stif were accepted")
+    together(bench)
+    return f"{len(wrong) + 2} wrong requests refused whole; two joints changed in one message"
+
+
+def together(bench: Bench) -> None:
+    """Two joints that are set at once never show one changed and the other not."""
+    if bench.partner is None:
+        return
+    pair = [bench.joint, bench.partner]
+    have = [set(modes) for modes, _ in bench.client.get_available_modes(pair)]
+    both = [m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in have[0] & have[1]]
+    if not both:
+        return
+    count = bench.channel.modes_heard
+    assume(bench.client.set_control_mode(pair, both[0]), f"{both[0]} is refused, see M1")
+    assume(bench.client.set_control_mode(pair, M.POSITION), "POSITION is refused, see M1")
+    bench.record(0.05)
+    places = [bench.names.index(name) for name in pair]
+    for message in bench.channel.modes_since(count):
+        shown = {message.control_modes[place] for place in places}
+        expect(len(shown) == 1, f"set at once, {' and '.join(pair)} showed {' and '.join(shown)}")
+
+
+@rule("P13", "malformed references are rejected")
+def malformed(bench: Bench) -> str:
+    tried = []
+    for topic in COMMAND_TOPICS:
+        kind = topic.reference
+        if topic.name.startswith("~/command/") and kind is not None and MODES[kind] in bench.modes:
+            bench.home()
+            bench.enter(MODES[kind])
+            rejected(bench, topic, kind)
+            tried.append(str(kind))
+    return f"NaN, infinite and wrong-length references ignored: {', '.join(tried)}"
+
+
+def rejected(bench: Bench, topic: Endpoint, kind: CommandKind) -> None:
+    """Send what is malformed of a kind; the last accepted reference stays."""
+    good = bench.another(kind)
+    before = bench.last(kind)
+    for values in ([math.nan], [math.inf], [-math.inf], [], [good, good]):
+        count = bench.rejected()
+        bench.channel.send(topic, names=[bench.joint], **{FIELDS[kind]: values})
+        end = time.monotonic() + TAKING_HERE
+        while bench.rejected() == count and time.monotonic() < end:
+            pass  # until it has arrived: it is counted, or could have been
+        last = bench.last(kind)
+        expect(last == before, f"{values} for one joint was taken as a {kind} of {last:.4g}")
+        expect(bench.mode is MODES[kind], f"{values} switched {MODES[kind]} to {bench.mode}")
+    bench.take(kind, good)
