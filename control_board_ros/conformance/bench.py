@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
+from itertools import takewhile
 
 from control_board_ros.client import BoardTimeout, ControlBoardClient, State
 from control_board_ros.core.modes import SELECTABLE, STOPPABLE, UNIMPLEMENTED
@@ -29,10 +30,12 @@ COMMANDS = {
     K.OUTPUT: ("set_output", "get_output"),
 }
 
-#: s of the board's time in which a reference is taken or counted as ignored; and of ours.
-TAKING, TAKING_HERE = 0.2, 0.5
+#: s in which a reference is taken or counted as ignored, on the busiest machine.
+TAKING = 2.0
 #: s between velocity references of a stream; those of the default timeout last four times that.
 RENEWAL = 0.05
+#: How much slower a move is made each time that we were too slow to act in the midst of it.
+SLOWER = (1.0, 4.0, 12.0)
 #: States below which nothing can be said of what happens in a time.
 FEWEST = 5
 
@@ -168,7 +171,7 @@ class Bench:
         """What becomes of a reference that is sent now."""
         counted = self.rejected()
         self.send(kind, value)
-        end = time.monotonic() + TAKING_HERE
+        end = time.monotonic() + TAKING
         while time.monotonic() < end:
             if abs(self.last(kind) - value) <= 1e-9 + 1e-6 * abs(value):
                 return Fate.TAKEN
@@ -185,13 +188,55 @@ class Bench:
         fate = self.fate(kind, value)
         assume(fate is Fate.TAKEN, f"the {kind} reference was not taken, see M3")
 
-    def stream(self, velocity: float, seconds: float) -> list[State]:
-        """Send a velocity again and again; the states meanwhile."""
-        begin = self.state().stamp
-        while self.latest().stamp < begin + seconds:
+    def stream(
+        self, velocity: float, seconds: float, over: Callable[[State], bool] = lambda _: False
+    ) -> list[State]:
+        """Send a velocity again and again, until the time or something else is over.
+
+        Returns:
+            The states meanwhile.
+
+        Raises:
+            NotTestable: it came too seldom, and may have expired between.
+        """
+        begin = sent = self.state().stamp
+        longest = 0.0
+        while self.latest().stamp < begin + seconds and not over(self.latest()):
             self.send(K.VELOCITY, velocity)
+            longest, sent = max(longest, self.latest().stamp - sent), self.latest().stamp
             self._wait(lambda: self.latest().stamp > begin + seconds, RENEWAL)
+        assume(longest < 3.0 * RENEWAL, f"this machine is too slow: {longest:.2g} s between two")
         return self.since(begin)
+
+    def amid_a_move(self, act: Callable[[], object]) -> list[State]:
+        """Start a move, and act in the midst of it; the states from just after that.
+
+        Raises:
+            NotTestable: the move was over before it was seen that the act is done.
+        """
+        limits = self.range
+        for slower in SLOWER:
+            self.home()
+            begin = self.state().stamp
+            end = begin + 0.7 * slower * limits.step / limits.speed
+            target, speed = limits.start + limits.step, limits.speed / slower
+            self.client.position_move(self.joint, target, speed)
+            went = self.until(self._has_left, 1.0)
+            assume(went, "a move does not begin, see P1")
+            act()
+            states = self.record(0.0)
+            if states[-1].stamp < end:
+                return states
+        raise NotTestable("this machine is too slow to act in the midst of a move")
+
+    def _has_left(self, state: State) -> bool:
+        reference = float(state.position_reference[self.j])
+        return abs(reference - self.range.start) > 0.05 * self.range.step
+
+    def run_on(self, states: Sequence[State]) -> float:
+        """How far the position reference went meanwhile, rad."""
+        references = [float(state.position_reference[self.j]) for state in states]
+        return max(references) - min(references)
 
     # -- states -------------------------------------------------------------------------------
 
@@ -221,7 +266,8 @@ class Bench:
 
     def since(self, stamp: float) -> list[State]:
         """All states from a time on, s."""
-        return [state for state in list(self.channel.states) if state.stamp >= stamp]
+        newest_first = takewhile(lambda s: s.stamp >= stamp, reversed(self.channel.states.copy()))
+        return list(newest_first)[::-1]
 
     def record(self, seconds: float) -> list[State]:
         """The states of so much time of the board from now on, and of more where they are few."""

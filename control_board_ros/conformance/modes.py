@@ -156,18 +156,15 @@ def statuses_are_refused(bench: Bench) -> str:
 
 @rule("M8", "the present mode again resets nothing")
 def the_same_again(bench: Bench) -> str:
-    target = bench.range.start + bench.range.step
-    bench.take(K.POSITION, target)
-    bench.record(0.2)
-    assume(not bench.is_done(bench.state()), "the move ended too soon, see P1")
-    reply = bench.client.set_control_mode(bench.joint, M.POSITION)
-    expect(reply, f"the present mode is refused: {reply.message}")
-    end = bench.until(bench.is_done, 4.0)
-    expect(end, "the move did not end")
-    assert end is not None
-    away = abs(float(end.position_reference[bench.j]) - target)
-    expect(away < bench.tolerance, f"the move was dropped {away:.3g} before its target")
-    return "a move went on to its target"
+    def again() -> None:
+        reply = bench.client.set_control_mode(bench.joint, M.POSITION)
+        expect(reply, f"the present mode is refused: {reply.message}")
+
+    *_, now = bench.amid_a_move(again)
+    expect(not bench.is_done(now), "the present mode again dropped a move")
+    way = bench.run_on(bench.record(0.1))
+    expect(way > 0.0, "the present mode again stopped the reference")
+    return f"a move went on, {way:.2g} in the next 0.1 s"
 
 
 @rule("M9", "entering a mode stops the joint and moves nothing")
@@ -181,14 +178,10 @@ def entering_resets(bench: Bench) -> str:
         way = bench.still(bench.record(0.3))
         expect(way < bench.tolerance, f"{bench.joint} moved {way:.3g} on entering {mode}")
         held.append(mode.name)
-    bench.home()
     if M.POSITION_DIRECT in bench.modes:
-        bench.take(K.POSITION, bench.range.start + bench.range.step)
-        bench.record(0.3)
-        bench.enter(M.POSITION_DIRECT)
-        first, *_, last = bench.record(0.4)
-        expect(bench.is_done(first), "a move counts as running after the mode changed")
-        way = abs(float(last.position_reference[bench.j] - first.position_reference[bench.j]))
+        *_, now = bench.amid_a_move(lambda: bench.enter(M.POSITION_DIRECT))
+        expect(bench.is_done(now), "a move counts as running after the mode changed")
+        way = bench.run_on([now, *bench.record(0.4)])
         expect(way < bench.tolerance, f"a move ran on for {way:.3g} after the mode changed")
         held.append("a move dropped")
     if M.OPENLOOP in bench.modes:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
@@ -39,22 +40,32 @@ def reference_speeds(bench: Bench) -> str:
 @rule("P3", "motion done, and stop")
 def motion_done_and_stop(bench: Bench) -> str:
     expect(bench.is_done(bench.state()), "motion done is false at rest")
-    target = bench.range.start + bench.range.step
-    bench.take(K.POSITION, target)
-    expect(not bench.is_done(bench.state()), "motion done is true while a move runs")
+    begin = bench.state().stamp
+    bench.take(K.POSITION, bench.range.start + bench.range.step)
     end = bench.until(bench.is_done, 4.0)
     expect(end, "motion done stays false after a move")
-    bench.take(K.POSITION, bench.range.start)
-    bench.record(0.3)
-    reply = bench.client.stop(bench.joint)
-    expect(reply, f"stop is refused: {reply.message}")
-    first, *_, last = bench.record(0.5)
-    expect(bench.is_done(first), "motion done is false after stop")
-    way = abs(float(last.position_reference[bench.j] - first.position_reference[bench.j]))
+    states = bench.since(begin)
+    moving = [one for one, other in pairwise(states) if bench.run_on([one, other]) > 0.0]
+    early = [state.stamp for state in moving[1:] if bench.is_done(state)]
+    expect(not early, "motion done is true while the reference moves")
+    *_, now = bench.amid_a_move(lambda: stop(bench))
+    expect(bench.is_done(now), "motion done is false after stop")
+    after = [now, *bench.record(0.4)]
+    way = bench.run_on(after)
     expect(way < bench.tolerance, f"the reference ran on for {way:.3g} after stop")
-    away = abs(float(first.position_reference[bench.j] - first.position[bench.j]))
+    away = abs(float(now.position_reference[bench.j] - now.position[bench.j]))
     expect(away < bench.tolerance, f"the reference after stop is {away:.3g} from the joint")
     return "false while a move runs, true at its end; stop held the joint where it was"
+
+
+def stop(bench: Bench) -> None:
+    """Stop the joint.
+
+    Raises:
+        NotHeld: it is refused.
+    """
+    reply = bench.client.stop(bench.joint)
+    expect(reply, f"stop is refused: {reply.message}")
 
 
 @rule("P4", "direct positions step")
@@ -62,12 +73,18 @@ def direct_positions(bench: Bench) -> str:
     bench.enter(M.POSITION_DIRECT)
     step = 0.2 * bench.range.step
     target = bench.range.start + step
+    begin = bench.state().stamp
     bench.take(K.POSITION_DIRECT, target)
-    # Within the speed limit (P14); a minimum-jerk move at the reference speed takes longer.
-    reached = bench.until(
-        lambda state: abs(float(state.position_reference[bench.j]) - target) < 1e-3 * step, 0.1
-    )
-    expect(reached, f"the reference is not at {target:.4g} after 0.1 s")
+    bench.record(0.1)
+    parts = [
+        (state.stamp, (float(state.position_reference[bench.j]) - target) / step + 1.0)
+        for state in bench.since(begin)
+    ]
+    expect(abs(parts[-1][1] - 1.0) < 0.01, f"the reference is at {parts[-1][1]:.2f} of a step")
+    # At once, or as fast as the speed limit lets it (P14).
+    between = [stamp for stamp, part in parts if 0.05 < part < 0.95]
+    lasted = between[-1] - between[0] if between else 0.0
+    expect(lasted < 0.05, f"a step of {step:.3g} took more than {lasted:.2g} s")
     return f"a step of {step:.3g} stood at once"
 
 

@@ -14,7 +14,7 @@ from control_board_ros.interface import (
     Endpoint,
 )
 
-from .bench import TAKING_HERE, Bench, K, M
+from .bench import TAKING, Bench, K, M
 from .rules import assume, expect, rule
 
 #: The field that holds the references of each kind.
@@ -98,7 +98,7 @@ def rejected(bench: Bench, topic: Endpoint, kind: CommandKind) -> None:
     for values in ([math.nan], [math.inf], [-math.inf], [], [good, good]):
         count = bench.rejected()
         bench.channel.send(topic, names=[bench.joint], **{FIELDS[kind]: values})
-        end = time.monotonic() + TAKING_HERE
+        end = time.monotonic() + TAKING
         while bench.rejected() == count and time.monotonic() < end:
             pass  # until it has arrived: it is counted, or could have been
         last = bench.last(kind)

@@ -14,7 +14,11 @@ from ament_index_python.packages import get_package_share_directory
 import control_board_ros
 
 ROOT = Path(__file__).resolve().parents[2]
-COMMANDS = {"control_board": "control_board_ros.node.main", "cbctl": "control_board_ros.cli"}
+COMMANDS = {
+    "control_board": "control_board_ros.node.main",
+    "cbctl": "control_board_ros.cli",
+    "control_board_conformance": "control_board_ros.conformance",
+}
 
 
 def test_configurations_are_installed_as_they_are_in_the_source() -> None:

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The conformance suite on boards that are right, and on boards with one rule broken each."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from wrong_boards import WRONG
+
+from control_board_ros.conformance import Outcome, Result, Rule, app, as_json, as_junit, as_text
+from control_board_ros.conformance.rules import NotTestable, in_order
+from control_board_ros.conformance.runner import Session, run
+from control_board_ros.testing import BoardProcess, board_process
+
+ARM = Path(__file__).parents[1] / "spec" / "arm.yaml"
+RATE = {"state_rate": 100.0}
+LAUNCHER = Path(__file__).with_name("wrong_boards.py")
+
+
+@contextlib.contextmanager
+def session_on(board: BoardProcess, **options: Any) -> Iterator[Session]:
+    from control_board_ros.client import ControlBoardClient
+    from control_board_ros.testing import ros_node
+
+    with (
+        ros_node(board.domain, "conformance", spin=False) as node,
+        ControlBoardClient(node, board.name, find_timeout=30.0, answer_timeout=30.0) as client,
+        contextlib.closing(Session(node, client, patience=30.0, **options)) as session,
+    ):
+        yield session
+
+
+def tried(board: BoardProcess, names: Sequence[str] | None = None) -> dict[str, Result]:
+    """Run rules on a board: the results by rule."""
+    rules = [rule for rule in in_order() if names is None or rule.name in names]
+    with session_on(board) as session:
+        results, problems = run(session, rules)
+    assert not problems
+    return {result.rule.name: result for result in results}
+
+
+def wrong_board(name: str) -> Any:
+    return board_process(RATE, config=ARM, command=[sys.executable, str(LAUNCHER), name])
+
+
+def not_held(results: dict[str, Result]) -> dict[str, str]:
+    return {n: r.evidence for n, r in results.items() if r.outcome is Outcome.NOT_HELD}
+
+
+# -- boards ------------------------------------------------------------------------------------
+
+
+@pytest.mark.ros
+def test_a_rule_that_is_broken_is_reported() -> None:
+    with wrong_board("idle_leaves_a_fault") as board:
+        results = tried(board, ["M5", "F1", "F2", "F5"])
+    assert set(not_held(results)) == {"F2"}
+    assert results["F2"].evidence == "IDLE was accepted in HW_FAULT"
+    assert results["M5"].outcome is Outcome.HELD
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+@pytest.mark.parametrize("name", WRONG)
+def test_exactly_the_broken_rule_is_reported(name: str) -> None:
+    with wrong_board(name) as board:
+        results = tried(board)
+    assert set(not_held(results)) == {WRONG[name][1]}, not_held(results)
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+def test_our_board_keeps_all_and_is_left_as_found(tmp_path: Path) -> None:
+    report = tmp_path / "report.xml"
+    with board_process(RATE, config=ARM) as board, session_on(board) as session:
+        client = session.bench.client
+        assert client.set_control_mode(["left", "right"], ["vel", "pos"])
+        assert client.set_interaction_mode("right", "comp")
+        assert client.set_impedance("right", 77.0, 7.0)
+        assert client.set_reference_speed("right", 0.3, 0.4)
+
+        def shown() -> list[Any]:
+            stiffness, damping = client.get_impedance()
+            return [
+                client.get_control_mode(),
+                client.get_interaction_mode(),
+                client.get_ref_speed().tolist(),
+                client.get_ref_acceleration().tolist(),
+                stiffness.tolist(),
+                damping.tolist(),
+            ]
+
+        before, position = shown(), client.get_encoder()
+        line = ["--yes", "--domain", str(board.domain), "--junit", str(report), "--timeout", "30"]
+        assert app.main([*line, "--json"]) == app.HELD
+        assert shown() == before
+        assert client.get_encoder() == pytest.approx(position, abs=0.01)
+    cases = ElementTree.parse(report).getroot().findall("testcase")
+    assert len(cases) == len(in_order())
+
+
+@pytest.mark.ros
+def test_only_a_joint_that_can_be_tried_is() -> None:
+    with board_process(RATE, config=ARM) as board:
+        with pytest.raises(
+            NotTestable, match="nose cannot be tried; these can: left, right, bare"
+        ):
+            contextlib.ExitStack().enter_context(session_on(board, joint="nose"))
+        with session_on(board, joint="bare", fraction=0.05) as session:
+            assert session.bench.joint == "bare"
+            assert session.bench.range.high - session.bench.range.low == pytest.approx(0.2)
+            results, problems = run(session, [r for r in in_order() if r.name in ("I7", "I1")])
+    assert [result.outcome for result in results] == [Outcome.NOT_TESTABLE, Outcome.HELD]
+    assert not problems
+
+
+# -- without a board ---------------------------------------------------------------------------
+
+
+def result(name: str, outcome: Outcome, evidence: str) -> Result:
+    return Result(Rule(name, "about it", lambda _: ""), outcome, evidence, 0.25)
+
+
+RESULTS = [
+    result("M4", Outcome.HELD, "seen"),
+    result("P1", Outcome.NOT_HELD, "3 % of the way & more"),
+    result("P10", Outcome.NOT_TESTABLE, "not shown"),
+]
+
+
+def test_text_names_what_is_not_held() -> None:
+    assert as_text(RESULTS) == "1 held, 1 not held, 1 not testable: P1"
+    assert as_text(RESULTS[:1]) == "1 held, 0 not held, 0 not testable"
+
+
+def test_json_holds_every_result() -> None:
+    value = json.loads(as_json("/board", "elbow", RESULTS))
+    assert value["success"] is False
+    assert (value["board"], value["joint"]) == ("/board", "elbow")
+    assert [row["result"] for row in value["results"]] == ["held", "not held", "not testable"]
+    assert json.loads(as_json("/board", "elbow", RESULTS[:1]))["success"] is True
+
+
+def test_junit_has_a_case_for_every_rule() -> None:
+    suite = ElementTree.fromstring(as_junit("/board", RESULTS))
+    assert suite.attrib["tests"] == "3"
+    assert suite.attrib["failures"] == suite.attrib["skipped"] == "1"
+    failed = suite.findall("testcase/failure")
+    assert [failure.attrib["message"] for failure in failed] == ["3 % of the way & more"]
+    names = [case.attrib["name"] for case in suite.findall("testcase")]
+    assert names == ["M4 about it", "P1 about it", "P10 about it"]
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        (["--range", "2"], "above 0, up to 1"),
+        (["--range", "x"], "invalid"),
+        (["--rules", "M4,M99", "--yes"], "rule M99 unknown"),
+        (["--what"], "unrecognized"),
+        ([], "give --yes"),
+    ],
+    ids=str,
+)
+def test_wrong_usage(
+    line: list[str], text: str, capsys: pytest.CaptureFixture[str], monkeypatch: Any
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    with pytest.raises(SystemExit) as end:
+        app.main(line)
+    assert end.value.code == app.USAGE
+    assert text in capsys.readouterr().err
+
+
+def test_list_needs_no_board(capsys: pytest.CaptureFixture[str]) -> None:
+    assert app.main(["--list"]) == app.HELD
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("V1 ")
+    assert len(lines) == len(in_order())
