@@ -18,7 +18,7 @@ leaves the joints as found, ``report`` tells how they went, ``app`` is the comma
 
 from . import calibration, faults, interaction, interfaces, modes, motion, power, references, wire
 from .bench import Bench
-from .report import as_json, as_junit, as_text
+from .report import as_json, as_junit, as_line, as_text
 from .rules import RULES, NotHeld, NotTestable, Rule, rule
 from .runner import Outcome, Result, run
 
@@ -32,6 +32,7 @@ __all__ = [
     "Rule",
     "as_json",
     "as_junit",
+    "as_line",
     "as_text",
     "calibration",
     "faults",

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from .. import __version__
-from ..startup import announce_often, leave_out_the_generator
+from ..startup import announce_often
 from .bench import Allowed, Bench
 from .report import as_json, as_junit, as_line, as_text
 from .rules import RULES, NotTestable, Rule, in_order
@@ -133,7 +133,6 @@ def plan(bench: Bench, asked: argparse.Namespace) -> str:
 def connected(asked: argparse.Namespace) -> Iterator[Session]:
     """A session with the board; ends the process where there is none."""
     announce_often()
-    leave_out_the_generator()
     from rclpy.context import Context
     from rclpy.node import Node
 

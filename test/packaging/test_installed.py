@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 COMMANDS = {
     "control_board": "control_board_ros.node.main",
     "cbctl": "control_board_ros.cli",
-    "control_board_conformance": "control_board_ros.conformance",
+    "control_board_conformance": "control_board_ros.conformance.app",
 }
 
 

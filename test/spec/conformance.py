@@ -2,12 +2,14 @@
 """``make conformance``: run the tests of test/spec and show, rule by rule, how they went.
 
 Prints the table rule -> tests -> result, writes it to docs/conformance.md, and ends with 1 when
-a rule has no test or a test failed. Arguments go to pytest, for example ``-m "not ros"``; the
-page is only written by a run of all tests.
+a rule has no test or a test failed, or when ``control_board_conformance`` finds one that is not
+held. Arguments go to pytest, for example ``-m "not ros"``; the page is only written, and the board
+only tried from outside, by a run of all tests.
 """
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections import Counter, defaultdict
 from pathlib import Path
@@ -20,6 +22,9 @@ ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "conformance.md"
 sys.path.insert(0, str(HERE.parent))
 
+from control_board_ros.conformance import Outcome, Result, as_line, as_text, run  # noqa: E402
+from control_board_ros.conformance.rules import in_order  # noqa: E402
+from control_board_ros.conformance.runner import Session  # noqa: E402
 from spec.rules import RULES, proved_by  # noqa: E402
 
 ORDER = ("failed", "skipped", "passed")
@@ -65,21 +70,40 @@ def verdict(tests: dict[str, Counter[str]]) -> str:
     return "FAILED" if total["failed"] else "passed"
 
 
-def page(table: dict[str, dict[str, Counter[str]]]) -> str:
+def from_outside() -> dict[str, Result]:
+    """Try the rules as ``control_board_conformance`` does, on the board of the tests."""
+    from control_board_ros.client import ControlBoardClient
+    from control_board_ros.testing import board_process, ros_node
+
+    with (
+        board_process(config=HERE / "arm.yaml") as board,
+        ros_node(board.domain, "conformance", spin=False) as node,
+        ControlBoardClient(node, board.name, find_timeout=20.0, answer_timeout=20.0) as client,
+        contextlib.closing(Session(node, client, patience=20.0)) as session,
+    ):
+        results, _ = run(session, in_order(), lambda result: print(as_line(result), flush=True))
+    print(f"from outside: {as_text(results)}")
+    return {result.rule.name: result for result in results}
+
+
+def page(table: dict[str, dict[str, Counter[str]]], outside: dict[str, Result]) -> str:
     """The table as Markdown."""
     lines = [
         "# Conformance",
         "",
         "Rule by rule, the tests of `test/spec` that prove it, and how often each ran (with",
-        "different modes, joints or values); tests marked ROS run over DDS. Written by",
+        "different modes, joints or values); tests marked ROS run over DDS. From outside: how",
+        "[`control_board_conformance`](howto/conformance.md) finds it. Written by",
         "`make conformance`.",
         "",
-        "| rule | about | result | tests |",
-        "|---|---|---|---|",
+        "| rule | about | result | from outside | tests |",
+        "|---|---|---|---|---|",
     ]
     for rule, tests in table.items():
         shown = "<br>".join(f"`{name}` × {sum(n.values())}" for name, n in sorted(tests.items()))
-        lines.append(f"| {rule} | {RULES[rule]} | {verdict(tests)} | {shown} |")
+        lines.append(
+            f"| {rule} | {RULES[rule]} | {verdict(tests)} | {outside[rule].outcome} | {shown} |"
+        )
     count = sum(verdict(tests) == "passed" for tests in table.values())
     return "\n".join([*lines, "", f"{count} of {len(table)} rules hold.", ""])
 
@@ -101,11 +125,13 @@ def main(arguments: list[str]) -> int:
     code = pytest.main([*options, *arguments], plugins=[results])
     table = results.by_rule()
     show(table)
-    if not results.chosen and not arguments:
-        PAGE.parent.mkdir(exist_ok=True)
-        PAGE.write_text(page(table), encoding="utf-8")
-        print(f"\nwritten: {PAGE.relative_to(ROOT)}")
     good = all(verdict(tests) == "passed" for tests in table.values())
+    if not results.chosen and not arguments:
+        outside = from_outside()
+        good = good and all(r.outcome is not Outcome.NOT_HELD for r in outside.values())
+        PAGE.parent.mkdir(exist_ok=True)
+        PAGE.write_text(page(table, outside), encoding="utf-8")
+        print(f"\nwritten: {PAGE.relative_to(ROOT)}")
     print(f"\n{'all rules hold' if good and not code else 'not all rules hold'}")
     return int(code) or int(not good)
 

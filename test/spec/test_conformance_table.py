@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from control_board_ros.conformance.rules import in_order
+
 from .rules import RULES, proved_by
 
 
@@ -29,3 +31,7 @@ def test_every_rule_has_a_test() -> None:
             if isinstance(node, ast.FunctionDef) and node.name.startswith("test_"):
                 named.update(proved_by(ast.get_docstring(node)))
     assert named == set(RULES)
+
+
+def test_every_rule_is_tried_from_outside_or_says_why_not() -> None:
+    assert [rule.name for rule in in_order()] == list(RULES)
