@@ -48,8 +48,10 @@ def parser() -> argparse.ArgumentParser:
     add("--power-cycle", action="store_true", help="also take the power from all joints (N)")
     add("--json", action="store_true", help="print JSON, and nothing else, on stdout")
     add("--junit", type=Path, metavar="FILE", help="write a JUnit report")
-    add("--timeout", type=float, default=5.0, metavar="S", help="for each answer (%(default)s s)")
-    add("--domain", type=int, help="ROS domain; else that of ROS_DOMAIN_ID")
+    add(
+        "--timeout", type=seconds, default=5.0, metavar="S", help="for each answer (%(default)s s)"
+    )
+    add("--domain", type=domain, help="ROS domain; else that of ROS_DOMAIN_ID")
     add("--list", action="store_true", help="list the rules, and leave")
     add("--version", action="version", version=f"control_board_ros {__version__}")
     return options
@@ -60,6 +62,22 @@ def fraction(text: str) -> float:
     value = float(text)
     if not 0.0 < value <= 1.0:
         raise argparse.ArgumentTypeError(f"{text} is not valid; give a number above 0, up to 1")
+    return value
+
+
+def seconds(text: str) -> float:
+    """A time above 0, up to an hour."""
+    value = float(text)
+    if not 0.0 < value <= 3600.0:
+        raise argparse.ArgumentTypeError(f"{text} is not valid; give seconds above 0, up to 3600")
+    return value
+
+
+def domain(text: str) -> int:
+    """A ROS domain."""
+    value = int(text)
+    if not 0 <= value <= 232:
+        raise argparse.ArgumentTypeError(f"{text} is not valid; ROS domains are 0 to 232")
     return value
 
 
@@ -82,6 +100,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if asked.list:
         print("\n".join(f"{rule.name:<5}{rule.title}" for rule in rules))
         return HELD
+    if asked.junit is not None and not asked.junit.absolute().parent.is_dir():
+        options.error(f"there is no folder for {asked.junit}")
     if not asked.yes and not sys.stdin.isatty():
         options.error("nobody can be asked here whether it may move; give --yes")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: joints are restored
@@ -96,7 +116,7 @@ def tried(session: Session, asked: argparse.Namespace, rules: Sequence[Rule]) ->
     """Ask, try the rules, tell; the exit code."""
     bench = session.bench
     print(plan(bench, asked), file=sys.stderr)
-    if not asked.yes and input("Go on? [y/N] ").strip().lower() not in ("y", "yes"):
+    if not asked.yes and not goes_on():
         return complain("nothing was tried")
 
     def tell(result: Result) -> None:
@@ -111,6 +131,12 @@ def tried(session: Session, asked: argparse.Namespace, rules: Sequence[Rule]) ->
     for problem in problems:
         complain(f"not left as found: {problem}")
     return NOT_HELD if any(r.outcome is Outcome.NOT_HELD for r in results) else HELD
+
+
+def goes_on() -> bool:
+    """Ask whether it may move."""
+    print("Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
 def plan(bench: Bench, asked: argparse.Namespace) -> str:

@@ -32,10 +32,6 @@ COMMANDS = {
 
 #: s in which a reference is taken or counted as ignored, on the busiest machine.
 TAKING = 2.0
-#: s between velocity references of a stream; those of the default timeout last four times that.
-RENEWAL = 0.05
-#: How much slower a move is made each time that we were too slow to act in the midst of it.
-SLOWER = (1.0, 4.0, 12.0)
 #: States below which nothing can be said of what happens in a time.
 FEWEST = 5
 
@@ -188,62 +184,12 @@ class Bench:
         fate = self.fate(kind, value)
         assume(fate is Fate.TAKEN, f"the {kind} reference was not taken, see M3")
 
-    def stream(
-        self, velocity: float, seconds: float, over: Callable[[State], bool] = lambda _: False
-    ) -> list[State]:
-        """Send a velocity again and again, until the time or something else is over.
-
-        Returns:
-            The states meanwhile.
-
-        Raises:
-            NotTestable: it came too seldom, and may have expired between.
-        """
-        begin = sent = self.state().stamp
-        longest = 0.0
-        while self.latest().stamp < begin + seconds and not over(self.latest()):
-            self.send(K.VELOCITY, velocity)
-            longest, sent = max(longest, self.latest().stamp - sent), self.latest().stamp
-            self._wait(lambda: self.latest().stamp > begin + seconds, RENEWAL)
-        assume(longest < 3.0 * RENEWAL, f"this machine is too slow: {longest:.2g} s between two")
-        return self.since(begin)
-
-    def amid_a_move(self, act: Callable[[], object]) -> list[State]:
-        """Start a move, and act in the midst of it; the states from just after that.
-
-        Raises:
-            NotTestable: the move was over before it was seen that the act is done.
-        """
-        limits = self.range
-        for slower in SLOWER:
-            self.home()
-            begin = self.state().stamp
-            end = begin + 0.7 * slower * limits.step / limits.speed
-            target, speed = limits.start + limits.step, limits.speed / slower
-            self.client.position_move(self.joint, target, speed)
-            went = self.until(self._has_left, 1.0)
-            assume(went, "a move does not begin, see P1")
-            act()
-            states = self.record(0.0)
-            if states[-1].stamp < end:
-                return states
-        raise NotTestable("this machine is too slow to act in the midst of a move")
-
-    def _has_left(self, state: State) -> bool:
-        reference = float(state.position_reference[self.j])
-        return abs(reference - self.range.start) > 0.05 * self.range.step
-
-    def run_on(self, states: Sequence[State]) -> float:
-        """How far the position reference went meanwhile, rad."""
-        references = [float(state.position_reference[self.j]) for state in states]
-        return max(references) - min(references)
-
     # -- states -------------------------------------------------------------------------------
 
     def state(self) -> State:
         """A state that shows what was asked for before."""
         fresh = self.client.get_state()
-        self._wait(lambda: self.latest().stamp >= fresh.stamp, self.channel.patience)
+        self.wait(lambda: self.latest().stamp >= fresh.stamp, self.channel.patience)
         return fresh
 
     def latest(self) -> State:
@@ -316,7 +262,7 @@ class Bench:
             return guarded and not self.range.is_near(float(self.latest().position[self.j]))
 
         patience = self.channel.patience + 20.0 * seconds
-        if not self._wait(lambda: condition() or left(), patience):
+        if not self.wait(lambda: condition() or left(), patience):
             raise BoardTimeout(f"the time of {self.channel.board} does not go on; is it paused?")
         if not left():
             return
@@ -327,5 +273,6 @@ class Bench:
             raise NotHeld(text)
         raise NotTestable(f"{text}; try a joint that bears no load: --joint NAME")
 
-    def _wait(self, condition: Callable[[], bool], patience: float) -> bool:
+    def wait(self, condition: Callable[[], bool], patience: float) -> bool:
+        """Wait until a state or a change of modes fulfils a condition; false when none did."""
         return self.channel.wait_for(condition, patience)

@@ -9,6 +9,7 @@ from control_board_ros.core.vocabs import InteractionMode
 from control_board_ros.interface import GET_IMPEDANCE, SET_IMPEDANCE
 
 from .bench import COMPLIANT, STIFF, Bench, Fate, K, M
+from .moving import amid_a_move, run_on
 from .rules import NotTestable, assume, expect, inside, rule
 
 
@@ -84,11 +85,11 @@ def change_stops(bench: Bench) -> str:
         reply = bench.client.set_interaction_mode(bench.joint, interaction)
         assume(reply, f"{interaction} is refused, see I1: {reply.message}")
 
-    *_, now = bench.amid_a_move(lambda: change(STIFF))
+    *_, now = amid_a_move(bench, lambda: change(STIFF))
     expect(not bench.is_done(now), "the present interaction mode again stopped a move")
-    *_, now = bench.amid_a_move(lambda: change(COMPLIANT))
+    *_, now = amid_a_move(bench, lambda: change(COMPLIANT))
     expect(bench.is_done(now), "a move counts as running after the change")
-    way = bench.run_on([now, *bench.record(0.4)])
+    way = run_on(bench, [now, *bench.record(0.4)])
     expect(way < bench.tolerance, f"a move ran on for {way:.3g} after the change")
     return "COMPLIANT stopped a move; STIFF in STIFF did not"
 

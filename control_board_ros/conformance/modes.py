@@ -9,6 +9,7 @@ from control_board_ros.core.vocabs import encode
 from control_board_ros.interface import GET_CONTROL_MODE, POSITION_COMMAND, SET_CONTROL_MODE
 
 from .bench import Bench, Fate, K, M
+from .moving import amid_a_move, run_on
 from .rules import assume, expect, inside, rule
 
 STATUSES_AND_EVENTS = ("hwfa", "cal", "cald", "cfgn", "cfgy")
@@ -160,9 +161,9 @@ def the_same_again(bench: Bench) -> str:
         reply = bench.client.set_control_mode(bench.joint, M.POSITION)
         expect(reply, f"the present mode is refused: {reply.message}")
 
-    *_, now = bench.amid_a_move(again)
+    *_, now = amid_a_move(bench, again)
     expect(not bench.is_done(now), "the present mode again dropped a move")
-    way = bench.run_on(bench.record(0.1))
+    way = run_on(bench, bench.record(0.1))
     expect(way > 0.0, "the present mode again stopped the reference")
     return f"a move went on, {way:.2g} in the next 0.1 s"
 
@@ -179,9 +180,9 @@ def entering_resets(bench: Bench) -> str:
         expect(way < bench.tolerance, f"{bench.joint} moved {way:.3g} on entering {mode}")
         held.append(mode.name)
     if M.POSITION_DIRECT in bench.modes:
-        *_, now = bench.amid_a_move(lambda: bench.enter(M.POSITION_DIRECT))
+        *_, now = amid_a_move(bench, lambda: bench.enter(M.POSITION_DIRECT))
         expect(bench.is_done(now), "a move counts as running after the mode changed")
-        way = bench.run_on([now, *bench.record(0.4)])
+        way = run_on(bench, [now, *bench.record(0.4)])
         expect(way < bench.tolerance, f"a move ran on for {way:.3g} after the mode changed")
         held.append("a move dropped")
     if M.OPENLOOP in bench.modes:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from control_board_ros.client import State
 
 from .bench import Bench, K, M
+from .moving import amid_a_move, stream
 from .rules import assume, expect, inside, rule
 
 Floats = NDArray[np.float64]
@@ -59,7 +60,7 @@ def minimum_jerk_moves(bench: Bench) -> str:
 
 def retargeted(bench: Bench, duration: float) -> None:
     """Turn a move back: the velocity changes no faster than the joint may brake."""
-    begin = bench.amid_a_move(lambda: bench.send(K.POSITION, bench.range.start))[0].stamp - 0.1
+    begin = amid_a_move(bench, lambda: bench.send(K.POSITION, bench.range.start))[0].stamp - 0.1
     bench.until(bench.is_done, 3.0 * duration + 1.0)
     times, reference = references(bench, bench.since(begin))
     span = np.maximum(np.diff(times), 1e-9)
@@ -74,7 +75,7 @@ def retargeted(bench: Bench, duration: float) -> None:
 def velocities(bench: Bench) -> str:
     bench.enter(M.VELOCITY)
     velocity, acceleration = 0.7 * bench.range.speed, bench.range.acceleration
-    states = bench.stream(velocity, velocity / acceleration + 0.6)
+    states = stream(bench, velocity, velocity / acceleration + 0.6)
     bench.client.stop(bench.joint)
     times, reference = references(bench, states)
     speeds = np.array([state.velocity_reference[bench.j] for state in states])
@@ -101,7 +102,7 @@ def mixed(bench: Bench) -> str:
     velocity = 0.3 * bench.range.speed
     bench.take(K.POSITION, target)
     duration = 0.5 * bench.range.step / bench.range.speed
-    states = bench.stream(velocity, 4.0 * duration, bench.is_done)
+    states = stream(bench, velocity, 4.0 * duration, bench.is_done)
     moved = float(states[-1].position_reference[bench.j])
     added, expected = moved - target, velocity * (states[-1].stamp - states[0].stamp)
     expect(

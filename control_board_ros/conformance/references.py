@@ -11,6 +11,7 @@ from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import SET_REFERENCE_SPEED
 
 from .bench import Bench, K, M
+from .moving import amid_a_move, run_on
 from .rules import assume, expect, inside, rule
 
 #: s after which a velocity reference has expired, where the board does not tell its timeout.
@@ -45,13 +46,13 @@ def motion_done_and_stop(bench: Bench) -> str:
     end = bench.until(bench.is_done, 4.0)
     expect(end, "motion done stays false after a move")
     states = bench.since(begin)
-    moving = [one for one, other in pairwise(states) if bench.run_on([one, other]) > 0.0]
+    moving = [one for one, other in pairwise(states) if run_on(bench, [one, other]) > 0.0]
     early = [state.stamp for state in moving[1:] if bench.is_done(state)]
     expect(not early, "motion done is true while the reference moves")
-    *_, now = bench.amid_a_move(lambda: stop(bench))
+    *_, now = amid_a_move(bench, lambda: stop(bench))
     expect(bench.is_done(now), "motion done is false after stop")
     after = [now, *bench.record(0.4)]
-    way = bench.run_on(after)
+    way = run_on(bench, after)
     expect(way < bench.tolerance, f"the reference ran on for {way:.3g} after stop")
     away = abs(float(now.position_reference[bench.j] - now.position[bench.j]))
     expect(away < bench.tolerance, f"the reference after stop is {away:.3g} from the joint")

@@ -166,6 +166,9 @@ def test_junit_has_a_case_for_every_rule() -> None:
         (["--range", "x"], "invalid"),
         (["--rules", "M4,M99", "--yes"], "rule M99 unknown"),
         (["--what"], "unrecognized"),
+        (["--domain", "999", "--yes"], "ROS domains are 0 to 232"),
+        (["--timeout", "0", "--yes"], "seconds above 0"),
+        (["--junit", "/no/such/folder/x.xml", "--yes"], "there is no folder"),
         ([], "give --yes"),
     ],
     ids=str,
@@ -178,6 +181,15 @@ def test_wrong_usage(
         app.main(line)
     assert end.value.code == app.USAGE
     assert text in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("answer", "goes"),
+    [("y\n", True), ("YES\n", True), ("n\n", False), ("\n", False), ("", False)],
+)
+def test_only_a_yes_goes_on(answer: str, goes: bool, monkeypatch: Any) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(answer))
+    assert app.goes_on() is goes
 
 
 def test_list_needs_no_board(capsys: pytest.CaptureFixture[str]) -> None:
