@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from control_board_ros.client import BoardError, ControlBoardClient
@@ -73,16 +72,16 @@ class AsFound:
         if not reply:
             raise NotTestable(f"joints do not come to POSITION: {getattr(reply, 'message', '')}")
 
+    def give_back(self, client: ControlBoardClient) -> list[Reply]:
+        """Set reference speeds and impedance as found, at any time."""
+        return [
+            client.set_reference_speed(self.names, self.speeds, self.accelerations),
+            client.set_impedance(self.names, self.stiffness, self.damping),
+        ]
+
     def restore(self, bench: Bench) -> list[str]:
         """Leave the joints as found; what could not be restored, in words."""
         client, wrong = bench.client, []
-        steps: tuple[Callable[[], Reply], ...] = (
-            lambda: client.set_feedforward(bench.joint, outputs=0.0),
-            lambda: client.set_reference_speed(self.names, self.speeds, self.accelerations),
-            lambda: client.set_impedance(self.names, self.stiffness, self.damping),
-            lambda: client.set_interaction_mode(self.names, self.interaction_modes),
-            lambda: client.set_control_mode(self.names, self.control_modes),
-        )
         try:
             self.hold(client)
             bench.home()
@@ -90,11 +89,13 @@ class AsFound:
             wrong.append(f"{bench.joint} is not back where it was found: {error}")
         except BoardError as error:
             return [str(error)]
-        for step in steps:
-            try:
-                reply = step()
-            except BoardError as error:
-                return [*wrong, str(error)]
-            if not reply:
-                wrong.append(reply.message)
-        return wrong
+        try:
+            replies = [
+                client.set_feedforward(bench.joint, outputs=0.0),
+                *self.give_back(client),
+                client.set_interaction_mode(self.names, self.interaction_modes),
+                client.set_control_mode(self.names, self.control_modes),
+            ]
+        except BoardError as error:
+            return [*wrong, str(error)]
+        return [*wrong, *(reply.message for reply in replies if not reply)]

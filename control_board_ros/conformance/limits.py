@@ -76,7 +76,7 @@ class Range:
             acceleration=min(limits.acceleration, 4.0 * speed),
             hardest=limits.acceleration,
             output=10.0 * fraction,
-            torque=0.05 * fraction * limits.torque,
+            torque=0.1 * fraction * limits.torque,
             push=fraction * limits.torque,
         )
 

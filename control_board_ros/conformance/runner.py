@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from control_board_ros.client import BoardError, ControlBoardClient
+from control_board_ros.protocols import Floats
 
 from .as_found import AsFound
 from .bench import Allowed, Bench
@@ -58,8 +59,12 @@ def choose(client: ControlBoardClient, found: AsFound, wanted: str | None) -> st
     offers = {name: len(modes) + 2 * len(ways) for name, (modes, ways) in available.items()}
     most = [name for name in found.names if offers[name] == max(offers.values())]
     loads = np.nan_to_num(np.abs(client.get_torque(most)))
-    light = [k for k, load in enumerate(loads) if load <= LIGHT * loads.max()]
-    return most[light[-1]]
+    return most[lightest(loads)]
+
+
+def lightest(loads: Floats) -> int:
+    """The last of the joints that bear next to nothing, else the one that bears least."""
+    return int(np.flatnonzero(loads <= max(LIGHT * loads.max(), loads.min()))[-1])
 
 
 class Session:
@@ -118,6 +123,7 @@ class Session:
         outcome, evidence = Outcome.HELD, ""
         try:
             self.found.hold(self.bench.client)
+            self.found.give_back(self.bench.client)
             self.bench.home()
             evidence = rule.check(self.bench)
         except NotHeld as error:

@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from wrong_boards import WRONG
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_json, as_junit, as_text
 from control_board_ros.conformance.rules import NotTestable, in_order
-from control_board_ros.conformance.runner import Session, run
+from control_board_ros.conformance.runner import Session, lightest, run
 from control_board_ros.testing import BoardProcess, board_process
 
 ARM = Path(__file__).parents[1] / "spec" / "arm.yaml"
@@ -181,6 +182,15 @@ def test_wrong_usage(
         app.main(line)
     assert end.value.code == app.USAGE
     assert text in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("loads", "chosen"),
+    [([0.0, 0.0, 0.0], 2), ([0.0, 30.0, 0.1], 2), ([0.0, 30.0, 5.0], 0), ([9.0, 8.0, 10.0], 1)],
+    ids=str,
+)
+def test_the_joint_that_falls_least_is_chosen(loads: list[float], chosen: int) -> None:
+    assert lightest(np.array(loads)) == chosen
 
 
 @pytest.mark.parametrize(

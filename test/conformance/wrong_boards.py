@@ -247,6 +247,18 @@ def direct_positions_are_moves() -> None:
     COMMANDS[K.POSITION_DIRECT] = dataclasses.replace(COMMANDS[K.POSITION_DIRECT], start=start)
 
 
+@breaks("P7")
+def half_the_torque() -> None:
+    from control_board_ros.core.commands import COMMANDS
+
+    row = COMMANDS[K.TORQUE]
+
+    def start(references: Any, joints: Any, torques: Any, _: Any) -> None:
+        row.start(references, joints, 0.5 * torques, None)
+
+    COMMANDS[K.TORQUE] = dataclasses.replace(row, start=start)
+
+
 @breaks("P8")
 def half_the_output() -> None:
     from control_board_ros.core.commands import COMMANDS
@@ -332,7 +344,7 @@ def any_stiffness() -> None:
     from control_board_ros.core import board
 
     def all_within(old: Any, chosen: Any, what: str, values: Any, most: Any, **more: Any) -> Any:
-        return old(chosen, what, values, most * (np.inf if what == "stiffness" else 1.0), **more)
+        return old(chosen, what, values, most * (2.0 if what == "stiffness" else 1.0), **more)
 
     around(board, "all_within", all_within)
 
