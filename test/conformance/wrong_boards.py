@@ -247,6 +247,27 @@ def direct_positions_are_moves() -> None:
     COMMANDS[K.POSITION_DIRECT] = dataclasses.replace(COMMANDS[K.POSITION_DIRECT], start=start)
 
 
+@breaks("P5")
+def slower_velocities() -> None:
+    from control_board_ros.core.references import References
+
+    def ramp(old: Any, self: References, joints: Any, velocities: Any, accelerations: Any) -> None:
+        old(self, joints, 0.7 * velocities, accelerations)
+
+    around(References, "ramp", ramp)
+
+
+@breaks("P6")
+def a_velocity_waits_for_the_move() -> None:
+    from control_board_ros.core.references import References
+
+    def ramp(old: Any, self: References, joints: Any, velocities: Any, accelerations: Any) -> None:
+        moving = np.array([self._joints[j].moving for j in joints.tolist()])
+        old(self, joints, np.where(moving, 0.0, velocities), accelerations)
+
+    around(References, "ramp", ramp)
+
+
 @breaks("P7")
 def half_the_torque() -> None:
     from control_board_ros.core.commands import COMMANDS
