@@ -32,7 +32,7 @@ run: setup ## Start the arm; ARGS="--ros-args --params-file …" go to the node
 	@$(BIN)/control_board $(ARGS)
 
 test: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests; ARGS="-k M4" go to pytest
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not slow" $(ARGS)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not slow and not soak" $(ARGS)
 
 test-long: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests that take more than 5 s each
 	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m slow $(ARGS)

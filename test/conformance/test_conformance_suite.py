@@ -68,9 +68,14 @@ def test_a_rule_that_is_broken_is_reported() -> None:
     assert results["M5"].outcome is Outcome.HELD
 
 
-@pytest.mark.slow
 @pytest.mark.ros
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if k % 3 == 0 else pytest.mark.soak)
+        for k, name in enumerate(WRONG)
+    ],
+)
 def test_exactly_the_broken_rule_is_reported(name: str) -> None:
     with wrong_board(name) as board:
         results = tried(board)
