@@ -67,8 +67,12 @@ class Rig:
         return np.array(rows)
 
     def settle(self, most: float) -> NDArray[np.float64]:
-        """Let time pass until nothing moves, at most so long, s; positions of each cycle."""
-        rows = [self.record(lambda board: board.state.position, 0.2)]
+        """Let time pass until nothing moves, at most so long, s; positions of each cycle.
+
+        A joint that takes over its load is held for up to half a second, so that it stands still
+        does not mean that it is at rest.
+        """
+        rows = [self.record(lambda board: board.state.position, 0.2) for _ in range(3)]
         while len(rows) * 0.2 < most and np.ptp(rows[-1], axis=0).max() > STILL:
             rows.append(self.record(lambda board: board.state.position, 0.2))
         return np.concatenate(rows)
