@@ -15,7 +15,7 @@ from time import perf_counter
 from common import Effort, Figure, at_most, medians, number, percentile
 from control_board_msgs.srv import SetControlMode
 from processes import BOARD, board
-from talking import SetPoints, Talker, talker
+from talking import SetPoints, Talker, switch, talker
 from tap import COLLECTOR, Tap, tap
 
 from control_board_ros.testing import free_domain
@@ -23,14 +23,17 @@ from control_board_ros.testing import free_domain
 
 def run(effort: Effort) -> list[Figure]:
     """Measure requests and references, and the longest collection."""
-    calls, runs = effort.of(500, 200, 20), effort.of(7, 3, 1)
+    calls, runs = effort.of(500, 200, 20), effort.of(5, 3, 1)
     with ExitStack() as stack:
         boards = {
             case: (tapped := stack.enter_context(tap()), _board(stack, tapped, case))
             for case in ("running", "off")
         }
+        for _, talking in boards.values():
+            switch(talking, "posd")
+        points = {case: SetPoints(talking) for case, (_, talking) in boards.items()}
         started = len(boards["running"][0].pauses())
-        found = medians([_measure(boards, calls) for _ in range(runs)])
+        found = medians([_measure(boards, points, calls) for _ in range(runs)])
         pauses = boards["running"][0].pauses()[started:]
     longest = 1e3 * max(pauses, default=0.0)
     return [
@@ -68,7 +71,9 @@ def _board(stack: ExitStack, tapped: Tap, case: str) -> Talker:
     return talking
 
 
-def _measure(boards: dict[str, tuple[Tap, Talker]], calls: int) -> dict[str, float]:
+def _measure(
+    boards: dict[str, tuple[Tap, Talker]], points: dict[str, SetPoints], calls: int
+) -> dict[str, float]:
     """p99 of requests and of references until the state shows them, ms, of both boards."""
     times: dict[str, list[float]] = {}
     talkers = {case: talking for case, (_, talking) in boards.items()}
@@ -83,7 +88,6 @@ def _measure(boards: dict[str, tuple[Tap, Talker]], calls: int) -> dict[str, flo
             start = perf_counter()
             talking.call(clients[case], request)
             times.setdefault(f"mode request {case}", []).append(perf_counter() - start)
-    points = {case: SetPoints(talking) for case, talking in talkers.items()}
     for k in range(calls):
         position = 1e-4 * (k % 100 + 1)
         for case, sender in points.items():
