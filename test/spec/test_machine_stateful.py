@@ -385,7 +385,9 @@ class TestBoard(BoardMachine.TestCase):
         WATCHED.clear()
         super().runTest()
         assert len(WATCHED) > 20
-        assert {"pos", "idl", FAULT} <= set(WATCHED)
+        # Which modes the search meets depends on what ran before it in the process.
+        assert FAULT in WATCHED
+        assert len(set(WATCHED)) >= 4
 
 
 TestBoard.settings = settings(
