@@ -206,17 +206,14 @@ class ModeShortcuts:
     def _old(
         self, joints: Joints, mode: ControlMode, interaction: InteractionMode | None = None
     ) -> Reply:
-        new = f"set_control_mode(joints, ControlMode.{mode.name})"
-        if interaction is not None:
-            new += f" and set_interaction_mode(joints, InteractionMode.{interaction.name})"
-        self._deprecate(OLD_NAMES[mode, interaction], new)
+        self._deprecate(OLD_NAMES[mode, interaction], replacement(mode, interaction))
         reply: Reply = self.set_control_mode(joints, mode)
         if reply and interaction is not None:
             reply = self.set_interaction_mode(joints, interaction)
         return reply
 
     def _deprecate(self, old: str, new: str) -> None:
-        text = f"{old} belongs to the old interface and is deprecated; use {new}"
+        text = deprecation(old, new)
         warnings.warn(text, DeprecationWarning, stacklevel=4)
         self.log_deprecated(text)
 
@@ -229,3 +226,16 @@ OLD_NAMES: dict[tuple[ControlMode, InteractionMode | None], str] = {
     (ControlMode.POSITION, InteractionMode.COMPLIANT): "set_impedance_position_mode",
     (ControlMode.VELOCITY, InteractionMode.COMPLIANT): "set_impedance_velocity_mode",
 }
+
+
+def replacement(mode: ControlMode, interaction: InteractionMode | None) -> str:
+    """What to call in place of the old method of a mode."""
+    new = f"set_control_mode(joints, ControlMode.{mode.name})"
+    if interaction is not None:
+        new += f" and set_interaction_mode(joints, InteractionMode.{interaction.name})"
+    return new
+
+
+def deprecation(old: str, new: str) -> str:
+    """The warning of an old method (D1)."""
+    return f"{old} belongs to the old interface and is deprecated; use {new}"

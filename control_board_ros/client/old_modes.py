@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from control_board_ros.core.reply import Reply
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
-from control_board_ros.protocols import OLD_NAMES, Joints
+from control_board_ros.protocols import OLD_NAMES, Joints, deprecation, replacement
 
 from .modes import ModeRequests
 from .waiting import Steps
@@ -64,10 +64,7 @@ class OldModes:
     def _old(
         self, joints: Joints, mode: ControlMode, interaction: InteractionMode | None = None
     ) -> Steps[Reply]:
-        new = f"set_control_mode(joints, ControlMode.{mode.name})"
-        if interaction is not None:
-            new += f" and set_interaction_mode(joints, InteractionMode.{interaction.name})"
-        self._deprecated(OLD_NAMES[mode, interaction], new, CALLER)
+        self._deprecated(OLD_NAMES[mode, interaction], replacement(mode, interaction), CALLER)
         return self._set(joints, mode, interaction)
 
     def _set(
@@ -79,6 +76,6 @@ class OldModes:
         return reply
 
     def _deprecated(self, old: str, new: str, caller: int) -> None:
-        text = f"{old} belongs to the old interface and is deprecated; use {new}"
+        text = deprecation(old, new)
         warnings.warn(text, DeprecationWarning, stacklevel=caller)
         self._log(text)
