@@ -47,6 +47,8 @@ ROS_WHEELS = [
     "ros-action-msgs==2.0.3",
     "ros-builtin-interfaces==2.0.3",
     "ros-diagnostic-msgs==5.3.6",
+    "ros-geometry-msgs==5.3.6",
+    "ros-lifecycle-msgs==2.0.3",
     "ros-rcl-interfaces==2.0.3",
     "ros-rosgraph-msgs==2.0.3",
     "ros-sensor-msgs==5.3.6",
@@ -262,15 +264,25 @@ def runtime_requirements() -> list[str]:
     return plain if any(map(has_ros, sourced_prefixes())) else plain + ROS_WHEELS
 
 
+XACRO = ["xacro>=2.1"]
+MUJOCO = ["mujoco-core>=4"]
+PANEL = ["starlette>=1.0", "uvicorn>=0.50", "websockets>=15"]
+RECORD = ["rosbags>=0.11"]
+TUNE = ["optuna>=4.0"]
 TEST = [
+    "control>=0.10",
     "hypothesis>=6.100",
     "matplotlib>=3.8",
+    "playwright>=1.50",
     "pytest>=8.2",
     "pytest-timeout>=2.3",
     "pytest-xdist>=3.6",
-    "xacro>=2.1",
+    *XACRO,
+    *MUJOCO,
+    *PANEL,
+    *RECORD,
+    *TUNE,
 ]
-XACRO = ["xacro>=2.1"]
 ICUB = ["icub-models==3.2.0"]
 DEV = [
     "import-linter>=2.1",
@@ -311,7 +323,16 @@ setup(
         ),
     ],
     install_requires=runtime_requirements(),
-    extras_require={"test": TEST, "icub": ICUB, "xacro": XACRO, "dev": DEV},
+    extras_require={
+        "test": TEST,
+        "icub": ICUB,
+        "xacro": XACRO,
+        "mujoco": MUJOCO,
+        "panel": PANEL,
+        "record": RECORD,
+        "tune": TUNE,
+        "dev": DEV,
+    },
     entry_points={
         "console_scripts": [
             f"control_board = {NAME}.node.main:main",

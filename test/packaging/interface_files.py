@@ -33,6 +33,8 @@ PROMISED = {
     "srv/GetReferences": f"names | {OK} names positions direct_positions velocities torques "
     "outputs speeds accelerations",
     "srv/InjectFault": f"names fault persistent | {OK}",
+    "srv/ListPoses": f"name | {OK} poses names positions speed",
+    "srv/SavePose": f"name names positions speed | {OK} poses",
     "srv/SetControlMode": f"names modes | {OK} names modes",
     "srv/SetImpedance": f"names stiffness damping | {OK}",
     "srv/SetInteractionMode": f"names modes | {OK} names modes",
@@ -40,6 +42,7 @@ PROMISED = {
     "srv/Step": f"steps | {OK}",
     "srv/Stop": f"names | {OK}",
     "action/Calibrate": f"names | {OK} | names progress phase",
+    "action/GoToPose": f"pose speed | {OK} | names remaining",
     "action/Move": f"names positions speeds | {OK} | names positions remaining_time",
 }
 

@@ -33,7 +33,13 @@ def test_configurations_are_installed_as_they_are_in_the_source() -> None:
 
 
 def test_all_packages_are_in_the_ament_index() -> None:
-    for package in ("control_board_ros", "control_board_msgs", "control_msgs"):
+    for package in (
+        "control_board_ros",
+        "control_board_msgs",
+        "control_msgs",
+        "tf2_msgs",
+        "yarp_control_msgs",
+    ):
         assert (Path(get_package_share_directory(package)) / "package.xml").is_file()
 
 

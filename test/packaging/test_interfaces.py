@@ -10,10 +10,12 @@ from interface_files import MSG_DEFS, PROMISED, interface_paths, read_parts
 
 FILES = interface_paths()
 # Requests, goals and commands choose joints; what the board publishes lists them.
+#: They ask for something else than joints.
+OTHERS = {"GoToPose", "ListPoses", "SavePose", "Step"}
 SELECTING = [
     path
     for path in FILES
-    if path.stem != "Step" and (path.suffix != ".msg" or path.stem.endswith("Command"))
+    if path.stem not in OTHERS and (path.suffix != ".msg" or path.stem.endswith("Command"))
 ]
 UNIT = re.compile(r"rad|N·m|°C|\bA\b|PWM percent|fraction|, s\.|, m\b")
 
