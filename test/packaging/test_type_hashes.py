@@ -50,7 +50,34 @@ CONTROL_MSGS_HASHES = {
 }
 STATE = "control_msgs/msg/JointTrajectoryControllerState"
 STATE_BEFORE_5_3 = "RIHS01_6cb9ac0858fc11b54bd6c0a46f032ea243c16856182276d8eb0875f6ce6a8335"
-PARTS = ("Goal", "Result", "Feedback")
+TF_MESSAGE = "tf2_msgs/msg/TFMessage"
+#: As Jazzy has it.
+TF_MESSAGE_HASH = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+YARP = ROOT / "vendor/yarp_control_msgs"
+#: Field by field as in yarp-devices-ros2; no published build tells their hashes.
+YARP_FIELDS = {
+    "msg/Position": "string[] names, float64[] positions, float64[] ref_velocities",
+    "msg/PositionDirect": "string[] names, float64[] positions",
+    "msg/Velocity": "string[] names, float64[] velocities, float64[] ref_accelerations",
+    "srv/GetAvailableControlModes": "bool only_implemented --- string[] modes",
+    "srv/GetControlModes": "string[] names --- string[] modes",
+    "srv/GetJointsNames": "int32[] joint_indexes --- string[] names",
+    "srv/GetPosition": "string[] names --- float64[] positions",
+    "srv/GetVelocity": "string[] names --- float64[] velocities",
+    "srv/SetControlModes": "string[] names, string[] modes ---",
+}
+#: Every response of theirs ends with these.
+YARP_ANSWER = ['string response "NOT_SPECIFIED"', "string opt_descr"]
+YARP_TYPES = [
+    f"yarp_control_msgs/{name}{part}"
+    for name in YARP_FIELDS
+    for part in (("",) if name.startswith("msg") else ("_Request", "_Response"))
+]
+PARTS = {
+    "action": ("Goal", "Result", "Feedback"),
+    "srv": ("Request", "Response"),
+    "msg": ("",),
+}
 
 
 def in_source(name: str) -> str:
@@ -58,7 +85,7 @@ def in_source(name: str) -> str:
     package, kind, short = name.split("/")
     folder = ROOT / "vendor" / package
     short, _, part = short.partition("_")
-    number = PARTS.index(part) if part else 0
+    number = PARTS[kind].index(part) if part else 0
     return hash_of(described(name, lines(folder / kind / f"{short}.{kind}")[number]), folder)
 
 
@@ -127,6 +154,30 @@ def test_the_core_s_codes_are_those_of_the_action() -> None:
     assert {code.name: int(code) for code in Code} == {
         name: getattr(result, name) for name in (code.name for code in Code)
     }
+
+
+def test_tf_is_jazzy_s() -> None:
+    """``/tf`` is heard by the RViz and the Foxglove of a distribution."""
+    assert in_source(TF_MESSAGE) == in_installation(TF_MESSAGE) == TF_MESSAGE_HASH
+
+
+@pytest.mark.parametrize("name", YARP_FIELDS)
+def test_yarp_s_types_have_their_fields(name: str) -> None:
+    """Names, types and order; the words of the answers with their default."""
+    kind = name.partition("/")[0]
+    parts = [
+        [field for field in part.strip().split(", ") if field]
+        for part in YARP_FIELDS[name].split("---")
+    ]
+    if kind == "srv":
+        parts[-1] += YARP_ANSWER
+    assert lines(YARP / f"{name}.{kind}") == parts
+
+
+@pytest.mark.parametrize("name", YARP_TYPES)
+def test_yarp_s_installed_types_have_their_hashes(name: str) -> None:
+    """Built here, or YARP's own: a client of either connects."""
+    assert in_source(name) == in_installation(name)
 
 
 def test_what_is_vendored_has_its_licence() -> None:

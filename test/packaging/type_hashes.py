@@ -16,6 +16,8 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 
+import control_board_ros  # noqa: F401 - tells ament where the wheels are
+
 #: type_description_interfaces/msg/FieldType; a sequence without bound adds UNBOUNDED.
 TYPE_IDS = {
     "int8": 2,
@@ -33,7 +35,8 @@ TYPE_IDS = {
     "string": 17,
 }
 NESTED, UNBOUNDED = 1, 144
-FIELD = re.compile(r"^([\w/]+)(\[\])?\s+(\w+)$")
+#: A default may follow.
+FIELD = re.compile(r"^([\w/]+)(\[\])?\s+(\w+)(?:\s+[^=\s].*)?$")
 CONSTANT = re.compile(r"^(\w+)\s+(\w+)\s*=\s*(.*)$")
 
 Description = dict[str, Any]
