@@ -48,6 +48,8 @@ class QoS:
 STREAM = QoS(depth=10)
 LATCHED = QoS(depth=1, latched=True)
 NEWEST = QoS(depth=1, reliable=False)
+#: As tf2's own broadcaster has it; several boards share the topic.
+TRANSFORMS = QoS(depth=100)
 #: With rclpy's depth of 10, a hundred clients that call at once lose most of their answers.
 REQUESTS = QoS(depth=1000)
 
@@ -164,6 +166,22 @@ CLOCK = topic(
     NEWEST,
     "The time of the stamps, where `publish_clock` or `use_sim_time` is set or "
     "`real_time_factor` is or has been other than 1. See [Time](#time).",
+    optional=True,
+)
+TF = topic(
+    "/tf",
+    "tf2_msgs/msg/TFMessage",
+    TRANSFORMS,
+    "The frame of each link on a joint that moves, in that of the link before it, `state_rate` "
+    "times a second, where `publish_tf` is set: for RViz and Foxglove without "
+    "robot_state_publisher.",
+    optional=True,
+)
+TF_STATIC = topic(
+    "/tf_static",
+    "tf2_msgs/msg/TFMessage",
+    LATCHED,
+    "The frames of links on fixed joints, once, where `publish_tf` is set.",
     optional=True,
 )
 

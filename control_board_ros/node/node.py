@@ -33,6 +33,7 @@ from .services import Services
 from .throttle import PERIOD, ThrottledLog, writers
 from .topics import CommandTopics
 from .trajectory import TrajectoryTopic
+from .transforms import offer_transforms
 
 #: s after the start at which the graph is known well enough to look for another node of this name.
 SETTLED = 3.0
@@ -78,6 +79,7 @@ class BoardNode:
         self.publisher = StatePublisher(
             self.node, self.loop, names, settings.description, self._log_events, self.on_error
         )
+        offer_transforms(self.node, self.loop, self.publisher, settings)
         injection = bool(values["allow_fault_injection"])
         self._trajectories = TrajectoryTopic(self.loop, self.warn)
         self._services = Services(

@@ -19,6 +19,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from ..core.state import Snapshot
 from ..interface import (
     CLOCK,
     CONTROLLER_STATE,
@@ -67,6 +68,8 @@ class StatePublisher:
         description: the URDF.
         after: called in the publishing thread after each round, for the log.
         on_error: told of exceptions; the thread lives on.
+
+    Attributes: also (called in the publishing thread with each state and its stamp, ns).
     """
 
     def __init__(
@@ -81,6 +84,7 @@ class StatePublisher:
         self._loop, self._snapshots, self._names = loop, loop.snapshots, names
         self._after, self._on_error = after, on_error
         self._node = node
+        self.also: list[Callable[[Snapshot, int], None]] = []
         self._joint_states = publisher(node, JOINT_STATES)
         self._states = publisher(node, STATE)
         self._controller_states = publisher(node, CONTROLLER_STATE)
@@ -161,6 +165,8 @@ class StatePublisher:
                 self._states.publish(self._board_state.of(snapshot, stamp))
             if self._controller_states.get_subscription_count():
                 self._controller_states.publish(controller_state(self._names, snapshot, stamp))
+            for publish in self.also:
+                publish(snapshot, stamp)
             if self._clock is not None:
                 set_stamp(self._clock_message.clock, stamp)
                 self._clock.publish(self._clock_message)

@@ -86,6 +86,12 @@ NODE = (
         text="Publish /clock, also at real_time_factor 1",
     ),
     Parameter(
+        name="publish_tf",
+        kind=Kind.BOOL,
+        default=False,
+        text="Publish /tf and /tf_static, in place of robot_state_publisher",
+    ),
+    Parameter(
         name="allow_fault_injection",
         kind=Kind.BOOL,
         default=False,

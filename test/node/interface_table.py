@@ -16,6 +16,11 @@ PUBLISHED = {
 }
 #: Only with publish_clock, or where simulated and real time differ.
 CLOCK = {"/clock": ("rosgraph_msgs/msg/Clock", "BV")}
+#: Only with publish_tf.
+TF = {
+    "/tf": ("tf2_msgs/msg/TFMessage", "RV"),
+    "/tf_static": ("tf2_msgs/msg/TFMessage", "RT"),
+}
 #: What every ROS node publishes.
 OF_EVERY_NODE = {"/rosout", "/parameter_events"}
 

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: Apache-2.0
+"""/tf: bytes that read as the message, and a board that publishes them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from talk import until
+from tf2_msgs.msg import TFMessage
+
+from control_board_ros.description.frames import POSE, Edge, Frames
+from control_board_ros.node import transforms
+from control_board_ros.node.state_message import UnknownLayout
+from control_board_ros.node.transforms import TransformMessage, places_of, tf_message
+from control_board_ros.settings.loading import load
+from control_board_ros.testing import board_process, ros_node
+
+STAMP = 1_500_000_000_000_000_001
+#: Names of every length that shifts what follows.
+EDGES = [Edge("b" * k, f"link_{k}") for k in range(1, 10)]
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 9])
+@pytest.mark.parametrize("prefix", ["", "left/"])
+def test_the_bytes_read_as_the_message(count: int, prefix: str) -> None:
+    made = TransformMessage(EDGES[:count], prefix)
+    assert made.fallback == ""
+    for seed in range(3):
+        poses = np.random.default_rng(seed).normal(size=(count, POSE))
+        sent = made.of(poses, STAMP + seed)
+        assert isinstance(sent, bytes)
+        meant = tf_message(EDGES[:count], poses, STAMP + seed, prefix)
+        assert deserialize_message(sent, TFMessage) == meant
+        assert all(one.header.frame_id.startswith(prefix + "b") for one in meant.transforms)
+
+
+def test_whole_messages_where_the_layout_is_not_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slower, and the same."""
+    real = transforms.serialize_message
+    monkeypatch.setattr(transforms, "serialize_message", lambda m: real(m) + real(m))
+    made = TransformMessage(EDGES)
+    assert "are in" in made.fallback
+    poses = np.ones((len(EDGES), POSE))
+    assert made.of(poses, STAMP) == tf_message(EDGES, poses, STAMP, "")
+
+
+def test_a_number_in_two_places_is_not_found() -> None:
+    among = np.array([7.0, 1.5, 2.5, 0.0])
+    assert places_of(np.array([[1.5], [2.5]]), among).tolist() == [[1], [2]]
+    for wrong in ([1.5, 2.5, 1.5], [1.5]):
+        with pytest.raises(UnknownLayout):
+            places_of(np.array([1.5, 2.5]), np.array(wrong))
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_board_tells_the_frames_of_its_joint_states() -> None:
+    """Every link but the base, once: moving ones with each reading's stamp, fixed ones latched."""
+    settings = load("panda")
+    frames = Frames(settings.urdf, settings.board.names)
+    states: dict[tuple[int, int], Any] = {}
+    moving: list[Any] = []
+    standing: list[Any] = []
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+    def time_of(message: Any) -> tuple[int, int]:
+        return message.header.stamp.sec, message.header.stamp.nanosec
+
+    def keep(state: Any) -> None:
+        states[time_of(state)] = state
+
+    def pairs() -> list[tuple[Any, Any]]:
+        both = [(time_of(one.transforms[0]), one) for one in moving]
+        return [(states[at], one) for at, one in both if at in states]
+
+    with (
+        board_process({"robot": "panda", "publish_tf": True}) as board,
+        ros_node(board.domain) as node,
+    ):
+        node.create_subscription(JointState, "joint_states", keep, 10)
+        node.create_subscription(TFMessage, "/tf", moving.append, 100)
+        node.create_subscription(TFMessage, "/tf_static", standing.append, latched)
+        until(lambda: len(pairs()) > 5 and bool(standing))
+    state, message = pairs()[-1]
+    assert tuple(state.name) == settings.board.names
+    seconds, nanoseconds = time_of(state)
+    poses = frames.poses(np.array(state.position))
+    assert message == tf_message(frames.moving, poses, seconds * 10**9 + nanoseconds, "")
+    (fixed,) = standing
+    told = [one.child_frame_id for one in [*message.transforms, *fixed.transforms]]
+    assert sorted(told) == sorted(set(settings.urdf.tree.links) - {settings.urdf.tree.base})
