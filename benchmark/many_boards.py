@@ -10,9 +10,9 @@ import threading
 from rclpy.context import Context
 from tap import install
 
+from control_board_ros.node.boards import Boards
 from control_board_ros.node.executor import KeptWaitSetExecutor
 from control_board_ros.node.main import SWITCH_INTERVAL
-from control_board_ros.node.node import BoardNode
 from control_board_ros.node.parameters import settings_from_arguments
 from control_board_ros.node.scheduling import take_priority
 from control_board_ros.sim.plant import SimulatedPlant
@@ -29,9 +29,9 @@ def main(count: int) -> None:
         plant = SimulatedPlant(start.settings.board, start.settings.simulation)
         context = Context()
         context.init(args=start.arguments)
-        board = BoardNode(start, plant, context=context)
+        board = Boards(start, plant, context=context)
         executor = KeptWaitSetExecutor(board.on_error, context=context)
-        executor.add_node(board.node)
+        executor.add_node(board.nodes[0])
         threading.Thread(target=executor.spin, daemon=True).start()
         boards.append(board)
     for board in boards:

@@ -24,7 +24,7 @@ from ..core.board import Board
 from ..core.calibration_task import CalibrationTask
 from ..core.move_task import MoveTask
 from ..interface import CALIBRATE, MOVE, Endpoint
-from .loop import ControlLoop
+from .member import Member
 from .messages import bounded, doubles, optional
 
 #: s between two looks at the goals under way (wall clock), which is the feedback's period.
@@ -77,12 +77,12 @@ class Actions:
 
     Args:
         node: to serve from.
-        loop: whose board moves.
+        member: whose board moves.
         warn: takes what keeps a goal waiting and what repeats are called, for the throttled log.
     """
 
-    def __init__(self, node: Node, loop: ControlLoop, warn: Callable[[str, str], None]) -> None:
-        self._loop, self._warn = loop, warn
+    def __init__(self, node: Node, member: Member, warn: Callable[[str, str], None]) -> None:
+        self._member, self._warn = member, warn
         self._goals: list[Goal] = []
         self._servers: Sequence[ActionServer] = [
             self._server(node, MOVE, start_move),
@@ -98,12 +98,12 @@ class Actions:
 
         async def execute(handle: Any) -> Any:
             try:
-                with self._loop.exclusive() as board:
+                with self._member.exclusive() as board:
                     task = start(board, handle.request)
             except ValueError as error:
                 handle.abort()
                 return kind.Result(success=False, message=str(error))
-            if self._loop.paused:
+            if self._member.loop.paused:
                 text = "the simulation is paused; let it go on with: cbctl resume"
                 self._warn(f"{action.short} waits: {text}", "times")
             ended = Future()
@@ -139,7 +139,7 @@ class Actions:
             self._timer.cancel()
 
     def _attend(self, handle: Any, task: Task) -> Outcome | None:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             cancelled = handle.is_cancel_requested
             outcome = Outcome(False, task.cancel()) if cancelled else task.outcome()
             feedback = feedback_of(board, task)

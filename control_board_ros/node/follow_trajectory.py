@@ -37,7 +37,7 @@ from ..core.trajectory_goal import (
 )
 from ..interface import FOLLOW_JOINT_TRAJECTORY
 from .actions import PERIOD, RESULT_KEPT
-from .loop import ControlLoop
+from .member import Member
 from .messages import NANOSECONDS, bounded, doubles, set_stamp
 from .trajectory import read_points, start_time
 
@@ -56,7 +56,7 @@ class FollowTrajectory:
 
     Args:
         node: to serve from.
-        loop: whose board moves.
+        member: whose board moves.
         follower: of the board, shared with the topic; its step is among the loop's hooks.
         on_error: told of exceptions that should not be.
     """
@@ -64,16 +64,15 @@ class FollowTrajectory:
     def __init__(
         self,
         node: Node,
-        loop: ControlLoop,
+        member: Member,
         follower: Follower,
         on_error: Callable[[Exception, str], None],
     ) -> None:
-        self._loop, self._follower, self._on_error = loop, follower, on_error
+        self._member, self._follower, self._on_error = member, follower, on_error
         self._logger = node.get_logger()
         self._goal: Goal | None = None
-        loop.hooks.insert(
-            0, self._check
-        )  # before the follower's step: reading and reference agree
+        # before the follower's step: reading and reference agree
+        member.loop.hooks.insert(0, self._check)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)
         action = FOLLOW_JOINT_TRAJECTORY
@@ -110,9 +109,9 @@ class FollowTrajectory:
     def _start(self, handle: Any) -> None:
         request, old = handle.request, self._goal
         points, wishes = read_goal(request)
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             joints = bounded(request.trajectory.joint_names, board.count)
-            start = start_time(request.trajectory.header.stamp, board, self._loop.time_base)
+            start = start_time(request.trajectory.header.stamp, board, self._member.loop.time_base)
             task = start_goal(self._follower, board, joints, points, start, wishes)
             if old is not None:
                 task.take_over(old.task)
@@ -127,7 +126,7 @@ class FollowTrajectory:
         """Stop at once; the timer delivers the result."""
         goal = self._goal
         if goal is not None and goal.handle.goal_id == handle.goal_id:
-            with self._loop.exclusive():
+            with self._member.exclusive():
                 goal.task.cancel()
         return CancelResponse.ACCEPT
 
@@ -143,10 +142,10 @@ class FollowTrajectory:
         if goal is None:
             self._timer.cancel()
             return
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             goal.task.check()  # simulated time may stand still
             message = feedback(board, goal.task)
-            set_stamp(message.header.stamp, self._loop.time_base.stamp(board.time))
+            set_stamp(message.header.stamp, self._member.loop.time_base.stamp(board.time))
         goal.handle.publish_feedback(message)
         if goal.task.outcome is not None:
             self._goal = None

@@ -23,8 +23,8 @@ import numpy as np
 from ..core.board import Board
 from ..core.measurement import Actuation, Plant
 from .fair_lock import Exclusive, FairLock
+from .member import Member
 from .pacing import Divider, Pacer, Statistics, sharpen_timers
-from .snapshots import Snapshots
 from .time_base import NANOSECONDS, TimeBase
 
 #: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
@@ -44,8 +44,9 @@ class ControlLoop:
         simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
         on_end: called when the thread ends, by :meth:`stop` or by a failure.
 
-    Attributes: hooks (called in every cycle before the tick), exclusive_hooks (called at the end
-    of each use of :meth:`exclusive`); both are called with the lock held.
+    Attributes: whole (the board that is run, as a member), snapshots (its), parts (members, too),
+    hooks (called in every cycle before the tick), exclusive_hooks (called at the end of each use
+    of ``exclusive``, of any member); both are called with the lock held.
     """
 
     def __init__(
@@ -60,7 +61,6 @@ class ControlLoop:
     ) -> None:
         self._board, self._plant = board, plant
         self._lock = FairLock()
-        self._exclusive = Exclusive(self._lock, board, self._end_exclusive)
         self.on_end = on_end
         self._pacer = Pacer(0.0)
         self.hooks: list[Hook] = []
@@ -69,7 +69,6 @@ class ControlLoop:
             simulated=simulated_stamps or real_time_factor != 1.0,
             shrinkage=round(0.5 * board.period * NANOSECONDS),
         )
-        self.snapshots = Snapshots(board, self.time_base)
         self.failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
         self._wake = threading.Event()
@@ -80,8 +79,15 @@ class ControlLoop:
         self._states = Divider(state_rate, board.config.control_rate)
         self._set_pace(real_time_factor)
         self.time_base.note(plant.read().time, time.time_ns())
-        self.snapshots.note_changes()
-        self.snapshots.note_state()
+        self.parts: list[Member] = []
+        self.whole = Member(self, board, self._lock)
+        self.snapshots = self.whole.snapshots
+
+    def add_part(self, board: Board) -> Member:
+        """Show a part of the board that is run, too; before the start."""
+        part = Member(self, board, self._lock)
+        self.parts.append(part)
+        return part
 
     # -- life ---------------------------------------------------------------------------------
 
@@ -106,13 +112,25 @@ class ControlLoop:
 
     def exclusive(self) -> Exclusive:
         """Hold the lock, between two cycles: ``with loop.exclusive() as board``."""
-        return self._exclusive
+        return self.whole.exclusive()
 
-    def _end_exclusive(self) -> None:
+    def end_exclusive(self) -> None:
+        """What is done before the lock is given back."""
         for hook in self.exclusive_hooks:
             hook()
         if self._paused:  # else the next cycle shows it, when the request has its answer
-            self.snapshots.note_changes()
+            self.note_changes()
+
+    def note_changes(self) -> None:
+        """Note what has changed; for callers holding the lock. The whole tells of it, at last."""
+        for part in self.parts:
+            part.snapshots.note_changes()
+        self.snapshots.note_changes()
+
+    def _note_state(self) -> None:
+        for part in self.parts:
+            part.snapshots.note_state()
+        self.snapshots.note_state()
 
     def statistics(self) -> Statistics:
         """How the loop fared since the last call, and in all."""
@@ -202,13 +220,7 @@ class ControlLoop:
                 raise TypeError("this plant has no reset; it is not a simulation")
             reset()
             board.power_cycle()
-            self.snapshots.note_changes()  # the next cycle may configure it already
-
-    def power_cycle(self) -> None:
-        """Back to power-on; shown also where the next cycle configures the board."""
-        with self.exclusive() as board:
-            board.power_cycle()
-            self.snapshots.note_changes()
+            self.note_changes()  # the next cycle may configure it already
 
     # -- the thread ---------------------------------------------------------------------------
 
@@ -245,9 +257,9 @@ class ControlLoop:
             for hook in self.hooks:
                 hook(self._board, measurement.time)
             self._plant.write(self._board.tick(measurement))
-            self.snapshots.note_changes()
+            self.note_changes()
             if show:
-                self.snapshots.note_state()
+                self._note_state()
             self._notify_cycle()
             if self._paused:
                 self._count_step()
@@ -260,7 +272,7 @@ class ControlLoop:
         if self._paused and not self._steps and not self._stopping:
             self._wake.wait(PAUSED_PERIOD)
             with self.exclusive():
-                self.snapshots.note_state()
+                self._note_state()
         if not self._paused:
             self._pacer.restart()
             self.time_base.resume()
@@ -269,7 +281,7 @@ class ControlLoop:
         """One of the steps has run; after the last one, show the state and answer."""
         self._steps -= 1
         if not self._steps:
-            self.snapshots.note_state()
+            self._note_state()
             self._finish_steps("")
 
     def _notify_cycle(self) -> None:
@@ -287,8 +299,8 @@ class ControlLoop:
             board.power_off()
             board.tick(self._plant.read())
             self._cut_power()
-            self.snapshots.note_changes()
-            self.snapshots.note_state()
+            self.note_changes()
+            self._note_state()
             self._notify_cycle()
             self._finish_steps("the board is shutting down")
 

@@ -27,7 +27,7 @@ from .scheduling import take_priority
 from .welcome import welcome
 
 if TYPE_CHECKING:
-    from .node import BoardNode
+    from .boards import Boards
     from .parameters import Start
 
 #: s for which a thread may keep the interpreter from others; the default makes cycles late.
@@ -157,43 +157,45 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
 
+    from .boards import Boards
     from .executor import KeptWaitSetExecutor
-    from .node import BoardNode
 
     try:
         rclpy.init(args=start.arguments, signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # noqa: BLE001 - rcl raises many kinds, all about arguments
         what = f"{type(error).__name__}: {error}"
         raise KnownError(2, f"ROS does not start: {what}; see control_board --help") from None
-    board = BoardNode(start, plant, on_end=ended.set)
-    executor = KeptWaitSetExecutor(board.on_error)
-    executor.add_node(board.node)
+    boards = Boards(start, plant, on_end=ended.set)
+    executor = KeptWaitSetExecutor(boards.on_error)
+    for node in boards.nodes:
+        executor.add_node(node)
     thread = threading.Thread(target=executor.spin, name="executor", daemon=True)
-    board.start()
+    boards.start()
     thread.start()
-    await_first_cycles(board, ended)
-    name, config = board.node.get_fully_qualified_name(), board.parameters.settings.board
-    say(welcome(name, config, board.loop.snapshots.modes.control))
+    await_first_cycles(boards, ended)
+    name, config = boards.nodes[0].get_fully_qualified_name(), boards.settings.board
+    say(welcome(name, config, boards.loop.snapshots.modes.control))
     ended.wait()
-    if not board.stop():
+    if not boards.stop():
         complain("the control loop hangs; the process ends without it")
         os._exit(1)
     executor.end()
     thread.join(timeout=0.5)
     if not thread.is_alive():  # else it hangs in a callback, and its node cannot be destroyed
         executor.shutdown()
-        board.node.destroy_node()
+        for node in boards.nodes:
+            node.destroy_node()
         try_shutdown()
-    return board.loop.failure
+    return boards.loop.failure
 
 
-def await_first_cycles(board: BoardNode, ended: threading.Event) -> None:
+def await_first_cycles(boards: Boards, ended: threading.Event) -> None:
     """Let the joints leave NOT_CONFIGURED, where they do so by themselves (N2)."""
-    if not board.parameters.settings.board.autoconfigure:
+    if not boards.settings.board.autoconfigure:
         return
     deadline = time.monotonic() + FIRST_CYCLES
     while (
-        ControlMode.NOT_CONFIGURED in board.loop.snapshots.modes.control
+        ControlMode.NOT_CONFIGURED in boards.loop.snapshots.modes.control
         and time.monotonic() < deadline
         and not ended.wait(0.005)
     ):

@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State out: a thread of its own that publishes what the control loop has noted.
+"""State out: what the control loop has noted of a board, as messages.
 
-It takes the loop's frozen snapshots and never its lock, and keeps the middleware out of the
-control thread: a slow network delays a message, not a control cycle.
+Publishing takes frozen snapshots and never the loop's lock; see ``state_thread``.
 """
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -31,9 +29,8 @@ from ..interface import (
     Endpoint,
 )
 from .follow_trajectory import controller_state
-from .loop import ControlLoop
+from .member import Member
 from .messages import joint_faults, joint_modes, set_stamp
-from .pacing import sharpen_timers
 from .state_message import StateMessage
 
 #: How long each kind of message may take to arrive at the end.
@@ -64,26 +61,17 @@ class StatePublisher:
 
     Args:
         node: to publish from.
-        loop: whose snapshots are published.
+        member: whose snapshots are published.
+        names: of the joints.
         description: the URDF.
-        after: called in the publishing thread after each round, for the log.
-        on_error: told of exceptions; the thread lives on.
 
     Attributes: also (called in the publishing thread with each state and its stamp, ns).
     """
 
     def __init__(
-        self,
-        node: Node,
-        loop: ControlLoop,
-        names: tuple[str, ...],
-        description: str,
-        after: Callable[[], None],
-        on_error: Callable[[Exception, str], None],
+        self, node: Node, member: Member, names: tuple[str, ...], description: str
     ) -> None:
-        self._loop, self._snapshots, self._names = loop, loop.snapshots, names
-        self._after, self._on_error = after, on_error
-        self._node = node
+        self._snapshots, self._names, self._node = member.snapshots, names, node
         self.also: list[Callable[[Snapshot, int], None]] = []
         self._joint_states = publisher(node, JOINT_STATES)
         self._states = publisher(node, STATE)
@@ -98,51 +86,19 @@ class StatePublisher:
             node.get_logger().info(reason)
         self._clock_message = Clock()
         self._published_faults: object = None
-        self._due = threading.Event()
-        self._running = True
-        self._thread = threading.Thread(target=self._run, name="state", daemon=True)
-        if not loop.time_base.follows_system:
+        if not member.loop.time_base.follows_system:
             self.announce_clock()
         self._description.publish(String(data=description))
-        loop.snapshots.on_change = self.wake
 
     def announce_clock(self) -> None:
         """Offer /clock; called where no publishing goes on: at start or by the executor."""
         if self._clock is None:
             self._clock = publisher(self._node, CLOCK)
 
-    def start(self) -> None:
-        """Start to publish."""
-        self._thread.start()
-        self.wake()
-
-    def wake(self) -> None:
-        """There is something new; returns at once."""
-        self._due.set()
-
-    def stop(self, timeout: float = 1.0) -> None:
-        """Publish what is left, and end; what was published arrives before the node goes."""
-        self._running = False
-        self.wake()
-        if self._thread.is_alive():
-            self._thread.join(timeout)
+    def await_arrival(self) -> None:
+        """Wait a little until what was published has arrived, before the node goes."""
         for publisher in (self._states, self._modes, self._joint_states):
             publisher.wait_for_all_acked(ARRIVAL)
-
-    def _run(self) -> None:
-        sharpen_timers()
-        while self._running:
-            self._due.wait()
-            self._due.clear()  # before looking: what comes meanwhile is for the next round
-            self._round()
-        self._round()
-
-    def _round(self) -> None:
-        try:
-            self.publish()
-            self._after()
-        except Exception as error:  # noqa: BLE001 - the next state may pass
-            self._on_error(error, "state publisher")
 
     def publish(self) -> None:
         """Publish every snapshot that is new; a state that nobody would hear costs nothing."""

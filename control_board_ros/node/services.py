@@ -8,15 +8,15 @@ whole and becomes the response's message.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any
 
 from rclpy.task import Future
 
 from ..core.board import Board
-from ..core.follower import Follower
+from ..core.reply import Reply
 from ..core.selection import RequestError
-from .loop import ControlLoop
+from .member import Member
 from .messages import answered, bounded, codes, doubles, joint_fault, optional
 
 
@@ -24,28 +24,29 @@ class Services:
     """The callbacks of the services.
 
     Args:
-        loop: whose board is asked.
+        member: whose board is asked.
         plant: the simulation, for faults.
         injection: whether faults may be injected.
         later: runs a function in the executor's thread; safe to call from any thread.
-        follower: of trajectories, which a stop ends.
+        stop: stops the motion of joints, trajectories as well; called with the lock held.
     """
 
     def __init__(
         self,
-        loop: ControlLoop,
+        member: Member,
         plant: Any,
         injection: bool,
         later: Callable[[Callable[[], None]], None],
-        follower: Follower,
+        stop: Callable[[Sequence[str]], Reply],
     ) -> None:
-        self._loop, self._plant, self._injection, self._later = loop, plant, injection, later
-        self._follower = follower
+        self._member, self._loop = member, member.loop
+        self._plant, self._injection = plant, injection
+        self._later, self._stop = later, stop
 
     # -- modes --------------------------------------------------------------------------------
 
     def set_control_mode(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             joints = bounded(request.names, board.count)
             reply = board.set_control_mode(joints, bounded(request.modes, board.count))
             if reply.joints:
@@ -54,7 +55,7 @@ class Services:
         return answered(response, reply)
 
     def get_control_mode(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             response.names = joints = self._joints(board, request)
             values = board.get_control_mode(joints)
         response.modes = codes(values)
@@ -62,7 +63,7 @@ class Services:
         return succeeded(response)
 
     def set_interaction_mode(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             joints = bounded(request.names, board.count)
             reply = board.set_interaction_mode(joints, bounded(request.modes, board.count))
             if reply.joints:
@@ -71,7 +72,7 @@ class Services:
         return answered(response, reply)
 
     def get_interaction_mode(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             response.names = joints = self._joints(board, request)
             values = board.get_interaction_mode(joints)
         response.modes = codes(values)
@@ -79,7 +80,7 @@ class Services:
         return succeeded(response)
 
     def get_available_modes(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             response.names = joints = self._joints(board, request)
             values = board.get_available_modes(joints)
         response.control_modes = [",".join(codes(control)) for control, _ in values]
@@ -89,14 +90,14 @@ class Services:
     # -- references ---------------------------------------------------------------------------
 
     def set_impedance(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             joints = bounded(request.names, board.count)
             damping = optional(request.damping)
             reply = board.set_impedance(joints, request.stiffness, damping)
         return answered(response, reply)
 
     def get_impedance(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             response.names = joints = self._joints(board, request)
             stiffness, damping = board.get_impedance(joints)
             max_stiffness, max_damping = board.get_max_impedance(joints)
@@ -108,14 +109,14 @@ class Services:
         return succeeded(response)
 
     def set_reference_speed(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             joints = bounded(request.names, board.count)
             speeds, accelerations = optional(request.speeds), optional(request.accelerations)
             reply = board.set_reference_speed(joints, speeds, accelerations)
         return answered(response, reply)
 
     def get_references(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             response.names = joints = self._joints(board, request)
             response.positions = doubles(board.get_target_position(joints))
             response.direct_positions = doubles(board.get_ref_position(joints))
@@ -127,41 +128,41 @@ class Services:
         return succeeded(response)
 
     def stop(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
-            reply = self._follower.stop(bounded(request.names, board.count))
+        with self._member.exclusive() as board:
+            reply = self._stop(bounded(request.names, board.count))
         return answered(response, reply)
 
     # -- faults and life ----------------------------------------------------------------------
 
     def get_faults(self, request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             joints = board.selector.select(bounded(request.names, board.count)).joints
-            self._loop.snapshots.note_changes()
-            faults = self._loop.snapshots.faults
+            self._member.snapshots.note_changes()
+            faults = self._member.snapshots.faults
         response.faults = [joint_fault(faults.records[j], faults.raised[j]) for j in joints]
         return succeeded(response)
 
     def configure(self, _request: Any, response: Any) -> Any:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             reply = board.configure()
         return answered(response, reply)
 
     def power_cycle(self, _request: Any, response: Any) -> Any:
-        self._loop.power_cycle()
+        self._member.power_cycle()
         return succeeded(response)
 
     # -- simulation ---------------------------------------------------------------------------
 
     def inject_fault(self, request: Any, response: Any) -> Any:
         self._require_injection()
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             for name in self._joints(board, request):
                 self._plant.inject(name, request.fault, request.persistent)
         return succeeded(response)
 
     def clear_injected_faults(self, _request: Any, response: Any) -> Any:
         self._require_injection()
-        with self._loop.exclusive():
+        with self._member.exclusive():
             self._plant.clear_injected()
         seen = Future()  # with the next reading, so that FORCE_IDLE is not refused any more
         self._loop.after_cycle(lambda: self._later(lambda: seen.set_result("")))

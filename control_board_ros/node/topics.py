@@ -17,7 +17,7 @@ from ..interface import (
     JOINT_TRAJECTORY,
     Endpoint,
 )
-from .loop import ControlLoop
+from .member import Member
 from .messages import bounded, optional
 
 
@@ -25,7 +25,7 @@ class CommandTopics:
     """The callbacks of the command topics.
 
     Args:
-        loop: whose board is commanded.
+        member: whose board is commanded.
         plant: the simulation, for external torques.
         injection: whether the simulation may be disturbed.
         joint_trajectory: takes a trajectory.
@@ -34,14 +34,14 @@ class CommandTopics:
 
     def __init__(
         self,
-        loop: ControlLoop,
+        member: Member,
         plant: Any,
         *,
         injection: bool,
         joint_trajectory: Callable[[Any], None],
         warn: Callable[[str], None],
     ) -> None:
-        self._loop, self._plant, self._injection = loop, plant, injection
+        self._member, self._plant, self._injection = member, plant, injection
         self._joint_trajectory, self._warn = joint_trajectory, warn
 
     def callbacks(self) -> dict[Endpoint, Callable[[Any], None]]:
@@ -64,14 +64,14 @@ class CommandTopics:
         def take(message: Any) -> None:
             values = getattr(message, row.field)
             extra = None if along is None else optional(getattr(message, along))
-            with self._loop.exclusive() as board:
+            with self._member.exclusive() as board:
                 reply = board.command(kind, bounded(message.names, board.count), values, extra)
             self._answer(reply)
 
         return take
 
     def _feedforward(self, message: Any) -> None:
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             joints = bounded(message.names, board.count)
             outputs, torques = optional(message.outputs), optional(message.torques)
             reply = board.set_feedforward(joints, outputs, torques)
@@ -86,7 +86,7 @@ class CommandTopics:
             )
             return
         torques = np.asarray(message.torques)
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             names = board.selector.select(bounded(message.names, board.count)).names
             if len(names) == torques.size and np.isfinite(torques).all():
                 for name, torque in zip(names, torques.tolist(), strict=True):

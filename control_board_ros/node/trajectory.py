@@ -10,7 +10,7 @@ from ..core.board import Board
 from ..core.follower import Follower
 from ..core.path import MAX_POINTS, Points, make_path
 from ..core.selection import RequestError
-from .loop import ControlLoop
+from .member import Member
 from .messages import NANOSECONDS, bounded
 from .time_base import TimeBase
 
@@ -43,22 +43,22 @@ class TrajectoryTopic:
     """Takes trajectories and lets the control loop follow them.
 
     Args:
-        loop: whose board follows.
+        member: whose board follows.
         warn: takes a message for the throttled log.
 
     Attributes: follower (for callers holding the loop's lock).
     """
 
-    def __init__(self, loop: ControlLoop, warn: Callable[[str], None]) -> None:
-        self._loop, self._warn = loop, warn
-        with loop.exclusive() as board:
+    def __init__(self, member: Member, warn: Callable[[str], None]) -> None:
+        self._member, self._warn = member, warn
+        with member.exclusive() as board:
             self.follower = Follower(board)
-        loop.hooks.append(lambda _board, time: self.follower.step(time))
-        loop.exclusive_hooks.append(self.follower.check)
+        member.loop.hooks.append(lambda _board, time: self.follower.step(time))
+        member.loop.exclusive_hooks.append(self.follower.check)
 
     def on_message(self, message: Any) -> None:
         """A trajectory; header.stamp says when it begins, 0 means now; without points: an end."""
-        with self._loop.exclusive() as board:
+        with self._member.exclusive() as board:
             text = self._take(board, message)
         if text:
             self._warn(f"trajectory: {text}")
@@ -73,5 +73,5 @@ class TrajectoryTopic:
             path = make_path(names, *read_points(message))
         except RequestError as error:
             return board.reject(joints, f"refused, {error}").message
-        start = start_time(message.header.stamp, board, self._loop.time_base)
+        start = start_time(message.header.stamp, board, self._member.loop.time_base)
         return self.follower.follow(names, path, start).message

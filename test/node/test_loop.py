@@ -345,7 +345,7 @@ def test_power_on_is_shown_whatever_comes_next(fast: Rig) -> None:
     """N1: each change of modes is kept for the publisher, also those of a single cycle."""
     fast.loop.start()
     fast.run_to(10)
-    for act in (fast.loop.power_cycle, fast.loop.reset):
+    for act in (fast.loop.whole.power_cycle, fast.loop.reset):
         fast.loop.snapshots.mode_changes.clear()
         act()
         fast.run_to(fast.board.cycle + 10)

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The boards of a process: the loop that runs them, their nodes, and what is there once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from ..compiled import describe, is_compiled
+from ..core.board import Board
+from ..core.measurement import Plant
+from ..interface import DIAGNOSTICS
+from .diagnostics import Diagnostics
+from .loop import ControlLoop
+from .messages import stamp
+from .node import BoardNode
+from .parameters import Start
+from .publishing import publisher
+from .scheduling import take_priority
+from .state_thread import StateThread
+from .throttle import PERIOD
+from .transforms import offer_transforms
+
+#: s after the start at which the graph is known well enough to look for another node of this name.
+SETTLED = 3.0
+
+
+class Boards:
+    """A board on ROS. Make it, :meth:`start` it, spin ``nodes``, :meth:`stop` it.
+
+    Args:
+        start: settings and what rclpy needs of the command line.
+        plant: what the board drives; closed at the end.
+        on_end: called when the control loop ends by itself; ``loop.failure`` says why.
+        context: of rclpy; None for the default one.
+
+    Attributes: loop, main (the node of the whole board), nodes (rclpy's, all of them).
+    """
+
+    def __init__(
+        self,
+        start: Start,
+        plant: Plant,
+        *,
+        on_end: Callable[[], None] = lambda: None,
+        context: Any = None,
+    ) -> None:
+        self.settings = settings = start.settings
+        values, simulated = settings.values, bool(settings.ros.get("use_sim_time", False))
+        self.loop = ControlLoop(
+            Board(settings.board),
+            plant,
+            state_rate=values["state_rate"],
+            real_time_factor=values["real_time_factor"],
+            simulated_stamps=values["publish_clock"] or simulated,
+            on_end=on_end,
+        )
+        node = Node("control_board", context=context, parameter_overrides=list(start.overrides))
+        self.main = BoardNode(node, self.loop.whole, settings, plant, self._changed)
+        offer_transforms(node, self.loop, self.main.publisher, settings)
+        self._boards = [self.main]
+        self.nodes = [node]
+        self.on_error = self.main.reporter.on_error
+        self._states = StateThread(
+            self.loop, [(board.publish, board.reporter.on_error) for board in self._boards]
+        )
+        self._diagnostics = Diagnostics(
+            self.loop,
+            settings.board.names,
+            settings.urdf.name,
+            settings.board.control_rate,
+            [joint.limits.temperature for joint in settings.board.joints],
+        )
+        self._diagnostics_publisher = publisher(node, DIAGNOSTICS)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(PERIOD, self._each_second, clock=steady)
+        self._same_name_timer = node.create_timer(SETTLED, self._warn_of_same_name, clock=steady)
+        self._tell(simulated)
+
+    def start(self) -> None:
+        """Let the control loop and the publisher run."""
+        self.loop.start()
+        self._states.start()
+
+    def stop(self) -> bool:
+        """Joints unpowered, last state published; false if the control loop hangs."""
+        stopped = self.loop.stop()
+        self._states.stop(timeout=0.5)
+        for board in self._boards:
+            board.publisher.await_arrival()
+        return stopped
+
+    def _tell(self, simulated: bool) -> None:
+        """What a user should know of the settings."""
+        log, settings = self.main.reporter.log, self.settings
+        for warning in settings.warnings:
+            log.warning(warning)
+        for note in settings.notes:
+            log.info(note)
+        if not is_compiled():
+            log.warning(f"laws: {describe()}")
+        if simulated:
+            log.info("use_sim_time: stamps are simulated time; this board publishes /clock")
+        if self.loop.state_rate != (rate := settings.values["state_rate"]):
+            log.warning(
+                f"state_rate {rate:g} Hz is above control_rate; "
+                f"{self.loop.state_rate:g} Hz is in force, one state per control cycle"
+            )
+
+    def _changed(self, name: str, value: Any) -> None:
+        """A parameter of the loop has another value."""
+        if name == "state_rate":
+            self.loop.set_state_rate(value)
+        elif name == "real_time_factor":
+            parting = value != 1.0 and self.loop.time_base.follows_system
+            self.loop.set_real_time_factor(value)
+            take_priority(self.main.parameters.settings.values)
+            if parting:
+                self.main.publisher.announce_clock()
+                self.main.reporter.log.info(
+                    "stamps go on from where they are with simulated time, for good, and /clock "
+                    "tells it; start nodes that compare times with use_sim_time:=true"
+                )
+
+    def _each_second(self) -> None:
+        for board in self._boards:
+            board.each_second()
+        now = stamp(self.loop.snapshots.now())
+        self._diagnostics_publisher.publish(self._diagnostics.message(now))
+
+    def _warn_of_same_name(self) -> None:
+        self._same_name_timer.cancel()
+        node = self.nodes[0]
+        name = node.get_fully_qualified_name()
+        same = [
+            1
+            for other, namespace in node.get_node_names_and_namespaces()
+            if f"{namespace.rstrip('/')}/{other}" == name
+        ]
+        if len(same) > 1:
+            self.main.reporter.log.warning(
+                f"{len(same)} nodes are called {name} on this domain, and each executes every "
+                "request; stop the others (ros2 node list), or use another name or ROS_DOMAIN_ID"
+            )

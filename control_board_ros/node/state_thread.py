@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The thread that publishes: it keeps the middleware out of the control thread.
+
+A slow network delays a message, not a control cycle.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+
+from .loop import ControlLoop
+from .pacing import sharpen_timers
+
+#: What is done in each round, and who is told of an exception.
+Round = tuple[Callable[[], None], Callable[[Exception, str], None]]
+
+
+class StateThread:
+    """Does its rounds whenever a loop has noted something new.
+
+    Args:
+        loop: of whose boards.
+        rounds: what is done in each round; after an exception the next ones follow.
+    """
+
+    def __init__(self, loop: ControlLoop, rounds: Sequence[Round]) -> None:
+        self._rounds = rounds
+        self._due = threading.Event()
+        self._running = True
+        self._thread = threading.Thread(target=self._run, name="state", daemon=True)
+        loop.snapshots.on_change = self.wake
+
+    def start(self) -> None:
+        """Start to publish."""
+        self._thread.start()
+        self.wake()
+
+    def wake(self) -> None:
+        """There is something new; returns at once."""
+        self._due.set()
+
+    def stop(self, timeout: float = 1.0) -> None:
+        """Do what is left, and end."""
+        self._running = False
+        self.wake()
+        if self._thread.is_alive():
+            self._thread.join(timeout)
+
+    def _run(self) -> None:
+        sharpen_timers()
+        while self._running:
+            self._due.wait()
+            self._due.clear()  # before looking: what comes meanwhile is for the next round
+            self._round()
+        self._round()
+
+    def _round(self) -> None:
+        for publish, on_error in self._rounds:
+            try:
+                publish()
+            except Exception as error:  # noqa: BLE001 - the next state may pass
+                on_error(error, "state publisher")
