@@ -11,13 +11,27 @@ from ...description.geometry import as_text, axis_of
 from ...description.merge import merge_fixed
 from ...description.rotor import Moments, add_rotor_inertia
 from ...description.urdf import Mimic
+from ...description.urdf_tree import Tree
 from ..config import SimulationConfig
 from ..motor import reflected_inertia
 
 
 @dataclass(frozen=True, slots=True)
+class Fitted:
+    """A robot with the joints of its board and their followers, and without fixed ones.
+
+    Attributes: tree (to be changed by its owner), mimics (joints that follow a joint of the
+    board), rotors (inertia of the rotors seen at the joints, by joint, kg·m²).
+    """
+
+    tree: Tree
+    mimics: tuple[Mimic, ...]
+    rotors: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Model:
-    """What the physics loads.
+    """What pybullet loads.
 
     Attributes: text (URDF), mimics (joints that follow a joint of the board), moments (inertia
     to set afterwards, by link, kg·m²; see ``rotor``).
@@ -28,7 +42,7 @@ class Model:
     moments: Moments
 
 
-def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
+def fit(board: BoardConfig, simulation: SimulationConfig) -> Fitted:
     """Fit the robot of a simulation to its board.
 
     Joints that neither the board drives nor follow one that it drives become fixed, and links
@@ -56,8 +70,18 @@ def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
             element.set("type", "fixed")
         elif (axis := element.find("axis")) is not None:  # its length would be a lever in pybullet
             axis.set("xyz", as_text(axis_of(element)))
-    tree = merge_fixed(tree)
     rotors = dict(zip(board.names, reflected_inertia(board, simulation).tolist(), strict=True))
-    moments = add_rotor_inertia(tree, rotors)
-    ET.indent(tree.root)  # pybullet cannot read long lines
-    return Model(ET.tostring(tree.root, encoding="unicode"), tuple(mimics.values()), moments)
+    return Fitted(merge_fixed(tree), tuple(mimics.values()), rotors)
+
+
+def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
+    """A robot fitted to its board, as pybullet takes it.
+
+    Raises:
+        ConfigError: there is no description, or it does not fit the board.
+    """
+    fitted = fit(board, simulation)
+    root = fitted.tree.root
+    moments = add_rotor_inertia(fitted.tree, fitted.rotors)
+    ET.indent(root)  # pybullet cannot read long lines
+    return Model(ET.tostring(root, encoding="unicode"), fitted.mimics, moments)

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm in MuJoCo.
+
+The same masses, joints and hard stops as in pybullet, and the same integration: dq += h M⁻¹ (τ −
+c), q += h dq. Torques enter as ``qfrc_applied``. Shapes are loaded where something asks for
+them: collision shapes with the first obstacle, visual ones with the first picture.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.config import BoardConfig
+from ...core.measurement import Array
+from ..config import SimulationConfig
+from ..errors import PlantGone
+from .followers import Followers
+from .mujoco_camera import RayCamera
+from .mujoco_spec import FOLLOWER_ARMATURE, Builder
+from .prepare import fit
+
+Indices = slice | NDArray[np.intp]
+Box = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+def _let_pass(_warning: str) -> None:
+    """MuJoCo would write its warnings into a file of the working folder; the plant tells them."""
+
+
+class MujocoBody:
+    """A robot in a world of its own; see ``plant.Body``.
+
+    Raises:
+        ConfigError: there is no URDF, or it lacks a joint of the board.
+        PlantError: MuJoCo cannot load the URDF.
+    """
+
+    def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
+        mujoco.set_mju_user_warning(_let_pass)
+        self._board, self._simulation = board, simulation
+        self._fitted = fit(board, simulation)
+        self._followers = Followers(self._fitted.mimics, board.names)
+        self._period = simulation.physics_step
+        self._camera: RayCamera | None = None
+        self._boxes: dict[int, Box] = {}
+        self._boxes_ever = 0
+        self._load()
+        self.attach(np.zeros((2, len(board.joints))))
+
+    def attach(self, state: Array) -> None:
+        """Refresh ``state``, shape (2, n), position and velocity, from now on."""
+        self._state = state
+        self._refresh()
+
+    def step(self, torque: Array) -> bool:
+        """Apply torques, shape (n,), for one physics step; false if the state diverged.
+
+        Raises:
+            PlantGone: the body is closed.
+        """
+        self._force[self._dofs] = torque
+        if self._driven:
+            self._drive_followers()
+        self._advance(self._model, self._data)
+        return self._refresh()
+
+    def restore(self, state: Array) -> None:
+        """Take over positions and velocities, shape (2, n), also after a divergence.
+
+        Raises:
+            PlantGone: the body is closed.
+        """
+        if self._advance == self._gone:
+            self._gone()
+        mujoco.mj_resetData(self._model, self._data)
+        self._state[:] = state
+        self._positions[self._coordinates], self._velocities[self._dofs] = state
+        positions, velocities = self._followers.targets(state)
+        self._positions[self._following], self._velocities[self._driven] = positions, velocities
+
+    def close(self) -> None:
+        """Let go of the model; safe to call twice."""
+        self._advance = self._gone
+        self._camera = None
+
+    def add_obstacle(
+        self, centre: tuple[float, float, float], half_extents: tuple[float, float, float]
+    ) -> int:
+        """Put a fixed box into the world, m; returns its number for remove_obstacle."""
+        self._boxes_ever += 1
+        self._boxes[self._boxes_ever] = (centre, half_extents)
+        self._load()
+        return self._boxes_ever
+
+    def remove_obstacle(self, obstacle: int) -> None:
+        """Take a box out of the world again."""
+        del self._boxes[obstacle]
+        self._load()
+
+    def link_position(self, joint: int) -> tuple[float, float, float]:
+        """Where the link behind a joint of the board has its origin, m, in world axes."""
+        mujoco.mj_kinematics(self._model, self._data)
+        name = self._board.names[joint]
+        x, y, z = self._data.xpos[self._model.joint(name).bodyid[0]].tolist()
+        return x, y, z
+
+    def mimic_positions(self) -> dict[str, float]:
+        """Positions of the joints that follow others, by name, rad or m."""
+        found = self._positions[self._following].tolist()
+        return dict(zip(self._followers.joints, found, strict=True))
+
+    def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
+        """A picture of the robot and the obstacles, RGB, shape (height, width, 3)."""
+        if self._camera is None:
+            self._camera = RayCamera(self._fitted, self._board, self._simulation)
+        return self._camera.picture(self._positions, list(self._boxes.values()), width, height)
+
+    def _load(self) -> None:
+        """Make the world with its obstacles; what moves goes on as it did."""
+        builder = Builder(
+            self._fitted,
+            self._board,
+            self._simulation,
+            shapes="collision" if self._boxes else "",
+        )
+        for centre, half_extents in self._boxes.values():
+            builder.add_box(centre, half_extents)
+        model = builder.compile()
+        data = mujoco.MjData(model)
+        if self._boxes_ever:
+            data.qpos[:], data.qvel[:] = self._positions, self._velocities
+            data.time = self._data.time
+        self._model, self._data = model, data
+        self._advance: Callable[..., None] = mujoco.mj_step
+        # Views of MuJoCo's own arrays: made once, for each look at an attribute makes one anew.
+        self._positions, self._velocities = data.qpos, data.qvel
+        self._force = data.qfrc_applied
+        names, joints = self._board.names, self._followers.joints
+        self._coordinates = _as_slice([model.joint(name).qposadr[0] for name in names])
+        self._dofs = _as_slice([model.joint(name).dofadr[0] for name in names])
+        self._following = [model.joint(name).qposadr[0] for name in joints]
+        self._driven = [model.joint(name).dofadr[0] for name in joints]
+
+    def _refresh(self) -> bool:
+        position, velocity = self._state
+        position[:] = self._positions[self._coordinates]
+        velocity[:] = self._velocities[self._dofs]
+        return math.isfinite(position.dot(position))
+
+    def _drive_followers(self) -> None:
+        """One way, every step: a follower tracks its leader, which does not feel it.
+
+        a = (v + e/h − v_f)/h: the leader's speed and what removes the error e in one step.
+        """
+        positions, velocities = self._followers.targets(self._state)
+        for k, (coordinate, dof) in enumerate(zip(self._following, self._driven, strict=True)):
+            error = positions[k] - self._positions[coordinate]
+            wanted = velocities[k] + error / self._period - self._velocities[dof]
+            self._force[dof] = FOLLOWER_ARMATURE * wanted / self._period
+
+    def _gone(self, *_: Any) -> NoReturn:
+        raise PlantGone("the physics is closed; start the board anew")
+
+
+def _as_slice(indices: list[int]) -> Indices:
+    """Indices as a slice where they count up by one: a view instead of a copy."""
+    first = int(indices[0])
+    if [int(index) for index in indices] == list(range(first, first + len(indices))):
+        return slice(first, first + len(indices))
+    return np.array(indices, dtype=np.intp)

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot as a specification of MuJoCo: bodies, joints, and shapes where they are asked for.
+
+Link for link the description that pybullet loads. What differs, and why:
+
+* the rotor of inertia J behind a gear of ratio N is an armature: J N² on its own joint and on no
+  other (pybullet gets it as part of the link's tensor, see ``description.rotor``);
+* a follower is driven, and its leader does not feel it: see ``FOLLOWER_ARMATURE``;
+* MuJoCo's hard stops are springs and dampers: here as stiff as its solver allows, and damped so
+  that the speed into the stop is gone after one step.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from ...core.config import BoardConfig
+from ...core.measurement import Array
+from ...description.geometry import axis_of, inertia_of, numbers_of, origin_of
+from ...description.urdf_tree import Tree
+from ..config import SimulationConfig
+from ..errors import PlantError
+from .prepare import Fitted
+
+#: kg·m² or kg on each follower: with it the force A·a accelerates the joint by a, whatever else
+#: acts on it, and the links that carry it feel it as it truly moves. Lost to rounding: 1e-10.
+FOLLOWER_ARMATURE = 1e6
+#: Time constant of stops and contacts in physics steps; MuJoCo allows no less.
+STIFFEST = 2.0
+#: The greatest impedance that MuJoCo allows: a stop yields by 1e-4 of what it is pressed with.
+HARDEST = 0.9999
+#: Moment, kg·m², while the model is compiled; the true ones are set afterwards.
+HARMLESS = 1e-3
+GREY = (0.75, 0.75, 0.78, 1.0)
+#: Files that MuJoCo reads; shapes of others are left out.
+MESHES = (".obj", ".stl")
+
+
+class Builder:
+    """Makes the specification of a fitted robot.
+
+    Args:
+        fitted: The robot.
+        board: Its hard stops.
+        simulation: Gravity, physics step, whether the base is fixed.
+        shapes: ``collision``, ``visual``, or empty for masses and joints alone.
+
+    Attributes:
+        spec: The specification; more may be added to it before it is compiled.
+    """
+
+    def __init__(
+        self, fitted: Fitted, board: BoardConfig, simulation: SimulationConfig, shapes: str
+    ) -> None:
+        self._tree, self._shapes, self._rotors = fitted.tree, shapes, fitted.rotors
+        self._stops = {joint.name: joint for joint in board.joints}
+        self._solref = [STIFFEST * simulation.physics_step, 1.0]
+        self._colours = _colours(fitted.tree.root)
+        self._meshes: dict[str, Any] = {}
+        self._moments: dict[str, Array] = {}
+        self.spec = mujoco.MjSpec()
+        self.spec.compiler.degree = False
+        self.spec.option.timestep = simulation.physics_step
+        self.spec.option.gravity = simulation.gravity
+        self.spec.option.disableflags = int(
+            mujoco.mjtDisableBit.mjDSBL_AUTORESET | mujoco.mjtDisableBit.mjDSBL_EULERDAMP
+        )
+        if shapes != "collision":
+            self.spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        base = self._add_link(self.spec.worldbody, self._tree.base, np.zeros(3), np.eye(3))
+        if not simulation.base_fixed:
+            base.add_freejoint()
+        self._add_beyond(base, self._tree)
+
+    def compile(self) -> Any:
+        """The model.
+
+        Raises:
+            PlantError: MuJoCo refuses it; one line with what MuJoCo said.
+        """
+        try:
+            model = self.spec.compile()
+        except ValueError as error:
+            reason = " ".join(str(error).split())[:300]
+            raise PlantError(
+                f"urdf: MuJoCo cannot load it ({reason}); check the robot's URDF"
+            ) from None
+        for name, moments in self._moments.items():
+            model.body_inertia[model.body(name).id] = moments
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        return model
+
+    def add_box(self, centre: tuple[float, ...], half_extents: tuple[float, ...]) -> None:
+        """A fixed box, m, that the robot's collision shapes meet."""
+        self._add_geom(
+            self.spec.worldbody,
+            "collision",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            pos=centre,
+            size=half_extents,
+            contype=2,
+            conaffinity=1,
+        )
+
+    def _add_beyond(self, base: Any, tree: Tree) -> None:
+        """Every joint and the link behind it, from the base outwards."""
+        bodies = {tree.base: base}
+        for joint in tree.walk(tree.base):
+            child = tree.child(joint)
+            position, rotation = origin_of(joint)
+            body = self._add_link(bodies[tree.parent(joint)], child, position, rotation)
+            self._add_joint(body, joint)
+            bodies[child] = body
+
+    def _add_link(self, parent: Any, name: str, position: Array, rotation: Array) -> Any:
+        link = self._tree.links[name]
+        mass = float(numbers_of(link.find("inertial/mass"), "value", (0.0,))[0])
+        moments, axes = np.linalg.eigh(inertia_of(link))
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        self._moments[name] = np.maximum(moments, 0.0)
+        body = parent.add_body(
+            name=name,
+            pos=position,
+            quat=quaternion(rotation),
+            mass=max(mass, 1e-12),
+            ipos=numbers_of(link.find("inertial/origin"), "xyz"),
+            iquat=quaternion(axes),
+            inertia=[HARMLESS] * 3,
+            explicitinertial=True,
+        )
+        for shape in link.findall(self._shapes or "nothing"):
+            self._add_shape(body, shape)
+        return body
+
+    def _add_joint(self, body: Any, joint: ET.Element) -> None:
+        name, slides = joint.get("name", ""), Tree.slides(joint)
+        made = body.add_joint(
+            name=name,
+            type=mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE,
+            axis=axis_of(joint),
+            armature=self._rotors.get(name, FOLLOWER_ARMATURE),
+        )
+        made.limited = mujoco.mjtLimited.mjLIMITED_FALSE
+        stop = self._stops.get(name)
+        if stop is not None and stop.kind != "continuous":
+            made.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+            made.range = [stop.limits.hard_lower, stop.limits.hard_upper]
+            made.solref_limit = self._solref
+            made.solimp_limit = [HARDEST, HARDEST, 1e-3, 0.5, 2.0]
+
+    def _add_shape(self, body: Any, shape: ET.Element) -> None:
+        """A <visual> or <collision>; one that MuJoCo cannot read is left out."""
+        position, rotation = origin_of(shape)
+        geometry = self._geometry(shape)
+        if geometry is not None:
+            placed = {"pos": position, "quat": quaternion(rotation)}
+            self._add_geom(body, shape.tag, rgba=self._colour(shape), **placed, **geometry)
+
+    def _geometry(self, shape: ET.Element) -> dict[str, Any] | None:
+        kinds = mujoco.mjtGeom
+        for element in shape.findall("geometry/*"):
+            size = {key: numbers_of(element, key, (0.0,)) for key in ("radius", "length", "size")}
+            radius, half = float(size["radius"][0]), 0.5 * float(size["length"][0])
+            match element.tag:
+                case "box":
+                    return {"type": kinds.mjGEOM_BOX, "size": 0.5 * size["size"]}
+                case "sphere":
+                    return {"type": kinds.mjGEOM_SPHERE, "size": [radius, 0.0, 0.0]}
+                case "cylinder":
+                    return {"type": kinds.mjGEOM_CYLINDER, "size": [radius, half, 0.0]}
+                case "capsule":
+                    return {"type": kinds.mjGEOM_CAPSULE, "size": [radius, half, 0.0]}
+                case "mesh" if Path(element.get("filename", "")).suffix.lower() in MESHES:
+                    return {"type": kinds.mjGEOM_MESH, "meshname": self._mesh(element)}
+        return None
+
+    def _mesh(self, element: ET.Element) -> str:
+        """The name of a mesh, loaded once for each file and scale."""
+        file, scale = element.get("filename", ""), numbers_of(element, "scale", (1.0, 1.0, 1.0))
+        key = f"{file} {scale.tolist()}"
+        if key not in self._meshes:
+            mesh = self.spec.add_mesh(name=f"mesh_{len(self._meshes)}", file=file, scale=scale)
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # of open ones, too
+            self._meshes[key] = mesh
+        return str(self._meshes[key].name)
+
+    def _add_geom(self, body: Any, use: str, **values: Any) -> None:
+        touches = {"contype": 1, "conaffinity": 2} if use == "collision" else {}
+        chosen = {"contype": 0, "conaffinity": 0, "solref": self._solref} | touches | values
+        geom = body.add_geom(**chosen)
+        geom.condim = 3
+
+    def _colour(self, shape: ET.Element) -> tuple[float, ...]:
+        material = shape.find("material")
+        if material is None:
+            return GREY
+        own = numbers_of(material.find("color"), "rgba", ())
+        return tuple(own) if own.size == 4 else self._colours.get(material.get("name", ""), GREY)
+
+
+def quaternion(rotation: Array) -> Array:
+    """Unit quaternion w, x, y, z, shape (4,), of a rotation matrix."""
+    found = np.zeros(4)
+    mujoco.mju_mat2Quat(found, rotation.ravel())
+    return found
+
+
+def _colours(root: ET.Element) -> dict[str, tuple[float, ...]]:
+    """Colours by name, wherever the description gives them: RGBA from 0 to 1."""
+    found = {}
+    for material in root.iter("material"):
+        colour = numbers_of(material.find("color"), "rgba", ())
+        if colour.size == 4:
+            found[material.get("name", "")] = tuple(colour.tolist())
+    return found
