@@ -22,7 +22,7 @@ from ..core.config import BoardConfig, ConfigError
 from ..description.derive import complete
 from ..description.robots import ROBOTS, load_robot
 from ..description.urdf import Urdf, UrdfError
-from ..sim.config import SimulationConfig
+from ..sim.config import DEFAULT_PHYSICS, SimulationConfig
 from . import build
 from .layers import joints_of, merged, robot_of, typed, unknown, without_ros
 from .params_file import Entry, Layer, SettingsError, read_file
@@ -147,6 +147,7 @@ def _settings(entries: Mapping[str, Entry], urdf: Urdf, ros: dict[str, Any]) -> 
     values = _values(BOARD, entries)
     rate = values["control_rate"]
     values.setdefault("physics_rate", rate * math.ceil(LEAST_PHYSICS_RATE / rate))
+    values.setdefault("physics", DEFAULT_PHYSICS)
     names = joints_of(values["joints"], urdf, where.get("joints", ""))
     joints = {name: _values(JOINT, entries, f"{name}.") for name in names}
     try:

@@ -9,11 +9,16 @@ Units: rad, rad/s, N·m, kg·m², K, °C, W, J, s; m, N and kg for prismatic joi
 from __future__ import annotations
 
 import math
+import sys
 
 from ..core.checks import ConfigError, check_number, check_parameters
 from ..core.config import BoardConfig
 from ..core.parameter import configuration, parameter, part
 from ..description.urdf import Urdf
+
+PYBULLET, MUJOCO, IDEAL = PHYSICS = ("pybullet", "mujoco", "ideal")
+#: pybullet has wheels for Python up to 3.11; from 3.12 it is compiled, for minutes.
+DEFAULT_PHYSICS = PYBULLET if sys.version_info < (3, 12) else MUJOCO
 
 
 @configuration
@@ -93,7 +98,7 @@ class SimulationConfig:
 
     Attributes:
         joints: Of the board, in its order.
-        urdf: The robot; None for the ideal body: one double integrator per joint, no gravity.
+        urdf: The robot; None for the ideal body, whatever ``physics`` says.
     """
 
     joints: tuple[JointSimulation, ...]
@@ -114,14 +119,26 @@ class SimulationConfig:
         high=100000.0,
         derived="control_rate: its first multiple from 1000",
     )
-    gui: bool = parameter("Show the arm in pybullet's window", default=False)
+    physics: str = parameter(
+        "What moves the joints; ideal: each by itself, without gravity",
+        default=DEFAULT_PHYSICS,
+        choices=PHYSICS,
+        derived="Python: pybullet up to 3.11, mujoco from 3.12",
+    )
+    gui: bool = parameter("Show the arm in a window, with physics pybullet", default=False)
 
     def __post_init__(self) -> None:
         if not self.joints:
             raise ConfigError("simulation.joints", [], "at least one joint")
         check_parameters("simulation.", self)
+        if self.physics not in PHYSICS:
+            raise ConfigError("simulation.physics", self.physics, f"one of {', '.join(PHYSICS)}")
         if self.gui and self.urdf is None:
             raise ConfigError("simulation.gui", True, "false without a urdf: nothing to show")
+        if self.gui and self.physics != PYBULLET:
+            raise ConfigError(
+                "simulation.gui", True, f"false with physics {self.physics}: pybullet has a window"
+            )
 
     @property
     def names(self) -> tuple[str, ...]:

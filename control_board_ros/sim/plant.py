@@ -8,10 +8,10 @@
     plant.inject("elbow", "encoder", persistent=True)   # see injection.KINDS
     plant.clear_injected()
     plant.reset()                  # home pose at rest, cold motors, no faults; time goes on
-    plant.time, plant.body         # s of simulated time; the IdealBody or BulletBody
+    plant.time, plant.body         # s of simulated time; the body: ideal, in pybullet or in MuJoCo
     plant.close()
 
-Without a URDF the body is an IdealBody (numpy), with one a BulletBody (pybullet). ``read`` and
+Without a URDF the body is an IdealBody (numpy), with one what ``physics`` says. ``read`` and
 ``write`` raise PlantGone when the physics server is gone.
 
 The numbers of a diverged simulation never reach the board: the body goes back to the last good
@@ -21,6 +21,7 @@ pose, at most 0.05 s old, and every joint raises the alarm DIVERGED in that one 
 from __future__ import annotations
 
 import math
+from importlib.util import find_spec
 from typing import Protocol
 
 import numpy as np
@@ -29,13 +30,20 @@ from ..core.config import BoardConfig
 from ..core.faults import FaultCode
 from ..core.measurement import Actuation, Array, Measurement
 from .bodies.ideal import IdealBody
-from .config import SimulationConfig
+from .config import IDEAL, MUJOCO, PYBULLET, SimulationConfig
 from .errors import PlantError, PlantGone
 from .injection import Injector
 from .motor import Motors
 from .sensors import Sensors
 
 __all__ = ["Body", "PlantError", "PlantGone", "SimulatedPlant"]
+
+#: How to get an engine, or to do without it.
+WAYS_OUT = {
+    PYBULLET: "pip install 'control_board_ros[pybullet]' (from Python 3.12 on it is compiled, ten "
+    "minutes), or use physics:=mujoco",
+    MUJOCO: "pip install 'control_board_ros[mujoco]', or use physics:=pybullet or physics:=ideal",
+}
 
 
 class Body(Protocol):
@@ -59,10 +67,21 @@ class Body(Protocol):
 
 
 def make_body(board: BoardConfig, simulation: SimulationConfig) -> Body:
-    """The body that the configuration asks for."""
-    if simulation.urdf is None:
+    """The body that the configuration asks for; an engine starts only where it is used.
+
+    Raises:
+        PlantError: its engine is not installed.
+    """
+    engine = simulation.physics
+    if simulation.urdf is None or engine == IDEAL:
         return IdealBody(board, simulation)
-    from .bodies.bullet import BulletBody  # pybullet starts only where it is used
+    if find_spec(engine) is None:
+        raise PlantError(f"physics: {engine} is not installed; {WAYS_OUT[engine]}")
+    if engine == MUJOCO:
+        from .bodies.mujoco import MujocoBody
+
+        return MujocoBody(board, simulation)
+    from .bodies.bullet import BulletBody
 
     return BulletBody(board, simulation)
 

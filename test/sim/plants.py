@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-import pybullet_data
+import pytest
 
 from control_board_ros.core.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
 from control_board_ros.core.measurement import Actuation
-from control_board_ros.description.urdf import Urdf, load, parse
+from control_board_ros.description.robots import load_robot
+from control_board_ros.description.urdf import Urdf, parse
 from control_board_ros.sim.config import (
     Encoder,
     JointSimulation,
@@ -19,8 +21,19 @@ from control_board_ros.sim.config import (
 )
 from control_board_ros.sim.plant import SimulatedPlant
 
-IIWA = load(Path(pybullet_data.getDataPath()) / "kuka_iiwa" / "model.urdf")
+IIWA = load_robot("iiwa")
 IIWA_JOINTS = tuple(f"lbr_iiwa_joint_{number}" for number in range(1, 8))
+#: The physics engines, each as a parameter of a fixture or a test.
+ENGINES = [
+    pytest.param(
+        name,
+        marks=[
+            pytest.mark.physics,
+            pytest.mark.skipif(find_spec(name) is None, reason=f"{name} is not installed"),
+        ],
+    )
+    for name in ("pybullet", "mujoco")
+]
 MOTOR = Motor(resistance=0.5, inductance=2e-3, torque_constant=0.08, gear_ratio=120.0)
 
 
@@ -85,10 +98,15 @@ def ideal_plant(count: int = 7, **rest) -> SimulatedPlant:
     return SimulatedPlant(config, simulation(config, **rest))
 
 
-def bullet_plant(**rest) -> SimulatedPlant:
+def arm_plant(physics: str, **rest) -> SimulatedPlant:
     """The iiwa."""
     config = board(*IIWA_JOINTS)
-    return SimulatedPlant(config, simulation(config, urdf=IIWA, **rest))
+    return SimulatedPlant(config, simulation(config, urdf=IIWA, physics=physics, **rest))
+
+
+def bullet_plant(**rest) -> SimulatedPlant:
+    """The iiwa in pybullet."""
+    return arm_plant("pybullet", **rest)
 
 
 def drive(plant: SimulatedPlant, pwm, powered=1.0, cycles: int = 1):
@@ -134,6 +152,17 @@ def robot(*parts: str) -> str:
 def described(text: str) -> Urdf:
     """A robot of a URDF's text."""
     return parse(text.encode(), "tiny", Path())
+
+
+def chain(count: int) -> tuple[str, list[str]]:
+    """A serial chain in one line of text, and the names of its joints."""
+    parts = []
+    for index in range(count):
+        parent = f"link_{index - 1}" if index else "base"
+        parts.append(link(f"link_{index}", 0.1, "0 0 0.05", "1e-3 1e-3 1e-3 0 0 0"))
+        axis = "0 0 1" if index % 2 else "0 1 0"
+        parts.append(joint(f"joint_{index}", parent, f"link_{index}", axis=axis))
+    return robot(*parts), [f"joint_{index}" for index in range(count)]
 
 
 PENDULUM = robot(

@@ -5,24 +5,25 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plants import IIWA, board, bullet_plant, drive, ideal_plant, simulation
+from plants import ENGINES, IIWA, arm_plant, board, bullet_plant, drive, ideal_plant, simulation
 
 from control_board_ros.core.config import ConfigError
 from control_board_ros.core.measurement import ROWS, Actuation, Plant, Row
 from control_board_ros.sim.config import Encoder, MotorModel
-from control_board_ros.sim.plant import PlantGone, SimulatedPlant
+from control_board_ros.sim.plant import PlantError, PlantGone, SimulatedPlant
 
 MODEL = MotorModel(inertia=1e-4, coulomb=0.5, viscous=0.2)
 
 
-@pytest.fixture(params=["ideal", pytest.param("bullet", marks=pytest.mark.physics)])
+@pytest.fixture(params=["ideal", *ENGINES])
 def make(request):
     """Makes plants of seven joints; closes them."""
     made = []
 
     def make_plant(**rest) -> SimulatedPlant:
-        maker = ideal_plant if request.param == "ideal" else bullet_plant
-        made.append(maker(**{"model": MODEL, **rest}))
+        values = {"model": MODEL, **rest}
+        ideal = request.param == "ideal"
+        made.append(ideal_plant(**values) if ideal else arm_plant(request.param, **values))
         return made[-1]
 
     yield make_plant
@@ -194,8 +195,7 @@ def test_joints_of_plant_and_board_must_agree():
 
 @pytest.mark.physics
 def test_a_lost_physics_server_is_plant_gone():
-    import pybullet
-
+    pybullet = pytest.importorskip("pybullet")
     plant = bullet_plant()
     pybullet.disconnect(plant.body._client)
     with pytest.raises(PlantGone, match="physics server is gone"):
@@ -209,11 +209,10 @@ def test_a_lost_physics_server_is_plant_gone():
 
 @pytest.mark.physics
 def test_a_window_without_a_display_is_one_line(monkeypatch):
-    from control_board_ros.sim.plant import PlantError
-
+    pytest.importorskip("pybullet")
     for display, reason in (("", "DISPLAY is not set"), (":987", "takes no connection")):
         monkeypatch.setenv("DISPLAY", display)
         config = board("lbr_iiwa_joint_1")
         with pytest.raises(PlantError, match=reason) as caught:
-            SimulatedPlant(config, simulation(config, urdf=IIWA, gui=True))
+            SimulatedPlant(config, simulation(config, urdf=IIWA, physics="pybullet", gui=True))
         assert "\n" not in str(caught.value)

@@ -50,6 +50,7 @@ class MujocoBody:
         self._camera: RayCamera | None = None
         self._boxes: dict[int, Box] = {}
         self._boxes_ever = 0
+        self._advance: Callable[..., None] = mujoco.mj_step
         self._load()
         self.attach(np.zeros((2, len(board.joints))))
 
@@ -95,13 +96,13 @@ class MujocoBody:
         """Put a fixed box into the world, m; returns its number for remove_obstacle."""
         self._boxes_ever += 1
         self._boxes[self._boxes_ever] = (centre, half_extents)
-        self._load()
+        self._change_boxes()
         return self._boxes_ever
 
     def remove_obstacle(self, obstacle: int) -> None:
         """Take a box out of the world again."""
         del self._boxes[obstacle]
-        self._load()
+        self._change_boxes()
 
     def link_position(self, joint: int) -> tuple[float, float, float]:
         """Where the link behind a joint of the board has its origin, m, in world axes."""
@@ -121,23 +122,20 @@ class MujocoBody:
             self._camera = RayCamera(self._fitted, self._board, self._simulation)
         return self._camera.picture(self._positions, list(self._boxes.values()), width, height)
 
+    def _change_boxes(self) -> None:
+        """Make the world anew; what moves goes on as it did."""
+        before = self._data
+        self._load()
+        self._data.qpos[:], self._data.qvel[:] = before.qpos, before.qvel
+
     def _load(self) -> None:
-        """Make the world with its obstacles; what moves goes on as it did."""
-        builder = Builder(
-            self._fitted,
-            self._board,
-            self._simulation,
-            shapes="collision" if self._boxes else "",
-        )
-        for centre, half_extents in self._boxes.values():
-            builder.add_box(centre, half_extents)
-        model = builder.compile()
-        data = mujoco.MjData(model)
-        if self._boxes_ever:
-            data.qpos[:], data.qvel[:] = self._positions, self._velocities
-            data.time = self._data.time
-        self._model, self._data = model, data
-        self._advance: Callable[..., None] = mujoco.mj_step
+        """Make the world with its obstacles."""
+        shapes = "collision" if self._boxes else ""
+        builder = Builder(self._fitted, self._board, self._simulation, shapes)
+        for box in self._boxes.values():
+            builder.add_box(*box)
+        self._model = model = builder.compile()
+        self._data = data = mujoco.MjData(model)
         # Views of MuJoCo's own arrays: made once, for each look at an attribute makes one anew.
         self._positions, self._velocities = data.qpos, data.qvel
         self._force = data.qfrc_applied

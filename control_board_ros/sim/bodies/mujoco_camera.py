@@ -75,7 +75,9 @@ class RayCamera:
         )
         colours = self._model.geom_rgba[geoms, :3]
         lit = np.maximum(normals.reshape(-1, 3) @ LIGHT, 0.0)[:, None]
-        shown = np.where((geoms >= 0)[:, None], colours * (AMBIENT + (1 - AMBIENT) * lit), BACKGROUND)
+        shown = np.where(
+            (geoms >= 0)[:, None], colours * (AMBIENT + (1 - AMBIENT) * lit), BACKGROUND
+        )
         return (255.0 * np.clip(shown, 0.0, 1.0)).astype(np.uint8).reshape(height, width, 3)
 
     def _load(self, boxes: Sequence[Box]) -> None:

@@ -25,6 +25,7 @@ from ...description.geometry import axis_of, inertia_of, numbers_of, origin_of
 from ...description.urdf_tree import Tree
 from ..config import SimulationConfig
 from ..errors import PlantError
+from .obj_mesh import read_obj
 from .prepare import Fitted
 
 #: kg·m² or kg on each follower: with it the force A·a accelerates the joint by a, whatever else
@@ -39,6 +40,9 @@ HARMLESS = 1e-3
 GREY = (0.75, 0.75, 0.78, 1.0)
 #: Files that MuJoCo reads; shapes of others are left out.
 MESHES = (".obj", ".stl")
+#: Before the names of links: MuJoCo has a "world" of its own.
+LINK = "link "
+UNSCALED = (1.0, 1.0, 1.0)
 
 
 class Builder:
@@ -61,7 +65,7 @@ class Builder:
         self._stops = {joint.name: joint for joint in board.joints}
         self._solref = [STIFFEST * simulation.physics_step, 1.0]
         self._colours = _colours(fitted.tree.root)
-        self._meshes: dict[str, Any] = {}
+        self._meshes: dict[str, str] = {}
         self._moments: dict[str, Array] = {}
         self.spec = mujoco.MjSpec()
         self.spec.compiler.degree = False
@@ -91,7 +95,7 @@ class Builder:
                 f"urdf: MuJoCo cannot load it ({reason}); check the robot's URDF"
             ) from None
         for name, moments in self._moments.items():
-            model.body_inertia[model.body(name).id] = moments
+            model.body_inertia[model.body(LINK + name).id] = moments
         mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 
@@ -105,6 +109,7 @@ class Builder:
             size=half_extents,
             contype=2,
             conaffinity=1,
+            rgba=GREY,
         )
 
     def _add_beyond(self, base: Any, tree: Tree) -> None:
@@ -124,7 +129,7 @@ class Builder:
         axes[:, 2] *= np.sign(np.linalg.det(axes))
         self._moments[name] = np.maximum(moments, 0.0)
         body = parent.add_body(
-            name=name,
+            name=LINK + name,
             pos=position,
             quat=quaternion(rotation),
             mass=max(mass, 1e-12),
@@ -180,14 +185,26 @@ class Builder:
         return None
 
     def _mesh(self, element: ET.Element) -> str:
-        """The name of a mesh, loaded once for each file and scale."""
-        file, scale = element.get("filename", ""), numbers_of(element, "scale", (1.0, 1.0, 1.0))
-        key = f"{file} {scale.tolist()}"
+        """The name of a mesh, loaded once for each file and scale.
+
+        Raises:
+            PlantError: the file cannot be read.
+        """
+        path, scale = Path(element.get("filename", "")), numbers_of(element, "scale", UNSCALED)
+        key = f"{path} {scale.tolist()}"
         if key not in self._meshes:
-            mesh = self.spec.add_mesh(name=f"mesh_{len(self._meshes)}", file=file, scale=scale)
+            self._meshes[key] = f"mesh_{len(self._meshes)}"
+            mesh = self.spec.add_mesh(name=self._meshes[key], scale=scale)
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL  # of open ones, too
-            self._meshes[key] = mesh
-        return str(self._meshes[key].name)
+            if path.suffix.lower() == ".obj":
+                try:
+                    vertices, triangles = read_obj(path)
+                except (OSError, ValueError) as error:
+                    raise PlantError(f"urdf: a mesh cannot be read: {error}") from None
+                mesh.uservert, mesh.userface = vertices.ravel(), triangles.ravel()
+            else:
+                mesh.file = str(path)
+        return self._meshes[key]
 
     def _add_geom(self, body: Any, use: str, **values: Any) -> None:
         touches = {"contype": 1, "conaffinity": 2} if use == "collision" else {}
