@@ -87,9 +87,6 @@ $(STAMPS)/environment: pyproject.toml tools/find-python
 
 $(STAMPS)/installed: $(STAMPS)/environment $(SOURCES)
 	@echo "building messages and laws, installing control_board_ros (once, a minute or two)"
-	@$(BIN)/python -c 'import sys; sys.exit(sys.version_info < (3, 12))' || exit 0; \
-	$(BIN)/python -c 'import pybullet' 2>/dev/null || \
-	echo "pybullet has no wheel for this Python: it is compiled, six to fifteen minutes; 3.11 has one"
 	@$(PIP) install --no-build-isolation -e .
 	@$(BIN)/control_board --version
 	@touch $@

@@ -252,12 +252,21 @@ def version() -> str:
     return found.group(1)
 
 
+PYBULLET = ["pybullet>=3.2.6"]
+MUJOCO = ["mujoco-core>=4"]
+# pybullet has no wheel for Python from 3.12 on, and is compiled for minutes: there it is an extra.
+ENGINES = [
+    *(f'{name}; python_version < "3.12"' for name in PYBULLET),
+    *(f'{name}; python_version >= "3.12"' for name in MUJOCO),
+]
+
+
 def runtime_requirements() -> list[str]:
     """What pip installs; a sourced ROS 2 brings its own packages, which pip does not know."""
     plain = [
         "numpy>=1.26",
         "prompt_toolkit>=3.0",
-        "pybullet>=3.2.6",
+        *ENGINES,
         "pyyaml>=6.0",
         "rich>=13.0",
     ]
@@ -265,7 +274,6 @@ def runtime_requirements() -> list[str]:
 
 
 XACRO = ["xacro>=2.1"]
-MUJOCO = ["mujoco-core>=4"]
 PANEL = ["starlette>=1.0", "uvicorn>=0.50", "websockets>=15"]
 RECORD = ["rosbags>=0.11"]
 TUNE = ["optuna>=4.0"]
@@ -328,6 +336,7 @@ setup(
         "icub": ICUB,
         "xacro": XACRO,
         "mujoco": MUJOCO,
+        "pybullet": PYBULLET,
         "panel": PANEL,
         "record": RECORD,
         "tune": TUNE,

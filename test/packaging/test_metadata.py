@@ -24,7 +24,16 @@ NOT_ROS = {
     "prompt_toolkit",
     "yaml",
 }
-OPTIONAL = {"cython", "icub_models", "matplotlib", "pytest", "hypothesis", "PIL", "argcomplete"}
+OPTIONAL = {
+    "cython",
+    "icub_models",
+    "matplotlib",
+    "mujoco",
+    "pytest",
+    "hypothesis",
+    "PIL",
+    "argcomplete",
+}
 
 
 def setup_list(name: str) -> list[str]:

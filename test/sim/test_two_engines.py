@@ -27,9 +27,9 @@ from control_board_ros.sim.config import SimulationConfig
 pytestmark = pytest.mark.physics
 DATA = package_folder("pybullet_data") or Path()
 ICUB = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
-WHOLE_ICUB = next(
-    (share / "iCub/robots/iCubGazeboV2_7/model.urdf" for share in share_folders()), ""
-)
+MODEL = "iCub/robots/iCubGazeboV2_7/model.urdf"
+WHOLE_ICUB = next((share / MODEL for share in share_folders() if (share / MODEL).is_file()), "")
+OTHERS = ("xarm/xarm6_robot.urdf", "a1/a1.urdf", "cartpole.urdf", "mini_cheetah/mini_cheetah.urdf")
 ROBOTS = [
     "iiwa",
     "panda",
@@ -46,7 +46,11 @@ def described(robot: str) -> Settings:
 
 
 def bare(settings: Settings) -> tuple[BoardConfig, SimulationConfig]:
-    """Without rotors; hard stops out of reach where a follower has none of its own."""
+    """Next to no rotors; hard stops out of reach, but for the leaders of followers.
+
+    Next to nothing is more than none: pybullet takes a tensor that no rigid body can have (the
+    xarm's second link) for zero, unless there is a rotor to be added.
+    """
     followed = {mimic.leader for mimic in settings.urdf.mimics.values()}
     board = replace(
         settings.board,
@@ -57,11 +61,15 @@ def bare(settings: Settings) -> tuple[BoardConfig, SimulationConfig]:
             for one in settings.board.joints
         ),
     )
-    joints = settings.simulation.joints
-    return board, replace(
-        settings.simulation,
-        joints=tuple(replace(j, motor=replace(j.motor, inertia=0.0)) for j in joints),
+    joints = tuple(
+        replace(plant, motor=replace(plant.motor, inertia=0.0 if slides else 1e-14))
+        for plant, slides in zip(
+            settings.simulation.joints,
+            [one.kind == "prismatic" for one in board.joints],
+            strict=True,
+        )
     )
+    return board, replace(settings.simulation, joints=joints)
 
 
 def poses(board: BoardConfig, count: int, seed: int = 4) -> np.ndarray:
