@@ -110,8 +110,8 @@ class Board(ModeShortcuts):
         if machine.calibrations:
             machine.calibrations.step()
         machine.expire()
-        self.controller.step()
-        self._warn_of_limits()
+        if self.controller.step():
+            self._warn_of_limits()
         self.state.cycle += 1
         return self._actuation
 
@@ -127,8 +127,6 @@ class Board(ModeShortcuts):
     def _warn_of_limits(self) -> None:
         """Tell which joints are beyond their software limits that were not before (P9)."""
         on_limit = [joint.on_limit for joint in self.controller.joints]
-        if on_limit == self._on_limit:
-            return
         for j, (now, before) in enumerate(zip(on_limit, self._on_limit, strict=True)):
             if now and not before:
                 position = float(self.state.measured[Row.POSITION, j])

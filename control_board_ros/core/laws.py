@@ -225,11 +225,13 @@ class Joint:
     asked = cython.declare(cython.double, visibility="public")  # drive for the torque, last cycle
     output = cython.declare(cython.double, visibility="public")  # PWM, percent
     on_limit = cython.declare(cython.bint, visibility="public")
+    was_on_limit = cython.declare(cython.bint, visibility="public")  # in the last step
 
     def __init__(self) -> None:
         self.position_pid, self.torque_pid, self.current_pid = Pid(), Pid(), Pid()
         self.lower, self.upper = -INFINITE, INFINITE
         self.direct_age = self.anchor_age = INFINITE
+        self.was_on_limit = False
 
     # --- what the board asks of a joint -----------------------------------------------------
 
@@ -832,10 +834,11 @@ class Laws:
         ) = rows
         self.done = done
 
-    def step(self) -> None:
-        """One control period of all joints."""
+    def step(self) -> bool:
+        """One control period of all joints; whether one of them came to a limit or left it."""
         k: cython.Py_ssize_t
         j: Joint
+        changed: cython.bint = False
         for k in range(len(self.joints)):
             j = self.joints[k]
             j.torque, j.current = self.torque[k], self.current[k]
@@ -848,3 +851,7 @@ class Laws:
             control(j)
             self.torque_reference[k] = j.torque_reference
             self.output[k] = j.output
+            if j.on_limit != j.was_on_limit:
+                j.was_on_limit = j.on_limit
+                changed = True
+        return changed
