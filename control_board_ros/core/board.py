@@ -53,7 +53,7 @@ class Board(ModeShortcuts):
     have shape (k,), one per joint, or are one number for all. Units: rad, rad/s, rad/s², N·m,
     percent; m, N where a joint slides.
 
-    Attributes: config, names, count, period (s), selector, state, and the parts.
+    Attributes: config, names, count, period (s), selector, limits, state, and the parts.
     """
 
     def __init__(self, config: BoardConfig) -> None:
@@ -70,9 +70,9 @@ class Board(ModeShortcuts):
     def _power_on(self) -> None:
         """Make everything that a power-on makes anew (N1)."""
         config, state = self.config, self.state
-        self._limits = BoardLimits.of(config)
+        self.limits = BoardLimits.of(config)
         self.controller = Controller(config, state)
-        self.references = References(config, self._limits, state, self.controller.joints)
+        self.references = References(config, self.limits, state, self.controller.joints)
         self.monitor = FaultMonitor(config, state)
         self.machine = Machine(
             config,
@@ -83,7 +83,7 @@ class Board(ModeShortcuts):
             self.monitor,
             self.events,
         )
-        self.commands = Commands(self.machine, self.selector, self._limits)
+        self.commands = Commands(self.machine, self.selector, self.limits)
         self._blind = True  # no reading since power-on
         self._on_limit = [False] * self.count
 
@@ -192,6 +192,10 @@ class Board(ModeShortcuts):
         self.machine.complete_configuration(blind=self._blind)
         return accepted(self.names)
 
+    def await_configure(self) -> None:
+        """Stay NOT_CONFIGURED until :meth:`configure`, also with autoconfigure (R4)."""
+        self.machine.configure_next = False
+
     def power_cycle(self) -> None:
         """Back to power-on: NOT_CONFIGURED, no power, configured anew with autoconfigure (N1)."""
         self.state.power_on()
@@ -213,11 +217,11 @@ class Board(ModeShortcuts):
             old, new = getattr(self.config, key), getattr(config, key)
             if old != new:
                 raise ConfigError(key, new, f"fixed at {old!r} while the board runs")
-        self.config, self._limits = config, BoardLimits.of(config)
+        self.config, self.limits = config, BoardLimits.of(config)
         self.controller.reconfigure(config)
         self.monitor.reconfigure(config)
-        self.references.reconfigure(self._limits)
-        self.commands.reconfigure(self._limits)
+        self.references.reconfigure(self.limits)
+        self.commands.reconfigure(self.limits)
         self.machine.reconfigure(config, timeout_cycles(config))
 
     # --- modes --------------------------------------------------------------------------------
@@ -383,7 +387,7 @@ class Board(ModeShortcuts):
             stiffness: N·m/rad.
             damping: N·m·s/rad; None: what goes with the stiffness (``damping_for``).
         """
-        limits = self._limits
+        limits = self.limits
         try:
             chosen = self.selector.select(joints)
             spring = all_within(chosen, "stiffness", stiffness, limits.stiffness, zero=True)
@@ -403,7 +407,7 @@ class Board(ModeShortcuts):
     def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """The largest stiffness and damping that a joint takes, two arrays."""
         chosen = self.selector.select(joints).joints
-        return self._limits.stiffness[chosen], self._limits.damping[chosen]
+        return self.limits.stiffness[chosen], self.limits.damping[chosen]
 
     def get_torque_offset(self, joints: Joints = None) -> Floats:
         """τ_ff of the impedance law: as a user set it, else the load on entering COMPLIANT."""
@@ -425,11 +429,11 @@ class Board(ModeShortcuts):
         given = [
             (what, values, most, target)
             for what, values, most, target in (
-                ("speed", speeds, self._limits.velocity, self.references.speed),
+                ("speed", speeds, self.limits.velocity, self.references.speed),
                 (
                     "acceleration",
                     accelerations,
-                    self._limits.acceleration,
+                    self.limits.acceleration,
                     self.references.acceleration,
                 ),
             )

@@ -65,6 +65,25 @@ class Snapshot:
     overload: Array
     torque_sensor: NDArray[np.bool_]
 
+    @classmethod
+    def joined(cls, parts: Sequence[Snapshot]) -> Snapshot:
+        """The snapshots of several boards after the same cycle as one, side by side."""
+        return cls(
+            parts[0].time,
+            parts[0].cycle,
+            np.concatenate([part.block for part in parts], axis=1),
+            *(
+                np.concatenate([getattr(part, name) for part in parts])
+                for name in (
+                    "motion_done",
+                    "rejected_commands",
+                    "calibrated",
+                    "overload",
+                    "torque_sensor",
+                )
+            ),
+        )
+
     @property
     def position(self) -> Array:
         return self._row(Row.POSITION)

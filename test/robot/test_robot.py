@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""core/robot.py and shares.py: all parts as one board (SPEC R1 to R3), with ideal bodies."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from rig import Rig, board_config, joint
+from robots import RobotRig, parts
+
+from control_board_ros.core.board import Board
+from control_board_ros.core.config import BoardConfig, ConfigError
+from control_board_ros.core.move_task import MoveTask
+from control_board_ros.core.reply import Answer
+from control_board_ros.core.robot import Robot
+from control_board_ros.core.state import Snapshot
+from control_board_ros.core.vocabs import CommandKind, ControlMode
+
+M = ControlMode
+NAMES = tuple(name for config in parts().values() for name in config.names)
+MODES = ("pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl", "hwfa", "bad")
+
+
+def started() -> RobotRig:
+    """A robot whose joints are configured."""
+    rig = RobotRig(parts())
+    rig.tick(2)
+    return rig
+
+
+def one_board() -> BoardConfig:
+    """The same joints on one board."""
+    return board_config(*(joint for config in parts().values() for joint in config.joints))
+
+
+def requests(dice: random.Random) -> list[Callable[[Any], Any]]:
+    """One of each kind of request, to joints at random, good ones and bad ones."""
+    joints: Any = dice.choice(
+        [
+            None,
+            dice.sample(NAMES, dice.randint(1, len(NAMES))),
+            dice.randrange(len(NAMES)),
+            [dice.choice(NAMES), dice.choice(NAMES)],
+            [*dice.sample(NAMES, 2), "tail"],
+        ]
+    )
+    count = 1 if isinstance(joints, int) else len(joints or NAMES)
+    count += dice.random() < 0.1
+    values = [dice.choice([dice.uniform(-3, 3), float("nan")]) for _ in range(count)]
+    goods = [dice.uniform(0.01, 1.0) for _ in range(count)]
+    modes = dice.choice([dice.choice(MODES), [dice.choice(MODES[:7]) for _ in range(count)]])
+    kind = dice.choice(list(CommandKind))
+    bare = kind in (CommandKind.TORQUE, CommandKind.OUTPUT)
+    along = dice.choice([None, None if bare else goods])
+    stiffness = [600.0 * g for g in goods]
+    return [
+        lambda board: board.set_control_mode(joints, modes),
+        lambda board: board.set_interaction_mode(joints, dice.choice(["stif"])),
+        lambda board: board.command(kind, joints, values, along),
+        lambda board: board.set_feedforward(joints, values, None),
+        lambda board: board.set_impedance(joints, stiffness),
+        lambda board: board.set_reference_speed(joints, [4.0 * g for g in goods]),
+        lambda board: board.stop(joints),
+        lambda board: board.calibrate(joints),
+    ]
+
+
+def shown(snapshot: Snapshot) -> list[Any]:
+    """All of a snapshot, to compare."""
+    return [
+        snapshot.block.tolist(),
+        snapshot.motion_done.tolist(),
+        snapshot.rejected_commands.tolist(),
+        snapshot.calibrated.tolist(),
+        snapshot.overload.tolist(),
+        snapshot.torque_sensor.tolist(),
+    ]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_answers_and_moves_as_one_board_would(seed: int) -> None:
+    """R1, R3: with any requests, the same replies, modes, faults and motion, to the bit."""
+    dice = random.Random(seed)
+    robot, board = started(), Rig(one_board())
+    board.tick(2)
+    for _ in range(60):
+        request = dice.choice(requests(dice))
+        assert request(robot.robot) == request(board.board)
+        for name in ("get_control_mode", "get_interaction_mode", "get_faults"):
+            assert getattr(robot.robot, name)() == getattr(board.board, name)()
+        robot.tick(7)
+        board.tick(7)
+        assert shown(robot.robot.snapshot()) == shown(board.board.snapshot())
+    assert robot.robot.cycle == board.board.cycle
+    assert robot.robot.rejected_commands.any()
+
+
+@pytest.mark.parametrize(
+    "getter",
+    [
+        "get_target_position",
+        "get_ref_position",
+        "get_ref_velocity",
+        "get_ref_torque",
+        "get_output",
+        "get_ref_speed",
+        "get_ref_acceleration",
+        "get_encoder",
+        "get_encoder_speed",
+        "get_torque",
+        "get_torque_offset",
+        "get_remaining_time",
+        "get_impedance",
+        "get_max_impedance",
+        "check_motion_done",
+        "get_available_modes",
+        "get_calibration",
+    ],
+)
+def test_values_come_in_the_order_asked(getter: str) -> None:
+    """A getter over parts gives what each joint's own board says."""
+    rig = started()
+    rig.robot.set_control_mode(None, "pos")
+    rig.robot.position_move(None, np.linspace(-1.0, 1.0, len(NAMES)))
+    rig.tick(50)
+    asked = ["thumb", "r_elbow", "l_shoulder", "finger"]
+    owner = {name: board for board in rig.robot.parts.values() for name in board.names}
+    single = [getattr(owner[name], getter)(name) for name in asked]
+    found = getattr(rig.robot, getter)(asked)
+    if isinstance(found, tuple):
+        for k, values in enumerate(found):
+            assert values.tolist() == [one[k][0] for one in single]
+    else:
+        assert repr(list(found)) == repr([one[0] for one in single])
+
+
+@pytest.mark.parametrize(
+    ("ask", "why"),
+    [
+        (lambda r: r.set_control_mode(["l_elbow", "r_elbow", "tail"], "vel"), "'tail' unknown"),
+        (lambda r: r.set_control_mode(["l_elbow", "thumb", "l_elbow"], "vel"), "named twice"),
+        (lambda r: r.set_control_mode(["l_elbow", "thumb"], ["vel"] * 3), "3 modes for 2"),
+        (lambda r: r.set_control_mode(["l_elbow", "thumb"], ["vel", "hwfa"]), "status"),
+        (lambda r: r.set_impedance(["l_elbow", "r_elbow"], [10.0, 501.0]), "501 of r_elbow"),
+        (lambda r: r.set_impedance(["l_elbow", "r_elbow"], 10.0, [1.0, -1.0]), "damping -1"),
+        (lambda r: r.set_reference_speed(["l_elbow", "thumb"], [1.0, 9.0]), "speed 9 of thumb"),
+        (lambda r: r.position_move(["l_elbow", "r_elbow"], [1.0]), "1 position references"),
+        (lambda r: r.set_feedforward(["l_elbow", "r_elbow"]), "neither"),
+    ],
+)
+def test_a_request_is_checked_whole_over_all_parts(ask: Callable[[Robot], Any], why: str) -> None:
+    """R3, M7: what is wrong for one part changes nothing on any."""
+    rig = started()
+    before = shown(rig.robot.snapshot())[0], rig.robot.get_impedance(), rig.robot.get_ref_speed()
+    reply = ask(rig.robot)
+    assert not reply
+    assert why in reply.message
+    after = shown(rig.robot.snapshot())[0], rig.robot.get_impedance(), rig.robot.get_ref_speed()
+    assert repr(after) == repr(before)
+    assert set(rig.robot.get_control_mode()) == {M.IDLE}
+
+
+def test_it_takes_effect_in_the_same_cycle() -> None:
+    """R3: the snapshot after the next cycle shows it on every part, the one before on none."""
+    rig = started()
+    assert rig.robot.set_control_mode(["thumb", "r_elbow", "l_shoulder"], "pos")
+    assert rig.robot.position_move(["thumb", "r_elbow", "l_shoulder"], [0.5, -0.5, 0.2])
+    done = [rig.robot.parts[part].check_motion_done() for part in rig.robot.parts]
+    assert done == [[False, True], [True, False], [True, False, True]]
+    rig.tick()
+    cycles = {board.cycle for board in rig.robot.parts.values()}
+    assert cycles == {rig.robot.cycle}
+
+
+def test_answers_come_joint_by_joint() -> None:
+    """R3: one part takes it, one does not implement it (M5), one refuses (F2)."""
+    rig = started()
+    rig.plant.inject("r_elbow", "external", persistent=True)
+    rig.tick()
+    reply = rig.robot.set_control_mode(["thumb", "l_elbow", "r_elbow"], "torq")
+    assert reply.joints == ("thumb", "l_elbow", "r_elbow")
+    assert reply.answers == (Answer.UNSUPPORTED, Answer.ACCEPTED, Answer.REFUSED)
+    assert reply.reasons[1] == ""
+    assert "thumb" in reply.message
+    assert "r_elbow" in reply.message
+    modes = rig.robot.get_control_mode(["thumb", "l_elbow", "r_elbow"])
+    assert modes == [M.HW_FAULT, M.TORQUE, M.HW_FAULT]
+
+
+def test_a_fault_stays_in_its_part() -> None:
+    """R2: one arm faults while the other moves on."""
+    rig = started()
+    arms = ["l_shoulder", "r_shoulder"]
+    rig.robot.set_control_mode(arms, "pos")
+    move = MoveTask(rig.robot, ["r_shoulder"], [0.4])
+    rig.robot.position_move("l_shoulder", 0.4)
+    rig.tick(100)
+    rig.plant.inject("l_shoulder", "overcurrent")
+    rig.tick(10)
+    assert rig.robot.get_control_mode(arms) == [M.HW_FAULT, M.POSITION]
+    while (outcome := move.outcome()) is None:
+        rig.tick()
+    assert outcome.success, outcome.message
+    assert rig.robot.get_encoder("r_shoulder")[0] == pytest.approx(0.4, abs=0.01)
+    assert abs(rig.robot.get_encoder("l_shoulder")[0]) < 0.35
+
+
+def test_a_move_over_parts_ends_where_one_faults() -> None:
+    """A goal that joints of several parts share fails with that joint's reason."""
+    rig = started()
+    rig.robot.set_control_mode(None, "pos")
+    move = MoveTask(rig.robot, None, [0.5] * len(NAMES))
+    rig.tick(50)
+    rig.plant.inject("finger", "overcurrent")
+    rig.tick(20)
+    outcome = move.outcome()
+    assert outcome is not None
+    assert not outcome.success
+    assert "finger" in outcome.message
+
+
+def test_a_joint_is_in_one_part_only() -> None:
+    """R1, and what the parts share."""
+    pair = board_config(joint("a"), joint("b"))
+    with pytest.raises(ConfigError, match="'b' .*each joint in one part; left has it"):
+        Robot({"left": pair, "right": board_config(joint("b"))})
+    with pytest.raises(ConfigError, match=r"parts.right.control_rate"):
+        Robot({"left": pair, "right": board_config(joint("c"), control_rate=1000.0)})
+    with pytest.raises(ConfigError, match="at least one part"):
+        Robot({})
+
+
+def test_the_config_follows_the_parts() -> None:
+    """New limits of a part count for what the robot checks, too."""
+    rig = started()
+    left = rig.robot.parts["left"]
+    slower = joint("l_elbow", limits={"velocity": 1.0})
+    left.reconfigure(board_config(left.config.joints[0], slower))
+    assert rig.robot.config.joints[1].limits.velocity == 1.0
+    assert not rig.robot.set_reference_speed(["l_elbow", "r_elbow"], 2.0)
+
+
+def test_power_off_and_on() -> None:
+    """N1 for all parts at once; a part alone is a board as it was."""
+    rig = started()
+    rig.robot.set_control_mode(None, "pos")
+    rig.robot.power_off()
+    assert set(rig.robot.get_control_mode()) == {M.IDLE}
+    rig.robot.parts["left"].power_cycle()
+    assert rig.codes() == {"left": {"cfgn"}, "right": {"idl"}, "hand": {"idl"}}
+    rig.tick()
+    assert set(rig.robot.get_control_mode()) == {M.IDLE}
+    rig.robot.power_cycle()
+    assert set(rig.robot.get_control_mode()) == {M.NOT_CONFIGURED}
+    rig.tick()
+    assert set(rig.robot.get_control_mode()) == {M.IDLE}
+
+
+def test_it_has_every_method_of_a_board() -> None:
+    """But what follows one trajectory, or reconfigures one board."""
+    own = {"reconfigure", "await_configure"}
+    methods = {name for name in dir(Board) if not name.startswith("_")} - own
+    assert methods <= set(dir(Robot))
