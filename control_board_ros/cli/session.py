@@ -45,6 +45,14 @@ class Session:
         """End the connection, if there is one."""
         self._stack.close()
         self.__dict__.pop("client", None)
+        self.__dict__.pop("node", None)
+
+    @cached_property
+    def node(self) -> Node:
+        """The node of this command; made on first use, in a context of its own."""
+        announce_often()
+        leave_out_the_generator()
+        return self._start_node()
 
     @cached_property
     def client(self) -> ControlBoardClient:
@@ -53,9 +61,7 @@ class Session:
         The node comes first: from then on the middleware looks for the board in threads of its
         own, while this one loads the rest.
         """
-        announce_often()
-        leave_out_the_generator()
-        node = self._node = self._start_node()
+        node = self.node
         from control_board_ros.client import ControlBoardClient
 
         client = ControlBoardClient(
@@ -134,7 +140,7 @@ class Session:
         """The limits in force, from the board's parameters; None where it does not tell them."""
         client = self.client
         wanted = [f"{name}.limits.{field}" for name in names for field in FIELDS]
-        values = read_parameters(self._node, client.board_name, wanted, self.options.timeout)
+        values = read_parameters(self.node, client.board_name, wanted, self.options.timeout)
         n = len(FIELDS)
         return {name: limits_of(values[n * k : n * (k + 1)]) for k, name in enumerate(names)}
 

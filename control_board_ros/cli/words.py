@@ -24,6 +24,8 @@ UNITS: dict[str, dict[str, tuple[float, str]]] = {
     "torque": {"Nm": (1.0, "angle"), "N·m": (1.0, "angle"), "N": (1.0, "length")},
     "output": {"%": (1.0, "")},
     "time": {"s": (1.0, ""), "ms": (0.001, ""), "min": (60.0, "")},
+    "size": {"B": (1.0, ""), "kB": (1e3, ""), "MB": (1e6, ""), "GB": (1e9, "")},
+    "frequency": {"Hz": (1.0, "")},
 }
 UNITS["speed"] = UNITS["position"] | {
     f"{unit}/s": meaning for unit, meaning in UNITS["position"].items()

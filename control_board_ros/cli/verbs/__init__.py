@@ -33,6 +33,7 @@ SECTIONS = {
         "speed": "motion",
         "feedforward": "streams",
     },
+    "Record": {"record": "recording"},
     "Board": dict.fromkeys(("calibrate", "configure", "power-cycle", "param"), "board"),
     "Simulation": dict.fromkeys(("pause", "resume", "step", "reset", "inject"), "simulation"),
     "Terminal": dict.fromkeys(("shell", "completion"), "terminal"),

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl record."""
+
+from __future__ import annotations
+
+import time as clock
+from pathlib import Path
+from typing import Any
+
+from ..arguments import FOR, argument, takes
+from ..boards import boards_meant
+from ..output import DONE, REFUSED, complain, note, put, put_json
+from ..progress import Bar
+from ..session import Session
+from ..streaming import duration
+from ..words import Refused, UsageError, quantity
+
+#: s between looks at a recording, and between looks whether its boards are there.
+LOOK, LOOK_AT_BOARDS = 0.25, 2.0
+
+
+@takes(
+    argument(
+        "-o", "--output", required=True, metavar="FOLDER", help="The folder to make, or to fill."
+    ),
+    FOR,
+    argument("--split-size", metavar="SIZE", help="Begin a new file at this size, e.g. 500MB."),
+    argument("--split-time", metavar="TIME", help="Begin a new file after this time, e.g. 10min."),
+    argument(
+        "--last",
+        metavar="TIME",
+        help="A black box: keep the last seconds in memory, e.g. 60s, and write them into a new "
+        "folder below FOLDER when a fault happens.",
+    ),
+    argument(
+        "--after",
+        default="2s",
+        metavar="TIME",
+        help="How long to go on after a fault, with --last.",
+    ),
+    argument("--csv", action="store_true", help="Write tables beside the recording, too."),
+)
+def record(
+    session: Session,
+    output: str,
+    time: str | None,
+    split_size: str | None,
+    split_time: str | None,
+    last: str | None,
+    after: str,
+    csv: bool,
+) -> int:
+    """Record everything of a board into MCAP files, as rosbag2 does, until Ctrl-C.
+
+    Topics, parameters, robot description, modes, faults and the log go into one folder, which ros2
+    bag, Foxglove, PlotJuggler and cbctl report read.
+    """
+    from control_board_ros.recording import RecordingError
+
+    limits = {
+        "split_size": positive("--split-size", split_size, "size"),
+        "split_time": positive("--split-time", split_time, "time"),
+    }
+    back, seconds = positive("--last", last, "time"), duration(time)
+    on = positive("--after", after, "time")
+    if back is not None and any(limits.values()):
+        raise UsageError("--last writes short recordings, which --split-… does not apply to")
+    try:
+        boards = read_boards(session)
+        sink = black_box(Path(output), back, on or 0.0) if back else bag(Path(output), limits)
+        recorder = start(session, boards, sink)
+        try:
+            why = watch(session, recorder, sink, seconds)
+        finally:
+            recorder.close()
+    except RecordingError as error:
+        raise Refused(str(error)) from error
+    tables: list[Path] = []
+    if csv:
+        try:
+            tables = write_tables(written(sink))
+        except RecordingError as error:
+            why = recorder.ended or why or str(error)
+    return report_end(session, recorder, sink, why, tables)
+
+
+def positive(option: str, text: str | None, kind: str) -> float | None:
+    """The value of an option; None where it is not given.
+
+    Raises:
+        UsageError: none above 0.
+    """
+    if text is None:
+        return None
+    value = quantity(text, kind).value
+    if value <= 0.0:
+        raise UsageError(f"{option} {text} is not valid; give a {kind} above 0")
+    return value
+
+
+def bag(folder: Path, limits: dict[str, Any]) -> Any:
+    """A bag that is written from now on."""
+    from control_board_ros.recording.bag import Bag
+
+    return Bag(folder, **limits, custom={"recorder": "cbctl record"})
+
+
+def black_box(folder: Path, back: float, after: float) -> Any:
+    """A ring that writes a bag at each fault.
+
+    Raises:
+        Refused: the folder cannot be made.
+    """
+    from control_board_ros.recording.bag import Bag
+    from control_board_ros.recording.errors import library
+    from control_board_ros.recording.faults import NewFaults
+    from control_board_ros.recording.ring import BlackBox
+
+    library("rosbags.rosbag2")  # what is missing is said now, not at the first fault
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Refused(f"cannot make {folder}: {error.strerror}") from None
+
+    def make(path: Path, why: str) -> Bag:
+        return Bag(path, custom={"recorder": "cbctl record --last", "fault": why})
+
+    return BlackBox(folder, back, after, NewFaults(), make)
+
+
+def read_boards(session: Session) -> list[Any]:
+    """The parameters of the boards that are meant."""
+    from control_board_ros.client import ControlBoardClient
+    from control_board_ros.recording.parameters import Parameters
+
+    parameters = []
+    for board in boards_meant(session):
+        with ControlBoardClient(
+            session.node,
+            board,
+            find_timeout=session.options.timeout,
+            answer_timeout=max(session.options.timeout, 1.0),
+        ) as client:
+            parameters.append(Parameters.read(client))
+    return parameters
+
+
+def start(session: Session, boards: list[Any], sink: Any) -> Any:
+    """Begin to record boards."""
+    from control_board_ros.recording.recorder import Recorder
+
+    recorder = Recorder(session.node.context, boards, sink)
+    if recorder.skipped:
+        note(session, f"not recorded, types are not installed: {', '.join(recorder.skipped)}")
+    return recorder
+
+
+def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> str:
+    """Show a recording until it ends; why it did."""
+    begun = clock.monotonic()
+    asked = begun
+    told = 0
+    try:
+        with Bar(session, "recording", endless=seconds is None) as bar:
+            while not recorder.ended:
+                now = clock.monotonic()
+                if seconds is not None and now - begun >= seconds:
+                    bar.update(1.0, "done")
+                    return ""
+                share = 0.0 if seconds is None else (now - begun) / seconds
+                bar.update(share, progress(recorder, sink, now - begun))
+                for path, fault in getattr(sink, "saved", [])[told:]:
+                    note(session, f"{path}: {fault}")
+                    told += 1
+                if now - asked >= LOOK_AT_BOARDS:
+                    asked = now
+                    if recorder.board_is_gone():
+                        return "the board is gone"
+                clock.sleep(LOOK)
+    except KeyboardInterrupt:
+        return ""
+    return str(recorder.ended)
+
+
+def progress(recorder: Any, sink: Any, elapsed: float) -> str:
+    """Time, messages, size, rate, and what was dropped."""
+    heard = sum(recorder.counts.values())
+    held = f"{sink.size / 1e6:.1f} MB"
+    if hasattr(sink, "saved"):
+        held += f" held, {len(sink.saved)} written"
+    rate = heard / elapsed if elapsed > 0.0 else 0.0
+    return f"{elapsed:.0f} s, {heard} messages ({rate:.0f}/s), {held}, {recorder.dropped} dropped"
+
+
+def written(sink: Any) -> list[Path]:
+    """The folders with recordings."""
+    return [path for path, _ in sink.saved] if hasattr(sink, "saved") else [sink.folder]
+
+
+def write_tables(folders: list[Path]) -> list[Path]:
+    """Tables of recordings."""
+    from control_board_ros.recording.tables import write_csv
+
+    return [path for folder in folders for path in write_csv(folder)]
+
+
+def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: list[Path]) -> int:
+    """Say what was recorded; the exit code is 1 where it ended before it was asked to."""
+    why = recorder.ended or why
+    folders = written(sink)
+    size = sum(file.stat().st_size for folder in folders for file in folder.glob("*.mcap"))
+    heard = sum(recorder.counts.values())
+    if session.options.json:
+        put_json(
+            {
+                "success": not why,
+                "message": why,
+                "folders": [str(folder) for folder in folders],
+                "tables": [str(table) for table in tables],
+                "messages": heard,
+                "bytes": size,
+                "dropped": recorder.dropped,
+            }
+        )
+        return REFUSED if why else DONE
+    for folder in folders:
+        files = len(list(folder.glob("*.mcap")))
+        put(f"{folder}: {files} {'file' if files == 1 else 'files'}")
+    if not folders:
+        put("no fault, nothing written")
+    put(f"{heard} messages heard, {size / 1e6:.1f} MB written, {recorder.dropped} dropped")
+    for table in tables:
+        put(f"table: {table}")
+    if folders:
+        put(f"see it with: cbctl report {folders[-1]} -o report.html")
+    if why:
+        complain(f"the recording ended early: {why}")
+    return REFUSED if why else DONE

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Message definitions and type hashes, as rosbag2 keeps them beside the messages."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from ament_index_python.packages import get_package_share_directory
+
+from .errors import RecordingError
+
+#: Types of fields that need no definition.
+INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
+BASE = {"bool", "byte", "char", "float32", "float64", "string", "wstring"} | INTEGERS
+#: What a field's type may end with: ``[]``, ``[3]``, ``[<=3]``, ``<=3``.
+BOUNDS = re.compile(r"(<=\d+)?(\[(<=)?\d*\])?$")
+SEPARATOR = "=" * 80
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """A message type: text (its definition and those it refers to) and hash (RIHS01)."""
+
+    text: str
+    hash: str
+
+
+@cache
+def definition(type_name: str) -> Definition:
+    """The definition of ``package/msg/Name``, from the files that its package installs.
+
+    Raises:
+        RecordingError: the package has no such file.
+    """
+    try:
+        return Definition(whole_text(type_name), type_hash(type_name))
+    except (LookupError, OSError, ValueError) as error:
+        raise RecordingError(f"no definition of {type_name} is installed: {error}") from error
+
+
+def share_file(type_name: str, suffix: str) -> Path:
+    """Where a package installs a file of an interface."""
+    package, kind, name = type_name.split("/")
+    return Path(get_package_share_directory(package), kind, name).with_suffix(suffix)
+
+
+def type_hash(type_name: str) -> str:
+    """The hash of a type that its package was built with: ``RIHS01_…``."""
+    described = json.loads(share_file(type_name, ".json").read_text("utf-8"))
+    hashes = {entry["type_name"]: entry["hash_string"] for entry in described["type_hashes"]}
+    found: str = hashes[type_name]
+    return found
+
+
+def whole_text(type_name: str) -> str:
+    """The text of a definition with those it refers to, each below a line of ``=``."""
+    texts: dict[str, str] = {}
+    wanted = [type_name]
+    while wanted:
+        name = wanted.pop(0)
+        if name not in texts:
+            texts[name] = share_file(name, ".msg").read_text("utf-8")
+            wanted += referred(name, texts[name])
+    first, *others = texts.items()
+    parts = [first[1]]
+    for name, text in others:
+        package, _, message = name.split("/")
+        parts.append(f"{SEPARATOR}\nMSG: {package}/{message}\n{text}")
+    return "\n".join(part.rstrip("\n") for part in parts) + "\n"
+
+
+def referred(type_name: str, text: str) -> Iterator[str]:
+    """Full names of the types of a definition's fields."""
+    for line in text.splitlines():
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        field = BOUNDS.sub("", words[0])
+        if field in BASE:
+            continue
+        package, _, name = field.rpartition("/")
+        yield f"{package.partition('/')[0] or type_name.partition('/')[0]}/msg/{name}"

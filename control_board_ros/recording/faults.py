@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which faults are new in the messages of boards."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.serialization import deserialize_message
+
+from control_board_ros.interface import FAULTS
+
+from .topics import Topic
+
+
+class NewFaults:
+    """Says of a message what joint has a fault that it did not have in the message before."""
+
+    def __init__(self) -> None:
+        self._known: dict[Topic, set[Any]] = {}
+        self._below = FAULTS.of("")
+
+    def __call__(self, topic: Topic, data: bytes) -> str:
+        """``joint: text`` of the new faults; empty where there is none."""
+        if topic.type != FAULTS.type or not topic.name.endswith(self._below):
+            return ""
+        message = deserialize_message(data, FAULTS.load())
+        now = {(f.name, f.code, f.stamp.sec, f.stamp.nanosec): f for f in message.faults}
+        known = self._known.get(topic, set())
+        self._known[topic] = set(now)
+        return "; ".join(f"{f.name}: {f.text}" for key, f in now.items() if key not in known)

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parameters of a board as one message, kept up to date while it is recorded."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rcl_interfaces.msg import Parameter, ParameterEvent
+from rclpy.serialization import deserialize_message
+
+from control_board_ros.client import ControlBoardClient
+from control_board_ros.client.parameters import typed
+
+from .topics import PARAMETERS, topic_of
+from .wire import serialize
+
+#: Parameters asked for at once.
+BUNCH = 500
+
+
+class Parameters:
+    """All parameters of a board, as a message of the topic ``~/recorded_parameters``.
+
+    Args:
+        board: Absolute name of its node.
+        values: Of the parameters, by name.
+    """
+
+    def __init__(self, board: str, values: dict[str, Any]) -> None:
+        self.board, self.topic = board, topic_of(PARAMETERS, board)
+        self._values = {name: typed(value, value) for name, value in values.items()}
+
+    @classmethod
+    def read(cls, client: ControlBoardClient) -> Parameters:
+        """Those in force now."""
+        names = client.list_parameters()
+        values: dict[str, Any] = {}
+        for k in range(0, len(names), BUNCH):
+            values |= client.get_parameters(names[k : k + BUNCH])
+        return cls(client.board_name, {n: v for n, v in values.items() if v is not None})
+
+    def message(self) -> bytes:
+        """The message."""
+        event = ParameterEvent(node=self.board)
+        event.new_parameters = [Parameter(name=n, value=v) for n, v in self._values.items()]
+        return serialize(event, PARAMETERS.type)
+
+    def change(self, data: bytes) -> bool:
+        """Take over what an event on ``/parameter_events`` says of this board; whether it did."""
+        event = deserialize_message(data, ParameterEvent)
+        if event.node != self.board:
+            return False
+        changed = [*event.new_parameters, *event.changed_parameters]
+        self._values |= {parameter.name: parameter.value for parameter in changed}
+        return bool(changed)

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is recorded of boards: every topic of the interface, parameters, and the log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from control_board_ros.interface import COMMAND_TOPICS, PUBLISHED, Endpoint, QoS, topic
+
+#: The parameters of a board with all their values, in the recording only: at its beginning, in
+#: every file of it, and after every change.
+PARAMETERS = topic(
+    "~/recorded_parameters", "rcl_interfaces/msg/ParameterEvent", QoS(depth=1, latched=True), ""
+)
+#: Every node's log, with the warnings of commands that a board ignores, and changed parameters.
+ROSOUT = topic("/rosout", "rcl_interfaces/msg/Log", QoS(depth=1000), "")
+PARAMETER_EVENTS = topic(
+    "/parameter_events", "rcl_interfaces/msg/ParameterEvent", QoS(depth=1000), ""
+)
+#: With a depth that outlasts a slow disk for seconds.
+DEPTH = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A topic in a recording.
+
+    Attributes: name (absolute), type (``package/msg/Name``), reliable, latched, board (whose it
+    is; empty where several nodes publish).
+    """
+
+    name: str
+    type: str
+    reliable: bool = True
+    latched: bool = False
+    board: str = ""
+
+
+def topic_of(endpoint: Endpoint, board: str) -> Topic:
+    """The topic of an endpoint of a board, by its absolute name."""
+    shared = endpoint.name.startswith("/") or endpoint.kind == "command"
+    qos = endpoint.qos
+    return Topic(
+        endpoint.of(board), endpoint.type, qos.reliable, qos.latched, "" if shared else board
+    )
+
+
+def topics_of(boards: Iterable[str]) -> list[Topic]:
+    """What boards publish and listen to, and what all nodes share, each once."""
+    found: dict[str, Topic] = {}
+    for board in boards:
+        for endpoint in (*PUBLISHED, *COMMAND_TOPICS, ROSOUT, PARAMETER_EVENTS):
+            topic = topic_of(endpoint, board)
+            if topic.name in found:  # of two boards in one namespace
+                topic = replace(topic, board="")
+            found[topic.name] = topic
+    return list(found.values())

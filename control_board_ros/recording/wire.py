@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of our own as they would be on the wire."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from rclpy.serialization import serialize_message
+
+from .definitions import definition
+from .errors import library
+
+#: Bytes in front of a message in CDR.
+HEADER = 4
+
+
+def serialize(message: Any, type_name: str) -> bytes:
+    """A message as CDR, without what rmw leaves behind its end.
+
+    rmw's estimate of the size is too large for nested sequences, and readers of recordings take
+    what is left over for a broken message.
+    """
+    data = bytes(serialize_message(message))
+    store = store_of(type_name)
+    known = store.get_msgdef(type_name)
+    _, end = known.deserialize_cdr_le(data[HEADER:], 0, known.cls, store)
+    return data[: HEADER + end]
+
+
+@cache
+def store_of(type_name: str) -> Any:
+    """The library's knowledge of a type and those it refers to."""
+    types = library("rosbags.typesys")
+    store = types.get_typestore(types.Stores.EMPTY)
+    store.register(types.get_types_from_msg(definition(type_name).text, type_name))
+    return store

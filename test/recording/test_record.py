@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl record beside a running board, read back without ROS."""
+
+from __future__ import annotations
+
+import csv
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cbctl_process import GUARD, Cbctl, until
+
+from control_board_ros.recording.reading import read
+from control_board_ros.testing import board_process
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.physics,
+    pytest.mark.slow,
+    pytest.mark.xdist_group("recording"),
+]
+FIRST, LAST = "lbr_iiwa_joint_1", "lbr_iiwa_joint_7"
+
+
+@pytest.fixture(scope="module")
+def cbctl() -> Iterator[Cbctl]:
+    with board_process({"allow_fault_injection": True}) as board:
+        yield Cbctl(board.environment)
+
+
+def interrupt(process: Any) -> tuple[int, str, str]:
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=GUARD)
+    return process.returncode, out, err
+
+
+def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
+    """States without a gap, modes, faults, warnings, parameters, robot; tables beside it."""
+    folder = tmp_path / "bag"
+    recorder = cbctl.start("record", "-o", str(folder), "--split-size", "300kB", "--csv", "--json")
+    until(lambda: any(folder.glob("bag_1*")))
+    assert cbctl("move", "0=5deg", "--speed", "20deg").code == 0
+    assert cbctl("velocity", "0=5deg", "--for", "1s").code == 1  # ignored: mode is POSITION
+    assert cbctl("param", "set", f"{FIRST}.position_pid.kp=901.0").code == 0
+    assert cbctl("inject", LAST, "encoder").code == 0
+    until(lambda: cbctl("faults", "--json").json[LAST]["active"])
+    code, out, _ = interrupt(recorder)
+    assert code == 0
+    (recording,) = read(folder)
+    assert recording.board == "/control_board"
+    assert len(recording.names) == 7
+    assert np.allclose(np.diff(recording.time), 0.01, atol=2e-3)
+    assert recording.signal("position", FIRST)[-1] == pytest.approx(np.radians(5.0), abs=2e-3)
+    assert [code for _, _, code in recording.control_modes(LAST)] == ["pos", "hwfa"]
+    assert [fault.joint for fault in recording.faults] == [LAST]
+    assert recording.faults[0].until is None
+    assert recording.rejected[-1, 0] > 0
+    assert any("VELOCITY" in line.text or "vel" in line.text for line in recording.log)
+    assert recording.parameter(FIRST, "position_pid.kp") == 901.0
+    assert "<robot" in recording.urdf
+    with (folder / "state.csv").open(encoding="utf-8") as file:
+        rows = list(csv.reader(file))
+    assert len(rows) == 1 + len(recording.time)
+    assert rows[0][:2] == ["time", f"{FIRST}.position"]
+    assert f"{LAST},fault,10: encoder" in (folder / "events.csv").read_text("utf-8").replace(
+        '"', ""
+    )
+    assert '"dropped": 0' in out
+    assert cbctl("clear", LAST).code == 0
+
+
+def test_the_black_box(cbctl: Cbctl, tmp_path: Path) -> None:
+    """Nothing until a fault happens; then a recording of its own, from before it."""
+    folder = tmp_path / "box"
+    assert cbctl("mode", "all", "pos").code == 0
+    recorder = cbctl.start("record", "-o", str(folder), "--last", "20s", "--after", "500ms")
+    until(folder.is_dir)
+    while not any(folder.glob("*/metadata.yaml")):
+        assert cbctl("inject", LAST, "encoder").code == 0
+        assert cbctl("clear", LAST).code == 0
+        assert cbctl("mode", LAST, "pos").code == 0
+    code, out, _ = interrupt(recorder)
+    assert code == 0
+    path = next(iter(folder.iterdir()))
+    assert f"{path}: 1 file" in out
+    (recording,) = read(path)
+    assert recording.faults[0].joint == LAST
+
+
+def test_what_is_refused(cbctl: Cbctl, tmp_path: Path) -> None:
+    """One line, and nothing is left behind."""
+    refused = cbctl("record", "-o", str(tmp_path))
+    assert (refused.code, refused.err) == (
+        1,
+        f"cbctl: {tmp_path} exists already; choose another folder\n",
+    )
+    assert cbctl("record", "-o", "x", "--split-size", "0MB").code == 2
+    gone = cbctl("--board", "/nobody*", "--timeout", "1", "record", "-o", str(tmp_path / "x"))
+    assert "no board fits /nobody*; boards there are: /control_board" in gone.err
+    assert not (tmp_path / "x").exists()
