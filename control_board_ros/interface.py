@@ -261,6 +261,12 @@ STOP = service(
 GET_FAULTS = service(
     "~/get_faults", "GetFaults", "Read the last fault of joints, also after it was cleared."
 )
+LIST_POSES = service(
+    "~/list_poses", "ListPoses", "Read the poses that there are; see [Poses](#poses)."
+)
+SAVE_POSE = service(
+    "~/save_pose", "SavePose", "Save a pose of the user's own, also as the joints are now."
+)
 CONFIGURE = service(
     "~/configure",
     "std_srvs/srv/Trigger",
@@ -294,6 +300,12 @@ RESET = service(
 
 CALIBRATE = action("~/calibrate", "Calibrate", "Calibrate joints.")
 MOVE = action("~/move", "Move", "Move joints along minimum-jerk profiles and wait for the end.")
+GO_TO_POSE = action(
+    "~/go_to_pose",
+    "GoToPose",
+    "Move joints to a named pose, all of them arriving together, and wait for the end; see "
+    "[Poses](#poses).",
+)
 FOLLOW_JOINT_TRAJECTORY = action(
     "~/follow_joint_trajectory",
     "control_msgs/action/FollowJointTrajectory",

@@ -107,6 +107,29 @@ CODES = (
     ),
 )
 
+POSES = """\
+A pose is a name for positions of joints, with a speed. `home` and `park` are always there:
+`home` is every joint's `home` and `park` the same, where the parameters `poses.<pose>.<joint>`
+do not say otherwise ([parameters](parameters.md#poses)). `~/save_pose` adds poses of the user's,
+also as the joints are now, in `$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml`
+(`~/.config` where that is not set; `<robot>` is the name in the URDF). The file may be edited;
+it is read anew for every request.
+
+- `~/go_to_pose` moves the pose's joints along minimum-jerk profiles; other joints go on with
+  what they do. The slowest joint has the mean speed asked for, or the pose's, or (both 0) its
+  own reference speed; the others are so much slower that all arrive together, also where some
+  are in motion at the start. Where limits make the move slower, the result says so.
+- Nobody switches modes for it: a joint in a mode that takes no position moves makes the goal
+  fail whole, naming every such joint.
+- It ends, fails and is cancelled as `~/move`.
+- With `park_on_exit`, the first SIGINT, SIGTERM or SIGHUP takes the robot to `park`, then to
+  IDLE, then ends; the second one ends at once, without power. That parameter is the user's word
+  for it, so joints that are in POSITION_DIRECT, VELOCITY, MIXED, TORQUE or OPENLOOP go to
+  POSITION first. Joints without power (IDLE, HW_FAULT, CALIBRATING, NOT_CONFIGURED) get none:
+  then nothing moves, and the process ends with the reason and exit code 5.
+
+"""
+
 TIME = """\
 Every stamp is an offset plus simulated time: stamps never go backwards, and are as far apart
 as the readings. At `real_time_factor` 1 they are the system's time; with another factor at
@@ -197,6 +220,7 @@ def page() -> str:
         *header("error code", "when; `error_string` says which joint, by how much, what to do")
     ]
     lines += [row(*code) for code in CODES]
+    lines += ["", "## Poses", "", POSES.rstrip("\n")]
     lines += ["", "## Time", "", TIME]
     lines += ["## Definitions of control_board_msgs", ""]
     lines += ["In Python: `from control_board_msgs.msg import JointModes`; `.srv` and `.action`."]

@@ -11,6 +11,7 @@ from typing import Any
 
 from interface_page import header, row
 
+from control_board_ros.settings.poses import POSITION_ROW, SPEED_ROW
 from control_board_ros.settings.schema import BOARD, JOINT, Parameter
 
 INTRODUCTION = """\
@@ -44,6 +45,7 @@ GROUPS = {
     "constraints": "Trajectories",
     "calibration": "Calibration",
     "encoder": "Simulated encoder",
+    "poses": "Poses",
 }
 
 
@@ -64,6 +66,7 @@ def rows() -> Iterator[Parameter]:
     yield from BOARD
     for found in JOINT:
         yield replace(found, name=f"<joint>.{found.name}")
+    yield from (POSITION_ROW, SPEED_ROW)
 
 
 def line(found: Parameter) -> str:
@@ -75,6 +78,8 @@ def line(found: Parameter) -> str:
 
 
 def title_of(name: str) -> str:
+    if name.startswith("poses."):
+        return GROUPS["poses"]
     if not name.startswith("<joint>."):
         return "The board"
     prefix, dot, _ = name.removeprefix("<joint>.").partition(".")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: a folder for the logs of their nodes, gone when they have passed."""
+"""What all tests share: folders for what their nodes write, gone when they have passed."""
 
 from __future__ import annotations
 
@@ -12,6 +12,12 @@ import pytest
 def ros_logs(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Nodes in the process of the tests, and programs that they start, write no log in HOME."""
     os.environ.setdefault("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_logs")))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def user_files(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """The poses of whoever runs the tests stay as they are, and decide no test."""
+    os.environ["XDG_CONFIG_HOME"] = str(tmp_path_factory.mktemp("config"))
 
 
 @pytest.hookimpl(tryfirst=True)

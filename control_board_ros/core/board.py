@@ -291,6 +291,14 @@ class Board(ModeShortcuts):
         """Start minimum-jerk moves at the set reference speeds, or at the speeds given (P1)."""
         return self.commands.command(K.POSITION, joints, positions, speeds)
 
+    def get_move_time(self, joints: Joints, positions: Floats, speeds: Floats) -> Floats:
+        """How long position moves would take from now on, s; arrays of shape (k,)."""
+        return self.commands.move_times(joints, positions, speeds)
+
+    def position_move_within(self, joints: Joints, positions: Floats, time: float) -> Reply:
+        """Start position moves that all arrive after so many s, or none of them (R5)."""
+        return self.commands.move_within(joints, positions, time)
+
     def set_position(
         self, joints: Joints, positions: Values, velocities: Values | None = None
     ) -> Reply:

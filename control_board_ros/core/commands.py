@@ -165,6 +165,41 @@ class Commands:
                 verdicts[k] = (Answer.ACCEPTED, notes[j])
         return decided(selection.names, verdicts)
 
+    def move_times(self, joints: Joints, positions: Floats, speeds: Floats) -> Floats:
+        """How long position moves would take from now on (P1), s, shape (k,).
+
+        Args:
+            joints: as in every request.
+            positions: targets, shape (k,).
+            speeds: mean speeds asked for, above 0, shape (k,).
+        """
+        chosen = self._selector.select(joints).joints
+        return self._references.move_times(chosen, self._taken(chosen, positions), speeds)
+
+    def move_within(self, joints: Joints, positions: Floats, time: float) -> Reply:
+        """Start position moves that all arrive after so many s, or none (R5).
+
+        Args:
+            joints: as in every request.
+            positions: targets, shape (k,).
+            time: s, no less than ``move_times`` says.
+        """
+        selection = self._selector.select(joints)
+        chosen = selection.joints
+        if not (self._state.accepts[K.POSITION, chosen] & np.isfinite(positions)).all():
+            verdicts = self._ignored_references(K.POSITION, selection, positions, None)
+            return decided(selection.names, verdicts)
+        taken = self._taken(chosen, positions)
+        self._references.move_within(chosen, taken, time)
+        self._references.last[K.POSITION, chosen] = taken
+        notes = self._bounded(K.POSITION, chosen, positions, taken)
+        verdicts = [(Answer.ACCEPTED, notes.get(j, "")) for j in chosen.tolist()]
+        return decided(selection.names, verdicts)
+
+    def _taken(self, chosen: Indices, positions: Floats) -> Floats:
+        """Targets within the software limits (P9)."""
+        return np.clip(positions, self._low[K.POSITION][chosen], self._high[K.POSITION][chosen])
+
     def feedforward(
         self, joints: Joints, outputs: Values | None = None, torques: Values | None = None
     ) -> Reply:

@@ -45,6 +45,8 @@ class MoveTask:
         joints: as in every request.
         positions: targets, one per joint, rad or m.
         speeds: mean speeds, one per joint, rad/s or m/s; None: the reference speeds.
+        time: s after which all of them arrive, in place of speeds (R5); None: each at its own.
+        note: what there is to say of it at the end.
 
     Raises:
         RequestError: the board does not take it; nothing has changed.
@@ -58,11 +60,18 @@ class MoveTask:
         joints: Joints,
         positions: Sequence[float] | Floats,
         speeds: Sequence[float] | Floats | None = None,
+        *,
+        time: float | None = None,
+        note: str = "",
     ) -> None:
         self._board = board
         selection = board.selector.select(joints)
         self.names = selection.names
-        self._note = start_move(board, self.names, positions, speeds)
+        if time is None:
+            said = start_move(board, self.names, positions, speeds)
+        else:
+            said = start_together(board, self.names, np.asarray(positions, np.float64), time)
+        self._note = summary([note, said])
         self._joints = [
             JointMove(board.names[j], board.config.joints[j].kind, target, control, interaction)
             for j, target, control, interaction in zip(
@@ -249,3 +258,15 @@ def start_move(
             raise RequestError(reply.message)
         notes.append(reply.message)
     return summary(notes)
+
+
+def start_together(board: Board, names: Sequence[str], positions: Floats, time: float) -> str:
+    """Start a move whose joints all arrive after so many s; what the board said to it.
+
+    Raises:
+        RequestError: with the board's reason; nothing has changed.
+    """
+    reply = board.position_move_within(names, positions, time)
+    if not reply:
+        raise RequestError(reply.message)
+    return reply.message

@@ -9,6 +9,7 @@ first still, MIXED uses both, POSITION_DIRECT sets the first. ``laws.advance`` r
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from .laws import Joint
 from .limits import BoardLimits
 from .measurement import Array
 from .state import Indices, Joints, State
-from .trajectory import durations
+from .trajectory import durations, durations_within
 from .vocabs import CommandKind
 
 
@@ -81,20 +82,33 @@ class References:
         """
         self._state.done[joints] = False
         times = []
-        for j, target, speed in zip(
-            self._state.numbers(joints), targets.tolist(), speeds.tolist(), strict=True
-        ):
-            joint = self._joints[j]
-            time, brake = durations(
-                target - joint.reference,
-                speed,
-                joint.moved_velocity,
-                joint.max_velocity,
-                joint.max_acceleration,
-            )
+        for joint, target, speed in self._with(joints, targets, speeds):
+            time, brake = planned(durations, joint, target, speed)
             joint.move(target, time, brake)
             times.append(max(time, brake))
         return times
+
+    def move_times(self, joints: Joints, targets: Array, speeds: Array) -> Array:
+        """How long such moves would take from now on, s, shape (k,)."""
+        return np.array(
+            [
+                max(planned(durations, joint, target, speed))
+                for joint, target, speed in self._with(joints, targets, speeds)
+            ]
+        )
+
+    def move_within(self, joints: Joints, targets: Array, time: float) -> None:
+        """Start moves that all arrive after so many s; no less than ``move_times`` says."""
+        self._state.done[joints] = False
+        for joint, target, lasting in self._with(joints, targets, np.full(len(targets), time)):
+            joint.move(target, *planned(durations_within, joint, target, lasting))
+
+    def _with(
+        self, joints: Joints, targets: Array, along: Array
+    ) -> Iterator[tuple[Joint, float, float]]:
+        """Joints with what they get each."""
+        chosen = [self._joints[j] for j in self._state.numbers(joints)]
+        return zip(chosen, targets.tolist(), along.tolist(), strict=True)
 
     def step(self, joints: Indices, positions: Array, velocities: Array | None) -> None:
         """Step the position reference (P4); velocities are its own, where it has them."""
@@ -144,3 +158,26 @@ class References:
                 max(0.0, whole - joint.move_cycles * joint.period) if joint.moving else 0.0
             )
         return np.array(left)
+
+
+def planned(
+    plan: Callable[[float, float, float, float, float], tuple[float, float]],
+    joint: Joint,
+    target: float,
+    value: float,
+) -> tuple[float, float]:
+    """The durations of a move from where a joint's reference is, and of its braking, s.
+
+    Args:
+        plan: ``durations`` or ``durations_within``.
+        joint: that moves.
+        target: rad.
+        value: of the plan: the mean speed, rad/s, or the time, s.
+    """
+    return plan(
+        target - joint.reference,
+        value,
+        joint.moved_velocity,
+        joint.max_velocity,
+        joint.max_acceleration,
+    )

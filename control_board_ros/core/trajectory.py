@@ -96,6 +96,36 @@ def durations(
     return min(time, LONGEST), min(brake, LONGEST)
 
 
+def durations_within(
+    distance: float, time: float, velocity: float, max_velocity: float, max_acceleration: float
+) -> tuple[float, float]:
+    """Durations of a move that arrives at a given time, and of its braking, s.
+
+    T is the time given. A start velocity goes on into the move where that neither overshoots nor
+    passes a limit within T; else it is braked within T_b ≥ 1.5|v0|/a_max.
+
+    Args:
+        distance: Δ, target minus start, rad.
+        time: T, s; at least what :func:`durations` asks for.
+        velocity: v0, reference velocity at the start, rad/s.
+        max_velocity: limit of the peak speed, rad/s.
+        max_acceleration: limit of the peak acceleration, rad/s².
+
+    Returns:
+        T and T_b (0 where nothing is braked), s.
+    """
+    limits = max_velocity, max_acceleration
+    if velocity == 0.0:
+        return time, 0.0
+    smooth = velocity * distance > 0.0 and abs(velocity) * time <= NO_OVERSHOOT * abs(distance)
+    if smooth and _fits(distance, time, velocity, 0.0, *limits):
+        return time, 0.0
+    brake = 1.5 * abs(velocity) / max_acceleration
+    while brake < time and not _fits(distance, time, velocity, brake, *limits):
+        brake *= LONGER
+    return time, brake
+
+
 def _fits(
     distance: float,
     time: float,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The actions ~/move and ~/calibrate: started by a goal, watched by one timer.
+"""The actions ~/move, ~/calibrate and ~/go_to_pose: started by a goal, watched by one timer.
 
 Neither blocks the executor: a goal's coroutine waits for a future, the timer looks at the board
 between two cycles, sends feedback, and sets the future when the task has ended, was cancelled
@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from control_board_msgs.action import Calibrate, Move
+from control_board_msgs.action import Calibrate, GoToPose, Move
 from rclpy.action.server import ActionServer, CancelResponse
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -23,7 +23,8 @@ from ..core.arrival import Outcome
 from ..core.board import Board
 from ..core.calibration_task import CalibrationTask
 from ..core.move_task import MoveTask
-from ..interface import CALIBRATE, MOVE, Endpoint
+from ..core.poses import PoseTask
+from ..interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
 from .member import Member
 from .messages import bounded, doubles, optional
 
@@ -32,18 +33,24 @@ PERIOD = 0.05
 #: s for which the result of a goal can still be asked for.
 RESULT_KEPT = 60
 
-Task = MoveTask | CalibrationTask
+Task = MoveTask | CalibrationTask | PoseTask
+#: What starts a task, with the board held between two cycles.
+Begin = Callable[[Board], Task]
 
 
-def start_move(board: Board, request: Any) -> MoveTask:
-    """Start what a goal of ~/move asks for."""
-    joints = bounded(request.names, board.count)
-    return MoveTask(board, joints, request.positions, optional(request.speeds))
+def move(request: Any) -> Begin:
+    """What starts a goal of ~/move."""
+    return lambda board: MoveTask(
+        board,
+        bounded(request.names, board.count),
+        request.positions,
+        optional(request.speeds),
+    )
 
 
-def start_calibration(board: Board, request: Any) -> CalibrationTask:
-    """Start what a goal of ~/calibrate asks for."""
-    return CalibrationTask(board, bounded(request.names, board.count))
+def calibration(request: Any) -> Begin:
+    """What starts a goal of ~/calibrate."""
+    return lambda board: CalibrationTask(board, bounded(request.names, board.count))
 
 
 def feedback_of(board: Board, task: Task) -> Any:
@@ -54,6 +61,8 @@ def feedback_of(board: Board, task: Task) -> Any:
             positions=doubles(board.get_encoder(task.names)),
             remaining_time=task.remaining_time(),
         )
+    if isinstance(task, PoseTask):
+        return GoToPose.Feedback(names=list(task.names), remaining=doubles(task.remaining()))
     statuses = task.statuses()
     phases = dict.fromkeys(status.phase for status in statuses if status.running)
     return Calibrate.Feedback(
@@ -79,27 +88,34 @@ class Actions:
         node: to serve from.
         member: whose board moves.
         warn: takes what keeps a goal waiting and what repeats are called, for the throttled log.
+        go_to_pose: gives what starts a goal of ~/go_to_pose.
     """
 
-    def __init__(self, node: Node, member: Member, warn: Callable[[str, str], None]) -> None:
+    def __init__(
+        self,
+        node: Node,
+        member: Member,
+        warn: Callable[[str, str], None],
+        go_to_pose: Callable[[Any], Begin],
+    ) -> None:
         self._member, self._warn = member, warn
         self._goals: list[Goal] = []
         self._servers: Sequence[ActionServer] = [
-            self._server(node, MOVE, start_move),
-            self._server(node, CALIBRATE, start_calibration),
+            self._server(node, MOVE, move),
+            self._server(node, CALIBRATE, calibration),
+            self._server(node, GO_TO_POSE, go_to_pose),
         ]
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)
 
-    def _server(
-        self, node: Node, action: Endpoint, start: Callable[[Board, Any], Task]
-    ) -> ActionServer:
+    def _server(self, node: Node, action: Endpoint, start: Callable[[Any], Begin]) -> ActionServer:
         kind = action.load()
 
         async def execute(handle: Any) -> Any:
             try:
+                begin = start(handle.request)
                 with self._member.exclusive() as board:
-                    task = start(board, handle.request)
+                    task = begin(board)
             except ValueError as error:
                 handle.abort()
                 return kind.Result(success=False, message=str(error))

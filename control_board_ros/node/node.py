@@ -14,10 +14,12 @@ from rclpy.node import Node
 
 from ..core.config import BoardConfig
 from ..settings.loading import Settings
+from ..settings.user_poses import UserPoses
 from .actions import Actions
 from .follow_trajectory import FollowTrajectory
 from .member import Member
 from .parameters import Parameters
+from .poses import Poses
 from .publishing import StatePublisher
 from .reporter import Reporter
 from .services import Services
@@ -52,7 +54,10 @@ class BoardNode:
         self._trajectories = TrajectoryTopic(member, reporter.warn)
         follower = self._trajectories.follower
         self._services = Services(member, plant, injection, self._later, follower.stop)
-        reporter.offer_services(self._services)
+        self._poses = Poses(
+            member, settings.board.names, settings.poses, UserPoses(settings.urdf.name)
+        )
+        reporter.offer_services(self._services, self._poses)
         self._commands = CommandTopics(
             member,
             plant,
@@ -61,7 +66,7 @@ class BoardNode:
             warn=reporter.warn,
         )
         self._subscriptions = reporter.subscribe(self._commands.callbacks().items())
-        self._actions = Actions(node, member, reporter.warn)
+        self._actions = Actions(node, member, reporter.warn, self._poses.move)
         self._follow_trajectory = FollowTrajectory(node, member, follower, reporter.on_error)
 
     def publish(self) -> None:

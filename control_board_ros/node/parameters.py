@@ -25,6 +25,7 @@ from rclpy.parameter import Parameter as RosParameter
 from ..core.config import BoardConfig
 from ..settings.loading import Settings, load_layers
 from ..settings.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
+from ..settings.poses import POSITION_ROW, SPEED, SPEED_ROW, values_of
 from ..settings.schema import BOARD, JOINT, JOINT_DEFAULTS, Kind, Parameter
 
 NODE = "control_board"
@@ -189,6 +190,9 @@ class Parameters:
             name = f"{JOINT_DEFAULTS}.{row.name}"
             if name in values:
                 found.append((name, values[name], descriptor(row, fixed=True)))
+        for name, value in values_of(self.settings.poses).items():
+            row = SPEED_ROW if name.endswith(f".{SPEED}") else POSITION_ROW
+            found.append((name, value, descriptor(row, fixed=True)))
         return found
 
     def _refusal(self, parameters: list[RosParameter]) -> str:

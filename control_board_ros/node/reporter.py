@@ -57,10 +57,11 @@ class Reporter:
         """Tell how often what was held back was repeated; to be called once a second."""
         self._throttled.flush()
 
-    def offer_services(self, callbacks: Any) -> None:
-        """Offer every service of a board: ``callbacks`` has a method of each one's name."""
+    def offer_services(self, *offered: Any) -> None:
+        """Offer every service of a board: one of ``offered`` has a method of each one's name."""
         for service in SERVICES:
-            callback = self._answering(service, getattr(callbacks, service.short))
+            by = next(one for one in offered if hasattr(one, service.short))
+            callback = self._answering(service, getattr(by, service.short))
             self._node.create_service(
                 service.load(), service.name, callback, qos_profile=service.qos.profile()
             )

@@ -11,6 +11,7 @@ from typing import Any
 from ..core.parameter import Parameter
 from ..description.urdf import Urdf
 from .params_file import Entry, Layer, SettingsError, shown
+from .poses import known_names
 from .schema import BOARD_BY_NAME, JOINT, JOINT_DEFAULTS, find_row
 from .values import convert
 
@@ -72,6 +73,7 @@ def _row(name: str, entry: Entry, joints: Sequence[str]) -> Parameter:
         owners = (JOINT_DEFAULTS, *joints)
         known = [*BOARD_BY_NAME, JOINT_DEFAULTS]
         known += [f"{owner}.{row.name}" for owner in owners for row in JOINT]
+        known += known_names(name, joints)
         raise SettingsError(f"{entry.where}: {unknown(name, known)}")
     return row
 

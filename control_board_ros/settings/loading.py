@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.config import BoardConfig, ConfigError
+from ..core.poses import Pose
 from ..description.derive import complete
 from ..description.robots import ROBOTS, load_robot
 from ..description.urdf import Urdf, UrdfError
@@ -26,6 +27,7 @@ from ..sim.config import DEFAULT_PHYSICS, SimulationConfig
 from . import build
 from .layers import joints_of, merged, robot_of, typed, unknown, without_ros
 from .params_file import Entry, Layer, SettingsError, read_file
+from .poses import poses_of, values_of
 from .schema import BOARD, JOINT, JOINT_DEFAULTS, Parameter, find_row
 from .shipped import find_config
 from .values import convert
@@ -49,6 +51,7 @@ class Settings:
         warnings: What may be wrong; one line each.
         notes: What was assumed; one line each.
         where: The origin of each given value.
+        poses: Those of the configuration, by name; home and park are always there (R5).
     """
 
     board: BoardConfig
@@ -59,6 +62,7 @@ class Settings:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     where: dict[str, str] = field(default_factory=dict)
+    poses: dict[str, Pose] = field(default_factory=dict)
 
     @property
     def description(self) -> str:
@@ -166,9 +170,11 @@ def _settings(entries: Mapping[str, Entry], urdf: Urdf, ros: dict[str, Any]) -> 
     values["joints"] = list(names)
     defaults = {name for name in entries if name.startswith(JOINT_DEFAULTS + ".")}
     values |= {name: entries[name].value for name in defaults}
-    warnings = urdf.warnings + assumed.warnings + _slow(rate)
+    poses, beyond = poses_of(entries, board, {name: values[f"{name}.home"] for name in names})
+    values |= values_of(poses)
+    warnings = urdf.warnings + assumed.warnings + _slow(rate) + beyond
     notes = () if values["robot"] in ROBOTS else assumed.notes
-    return Settings(board, simulation, urdf, values, ros, warnings, notes, where)
+    return Settings(board, simulation, urdf, values, ros, warnings, notes, where, poses)
 
 
 def _values(

@@ -16,6 +16,7 @@ from ..core.config import BoardConfig, JointConfig
 from ..core.parameter import Bound, Kind, Parameter, parameters_of, parts_of
 from ..core.vocabs import Vocab
 from ..sim.config import JointSimulation, SimulationConfig
+from .poses import pose_row
 
 __all__ = [
     "BOARD",
@@ -97,6 +98,13 @@ NODE = (
         default=False,
         text="Offer ~/inject_fault; for tests, in simulation",
     ),
+    Parameter(
+        name="park_on_exit",
+        kind=Kind.BOOL,
+        default=False,
+        text="Go to the pose park at the first SIGINT or SIGTERM, then end; a second one ends "
+        "at once (R6)",
+    ),
 )
 
 
@@ -143,6 +151,8 @@ def find_row(name: str, joints: Iterable[str]) -> Parameter | None:
     """The row of a full parameter name, None where there is none."""
     if name in BOARD_BY_NAME:
         return BOARD_BY_NAME[name]
+    if (row := pose_row(name, joints)) is not None:
+        return row
     for owner in (JOINT_DEFAULTS, *joints):
         if name.startswith(owner + "."):
             row = JOINT_BY_NAME.get(name[len(owner) + 1 :])

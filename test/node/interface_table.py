@@ -47,6 +47,8 @@ SERVICES = {
     "~/get_references": "control_board_msgs/srv/GetReferences",
     "~/stop": "control_board_msgs/srv/Stop",
     "~/get_faults": "control_board_msgs/srv/GetFaults",
+    "~/list_poses": "control_board_msgs/srv/ListPoses",
+    "~/save_pose": "control_board_msgs/srv/SavePose",
     "~/configure": "std_srvs/srv/Trigger",
     "~/power_cycle": "std_srvs/srv/Trigger",
     "~/inject_fault": "control_board_msgs/srv/InjectFault",
@@ -59,5 +61,6 @@ SERVICES = {
 ACTIONS = {
     "~/calibrate": "control_board_msgs/action/Calibrate",
     "~/move": "control_board_msgs/action/Move",
+    "~/go_to_pose": "control_board_msgs/action/GoToPose",
     "~/follow_joint_trajectory": "control_msgs/action/FollowJointTrajectory",
 }

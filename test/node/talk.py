@@ -85,11 +85,11 @@ class Talker:
                 if time.monotonic() > deadline:
                     raise
 
-    def call(self, name: str, kind: Any, timeout: float = TIMEOUT, **request: Any) -> Any:
+    def call(self, name: str, kind: Any, /, timeout: float = TIMEOUT, **request: Any) -> Any:
         """Call ``~/name`` and return its response."""
         return self.answer(self.ask(name, kind, **request), timeout)
 
-    def ask(self, name: str, kind: Any, **request: Any) -> Future:
+    def ask(self, name: str, kind: Any, /, **request: Any) -> Future:
         """Call ``~/name`` without waiting."""
         if name not in self._clients:
             self._clients[name] = self.node.create_client(

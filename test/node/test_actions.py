@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The actions ~/move and ~/calibrate, and ~/joint_trajectory."""
+"""The actions ~/move, ~/go_to_pose and ~/calibrate, and ~/joint_trajectory."""
 
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Duration, Time
 from control_board_msgs import msg, srv
-from control_board_msgs.action import Calibrate, Move
+from control_board_msgs.action import Calibrate, GoToPose, Move
 from std_srvs.srv import SetBool
 from talk import Talker, stamp_of, until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -120,6 +121,102 @@ def test_another_move_ends_the_first(talker: Talker) -> None:
     status, answer = result(talker, handle)
     assert status == GoalStatus.STATUS_ABORTED
     assert "another move" in answer.message
+
+
+def test_go_to_pose_ends_there_with_feedback(talker: Talker) -> None:
+    """R5: its feedback is what is left to go, of each joint; it falls to 0."""
+    feedback: list[Any] = []
+    handle = talker.goal("go_to_pose", GoToPose, feedback, pose="park", speed=0.8)
+    status, answer = result(talker, handle)
+    assert (status, answer.success) == (GoalStatus.STATUS_SUCCEEDED, True)
+    assert list(talker.state().position) == pytest.approx([0.0] * 7, abs=0.02)
+    assert list(feedback[0].names) == talker.names
+    assert feedback[0].remaining[1] < -0.4  # from 0.5
+    left = [abs(one.remaining[1]) for one in feedback]
+    assert left == sorted(left, reverse=True)
+    assert left[-1] < 0.02
+
+
+def test_cancelling_a_pose_stops_the_joints(talker: Talker) -> None:
+    """R5: as a move."""
+    handle = talker.goal("go_to_pose", GoToPose, pose="park", speed=0.3)
+    talker.state(lambda s: s.position[1] < 0.48)
+    assert talker.answer(talker.within(handle.cancel_goal_async)).goals_canceling
+    status, answer = result(talker, handle)
+    assert (status, answer.success) == (GoalStatus.STATUS_CANCELED, False)
+    assert "stopped" in answer.message
+    assert talker.state(lambda s: s.motion_done[1]).position[1] > 0.1
+
+
+def test_a_pose_is_refused_whole(talker: Talker) -> None:
+    """R5: joints in another mode are all named, nothing moves; an unknown pose has a hint."""
+    assert talker.set_mode(talker.names[2:4], "vel", "idl").success
+    before = talker.state().position_reference
+    status, answer = result(talker, talker.goal("go_to_pose", GoToPose, pose="park"))
+    assert status == GoalStatus.STATUS_ABORTED
+    assert f"{talker.names[2]} is in VELOCITY" in answer.message
+    assert f"{talker.names[3]} is in IDLE" in answer.message
+    assert talker.state().position_reference[1] == before[1]
+    status, answer = result(talker, talker.goal("go_to_pose", GoToPose, pose="prak"))
+    assert status == GoalStatus.STATUS_ABORTED
+    assert answer.message == "pose 'prak' unknown; did you mean 'park'? poses: home, park"
+
+
+def test_poses_are_listed_and_saved(talker: Talker) -> None:
+    """R5: the configuration's, then the user's; as measured, or as given; in the user's file."""
+    listed = talker.call("list_poses", srv.ListPoses)
+    assert (listed.success, list(listed.poses)) == (True, ["home", "park"])
+    assert not listed.names
+    home = talker.call("list_poses", srv.ListPoses, name="home")
+    assert list(home.names) == talker.names
+    assert list(home.positions) == [0.0, 0.5, 0.0, -1.2, 0.0, 0.9, 0.0]
+    saved = talker.call("save_pose", srv.SavePose, name="here")
+    assert saved.success, saved.message
+    assert list(saved.poses) == ["home", "park", "here"]
+    assert "control_board_ros/poses/" in saved.message
+    here = talker.call("list_poses", srv.ListPoses, name="here")
+    assert list(here.positions) == pytest.approx(list(home.positions), abs=0.02)
+    wrist = talker.names[6:]
+    given = {"names": wrist, "positions": [0.4], "speed": 1.0}
+    assert talker.call("save_pose", srv.SavePose, name="turned", **given).success
+    assert result(talker, talker.goal("go_to_pose", GoToPose, pose="turned"))[1].success
+    assert talker.state().position[6] == pytest.approx(0.4, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("request_", "text"),
+    [
+        ({"name": "home"}, "pose 'home' is one of the configuration"),
+        ({"name": "../up"}, "is no name"),
+        ({"name": "p", "names": ["elbow"]}, "'elbow' unknown"),
+        ({"name": "p", "positions": [0.0] * 8}, "8 positions for 7 joints"),
+        ({"name": "p", "positions": [0.0] * 6 + [9.0]}, "outside its limits"),
+    ],
+)
+def test_a_pose_that_is_wrong_is_not_saved(
+    talker: Talker, request_: dict[str, Any], text: str
+) -> None:
+    answer = talker.call("save_pose", srv.SavePose, **request_)
+    assert not answer.success
+    assert text in answer.message
+    assert "p" not in talker.call("list_poses", srv.ListPoses).poses
+
+
+def test_a_broken_pose_file_is_told(talker: Talker, board: BoardProcess) -> None:
+    """Those of the configuration are there all the same."""
+    folder = Path(board.environment["XDG_CONFIG_HOME"], "control_board_ros", "poses")
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / "lbr_iiwa.yaml"
+    kept = file.read_text() if file.exists() else ""
+    file.write_text("wave: 3\n")
+    try:
+        listed = talker.call("list_poses", srv.ListPoses)
+        assert (listed.success, list(listed.poses)) == (False, ["home", "park"])
+        assert listed.message.startswith(f"{file}:1: wave: is no pose")
+        handle = talker.goal("go_to_pose", GoToPose, pose="home", speed=1.0)
+        assert result(talker, handle)[1].success
+    finally:
+        file.write_text(kept)
 
 
 def test_services_answer_during_a_move(talker: Talker) -> None:

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Poses: named joint positions, and the move to one, all joints arriving together (SPEC R5).
+
+::
+
+    task = PoseTask(board, Pose("park", ("shoulder", "elbow"), (0.0, 1.2), speed=0.3))
+    while (outcome := task.outcome()) is None:
+        plant.write(board.tick(plant.read()))
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ..protocols import Floats
+from .arrival import TOLERANCES, Outcome, unit
+from .board import Board
+from .commands import WORTH_A_WORD
+from .explanations import explain_slower
+from .move_task import MoveTask, takes_moves
+from .reply import position_text
+from .selection import RequestError
+from .vocabs import ControlMode
+
+#: Poses that every robot has.
+HOME, PARK = "home", "park"
+#: What a pose may be called.
+NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Named joint positions.
+
+    Attributes: name, joints (names), positions (one per joint, rad or m), speed (mean speed of
+    the slowest joint, rad/s or m/s; 0: the reference speeds that are set).
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    positions: tuple[float, ...]
+    speed: float = 0.0
+
+    def of(self, names: Collection[str]) -> Pose | None:
+        """The part of it that is of these joints; None where nothing is left."""
+        kept = [
+            (joint, position)
+            for joint, position in zip(self.joints, self.positions, strict=True)
+            if joint in names
+        ]
+        if not kept:
+            return None
+        joints, positions = zip(*kept, strict=True)
+        return replace(self, joints=joints, positions=positions)
+
+
+class Plan(NamedTuple):
+    """A move to a pose: how long it lasts, s, and what limits made of the speed asked for."""
+
+    time: float
+    note: str
+
+
+class PoseTask:
+    """The move to a pose, started for all of its joints or for none.
+
+    Args:
+        board: which moves; joints of several boards move as one where it stands for them all.
+        pose: where to.
+        speed: mean speed of the slowest joint, rad/s or m/s; 0: the pose's.
+
+    Raises:
+        RequestError: a joint cannot move, or the speed is none; nothing has changed.
+
+    Attributes: names (of the joints).
+    """
+
+    def __init__(self, board: Board, pose: Pose, speed: float = 0.0) -> None:
+        self._board = board
+        self.names = board.selector.select(pose.joints).names
+        require_moves(board, pose)
+        positions = np.array(pose.positions)
+        plan = plan_move(board, pose, speed)
+        self._move = MoveTask(board, self.names, positions, time=plan.time, note=plan.note)
+        self._targets = board.get_target_position(self.names)
+
+    def outcome(self) -> Outcome | None:
+        """How it ended, or None while it is under way."""
+        return self._move.outcome()
+
+    def remaining(self) -> Floats:
+        """Distances still to go, with their sign, rad or m, one per joint."""
+        return self._targets - self._board.get_encoder(self.names)
+
+    def remaining_time(self) -> float:
+        """Time until the joints arrive, s."""
+        return self._move.remaining_time()
+
+    def cancel(self) -> str:
+        """Stop the joints that still do this move; what they do now."""
+        return self._move.cancel()
+
+
+def plan_move(board: Board, pose: Pose, speed: float = 0.0) -> Plan:
+    """How long the move to a pose lasts: T = max over joints of their own times (P1).
+
+    The slowest joint moves at the mean speed asked for, the others as slowly as they must.
+
+    Raises:
+        RequestError: the speed is none.
+    """
+    if not (math.isfinite(speed) and speed >= 0.0):
+        raise RequestError(f"speed {speed:g} is not valid; above 0, or 0 for that of the pose")
+    asked = speed or pose.speed
+    speeds = board.get_ref_speed(pose.joints)
+    if asked:
+        speeds = np.full(len(pose.joints), asked)
+    times = board.get_move_time(pose.joints, np.array(pose.positions), speeds)
+    k = int(np.argmax(times))
+    time = float(times[k])
+    joint = board.config.joints[int(board.selector.select(pose.joints[k]).joints[0])]
+    start = float(board.snapshot().position_reference[board.names.index(joint.name)])
+    target = min(max(pose.positions[k], joint.limits.lower), joint.limits.upper)
+    way, rate = abs(target - start), float(speeds[k])
+    slow = way < 0.99 * rate * time and way > WORTH_A_WORD[joint.kind]
+    return Plan(time, explain_slower(joint, way, rate, time) if slow else "")
+
+
+def require_moves(board: Board, pose: Pose) -> None:
+    """Refuse unless every joint of a pose takes position moves.
+
+    Raises:
+        RequestError: naming every joint that does not, its mode, and the next step.
+    """
+    modes = board.get_control_mode(pose.joints)
+    pairs = zip(pose.joints, modes, strict=True)
+    others = {name: mode for name, mode in pairs if not takes_moves(mode)}
+    if others:
+        where = told_by_mode(board, others)
+        step = way_out(others, board.names)
+        raise RequestError(f"{pose.name} is a POSITION move, and {where}; {step}")
+
+
+def told_by_mode(board: Board, modes: dict[str, ControlMode]) -> str:
+    """``a, b are in IDLE, c is in HW_FAULT (overcurrent …)``: every joint is named."""
+    texts = []
+    for mode in dict.fromkeys(modes.values()):
+        names = [name for name, its in modes.items() if its is mode]
+        active = [fault.text for fault in board.get_faults(names) if fault.active]
+        why = f" ({'; '.join(dict.fromkeys(active))})" if mode is ControlMode.HW_FAULT else ""
+        texts.append(f"{', '.join(names)} {'are' if len(names) > 1 else 'is'} in {mode.name}{why}")
+    return ", ".join(texts)
+
+
+def way_out(modes: dict[str, ControlMode], everyone: Sequence[str]) -> str:
+    """What to type so that these joints take position moves."""
+    words = "all" if len(modes) == len(everyone) else " ".join(modes)
+    faulty = [name for name, mode in modes.items() if mode is ControlMode.HW_FAULT]
+    if faulty:
+        first = f"clear with: cbctl clear {' '.join(faulty)}, then "
+    elif ControlMode.CALIBRATING in modes.values():
+        first = "wait until they have calibrated, then "
+    elif ControlMode.NOT_CONFIGURED in modes.values():
+        first = "configure with: cbctl configure, then "
+    else:
+        first = ""
+    return f"{first}switch with: cbctl mode {words} pos"
+
+
+def pose_now(board: Board, name: str, joints: Sequence[str], speed: float = 0.0) -> Pose:
+    """The pose in which joints are measured to be.
+
+    Raises:
+        RequestError: a joint has no reading, or is outside its software limits.
+    """
+    chosen = board.selector.select(joints)
+    positions = board.get_encoder(chosen.names).tolist()
+    for k, j in enumerate(chosen.joints.tolist()):
+        joint = board.config.joints[j]
+        low, high, slack = joint.limits.lower, joint.limits.upper, TOLERANCES[joint.kind]
+        if low - slack <= positions[k] <= high + slack:  # a joint held at a limit is within
+            positions[k] = min(max(positions[k], low), high)
+    return made_pose(board, name, chosen.names, positions, speed)
+
+
+def made_pose(
+    board: Board, name: str, joints: Sequence[str], positions: Sequence[float], speed: float = 0.0
+) -> Pose:
+    """A pose of a board's joints, checked.
+
+    Raises:
+        RequestError: an unknown joint, or a value that is not allowed; what would be.
+    """
+    if not NAME.fullmatch(name):
+        raise RequestError(f"pose {name[:80]!r}: is no name; up to 64 letters, digits and _ are")
+    chosen = board.selector.select(joints)
+    if len(positions) != len(chosen.names):
+        raise RequestError(
+            f"pose {name!r}: {len(positions)} positions for {len(chosen.names)} joints; give each "
+            "joint one, or none for as measured"
+        )
+    if not (math.isfinite(speed) and speed >= 0.0):
+        raise RequestError(
+            f"pose {name!r}: speed {speed:g} is not valid; above 0, or 0 for the reference speeds"
+        )
+    for j, position in zip(chosen.joints.tolist(), positions, strict=True):
+        joint = board.config.joints[j]
+        low, high = joint.limits.lower, joint.limits.upper
+        if not low <= position <= high:
+            shown, least, most = (position_text(joint.kind, q) for q in (position, low, high))
+            raise RequestError(
+                f"pose {name!r}: {joint.name} at {shown} is outside its limits, {least} to {most} "
+                f"({low:.6g} to {high:.6g} {unit(joint.kind)})"
+            )
+    return Pose(name, chosen.names, tuple(float(q) for q in positions), float(speed))

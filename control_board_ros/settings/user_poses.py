@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The poses that a user saves, in a file of the user's: one file per robot.
+
+``$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml``, ``~/.config`` where that is not set::
+
+    ready: {speed: 0.3, positions: {shoulder: 0.5, elbow: 1.2}}
+
+The file is read anew each time, since boards of one robot share it, and replaced whole.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import re
+import tempfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..core.poses import NAME, Pose
+from ..core.selection import RequestError
+from .params_file import SIZE_CAP
+from .yaml_tree import Leaf, SettingsError, parse_yaml, shown
+from .yaml_tree import Mapping as Tree
+
+#: So many poses are enough for anybody; more would not be read again.
+MOST = 100
+HEAD = "# Poses of {robot}, saved by ~/save_pose and `cbctl pose save`; rad, rad/s; m, m/s.\n"
+FORM = "write NAME: {speed: 0.0, positions: {joint: 0.5}}"
+
+
+def pose_file(robot: str) -> Path:
+    """The file of a robot's user poses."""
+    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    stem = re.sub(r"[^A-Za-z0-9_.-]", "_", robot).strip(".") or "robot"
+    return Path(base) / "control_board_ros" / "poses" / f"{stem}.yaml"
+
+
+class UserPoses:
+    """The poses of a user for one robot.
+
+    Args:
+        robot: its name.
+
+    Attributes: path (of the file, which need not exist).
+    """
+
+    def __init__(self, robot: str) -> None:
+        self.robot, self.path = robot, pose_file(robot)
+
+    def read(self) -> dict[str, Pose]:
+        """All poses by name, in the order of the file; none where there is no file.
+
+        Raises:
+            RequestError: the file cannot be read or is no such file; one line.
+        """
+        try:
+            with self.path.open("rb") as file:
+                data = file.read(SIZE_CAP + 1)
+        except FileNotFoundError:
+            return {}
+        except OSError as error:
+            raise RequestError(f"{self.path}: cannot be read ({error.strerror})") from None
+        if len(data) > SIZE_CAP:
+            raise RequestError(f"{self.path}: larger than {SIZE_CAP >> 20} MiB; no poses are")
+        try:
+            return poses_in(data.decode(), str(self.path))
+        except UnicodeDecodeError:
+            raise RequestError(f"{self.path}: is not UTF-8 text; save it as UTF-8") from None
+        except SettingsError as error:
+            raise RequestError(str(error)) from None
+
+    def save(self, pose: Pose) -> dict[str, Pose]:
+        """Add a pose, or replace one; all poses.
+
+        Raises:
+            RequestError: the file cannot be read or written, or is full; nothing has changed.
+        """
+        try:
+            with self._locked():
+                poses = self.read() | {pose.name: pose}
+                if len(poses) > MOST:
+                    raise RequestError(f"{self.path}: holds {MOST} poses already; delete some")
+                self._write(text_of(self.robot, poses))
+        except OSError as error:
+            raise RequestError(
+                f"{self.path}: cannot be written ({error.strerror}); "
+                "make the folder writable, or set XDG_CONFIG_HOME"
+            ) from None
+        return poses
+
+    @contextlib.contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Keep other processes from saving meanwhile."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with (self.path.parent / f".{self.path.name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
+    def _write(self, text: str) -> None:
+        """Replace the file at once: a reader sees the old one or the new one."""
+        handle, name = tempfile.mkstemp(dir=self.path.parent, prefix=".", suffix=".yaml")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(handle)
+            Path(name).replace(self.path)
+        except OSError:
+            Path(name).unlink(missing_ok=True)
+            raise
+
+
+def text_of(robot: str, poses: Mapping[str, Pose]) -> str:
+    """The file that holds some poses."""
+    tree = {
+        pose.name: {
+            "speed": pose.speed,
+            "positions": dict(zip(pose.joints, pose.positions, strict=True)),
+        }
+        for pose in poses.values()
+    }
+    return HEAD.format(robot=robot) + yaml.safe_dump(tree, sort_keys=False, allow_unicode=True)
+
+
+def poses_in(text: str, source: str) -> dict[str, Pose]:
+    """The poses that a text has.
+
+    Raises:
+        SettingsError: it is none of ours; one line with the line's number.
+    """
+    tree = parse_yaml(text, source)
+    if tree is None:
+        return {}
+    if not isinstance(tree, Tree):
+        raise SettingsError(f"{source}:{tree.line}: is no mapping; {FORM}")
+    poses = {}
+    for name, node in tree.items.items():
+        if not NAME.fullmatch(name):
+            raise SettingsError(
+                f"{source}:{node.line}: pose {shown(name)}: is no name; letters, digits and _ are"
+            )
+        if not isinstance(node, Tree) or set(node.items) - {"speed", "positions"}:
+            raise SettingsError(f"{source}:{node.line}: {name}: is no pose; {FORM}")
+        positions = node.items.get("positions")
+        if not isinstance(positions, Tree) or not positions.items:
+            raise SettingsError(f"{source}:{node.line}: {name}: has no positions; {FORM}")
+        speed = number(node.items.get("speed", Leaf(0.0, node.line)), f"{name}.speed", source)
+        if speed < 0.0:
+            raise SettingsError(f"{source}:{node.line}: {name}.speed: {speed:g} is below 0")
+        joints = {
+            joint: number(leaf, f"{name}.positions.{joint}", source)
+            for joint, leaf in positions.items.items()
+        }
+        poses[name] = Pose(name, tuple(joints), tuple(joints.values()), speed)
+    return poses
+
+
+def number(node: Any, name: str, source: str) -> float:
+    """A finite number of the file.
+
+    Raises:
+        SettingsError: it is none.
+    """
+    value = getattr(node, "value", None)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
+        raise SettingsError(f"{source}:{node.line}: {name}: {shown(value)} is no number")
+    return float(value)
