@@ -262,10 +262,12 @@ GET_FAULTS = service(
     "~/get_faults", "GetFaults", "Read the last fault of joints, also after it was cleared."
 )
 LIST_POSES = service(
-    "~/list_poses", "ListPoses", "Read the poses that there are; see [Poses](#poses)."
+    "~/list_poses", "ListPoses", "Read which poses there are, and what one of them is made of."
 )
 SAVE_POSE = service(
-    "~/save_pose", "SavePose", "Save a pose of the user's own, also as the joints are now."
+    "~/save_pose",
+    "SavePose",
+    "Save a pose of the user's, or replace one, in the user's own file.",
 )
 CONFIGURE = service(
     "~/configure",
@@ -303,8 +305,7 @@ MOVE = action("~/move", "Move", "Move joints along minimum-jerk profiles and wai
 GO_TO_POSE = action(
     "~/go_to_pose",
     "GoToPose",
-    "Move joints to a named pose, all of them arriving together, and wait for the end; see "
-    "[Poses](#poses).",
+    "Move joints to a named pose, all of them arriving together, and wait for the end.",
 )
 FOLLOW_JOINT_TRAJECTORY = action(
     "~/follow_joint_trajectory",
