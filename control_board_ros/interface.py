@@ -314,7 +314,30 @@ FOLLOW_JOINT_TRAJECTORY = action(
     "[Trajectories](#trajectories).",
 )
 
-#: All of the above, in this order.
+#: What a managed node offers besides (``lifecycle``), by rclpy's own means.
+LIFECYCLE = (
+    service("~/change_state", "lifecycle_msgs/srv/ChangeState", "Ask for a transition."),
+    service("~/get_state", "lifecycle_msgs/srv/GetState", "Read the state of the node."),
+    service("~/get_available_states", "lifecycle_msgs/srv/GetAvailableStates", "List all states."),
+    service(
+        "~/get_available_transitions",
+        "lifecycle_msgs/srv/GetAvailableTransitions",
+        "List the transitions that are possible now.",
+    ),
+    service(
+        "~/get_transition_graph",
+        "lifecycle_msgs/srv/GetAvailableTransitions",
+        "List all transitions.",
+    ),
+    topic(
+        "~/transition_event",
+        "lifecycle_msgs/msg/TransitionEvent",
+        STREAM,
+        "Each step of a transition, from which state to which.",
+    ),
+)
+
+#: All of the above that every board has, in this order.
 ENDPOINTS: tuple[Endpoint, ...] = tuple(
     value for value in list(globals().values()) if isinstance(value, Endpoint)
 )

@@ -15,6 +15,7 @@ from control_board_ros.core.modes import modes_accepting
 from control_board_ros.interface import (
     ACTIONS,
     COMMAND_TOPICS,
+    LIFECYCLE,
     PUBLISHED,
     SERVICES,
     STREAM,
@@ -130,6 +131,29 @@ it is read anew for every request.
 
 """
 
+MANAGED = """\
+With `lifecycle: true` the node is a managed one, for `ros2 lifecycle`, lifecycle managers and
+launch files. It becomes active at its start, unless `autostart` is false; then it waits. In every
+state it publishes its topics: a board without power measures, too. While it is not active, what
+needs power is refused with the reason.
+
+| transition | state it leads to | joints |
+|---|---|---|
+| (start) | unconfigured | NOT_CONFIGURED |
+| configure | inactive | IDLE, without power |
+| activate | active | each calibrates, or goes to its `startup_mode`, or that of its calibrator |
+| deactivate | inactive | IDLE at once, without power; a calibration is aborted |
+| cleanup | unconfigured | NOT_CONFIGURED: a power-on |
+| shutdown | finalized | NOT_CONFIGURED, for good: the process waits for its SIGINT |
+
+A joint in HW_FAULT stays there until FORCE_IDLE or cleanup. `~/configure` is refused while the
+node is unconfigured: the transition is what configures it. `~/power_cycle` and `~/reset` lead the
+joints back to where the state allows. A transition that is not possible is answered with
+`success: false`, and the log says which ones are
+([why so](decisions/0019-managed-nodes-by-rclpy.md)).
+
+"""
+
 TIME = """\
 Every stamp is an offset plus simulated time: stamps never go backwards, and are as far apart
 as the readings. At `real_time_factor` 1 they are the system's time; with another factor at
@@ -221,6 +245,8 @@ def page() -> str:
     ]
     lines += [row(*code) for code in CODES]
     lines += ["", "## Poses", "", POSES.rstrip("\n")]
+    lines += ["", "## Managed nodes", "", MANAGED.rstrip("\n"), ""]
+    lines += [*header("name", "type", "what it is for"), *rows(LIFECYCLE)]
     lines += ["", "## Time", "", TIME]
     lines += ["## Definitions of control_board_msgs", ""]
     lines += ["In Python: `from control_board_msgs.msg import JointModes`; `.srv` and `.action`."]

@@ -31,7 +31,7 @@ from .faults import FaultRecord
 from .limits import BoardLimits
 from .machine import Machine
 from .measurement import Actuation, Measurement, Row
-from .modes import CALIBRATES, CONFIGURED, Event
+from .modes import CALIBRATES, CONFIGURED, Event, Stage
 from .references import References
 from .reply import Reply, accepted, refused
 from .selection import RequestError, Selector, all_within, control_modes, interaction_modes
@@ -186,6 +186,9 @@ class Board(ModeShortcuts):
 
     def configure(self) -> Reply:
         """The whole configuration is in: at its reading a joint leaves NOT_CONFIGURED (N2)."""
+        if self.state.stage is Stage.UNCONFIGURED:
+            text = "the node is unconfigured; use the transition configure of its lifecycle"
+            return refused(text, self.names)
         if all(mode in CONFIGURED for mode in self.state.control_modes):
             text = "the board is configured already; power_cycle takes it back"
             return refused(text, self.names)
@@ -195,6 +198,22 @@ class Board(ModeShortcuts):
     def await_configure(self) -> None:
         """Stay NOT_CONFIGURED until :meth:`configure`, also with autoconfigure (R4)."""
         self.machine.configure_next = False
+
+    def set_stage(self, stage: Stage) -> None:
+        """Let the joints of a managed board go so far, and no further.
+
+        UNCONFIGURED is a power-on that waits; on INACTIVE they are configured (N2) or lose their
+        power; on ACTIVE they calibrate or start, as at N3. A fault stays, except at UNCONFIGURED.
+        """
+        before, self.state.stage = self.state.stage, stage
+        if stage is Stage.UNCONFIGURED:
+            self.power_cycle()
+        elif before is Stage.UNCONFIGURED:
+            self.machine.complete_configuration(blind=self._blind)
+        elif stage is Stage.INACTIVE:
+            self.power_off()
+        elif before is Stage.INACTIVE:
+            self.machine.activate()
 
     def power_cycle(self) -> None:
         """Back to power-on: NOT_CONFIGURED, no power, configured anew with autoconfigure (N1)."""

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from .board import Board
 from .checks import ConfigError
 from .events import Events
-from .modes import CALIBRATES, CONFIGURED
+from .modes import CALIBRATES, CONFIGURED, Stage
 
 Level = tuple[str, ...]
 
@@ -73,7 +73,11 @@ class BringUp:
     def _enter(self, level: int) -> None:
         self._level = level
         for name in self._levels[level]:
-            self._boards[name].configure()
+            board = self._boards[name]
+            if board.state.stage is Stage.INACTIVE:  # managed: configured already
+                board.set_stage(Stage.ACTIVE)
+            else:
+                board.configure()
 
     def _tell(self, failures: Mapping[str, str], waiting: Sequence[str]) -> None:
         why = "; ".join(f"{name}: {text}" for name, text in failures.items())
@@ -81,7 +85,7 @@ class BringUp:
             "error",
             "start-up",
             "",
-            f"start-up stopped, {why}; not configured: {', '.join(waiting)}; remove the cause "
+            f"start-up stopped, {why}; not started: {', '.join(waiting)}; remove the cause "
             "(FORCE_IDLE, then calibrate), and call configure of the robot to go on",
         )
 

@@ -23,7 +23,9 @@ from .modes import (
     STOPPABLE,
     STORES_INTERACTION,
     UNCALIBRATED_MODES,
+    UNPOWERED_MODES,
     Event,
+    Stage,
     Trigger,
     next_mode,
 )
@@ -40,6 +42,7 @@ class Reason(Enum):
     IN_FAULT = auto()
     CALIBRATING = auto()
     UNCALIBRATED = auto()  # K7
+    INACTIVE = auto()  # of a managed board
     NOT_CONFIGURED = auto()  # N4
     UNSUPPORTED = auto()  # M5, I7
     CAUSE_PERSISTS = auto()  # F2
@@ -56,7 +59,8 @@ class Facts:
     """What a decision on one joint rests on.
 
     Attributes: joint (its configuration), mode, interaction, calibrated (K7), fault (its last
-    one), cause (of a fault that is active and would come back now), time (s, of the reading).
+    one), cause (of a fault that is active and would come back now), time (s, of the reading),
+    stage (of the board).
     """
 
     joint: JointConfig
@@ -66,12 +70,24 @@ class Facts:
     fault: FaultRecord
     cause: Cause | None
     time: float
+    stage: Stage = Stage.ACTIVE
 
     @property
     def lacks_calibration(self) -> bool:
         """Whether the joint requires a calibration and has none (K7)."""
         calibration = self.joint.calibration
         return calibration is not None and calibration.required and not self.calibrated
+
+    @property
+    def inactive(self) -> bool:
+        """Whether the joint may have no power."""
+        return self.stage is not Stage.ACTIVE
+
+    def withholds(self, wanted: ControlMode) -> bool:
+        """Whether a mode is out of reach as long as the joint is not calibrated, or inactive."""
+        return (self.lacks_calibration and wanted not in UNCALIBRATED_MODES) or (
+            self.inactive and wanted not in UNPOWERED_MODES
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +105,8 @@ class Verdict:
 
 FINE = Verdict(Answer.ACCEPTED)
 
-#: Why a joint in such a mode takes no request; absent: it does, unless it lacks a calibration.
+#: Why a joint in such a mode takes no request; absent: it does, unless it is inactive or lacks a
+#: calibration.
 UNAVAILABLE = {
     ControlMode.HW_FAULT: Reason.IN_FAULT,
     ControlMode.CALIBRATING: Reason.CALIBRATING,
@@ -119,7 +136,7 @@ def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
     if trigger is wanted and wanted not in facts.joint.control_modes:
         trigger = Event.UNSUPPORTED
     target = next_mode(facts.mode, trigger)
-    if target is None or (facts.lacks_calibration and wanted not in UNCALIBRATED_MODES):
+    if target is None or facts.withholds(wanted):
         return _refused(facts)
     if trigger is Event.UNSUPPORTED:
         return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, trigger)
@@ -143,7 +160,8 @@ def _decide_calibration(facts: Facts) -> Verdict:
     """K1, N4."""
     if facts.joint.calibration is None:
         return Verdict(Answer.REFUSED, Reason.NO_CALIBRATOR)
-    if facts.mode not in CONFIGURED or next_mode(facts.mode, Event.CALIBRATE) is None:
+    allowed = facts.mode in CONFIGURED and not facts.inactive
+    if not allowed or next_mode(facts.mode, Event.CALIBRATE) is None:
         return _refused(facts)
     return Verdict(Answer.ACCEPTED, effect=Event.CALIBRATE)
 
@@ -196,4 +214,6 @@ def _unavailable(facts: Facts, otherwise: Reason) -> Reason:
     """Why a joint in its mode takes nothing; ``otherwise`` where the mode is not the reason."""
     if facts.mode in UNAVAILABLE:
         return UNAVAILABLE[facts.mode]
+    if facts.inactive:
+        return Reason.INACTIVE
     return Reason.UNCALIBRATED if facts.lacks_calibration else otherwise

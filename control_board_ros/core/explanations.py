@@ -11,9 +11,19 @@ from collections.abc import Callable
 
 from .config import JointConfig
 from .decisions import Facts, Reason, Wanted
-from .modes import Event, modes_accepting
+from .modes import Event, Stage, modes_accepting
 from .reply import position_text, quantity
 from .vocabs import CommandKind, ControlMode, InteractionMode
+
+ACTIVATE = "activate it first (transition activate of its lifecycle)"
+
+
+def how_to_configure(facts: Facts) -> str:
+    """What lets a joint leave NOT_CONFIGURED (N2)."""
+    if facts.stage is Stage.UNCONFIGURED:
+        return "configure its node first (transition configure of its lifecycle)"
+    return "configure the board first (service configure)"
+
 
 #: Why a request for a joint is not carried out.
 REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
@@ -29,7 +39,10 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
         f"calibrate it first: cbctl calibrate {facts.joint.name}"
     ),
     Reason.NOT_CONFIGURED: lambda facts, _: (
-        f"{facts.joint.name} is {facts.mode.name}; configure the board first (service configure)"
+        f"{facts.joint.name} is {facts.mode.name}; {how_to_configure(facts)}"
+    ),
+    Reason.INACTIVE: lambda facts, _: (
+        f"{facts.joint.name} has no power while its node is inactive; {ACTIVATE}"
     ),
     Reason.UNSUPPORTED: lambda facts, wanted: (
         f"{facts.joint.name} does not implement {asked(wanted)} and is now in HW_FAULT; "
@@ -41,10 +54,10 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
     ),
 }
 
-#: Why a stop does nothing to a joint.
-STOP_TEXTS: dict[ControlMode, str] = {
-    ControlMode.CALIBRATING: "abort it with FORCE_IDLE, or wait until it is done",
-    ControlMode.NOT_CONFIGURED: "configure the board first (service configure)",
+#: What to do where a stop does nothing to a joint.
+STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
+    ControlMode.CALIBRATING: lambda _: "abort it with FORCE_IDLE, or wait until it is done",
+    ControlMode.NOT_CONFIGURED: how_to_configure,
 }
 STOP_OTHERWISE = "set idl to take its power"
 
@@ -56,7 +69,7 @@ def explain(reason: Reason, facts: Facts, wanted: Wanted) -> str:
 
 def explain_stop(facts: Facts) -> str:
     """Why a stop did nothing to a joint."""
-    advice = STOP_TEXTS.get(facts.mode, STOP_OTHERWISE)
+    advice = STOP_TEXTS[facts.mode](facts) if facts.mode in STOP_TEXTS else STOP_OTHERWISE
     return f"{facts.joint.name} is {facts.mode.name}, where stop does nothing; {advice}"
 
 
@@ -128,17 +141,26 @@ def range_text(what: str | None, value: float, most: float) -> str:
     return f"{what} must be above 0 and up to {most:{digits}}, not {value:{digits}}"
 
 
+#: Why a joint takes no references, whatever their kind.
+WITHHELD_TEXTS: dict[Reason, Callable[[Facts], str]] = {
+    Reason.IN_FAULT: lambda facts: (
+        f"mode is {facts.mode.name} ({facts.fault.text}); "
+        f"clear it with: cbctl clear {facts.joint.name}"
+    ),
+    Reason.NOT_CONFIGURED: lambda facts: f"mode is {facts.mode.name}; {how_to_configure(facts)}",
+    Reason.INACTIVE: lambda _: f"its node is inactive; {ACTIVATE}",
+    Reason.CALIBRATING: lambda facts: f"mode is {facts.mode.name}; wait until it is done",
+    Reason.UNCALIBRATED: lambda facts: (
+        f"it is not calibrated; calibrate it first: cbctl calibrate {facts.joint.name}"
+    ),
+}
+
+
 def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
     """Why a joint takes no references of a kind now, and what to do."""
+    if reason in WITHHELD_TEXTS:
+        return WITHHELD_TEXTS[reason](facts)
     name, mode = facts.joint.name, facts.mode.name
-    if reason is Reason.IN_FAULT:
-        return f"mode is {mode} ({facts.fault.text}); clear it with: cbctl clear {name}"
-    if reason is Reason.NOT_CONFIGURED:
-        return f"mode is {mode}; configure the board first (service configure)"
-    if reason is Reason.CALIBRATING:
-        return f"mode is {mode}; wait until it is done"
-    if reason is Reason.UNCALIBRATED:
-        return f"it is not calibrated; calibrate it first: cbctl calibrate {name}"
     codes = [m.code for m in modes_accepting(kind) if m in facts.joint.control_modes]
     if not codes:
         return f"mode is {mode}, and the joint has no mode for it"

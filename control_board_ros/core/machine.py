@@ -27,9 +27,11 @@ from .modes import (
     CONFIGURED,
     DIRECT_GAINS,
     STATES,
+    UNPOWERED,
     Choice,
     Event,
     Law,
+    Stage,
     Trigger,
     law_of,
     next_mode,
@@ -74,7 +76,7 @@ class Machine:
         self.timeouts, self.monitor = timeouts, monitor
         self.events = events
         self.calibrations = Calibrations(self)
-        self.configure_next = config.autoconfigure
+        self.configure_next = config.autoconfigure and state.stage is not Stage.UNCONFIGURED
         for j in range(state.n):
             self.go(j, Event.POWER_ON)
 
@@ -124,6 +126,7 @@ class Machine:
             fault=fault,
             cause=self.monitor.cause(j) if fault.active else None,
             time=state.time,
+            stage=state.stage,
         )
 
     def _carry_out(
@@ -174,7 +177,7 @@ class Machine:
         joint = self.config.joints[j]
         if target is Choice.STARTUP:
             self.state.interaction_modes[j] = joint.startup_interaction
-            target = joint.startup_mode
+            target = joint.startup_mode if self.state.stage is Stage.ACTIVE else UNPOWERED
         elif target is Choice.CALIBRATED:
             assert joint.calibration is not None
             self.state.interaction_modes[j] = joint.calibration.interaction_mode
@@ -292,9 +295,24 @@ class Machine:
         for j, joint in enumerate(self.config.joints):
             if self.is_configured(j):
                 continue
-            if joint.calibration is not None and joint.calibration.required:
+            calibration = joint.calibration
+            if calibration is None or not calibration.required:
+                self.calibrations.set_offset(j, calibration.zero if calibration else 0.0)
+                self.calibrations.know_angle(j)
+            elif self.state.stage is Stage.ACTIVE:
                 self.calibrations.start(j)
                 continue
-            self.calibrations.set_offset(j, joint.calibration.zero if joint.calibration else 0.0)
-            self.calibrations.know_angle(j)
             self.go(j, Event.CONFIGURED)
+
+    def activate(self) -> None:
+        """Power is allowed: each joint that has none calibrates or starts, as at N3."""
+        for j, joint in enumerate(self.config.joints):
+            calibration = joint.calibration
+            if self.state.control_modes[j] is not UNPOWERED:
+                continue  # in fault (F2), or not configured yet
+            if calibration is None or not calibration.required:
+                self.go(j, joint.startup_mode)
+            elif self.state.calibrated[j]:
+                self.go(j, calibration.control_mode)
+            else:
+                self.calibrations.start(j)

@@ -34,8 +34,16 @@ class Event(Enum):
 class Choice(Enum):
     """A target that the joint's own configuration names."""
 
-    STARTUP = auto()  # startup_mode and startup_interaction (N3)
+    STARTUP = auto()  # startup_mode and startup_interaction (N3); UNPOWERED while inactive
     CALIBRATED = auto()  # control_mode and interaction_mode of its calibrator (K3)
+
+
+class Stage(IntEnum):
+    """How far the joints of a board may go: for whoever manages it; unmanaged, all the way."""
+
+    UNCONFIGURED = 0  # joints stay NOT_CONFIGURED (N1)
+    INACTIVE = 1  # configured and without power: IDLE, or HW_FAULT
+    ACTIVE = 2  # power is allowed
 
 
 class Law(IntEnum):
@@ -129,6 +137,10 @@ GUARDED = frozenset({Law.IMPEDANCE, Law.TORQUE, Law.OUTPUT})
 
 #: What a joint that requires a calibration and has none may be asked for (K7).
 UNCALIBRATED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
+
+#: Where a joint starts that may have no power, and what it may be asked for then.
+UNPOWERED = M.IDLE
+UNPOWERED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 
 #: Modes in which an interaction mode can be asked for and is stored (I1, I2).
 STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})

@@ -24,7 +24,7 @@ from .config import BoardConfig, ConfigError
 from .events import BoardEvent, Events
 from .faults import FaultRecord
 from .measurement import Actuation, Measurement
-from .modes import CONFIGURED
+from .modes import CONFIGURED, Stage
 from .reply import Reply, accepted, refused
 from .selection import (
     RequestError,
@@ -75,11 +75,12 @@ class Robot(ModeShortcuts):
             self.parts, complete_levels(levels, tuple(self.parts)), self.events
         )
         self._config = self._join_configs()
+        self._stage = Stage.ACTIVE
         self._power_on()
 
     def _power_on(self) -> None:
         self._bring_up.cancel()
-        if all(board.config.autoconfigure for board in self._boards):
+        if self._stage is Stage.ACTIVE and all(board.config.autoconfigure for board in self._boards):
             for board in self._boards:
                 board.await_configure()
             self._bring_up.begin()
@@ -157,11 +158,24 @@ class Robot(ModeShortcuts):
 
     def configure(self) -> Reply:
         """Start up level after level, or go on where a part failed (N2, R4)."""
-        if all(mode in CONFIGURED for mode in self.get_control_mode()):
+        if self._stage is not Stage.ACTIVE:
+            return refused(f"the robot is {self._stage.name}; use its lifecycle", self.names)
+        started = all(board.state.stage is self._stage for board in self._boards)
+        if started and all(mode in CONFIGURED for mode in self.get_control_mode()):
             text = "the robot is configured already; power_cycle takes it back"
             return refused(text, self.names)
         self._bring_up.begin()
         return accepted(self.names)
+
+    def set_stage(self, stage: Stage) -> None:
+        """As :meth:`Board.set_stage`; on ACTIVE, parts start level after level (R4)."""
+        self._stage = stage
+        self._bring_up.cancel()
+        if stage is Stage.ACTIVE:
+            self._bring_up.begin()
+        else:
+            for board in self._boards:
+                board.set_stage(stage)
 
     def power_cycle(self) -> None:
         """Back to power-on, every part; configured anew with autoconfigure (N1, R4)."""

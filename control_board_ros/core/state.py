@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .config import BoardConfig
 from .faults import FaultRecord
 from .measurement import ROWS, Array, Row
+from .modes import Stage
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
 Indices = NDArray[np.intp]
@@ -132,7 +133,8 @@ class State:
     joint angle), calibrated, powered (1.0 where the bridge is on), done (no position move runs),
     control_modes and interaction_modes, accepts (by kind of reference, shape (kinds, n)), rejected
     (commands ignored so far), faults (the last one of each joint), time (s, of the last reading),
-    cycle, modes_version and faults_version (they grow when a mode or a fault record changes).
+    cycle, modes_version and faults_version (they grow when a mode or a fault record changes),
+    stage (how far the joints may go).
     """
 
     def __init__(self, config: BoardConfig) -> None:
@@ -163,6 +165,7 @@ class State:
         self.cycle = 0
         self.modes_version = 0
         self.faults_version = 0
+        self.stage = Stage.ACTIVE
 
     def power_on(self) -> None:
         """Forget what a power-on forgets (N1); records of faults stay readable (F5)."""

@@ -8,13 +8,13 @@ from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 
 from ..compiled import describe, is_compiled
 from ..core.board import Board
 from ..core.measurement import Plant
 from ..interface import DIAGNOSTICS
 from .diagnostics import Diagnostics
+from .lifecycle import make_node, manage
 from .loop import ControlLoop
 from .messages import stamp
 from .node import BoardNode
@@ -59,12 +59,15 @@ class Boards:
             simulated_stamps=values["publish_clock"] or simulated,
             on_end=on_end,
         )
-        node = Node("control_board", context=context, parameter_overrides=list(start.overrides))
+        node = make_node(
+            "control_board", values, context=context, parameter_overrides=list(start.overrides)
+        )
         self.main = BoardNode(node, self.loop.whole, settings, plant, self._changed)
         offer_transforms(node, self.loop, self.main.publisher, settings)
         self._boards = [self.main]
         self.nodes = [node]
         self.on_error = self.main.reporter.on_error
+        manage(node, self.loop.whole, values, self.on_error)
         self._states = StateThread(
             self.loop, [(board.publish, board.reporter.on_error) for board in self._boards]
         )

@@ -191,7 +191,9 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
 
 def await_first_cycles(boards: Boards, ended: threading.Event) -> None:
     """Let the joints leave NOT_CONFIGURED, where they do so by themselves (N2)."""
-    if not boards.settings.board.autoconfigure:
+    from .lifecycle import starts_alone
+
+    if not starts_alone(boards.settings.values):
         return
     deadline = time.monotonic() + FIRST_CYCLES
     while (

@@ -93,6 +93,18 @@ NODE = (
         text="Publish /tf and /tf_static, in place of robot_state_publisher",
     ),
     Parameter(
+        name="lifecycle",
+        kind=Kind.BOOL,
+        default=False,
+        text="Be a managed node: its transitions configure the board and allow power",
+    ),
+    Parameter(
+        name="autostart",
+        kind=Kind.BOOL,
+        default=True,
+        text="A managed node configures and activates itself at its start",
+    ),
+    Parameter(
         name="allow_fault_injection",
         kind=Kind.BOOL,
         default=False,

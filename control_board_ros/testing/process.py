@@ -128,7 +128,7 @@ def board_process(
         domain: ROS_DOMAIN_ID; None takes a free one.
         command: What to run in place of the board, before the arguments (a node of your own).
         configured: Whether to wait until no joint is NOT_CONFIGURED; None: unless ``params``
-            holds ``autoconfigure: False``.
+            holds ``autoconfigure: False`` or, of a managed node, ``autostart: False``.
         start_timeout: s.
         exit_code: What the process must return at the end.
 
@@ -138,7 +138,8 @@ def board_process(
     """
     params = flatten(params or {})
     if configured is None:
-        configured = params.get("autoconfigure", True) is not False
+        waits = "autostart" if params.get("lifecycle") else "autoconfigure"
+        configured = params.get(waits, True) is not False
     with contextlib.ExitStack() as stack:
         if domain is None:
             domain = stack.enter_context(free_domain())

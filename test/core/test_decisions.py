@@ -32,7 +32,7 @@ from control_board_ros.core.explanations import (
     explain_stop,
 )
 from control_board_ros.core.faults import FaultCode, FaultRecord
-from control_board_ros.core.modes import ACCEPTS, REQUESTABLE, SELECTABLE, STATES, Event
+from control_board_ros.core.modes import ACCEPTS, REQUESTABLE, SELECTABLE, STATES, Event, Stage
 from control_board_ros.core.reply import Answer
 from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
 
@@ -67,6 +67,7 @@ ANY_FACTS = st.builds(
     joint=st.sampled_from([FULL, POOR, CALIBRATED, FREE]),
     interaction=st.sampled_from(list(InteractionMode)),
     calibrated=st.booleans(),
+    stage=st.sampled_from(Stage),
 )
 
 

@@ -12,6 +12,7 @@ from robots import RobotRig, calibrated
 
 from control_board_ros.core.bring_up import complete_levels
 from control_board_ros.core.config import BoardConfig, ConfigError
+from control_board_ros.core.modes import Stage
 
 LEVELS = (("torso",), ("left", "right"))
 
@@ -91,7 +92,7 @@ def test_a_part_that_fails_stops_those_that_follow() -> None:
     (event,) = robot.robot.take_events()
     assert event.level == "error"
     assert event.text.startswith("start-up stopped, left: left_elbow is in HW_FAULT, overcurrent")
-    assert "not configured: head;" in event.text
+    assert "not started: head;" in event.text
 
 
 def test_it_goes_on_when_the_cause_is_gone() -> None:
@@ -148,6 +149,48 @@ def test_power_off_ends_the_start_up() -> None:
     robot.robot.power_off()
     robot.tick(100)
     assert robot.codes()["left"] == {"cfgn"}
+
+
+def test_a_managed_robot_starts_level_after_level_when_it_is_activated() -> None:
+    """R4: configured, all parts are in IDLE; a part that waits for its level stays there."""
+    robot = rig()
+    robot.robot.set_stage(Stage.UNCONFIGURED)
+    robot.tick(3)
+    assert set().union(*robot.codes().values()) == {"cfgn"}
+    assert not robot.robot.configure()
+    robot.robot.power_cycle()
+    robot.robot.set_stage(Stage.INACTIVE)
+    robot.tick(3)
+    assert set().union(*robot.codes().values()) == {"idl"}
+    assert not robot.robot.parts["head"].set_control_mode(None, "pos")
+    robot.robot.set_stage(Stage.ACTIVE)
+    assert robot.codes() == {"torso": {"cal"}, "left": {"idl"}, "right": {"idl"}, "head": {"idl"}}
+    robot.until("torso", "pos")
+    assert robot.codes()["left"] == {"cal"}
+    robot.robot.set_stage(Stage.INACTIVE)
+    robot.tick(100)
+    assert set().union(*robot.codes().values()) == {"idl"}
+    robot.robot.set_stage(Stage.ACTIVE)
+    robot.until("right", "pos")
+    assert robot.robot.snapshot().calibrated.all()
+
+
+def test_a_managed_robot_goes_on_where_its_start_stopped() -> None:
+    """R4: by configure of the robot, or activated again."""
+    robot = rig()
+    for stage in Stage:
+        robot.robot.set_stage(stage)
+    robot.until("torso", "cal")
+    robot.plant.inject("yaw", "overcurrent")
+    robot.until("torso", "hwfa")
+    robot.tick(10)
+    assert robot.codes()["left"] == {"idl"}
+    assert robot.robot.set_control_mode("yaw", "fidl")
+    assert robot.robot.calibrate("yaw")
+    assert robot.robot.configure()
+    robot.until("torso", "pos")
+    robot.until("left", "pos")
+    robot.until("right", "pos")
 
 
 def test_levels_name_parts_once() -> None:
