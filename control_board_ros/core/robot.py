@@ -80,7 +80,9 @@ class Robot(ModeShortcuts):
 
     def _power_on(self) -> None:
         self._bring_up.cancel()
-        if self._stage is Stage.ACTIVE and all(board.config.autoconfigure for board in self._boards):
+        if self._stage is Stage.ACTIVE and all(
+            board.config.autoconfigure for board in self._boards
+        ):
             for board in self._boards:
                 board.await_configure()
             self._bring_up.begin()
