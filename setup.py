@@ -310,7 +310,7 @@ setup(
     "with a simulated arm",
     license="Apache-2.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "discovery.xml"]},
+    package_data={NAME: ["py.typed", "discovery.xml", "description/shipped/*.urdf"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -14,16 +14,14 @@ from .meshes import package_folder, share_folders
 from .urdf import Urdf, UrdfError, load
 from .xacro_file import split_arguments
 
+#: Descriptions of our own, with plain shapes.
+SHIPPED = Path(__file__).with_name("shipped")
 
-def _pybullet_data(relative: str) -> Path:
-    """A file of pybullet_data, which comes with pybullet."""
+
+def _pybullet_data(relative: str, shipped: str) -> Path:
+    """A file of pybullet_data, which comes with pybullet; else the same arm in plain shapes."""
     folder = package_folder("pybullet_data")
-    if folder is None:
-        raise UrdfError(
-            f"robot needs {relative} of pybullet_data, which is not installed; "
-            "install it with: pip install pybullet"
-        )
-    return folder / relative
+    return SHIPPED / shipped if folder is None else folder / relative
 
 
 def _icub_models(relative: str) -> Path:
@@ -49,8 +47,8 @@ class NamedRobot:
 _ICUB = partial(_icub_models, "robots/iCubGazeboV2_7/model.urdf")
 
 ROBOTS = {
-    "iiwa": NamedRobot(partial(_pybullet_data, "kuka_iiwa/model.urdf")),
-    "panda": NamedRobot(partial(_pybullet_data, "franka_panda/panda.urdf")),
+    "iiwa": NamedRobot(partial(_pybullet_data, "kuka_iiwa/model.urdf", "iiwa.urdf")),
+    "panda": NamedRobot(partial(_pybullet_data, "franka_panda/panda.urdf", "panda.urdf")),
     # The rest of the robot holds links without an inertia, and a board drives one arm.
     "icub_left_arm": NamedRobot(_ICUB, ("chest", "l_hand")),
     "icub_right_arm": NamedRobot(_ICUB, ("chest", "r_hand")),

@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from control_board_ros.description import robots
+from control_board_ros.description.geometry import origin_of
+from control_board_ros.description.merge import inertial_of
 from control_board_ros.description.robots import ROBOTS, load_robot
-from control_board_ros.description.urdf import UrdfError
+from control_board_ros.description.urdf import Urdf, UrdfError
 
 needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 
@@ -50,10 +52,31 @@ def test_missing_extra_says_what_to_install(
         load_robot("icub_left_arm")
 
 
-def test_missing_pybullet_data_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def numbers(robot: Urdf) -> dict[str, object]:
+    """What moves: joints with their frames, and masses with theirs; no shapes."""
+    found: dict[str, object] = {joint.name: joint for joint in robot.joints}
+    for joint in robot.tree.joints.values():
+        position, rotation = origin_of(joint)
+        found["frame of " + joint.get("name", "")] = [*position, *rotation.ravel()]
+    for name, link in robot.tree.links.items():
+        if (inertial := inertial_of(link)) is not None:
+            moments = inertial.tensor.ravel()
+            found["mass of " + name] = [inertial.mass, *inertial.centre, *moments]
+    return found
+
+
+@pytest.mark.parametrize("name", ["iiwa", "panda"])
+def test_without_pybullet_data_the_same_arm_is_plain(
+    monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """Python from 3.12 on: joints, frames and masses are the same, number by number."""
+    with_meshes = numbers(load_robot(name))
     monkeypatch.setattr(robots, "package_folder", lambda _: None)
-    with pytest.raises(UrdfError, match="pip install pybullet"):
-        load_robot("iiwa")
+    plain = load_robot(name)
+    assert Path(plain.source).parent == robots.SHIPPED
+    assert plain.warnings == ()
+    assert numbers(plain) == with_meshes
+    assert plain.tree.root.findall(".//collision/geometry/cylinder")
 
 
 def test_a_path_beside_the_configuration(tmp_path: Path) -> None:
