@@ -1,11 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all tests share: folders for what their nodes write, gone when they have passed."""
+"""What all tests share: which there are, and folders for what their nodes write."""
 
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 
 import pytest
+
+#: Tests against pybullet, or with robots of pybullet_data: it has no wheel for Python from 3.12 on.
+WITH_PYBULLET = [
+    "description/test_derive.py",
+    "description/test_frames.py",
+    "description/test_loads.py",
+    "description/test_merge.py",
+    "sim/test_bullet.py",
+    "sim/test_every_urdf.py",
+    "sim/test_foreign.py",
+    "sim/test_holding.py",
+    "sim/test_two_engines.py",
+]
+collect_ignore = WITH_PYBULLET if find_spec("pybullet") is None else []
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from plants import ENGINES
 from wrong_boards import WRONG
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_json, as_junit, as_text
@@ -84,9 +85,14 @@ def test_exactly_the_broken_rule_is_reported(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.ros
-def test_our_board_keeps_all_and_is_left_as_found(tmp_path: Path) -> None:
+@pytest.mark.parametrize("physics", [*ENGINES, "ideal"])
+def test_our_board_keeps_all_and_is_left_as_found(physics: str, tmp_path: Path) -> None:
+    """B1: whatever moves the joints."""
     report = tmp_path / "report.xml"
-    with board_process(RATE, config=ARM) as board, session_on(board) as session:
+    with (
+        board_process(RATE | {"physics": physics}, config=ARM) as board,
+        session_on(board) as session,
+    ):
         client = session.bench.client
         assert client.set_control_mode(["left", "right"], ["vel", "pos"])
         assert client.set_interaction_mode("right", "comp")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules in which motion matters, on pybullet: a pendulum under gravity."""
+"""Rules in which motion matters, on every engine: a pendulum under gravity."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from plants import ENGINES
 
 from control_board_ros.description.urdf import parse
 from control_board_ros.sim.config import JointSimulation, SimulationConfig
 from control_board_ros.sim.plant import SimulatedPlant
 
 from .rig import COMPLIANT, M, Rig, board_config, joint
-
-pytestmark = pytest.mark.physics
 
 MASS, LENGTH, GRAVITY, INERTIA = 2.0, 0.5, 9.81, 0.02
 #: θ is measured from the upright: gravity pulls with m g l sin θ.
@@ -35,12 +34,13 @@ def weight(angle: float) -> float:
     return MASS * GRAVITY * LENGTH * math.sin(angle)
 
 
-@pytest.fixture
-def pendulum() -> Iterator[Rig]:
+@pytest.fixture(params=ENGINES)
+def pendulum(request: pytest.FixtureRequest) -> Iterator[Rig]:
     config = board_config(joint("left", startup_mode=M.POSITION), control_rate=1000.0)
     simulation = SimulationConfig(
         joints=(JointSimulation(name="left"),),
         urdf=parse(PENDULUM.encode(), "pendulum", Path()),
+        physics=request.param,
         physics_rate=1000.0,
     )
     plant = SimulatedPlant(config, simulation)
