@@ -18,11 +18,26 @@ from control_board_ros.testing import BoardProcess, child_environment, free_doma
 COMMAND = (sys.executable, "-m", "control_board_ros.node.main")
 
 
+#: Engine, what a case says of it, and the goals: processor %, memory MB, start s.
+ENGINES = (("pybullet", "", (12.0, 115.0, 0.5)), ("mujoco", ", in MuJoCo", (None, None, None)))
+
+
 def run(effort: Effort) -> list[Figure]:
-    """Measure start, processor and memory of the default configuration."""
+    """Measure start, processor and memory of the default configuration, with each engine."""
+    figures = []
+    for physics, where, goals in ENGINES:
+        figures += _with(physics, where, goals, effort)
+    return figures
+
+
+def _with(
+    physics: str, where: str, goals: tuple[float | None, ...], effort: Effort
+) -> list[Figure]:
+    processor, most, soonest = (None if goal is None else at_most(goal) for goal in goals)
+    told, params = processor is not None, {"physics": physics}
     with free_domain() as domain:
-        starts = [_start(domain) for _ in range(effort.of(5, 1, 1))]
-        with board(domain) as running:
+        starts = [_start(domain, physics) for _ in range(effort.of(5, 1, 1))]
+        with board(domain, params) as running:
             time.sleep(effort.of(3.0, 1.0, 0.0))
             pid = running.process.pid
             seconds, runs = effort.of(20.0, 2.0, 0.3), effort.of(2, 1, 1)
@@ -33,40 +48,43 @@ def run(effort: Effort) -> list[Figure]:
                 time.sleep(effort.of(3.0, 1.0, 0.0))
                 shares = [cpu_share([pid], seconds) for _ in range(runs)]
             memory = resident_megabytes(pid)
-        with helper(domain, "bare", "physics") as bare:
-            physics = cpu_share([bare.process.pid], seconds)
+        reference = f"{number(median(alone))} % while nobody listens to the state"
+        if told:
+            with helper(domain, "bare", "physics") as bare:
+                physics_alone = cpu_share([bare.process.pid], seconds)
+            reference += f"; bare pybullet at 1 kHz: {number(physics_alone)} %"
     return [
         Figure(
             "B10",
-            "processor at 1 kHz control and 100 Hz state, of one core",
+            f"processor at 1 kHz control and 100 Hz state, of one core{where}",
             median(shares),
             "%",
-            at_most(12.0),
-            f"{number(median(alone))} % while nobody listens to the state; "
-            f"bare pybullet at 1 kHz: {number(physics)} %",
-            headline=True,
+            processor,
+            reference,
+            headline=told,
         ),
-        Figure("B10", "resident memory", memory, "MB", at_most(115.0), headline=True),
+        Figure("B10", f"resident memory{where}", memory, "MB", most, headline=told),
         Figure(
             "B10",
-            "from the command to the first joint state",
+            f"from the command to the first joint state{where}",
             median(starts),
             "s",
-            at_most(0.5),
+            soonest,
             f"of {len(starts)} starts: {', '.join(number(start) for start in sorted(starts))} s",
-            headline=True,
+            headline=told,
         ),
     ]
 
 
-def _start(domain: int) -> float:
+def _start(domain: int, physics: str) -> float:
     """Time from the start of the process to its first joint state at a waiting subscriber, s."""
     seen = threading.Event()
     with ros_node(domain, "waiting") as node:
         node.create_subscription(JointState, "/joint_states", lambda _: seen.set(), 10)
         time.sleep(0.2)
         begin = time.monotonic()
-        process = BoardProcess(COMMAND, BOARD, domain, child_environment(domain))
+        command = (*COMMAND, "--ros-args", "-p", f"physics:={physics}")
+        process = BoardProcess(command, BOARD, domain, child_environment(domain))
         try:
             if not seen.wait(30.0):
                 raise RuntimeError(f"no joint state came:\n{process.tail()}")

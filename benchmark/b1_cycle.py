@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""B1: one whole control cycle of the iiwa against a bare pybullet cycle."""
+"""B1: one whole control cycle of the iiwa against a bare one of its engine: pybullet, MuJoCo."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ from control_board_ros.settings import loading as settings
 
 def run(effort: Effort) -> list[Figure]:
     """Measure with all joints in POSITION and with every joint in another mode."""
-    arm = settings.load("iiwa")
     chunks, runs = effort.of(40, 20, 3), effort.of(15, 5, 1)
     figures = []
-    for case, modes, bound in (
-        ("all in POSITION", None, 1.5),
-        ("every joint in another mode, half compliant", MIXED, 1.6),
+    for case, modes, physics, bound in (
+        ("all in POSITION", None, "pybullet", 1.5),
+        ("every joint in another mode, half compliant", MIXED, "pybullet", 1.6),
+        ("all in POSITION, in MuJoCo", None, "mujoco", None),
+        ("every joint in another mode, half compliant, in MuJoCo", MIXED, "mujoco", None),
     ):
+        arm = settings.load("iiwa", {"physics": physics})
         found = medians(compare(arm, modes, chunks=chunks, runs=runs))
         figures.append(
             Figure(
@@ -25,10 +27,10 @@ def run(effort: Effort) -> list[Figure]:
                 f"control cycle, 7 joints, {case}",
                 found["ratio"],
                 "×",
-                at_most(bound),
+                None if bound is None else at_most(bound),
                 f"{number(found['board'])} µs against {number(found['bare'])} µs of a bare cycle",
                 found,
-                headline=True,
+                headline=bound is not None,
             )
         )
     return figures

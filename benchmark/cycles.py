@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board's whole control cycle beside a bare pybullet cycle of the identical world.
+"""The board's whole control cycle beside a bare cycle of pybullet or MuJoCo in the same world.
 
-Both worlds are made by ``BulletBody`` from the same description. The board's torques are
+Both worlds are made by the plant's own body from the same description. The board's torques are
 recorded once; the bare cycle applies the recorded ones, so that its arm makes the same motion
 and meets the same limits. Then both are timed in turns, a tenth of a simulated second each.
 """
@@ -12,6 +12,7 @@ import gc
 from collections.abc import Sequence
 from statistics import median
 from time import perf_counter
+from typing import Protocol
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.measurement import Array
@@ -19,7 +20,8 @@ from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.settings.loading import Settings
 from control_board_ros.sim.bodies.bullet import BulletBody
 from control_board_ros.sim.bodies.world import bullet
-from control_board_ros.sim.plant import SimulatedPlant
+from control_board_ros.sim.config import MUJOCO
+from control_board_ros.sim.plant import Body, SimulatedPlant, make_body
 
 M = ControlMode
 CHUNK = 100  # cycles between two commands; less than the velocity timeout (P12)
@@ -32,7 +34,7 @@ COMPLIANT = {M.POSITION, M.MIXED, M.POSITION_DIRECT, M.TORQUE}
 class Recorder:
     """A body that notes the torques that it is given."""
 
-    def __init__(self, body: BulletBody) -> None:
+    def __init__(self, body: Body) -> None:
         self._body = body
         self.torques: list[list[float]] = []
 
@@ -130,8 +132,49 @@ class BoardCycles:
                 board.set_output(name, 2.0 * way)
 
 
-class BareCycles:
+class Bare(Protocol):
     """The same world without a board: read all joints, set all torques, step."""
+
+    def chunk(self) -> float: ...
+
+    def close(self) -> None: ...
+
+
+class BareMujoco:
+    """See Bare; in MuJoCo."""
+
+    def __init__(self, settings: Settings, torques: list[list[float]]) -> None:
+        import mujoco
+
+        from control_board_ros.sim.bodies.mujoco import MujocoBody
+
+        self._step = mujoco.mj_step
+        self._world = MujocoBody(settings.board, settings.simulation)
+        self._torques = torques
+        self._next = 0
+
+    def chunk(self) -> float:
+        """Run one chunk; its time, s."""
+        forces = self._torques[self._next : self._next + CHUNK]
+        self._next += CHUNK
+        # The very world of the board, addressed without what MujocoBody does around it.
+        model, data, dofs = self._world._model, self._world._data, self._world._dofs
+        position, velocity, applied = data.qpos, data.qvel, data.qfrc_applied
+        step = self._step
+        start = perf_counter()
+        for force in forces:
+            position.copy()
+            velocity.copy()
+            applied[dofs] = force
+            step(model, data)
+        return perf_counter() - start
+
+    def close(self) -> None:
+        self._world.close()
+
+
+class BareCycles:
+    """See Bare; in pybullet."""
 
     def __init__(self, settings: Settings, torques: list[list[float]]) -> None:
         self._world = BulletBody(settings.board, settings.simulation)
@@ -170,6 +213,12 @@ class BareCycles:
         self._world.close()
 
 
+def bare_cycles(settings: Settings, torques: list[list[float]]) -> Bare:
+    """Those of the engine that the settings name."""
+    made = BareMujoco if settings.simulation.physics == MUJOCO else BareCycles
+    return made(settings, torques)
+
+
 def compare(
     settings: Settings, modes: Sequence[ControlMode] | None, *, chunks: int, runs: int
 ) -> list[dict[str, float]]:
@@ -181,7 +230,7 @@ def compare(
     torques = record(settings, modes, chunks)
     results = []
     for _ in range(runs):
-        ours, bare = BoardCycles(settings, modes), BareCycles(settings, torques)
+        ours, bare = BoardCycles(settings, modes), bare_cycles(settings, torques)
         gc.collect()
         gc.freeze()  # as the node's control thread does
         times = [(ours.chunk(), bare.chunk()) for _ in range(WARM_UP + chunks)][WARM_UP:]
@@ -197,7 +246,7 @@ def record(
     settings: Settings, modes: Sequence[ControlMode] | None, chunks: int
 ) -> list[list[float]]:
     """The torques of every physics step of a run."""
-    recorder = Recorder(BulletBody(settings.board, settings.simulation))
+    recorder = Recorder(make_body(settings.board, settings.simulation))
     cycles = BoardCycles(settings, modes, recorder)
     for _ in range(WARM_UP + chunks):
         cycles.chunk()

@@ -8,8 +8,9 @@ from importlib.util import find_spec
 
 import pytest
 
-#: Tests against pybullet, or with robots of pybullet_data: it has no wheel for Python from 3.12 on.
+#: Tests against pybullet, or with robots of pybullet_data: no wheel for Python from 3.12 on.
 WITH_PYBULLET = [
+    "benchmark/test_benchmarks.py",
     "description/test_derive.py",
     "description/test_frames.py",
     "description/test_loads.py",

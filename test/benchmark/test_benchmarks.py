@@ -18,19 +18,19 @@ from control_board_ros.testing import child_environment, free_domain
 RUN = Path(__file__).resolve().parents[2] / "benchmark" / "run.py"
 #: How many figures a tiny run gives of each benchmark, and those that take seconds even so.
 FIGURES = {
-    "B1": 2,
+    "B1": 4,
     "B2": 4,
-    "B3": 2,
+    "B3": 4,
     "B4": 6,
     "B5": 2,
     "B6": 1,
     "B7": 2,
     "B8": 2,
     "B9": 1,
-    "B10": 3,
+    "B10": 6,
     "B11": 2,
     "B12": 3,
-    "B13": 2,
+    "B13": 3,
     "B15": 1,
 }
 LONG = ("B4", "B7", "B10", "B11", "B12")

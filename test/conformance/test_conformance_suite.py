@@ -85,7 +85,7 @@ def test_exactly_the_broken_rule_is_reported(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.ros
-@pytest.mark.parametrize("physics", [*ENGINES, "ideal"])
+@pytest.mark.parametrize("physics", [*ENGINES, pytest.param("ideal", marks=pytest.mark.soak)])
 def test_our_board_keeps_all_and_is_left_as_found(physics: str, tmp_path: Path) -> None:
     """B1: whatever moves the joints."""
     report = tmp_path / "report.xml"
