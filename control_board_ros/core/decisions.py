@@ -102,6 +102,11 @@ class Verdict:
     reason: Reason = Reason.NONE
     effect: Trigger | InteractionMode | None = None
 
+    @property
+    def accepts(self) -> bool:
+        """Whether the joint does what was asked for."""
+        return self.answer is Answer.ACCEPTED
+
 
 FINE = Verdict(Answer.ACCEPTED)
 

@@ -54,6 +54,9 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
     ),
 }
 
+#: Why a joint that could is not set either, where joints are set together or not at all.
+LEFT_AS_IT_IS = "the others of the request stay as they are"
+
 #: What to do where a stop does nothing to a joint.
 STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
     ControlMode.CALIBRATING: lambda _: "abort it with FORCE_IDLE, or wait until it is done",

@@ -17,7 +17,7 @@ from .config import BoardConfig
 from .control import Controller
 from .decisions import Facts, Verdict, Wanted, decide
 from .events import Events
-from .explanations import explain
+from .explanations import LEFT_AS_IT_IS, explain
 from .fault_monitor import FaultMonitor
 from .faults import FaultCode, FaultRecord
 from .measurement import Array
@@ -37,7 +37,7 @@ from .modes import (
     next_mode,
 )
 from .references import References
-from .reply import Reply, decided
+from .reply import Answer, Reply, accepted, decided
 from .selection import Selection
 from .state import Joints, State, span
 from .timeouts import ReferenceTimeouts
@@ -113,6 +113,39 @@ class Machine:
         self._carry_out(joints, verdicts, wanted)
         answers = [verdict.answer for verdict in verdicts]
         return decided(selection.names, list(zip(answers, reasons, strict=True)))
+
+    def request_together(self, selection: Selection, wanted: Sequence[Sequence[Wanted]]) -> Reply:
+        """Carry out all that is asked of all joints, or, where one cannot, nothing.
+
+        A joint that does not implement what is asked of it is in HW_FAULT all the same (M5, I7).
+
+        Args:
+            selection: The joints, shape (k,).
+            wanted: What is asked of each, in order, as of :meth:`request`.
+        """
+        joints = selection.joints.tolist()
+        facts = [self.facts(j) for j in joints]
+        verdicts = [
+            [decide(known, what) for what in whats]
+            for known, whats in zip(facts, wanted, strict=True)
+        ]
+        refusals = [
+            next((pair for pair in zip(found, whats, strict=True) if not pair[0].accepts), None)
+            for found, whats in zip(verdicts, wanted, strict=True)
+        ]
+        if not any(refusals):
+            for j, found, whats in zip(joints, verdicts, wanted, strict=True):
+                self._carry_out([j] * len(whats), found, whats)
+            return accepted(selection.names)
+        answers = []
+        for j, known, refusal in zip(joints, facts, refusals, strict=True):
+            if refusal is None:
+                answers.append((Answer.REFUSED, LEFT_AS_IT_IS))
+                continue
+            verdict, what = refusal
+            answers.append((verdict.answer, explain(verdict.reason, known, what)))
+            self._carry_out([j], [verdict], [what])
+        return decided(selection.names, answers)
 
     def facts(self, j: int) -> Facts:
         """What a decision on a joint rests on."""

@@ -13,6 +13,7 @@ from rig import board_config, joint
 from control_board_ros.core.board import Board
 from control_board_ros.core.config import Calibration
 from control_board_ros.core.events import EVENTS_KEPT, Events
+from control_board_ros.core.explanations import LEFT_AS_IT_IS
 from control_board_ros.core.faults import FaultCode
 from control_board_ros.core.machine import Machine
 from control_board_ros.core.measurement import ROWS, Measurement, Row
@@ -29,9 +30,11 @@ from control_board_ros.core.modes import (
     Trigger,
     law_of,
 )
+from control_board_ros.core.reply import Answer
 from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
 
 M = ControlMode
+STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 CALIBRATION = Calibration(
     type=3,
     required=False,
@@ -157,3 +160,44 @@ def test_events_are_taken_once_and_the_oldest_dropped() -> None:
     assert len(events) == EVENTS_KEPT
     assert events.take()[0].text == "2"
     assert events.take() == []
+
+
+def modes_of(board: Board) -> list[tuple[ControlMode, InteractionMode]]:
+    state = board.state
+    return list(zip(state.control_modes, state.interaction_modes, strict=True))
+
+
+def test_a_request_together_sets_both_modes_of_all(board: Board) -> None:
+    """In the order asked: the interaction mode is stored, then the control mode is entered."""
+    assert modes_of(board) == [(M.POSITION, COMPLIANT), (M.IDLE, STIFF)]
+    reply = board.machine.request_together(
+        board.selector.everyone, [[STIFF, M.VELOCITY], [COMPLIANT, M.POSITION]]
+    )
+    assert reply
+    assert modes_of(board) == [(M.VELOCITY, STIFF), (M.POSITION, COMPLIANT)]
+    laws = [joint.law for joint in board.controller.joints]
+    assert laws == [law_of(*modes) for modes in modes_of(board)]
+
+
+def test_a_request_together_changes_nothing_where_one_refuses(board: Board) -> None:
+    """F2: joint b is in a fault; joint a could, and stays as it is."""
+    board.machine.raise_fault(1, FaultCode.EXTERNAL, "for the test")
+    before = [everything(board.machine, j) for j in range(2)]
+    reply = board.machine.request_together(
+        board.selector.everyone, [[STIFF, M.VELOCITY], [STIFF, M.VELOCITY]]
+    )
+    assert reply.answers == (Answer.REFUSED, Answer.REFUSED)
+    assert reply.reasons[0] == LEFT_AS_IT_IS
+    assert reply.reasons[1].startswith("b is in HW_FAULT")
+    assert [everything(board.machine, j) for j in range(2)] == before
+
+
+def test_a_request_together_faults_who_does_not_implement_it() -> None:
+    """M5, I7: that joint, for what it lacks; the other one stays as it is."""
+    poor = joint("b", interaction_modes=(STIFF,))
+    board = Board(board_config(joint("a", startup_mode=M.POSITION), poor))
+    board.tick(measured())
+    reply = board.machine.request_together(board.selector.everyone, [[COMPLIANT, M.VELOCITY]] * 2)
+    assert reply.answers == (Answer.REFUSED, Answer.UNSUPPORTED)
+    assert modes_of(board) == [(M.POSITION, STIFF), (M.HW_FAULT, STIFF)]
+    assert board.get_faults("b")[0].code == FaultCode.UNSUPPORTED
