@@ -50,6 +50,8 @@ class Parameter:
         low, high: Least and greatest value, inclusive; of numbers.
         above: What the value is greater than, by TINY at least.
         choices: Of strings: the text of each allowed value, and the value.
+        pattern: Of strings: the regular expression of the whole value; empty: any text.
+        form: What the pattern allows, in words.
         length: Of arrays with a fixed one.
         run_time: Whether it can change while the board runs.
         derived: What a parameter file that leaves it out derives it from; empty: the default.
@@ -64,6 +66,8 @@ class Parameter:
     high: Bound = HUGE
     above: Bound | None = None
     choices: Mapping[str, Any] = field(default_factory=dict)
+    pattern: str = ""
+    form: str = ""
     length: int | None = None
     run_time: bool = False
     derived: str = ""
@@ -86,6 +90,8 @@ class Parameter:
         """What is allowed, in words."""
         if self.choices:
             return ", ".join(self.choices)
+        if self.form:
+            return self.form
         nouns = {Kind.DOUBLES: "a list of numbers", Kind.INTEGER: "a whole number"}
         words = {Kind.BOOL: "true, false", Kind.STRING: "text", Kind.STRINGS: "a list of texts"}
         noun = nouns.get(self.kind, "a number")

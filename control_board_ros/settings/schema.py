@@ -31,6 +31,8 @@ __all__ = [
 
 JOINT_DEFAULTS = "joint_defaults"
 
+#: A name on ROS: /arm, ~/arm, arm, ~.
+ROS_NAME = r"~/?|(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*"
 #: What only the node must know.
 NODE = (
     Parameter(
@@ -116,6 +118,20 @@ NODE = (
         default=False,
         text="Go to the pose park at the first SIGINT or SIGTERM, then end; a second one ends "
         "at once (R6)",
+    ),
+    Parameter(
+        name="yarp_interface",
+        kind=Kind.BOOL,
+        default=False,
+        text="Offer the topics and services of YARP's controlBoard_nws_ros2, too",
+    ),
+    Parameter(
+        name="yarp_msgs_name",
+        kind=Kind.STRING,
+        default="~",
+        text="What YARP's topics and services are below, as msgs_name there; empty: offer none",
+        pattern=rf"(?=.{{0,200}}$)({ROS_NAME})?",
+        form="a ROS name such as /icub/left_arm, or '~' for the node's own",
     ),
 )
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from ..core.parameter import Kind, Parameter
@@ -57,7 +58,7 @@ def _choice(row: Parameter, value: Any) -> str | None:
     if not isinstance(value, str) or "\0" in value:
         return None
     if not row.choices:
-        return value
+        return value if re.fullmatch(row.pattern or ".*", value, re.DOTALL) else None
     for code, choice in row.choices.items():
         if value.lower() in (code, str(choice).lower()):
             return code

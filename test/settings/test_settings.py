@@ -240,6 +240,11 @@ def test_a_calibration_ends_in_any_control_mode_of_the_joint() -> None:
     assert calibration.control_mode is ControlMode.VELOCITY
 
 
+@pytest.mark.parametrize("name", ["", "~", "~/", "~/yarp", "/icub/left_arm", "arm", "_a1/b"])
+def test_names_on_ros(name: str) -> None:
+    assert load("iiwa", {"yarp_msgs_name": name}).values["yarp_msgs_name"] == name
+
+
 def test_a_joint_without_end() -> None:
     """Software limits and hard stops at infinity; no disagreement is a fault."""
     low, high = -math.inf, math.inf
@@ -276,6 +281,10 @@ BROKEN = {
     "control_rate: 300.0\nphysics_rate: 1000.0": "a whole multiple of control_rate",
     "gui: 1": "use true, false",
     "output: volts": "use pwm, current",
+    "yarp_msgs_name: left arm": "use a ROS name such as /icub/left_arm",
+    "yarp_msgs_name: /icub/": "use a ROS name such as /icub/left_arm",
+    "yarp_msgs_name: ~": "no value",
+    "yarp_msgs_name: " + "a" * 201: "use a ROS name such as /icub/left_arm",
     "gravity: [0, 0]": "gravity: [0, 0] is not allowed",
     "gravity: [0, 0, .nan]": "gravity",
     "calibration_groups: ['a,b']": "joints of the board",
