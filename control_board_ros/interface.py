@@ -9,7 +9,7 @@ text until they are loaded, so that importing this module imports no message.
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from .core.vocabs import CommandKind
@@ -335,6 +335,77 @@ LIFECYCLE = (
         STREAM,
         "Each step of a transition, from which state to which.",
     ),
+)
+
+# -- for clients of YARP ------------------------------------------------------------------------
+
+#: Offered with ``yarp_interface``; here ``~`` is ``yarp_msgs_name``.
+YARP: tuple[Endpoint, ...] = tuple(
+    replace(endpoint, optional=True)
+    for endpoint in (
+        topic(
+            "joint_states/controlModes",
+            "std_msgs/msg/Int8MultiArray",
+            STREAM,
+            "The first letter of each joint's control mode, with every `joint_states`: its vocab "
+            "modulo 256. POSITION shares it with POSITION_DIRECT, CALIBRATING with "
+            "NOT_CONFIGURED.",
+        ),
+        topic(
+            "joint_states/controlModeVocabs",
+            "std_msgs/msg/Int32MultiArray",
+            STREAM,
+            "The whole vocab of each joint's control mode, with every `joint_states`.",
+        ),
+        command(
+            "~/position",
+            "yarp_control_msgs/msg/Position",
+            "Position moves; `ref_velocities` stay the set reference speeds.",
+            K.POSITION,
+        ),
+        command(
+            "~/position_direct",
+            "yarp_control_msgs/msg/PositionDirect",
+            "Position steps.",
+            K.POSITION_DIRECT,
+        ),
+        command(
+            "~/velocity",
+            "yarp_control_msgs/msg/Velocity",
+            "Velocities; `ref_accelerations` stay the set reference accelerations.",
+            K.VELOCITY,
+        ),
+        service(
+            "~/get_modes",
+            "yarp_control_msgs/srv/GetControlModes",
+            "Read the control modes of joints.",
+        ),
+        service(
+            "~/set_modes",
+            "yarp_control_msgs/srv/SetControlModes",
+            "Set the control modes of joints: all of them, or none.",
+        ),
+        service(
+            "~/get_position",
+            "yarp_control_msgs/srv/GetPosition",
+            "Read the measured positions of joints.",
+        ),
+        service(
+            "~/get_velocity",
+            "yarp_control_msgs/srv/GetVelocity",
+            "Read the measured velocities of joints.",
+        ),
+        service(
+            "~/get_available_modes",
+            "yarp_control_msgs/srv/GetAvailableControlModes",
+            "Read which modes can be set, or which of them every joint implements.",
+        ),
+        service(
+            "~/get_joints_names",
+            "yarp_control_msgs/srv/GetJointsNames",
+            "Read the names of joints by their indices.",
+        ),
+    )
 )
 
 #: All of the above that every board has, in this order.

@@ -19,6 +19,7 @@ from control_board_ros.interface import (
     PUBLISHED,
     SERVICES,
     STREAM,
+    YARP,
     Endpoint,
 )
 
@@ -154,6 +155,13 @@ joints back to where the state allows. A transition that is not possible is answ
 
 """
 
+YARP_TEXT = """\
+With the parameter `yarp_interface`, the board offers what YARP's `controlBoard_nws_ros2` does,
+so that its clients run unchanged: [how to](howto/yarp_clients.md). Here `~` is what
+`yarp_msgs_name` says, the board's own name by default. Values are in SI units, as there. Every
+response has a word, `OK` or that of a refusal, and the reason in `opt_descr`.
+"""
+
 TIME = """\
 Every stamp is an offset plus simulated time: stamps never go backwards, and are as far apart
 as the readings. At `real_time_factor` 1 they are the system's time; with another factor at
@@ -248,6 +256,8 @@ def page() -> str:
     lines += ["", "## Managed nodes", "", MANAGED.rstrip("\n"), ""]
     lines += [*header("name", "type", "what it is for"), *rows(LIFECYCLE)]
     lines += ["", "## Time", "", TIME]
+    lines += ["## For clients of YARP", "", YARP_TEXT, *header("name", "type", "meaning")]
+    lines += [*rows(YARP), ""]
     lines += ["## Definitions of control_board_msgs", ""]
     lines += ["In Python: `from control_board_msgs.msg import JointModes`; `.srv` and `.action`."]
     for definition in known.values():

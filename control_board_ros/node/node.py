@@ -25,6 +25,7 @@ from .reporter import Reporter
 from .services import Services
 from .topics import CommandTopics
 from .trajectory import TrajectoryTopic
+from .yarp_interface import offer_yarp
 
 
 class BoardNode:
@@ -66,6 +67,7 @@ class BoardNode:
             warn=reporter.warn,
         )
         self._subscriptions = reporter.subscribe(self._commands.callbacks().items())
+        self._subscriptions += offer_yarp(node, member, settings.values, self.publisher, reporter)
         self._actions = Actions(node, member, reporter.warn, self._poses.move)
         self._follow_trajectory = FollowTrajectory(node, member, follower, reporter.on_error)
 

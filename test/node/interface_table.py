@@ -64,3 +64,22 @@ ACTIONS = {
     "~/go_to_pose": "control_board_msgs/action/GoToPose",
     "~/follow_joint_trajectory": "control_msgs/action/FollowJointTrajectory",
 }
+
+#: Only with yarp_interface; below yarp_msgs_name instead of the node's name.
+YARP_PUBLISHED = {
+    "joint_states/controlModes": ("std_msgs/msg/Int8MultiArray", "RV"),
+    "joint_states/controlModeVocabs": ("std_msgs/msg/Int32MultiArray", "RV"),
+}
+YARP_SUBSCRIBED = {
+    "~/position": ("yarp_control_msgs/msg/Position", "RV"),
+    "~/position_direct": ("yarp_control_msgs/msg/PositionDirect", "RV"),
+    "~/velocity": ("yarp_control_msgs/msg/Velocity", "RV"),
+}
+YARP_SERVICES = {
+    "~/get_modes": "yarp_control_msgs/srv/GetControlModes",
+    "~/set_modes": "yarp_control_msgs/srv/SetControlModes",
+    "~/get_position": "yarp_control_msgs/srv/GetPosition",
+    "~/get_velocity": "yarp_control_msgs/srv/GetVelocity",
+    "~/get_available_modes": "yarp_control_msgs/srv/GetAvailableControlModes",
+    "~/get_joints_names": "yarp_control_msgs/srv/GetJointsNames",
+}

@@ -11,7 +11,7 @@ import interface_table as golden
 import pytest
 
 from control_board_ros import interface
-from control_board_ros.interface import ENDPOINTS, QoS
+from control_board_ros.interface import ENDPOINTS, YARP, QoS
 
 ROOT = Path(__file__).resolve().parents[2]
 #: How the golden copy writes QoS: R reliable, B best effort; V volatile, T transient local.
@@ -29,16 +29,19 @@ def test_it_is_the_golden_copy() -> None:
         (golden.PUBLISHED, [e for e in interface.PUBLISHED if not e.optional]),
         (golden.CLOCK | golden.TF, [e for e in interface.PUBLISHED if e.optional]),
         (golden.SUBSCRIBED, interface.COMMAND_TOPICS),
+        (golden.YARP_PUBLISHED, [e for e in interface.YARP if e.kind == "topic"]),
+        (golden.YARP_SUBSCRIBED, [e for e in interface.YARP if e.kind == "command"]),
     ):
         assert {e.name: (e.type, letters(e.qos)) for e in endpoints} == table
     for table, endpoints in (
         (golden.SERVICES, interface.SERVICES),
         (golden.ACTIONS, interface.ACTIONS),
+        (golden.YARP_SERVICES, [e for e in interface.YARP if e.kind == "service"]),
     ):
         assert {e.name: e.type for e in endpoints} == table
 
 
-@pytest.mark.parametrize("endpoint", ENDPOINTS, ids=lambda e: e.name)
+@pytest.mark.parametrize("endpoint", ENDPOINTS + YARP, ids=lambda e: e.name)
 def test_types_load_and_meanings_are_sentences(endpoint: interface.Endpoint) -> None:
     package, kind, name = endpoint.type.split("/")
     loaded = endpoint.load()

@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: Apache-2.0
+"""node/yarp_words.py, yarp_commands.py, and the callbacks of yarp_interface.py, without a node."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from rig import Rig, board_config, joint
+from yarp_control_msgs import msg, srv
+
+from control_board_ros.core.board import Board
+from control_board_ros.core.modes import STATES
+from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+from control_board_ros.interface import YARP
+from control_board_ros.node.reporter import Reporter
+from control_board_ros.node.yarp_interface import YarpInterface, offer_yarp
+from control_board_ros.node.yarp_words import (
+    NAMES,
+    SETTABLE,
+    RefusedError,
+    available,
+    base_name,
+    letters,
+    vocabs,
+    wanted,
+)
+from control_board_ros.testing.domains import free_domain
+from control_board_ros.testing.nodes import ros_node
+
+M = ControlMode
+ROW = {row.name.removeprefix("~/"): row for row in YARP}
+
+
+class Asked:
+    """A board of two joints that YARP's clients ask; joint b implements few modes."""
+
+    def __init__(self) -> None:
+        poor = joint(
+            "b",
+            startup_mode=M.POSITION,
+            control_modes=(M.POSITION, M.MIXED, M.IDLE),
+            interaction_modes=(InteractionMode.STIFF,),
+        )
+        self.simulation = Rig(board_config(joint("a", startup_mode=M.POSITION), poor))
+        self.board, self.tick = self.simulation.board, self.simulation.tick
+        self.warnings: list[str] = []
+        self.errors: list[Exception] = []
+        self.yarp = YarpInterface(
+            self, self.warnings.append, lambda error, _: self.errors.append(error)
+        )
+        self.snapshots = SimpleNamespace()
+
+    @contextlib.contextmanager
+    def exclusive(self) -> Iterator[Board]:
+        yield self.board
+
+    def call(self, name: str, kind: Any, **request: Any) -> Any:
+        return self.yarp.answering(ROW[name])(kind.Request(**request), kind.Response())
+
+    def send(self, name: str, message: Any) -> None:
+        self.yarp.reference(ROW[name])(message)
+
+
+@pytest.fixture
+def rig() -> Asked:
+    made = Asked()
+    made.tick()
+    assert made.board.get_control_mode() == [M.POSITION] * 2
+    return made
+
+
+def test_every_mode_that_a_joint_is_in_has_a_name() -> None:
+    """Also the statuses; what may be set reads back by its own name, but for two old pairs."""
+    assert {mode: NAMES[mode] for mode in STATES} == {
+        M.POSITION: "POSITION",
+        M.POSITION_DIRECT: "POSITION_DIRECT",
+        M.VELOCITY: "VELOCITY",
+        M.MIXED: "MIXED",
+        M.TORQUE: "TORQUE",
+        M.OPENLOOP: "PWM",
+        M.IDLE: "IDLE",
+        M.HW_FAULT: "HW_FAULT",
+        M.CALIBRATING: "CALIBRATING",
+        M.NOT_CONFIGURED: "NOT_CONFIGURED",
+    }
+    for mode in set(STATES) - {M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED}:
+        assert SETTABLE[NAMES[mode]] == (mode,)
+
+
+@pytest.mark.parametrize("mode", ["HW_FAULT", "CALIBRATING", "position", "", "🤖", "x" * 10_000])
+def test_what_cannot_be_set_is_told(mode: str) -> None:
+    """M6: a status and an unknown mode; the text lists what can be set."""
+    with pytest.raises(RefusedError) as refused:
+        wanted(["POSITION", mode], 2)
+    assert refused.value.word == "SET_ERROR"
+    assert "FORCE_IDLE" in refused.value.text
+    assert len(refused.value.text) < 300
+
+
+@pytest.mark.parametrize(("modes", "count"), [([], 2), (["IDLE"], 2), (["IDLE"] * 3, 2)])
+def test_one_mode_per_joint(modes: list[str], count: int) -> None:
+    with pytest.raises(RefusedError) as refused:
+        wanted(modes, count)
+    assert refused.value.word == "INVALID"
+    assert refused.value.text.startswith(f"{len(modes)} modes for 2 joints")
+
+
+def test_modes_that_all_joints_implement(rig: Asked) -> None:
+    """The others are told with the joints that do; setting a listed one faults nobody (M5)."""
+    modes, text = available(rig.board.config.joints)
+    assert modes == ["FORCE_IDLE", "IDLE", "MIXED", "POSITION"]
+    assert text.startswith("some joints only: IMPEDANCE_POS (a); IMPEDANCE_VEL (a); OPENLOOP (a)")
+    assert "CURRENT" not in text
+    assert available(rig.board.config.joints[1:]) == (modes, "")
+
+
+@pytest.mark.parametrize(
+    ("msgs_name", "base"),
+    [
+        ("~", "/left/board"),
+        ("~/", "/left/board"),
+        ("~/yarp", "/left/board/yarp"),
+        ("/icub/head", "/icub/head"),
+        ("icub/head", "/icub/head"),
+    ],
+)
+def test_what_the_names_are_below(msgs_name: str, base: str) -> None:
+    """As msgs_name there: a slash comes first; and as ROS has it, ~ is the node."""
+    assert base_name(msgs_name, "/left/board") == base
+
+
+def test_letters_and_vocabs() -> None:
+    """An int8 holds the first of four letters."""
+    modes = [M.POSITION, M.POSITION_DIRECT, M.HW_FAULT, M.CALIBRATING]
+    assert letters(modes).tolist() == [ord(letter) for letter in "pphc"]
+    assert vocabs(modes).tolist() == [7565168, 1685286768, 1634105192, 7102819]
+
+
+def test_a_group_is_set_whole_or_not_at_all(rig: Asked) -> None:
+    """Joint b does not implement VELOCITY: M5 for it, and joint a stays as it is."""
+    answer = rig.call("set_modes", srv.SetControlModes, modes=["VELOCITY", "VELOCITY"])
+    assert answer.response == "SET_ERROR"
+    assert "b does not implement vel" in answer.opt_descr
+    assert rig.board.get_control_mode() == [M.POSITION, M.HW_FAULT]
+    answer = rig.call("set_modes", srv.SetControlModes, modes=["IDLE", "IDLE"])
+    assert answer.response == "SET_ERROR"
+    assert "send FORCE_IDLE first" in answer.opt_descr
+    assert rig.board.get_control_mode() == [M.POSITION, M.HW_FAULT]
+    answer = rig.call("set_modes", srv.SetControlModes, modes=["IMPEDANCE_VEL", "FORCE_IDLE"])
+    assert (answer.response, answer.opt_descr) == ("OK", "")
+    assert rig.board.get_control_mode() == [M.VELOCITY, M.IDLE]
+    assert rig.board.get_interaction_mode("a") == [InteractionMode.COMPLIANT]
+
+
+def test_a_wrong_group_changes_nothing(rig: Asked) -> None:
+    """M7: one name or one mode of it that does not exist."""
+    for request in (
+        {"names": ["a", "c"], "modes": ["IDLE", "IDLE"]},
+        {"names": ["a", "a"], "modes": ["IDLE", "IDLE"]},
+        {"names": ["a", "b", "c"], "modes": ["IDLE"] * 3},
+        {"names": ["a", "b"], "modes": ["IDLE", "SWIM"]},
+        {"names": ["a", "b"], "modes": ["IDLE"]},
+        {"modes": ["IDLE"]},
+        {},
+    ):
+        answer = rig.call("set_modes", srv.SetControlModes, **request)
+        assert answer.response in ("INVALID", "SET_ERROR")
+        assert answer.opt_descr
+        assert rig.board.get_control_mode() == [M.POSITION] * 2
+
+
+def test_speeds_that_come_along_stay_set(rig: Asked) -> None:
+    """As there: the next message without speeds moves with them; where none move, they do not."""
+    board, message = rig.board, msg.Position(names=["b"], positions=[0.5], ref_velocities=[0.3])
+    rig.send("position", message)
+    assert board.get_ref_speed().tolist() == [pytest.approx(math.radians(10)), 0.3]
+    assert board.get_target_position("b").tolist() == [0.5]
+    board.set_control_mode("b", M.IDLE)
+    message.ref_velocities = [0.4]
+    rig.send("position", message)
+    assert board.get_ref_speed("b").tolist() == [0.3]
+    assert "mode is IDLE" in rig.warnings[-1]
+    board.set_control_mode("a", M.VELOCITY)
+    rig.send("velocity", msg.Velocity(names=["a"], velocities=[0.1], ref_accelerations=[0.7]))
+    assert board.get_ref_acceleration("a").tolist() == [0.7]
+
+
+def test_a_stream_of_one_target_is_one_move(rig: Asked) -> None:
+    """A move ends at its time, however often its message comes, also where one joint is done."""
+    board = rig.board
+    message = msg.Position(positions=[0.3, 0.1], ref_velocities=[0.3, 0.3])
+    rig.send("position", message)
+    expected = board.get_remaining_time()
+    assert expected[0] == pytest.approx(1.0)
+    cycles = round(0.5 / board.period)
+    for _ in range(cycles):
+        rig.tick()
+        rig.send("position", message)
+        message.ref_velocities = []
+    assert board.check_motion_done() == [False, True]
+    lasting = board.get_remaining_time("a")[0]
+    assert lasting == pytest.approx(expected[0] - cycles * board.period, abs=2 * board.period)
+    rig.send("position", msg.Position(names=["a"], positions=[0.4]))
+    assert board.get_target_position("a").tolist() == [0.4]
+    rig.send("position", msg.Position(names=["a"], positions=[0.4], ref_velocities=[0.2]))
+    assert board.get_ref_speed("a").tolist() == [0.2]
+    board.stop()
+    rig.send("position", msg.Position(names=["a"], positions=[0.4]))
+    assert board.check_motion_done("a") == [False]
+
+
+def test_a_repeat_in_mixed_begins_anew(rig: Asked) -> None:
+    """P6: there, a move takes what the velocity added as its starting point."""
+    board = rig.board
+    board.set_control_mode(None, M.MIXED)
+    rig.send("position", msg.Position(names=["a"], positions=[0.3]))
+    rig.tick(100)
+    before = board.get_remaining_time("a")[0]
+    rig.send("position", msg.Position(names=["a"], positions=[0.3]))
+    assert board.get_remaining_time("a")[0] > before
+
+
+@pytest.mark.parametrize(
+    ("message", "counted"),
+    [
+        (msg.Position(positions=[0.1]), [1, 1]),
+        (msg.Position(names=["a"]), [1, 0]),
+        (msg.Position(names=["a"], positions=[math.nan]), [1, 0]),
+        (msg.Position(names=["a", "c"], positions=[0.1, 0.1]), [1, 0]),
+        (msg.Position(names=["a"] * 5, positions=[0.1] * 5), [1, 0]),
+        (msg.Position(names=["a"], positions=[0.1], ref_velocities=[0.1, 0.1]), [1, 0]),
+        (msg.Position(names=["a"], positions=[0.1], ref_velocities=[-0.1]), [1, 0]),
+        (msg.Position(names=["a"], positions=[0.1], ref_velocities=[math.inf]), [1, 0]),
+    ],
+)
+def test_what_is_wrong_is_ignored_counted_and_told(
+    rig: Asked, message: Any, counted: list[int]
+) -> None:
+    """M4, P13: as of the board's own commands."""
+    before = rig.board.get_ref_speed().tolist()
+    rig.send("position", message)
+    assert rig.board.rejected_commands.tolist() == counted
+    assert rig.board.check_motion_done() == [True, True]
+    assert rig.board.get_ref_speed().tolist() == before
+    assert len(rig.warnings) == 1
+
+
+def test_nothing_is_told_before_it_is_measured() -> None:
+    answer = Asked().call("get_position", srv.GetPosition)
+    assert (answer.response, list(answer.positions)) == ("RETRIEVE_ERROR", [])
+    assert "nothing is measured yet" in answer.opt_descr
+
+
+def test_an_error_of_the_program_is_an_answer(rig: Asked) -> None:
+    """No callback ends the node, and no client waits in vain."""
+    del rig.yarp._member
+    answer = rig.call("get_modes", srv.GetControlModes)
+    assert answer.response == "RETRIEVE_ERROR"
+    assert "internal error" in answer.opt_descr
+    assert isinstance(rig.errors[0], AttributeError)
+
+
+def test_kinds_of_commands() -> None:
+    """Each topic's row of COMMANDS has the field of its message."""
+    assert {name: row.reference for name, row in ROW.items() if row.kind == "command"} == {
+        "position": CommandKind.POSITION,
+        "position_direct": CommandKind.POSITION_DIRECT,
+        "velocity": CommandKind.VELOCITY,
+    }
+
+
+@pytest.mark.parametrize(
+    ("values", "below", "missing"),
+    [
+        ({"yarp_interface": False, "yarp_msgs_name": "/a"}, None, set()),
+        ({"yarp_interface": True, "yarp_msgs_name": ""}, "", set(ROW)),
+        ({"yarp_interface": True, "yarp_msgs_name": "~/yarp"}, "/left/board/yarp", set()),
+        ({"yarp_interface": True, "yarp_msgs_name": "~"}, "/left/board", {"get_available_modes"}),
+    ],
+)
+def test_what_is_offered(
+    rig: Asked,
+    capfd: pytest.CaptureFixture[str],
+    values: dict[str, Any],
+    below: str | None,
+    missing: set[str],
+) -> None:
+    """Nothing by default; without a name the modes only; a name that the board has is told."""
+    with free_domain() as domain, ros_node(domain, "board", namespace="/left", spin=False) as node:
+        before = {service.srv_name for service in node.services}
+        states: Any = SimpleNamespace(also=[])
+        heard = offer_yarp(node, rig, values, states, Reporter(node))
+        services = {service.srv_name for service in node.services} - before
+        commands = {subscription.topic_name for subscription in node.subscriptions}
+        topics = {publisher.topic_name for publisher in node.publishers}
+    told = {"/left/joint_states/controlModes", "/left/joint_states/controlModeVocabs"}
+    assert topics & told == (set() if below is None else told)
+    assert len(states.also) == (below is not None)
+    expected = {
+        kind: {f"{below}/{name}" for name, row in ROW.items() if row.kind == kind}
+        if below
+        else set()
+        for kind in ("command", "service")
+    }
+    clash = {f"{below}/{name}" for name in missing} if below else set()
+    assert commands == expected["command"]
+    assert len(heard) == len(commands)
+    assert services == expected["service"] - clash
+    warned = capfd.readouterr().err
+    assert all(name in warned for name in clash)
+    assert bool(warned) == bool(clash)
