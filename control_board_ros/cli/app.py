@@ -43,7 +43,7 @@ def interrupt(*_: Any) -> None:
 
 def invoke(session: Session, words: Sequence[str]) -> int:
     """Run one verb in a session; the exit code."""
-    as_json = "--json" in words or (session.shared and session.options.json)
+    as_json = "--json" in words
     session.run_line = partial(invoke, session)
     try:
         return do(session, words)

@@ -1,17 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl as people run it: the executable, in a process of its own."""
+"""cbctl as people run it: lines over one connection, or the executable in its own process."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
-import shlex
+import os
+import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest import mock
+
+from control_board_ros.cli import main
+from control_board_ros.cli.app import invoke
+from control_board_ros.cli.options import ROS_ARGUMENTS, hoist, read_options
+from control_board_ros.cli.session import Session
 
 #: s; a guard against what hangs, on the busiest machine: no test is decided by it.
 GUARD = 120.0
@@ -38,17 +47,64 @@ class Result:
 
 
 class Cbctl:
-    """Runs cbctl in an environment."""
+    """Runs cbctl in an environment.
+
+    A call runs a line in this process, over one connection, as ``cbctl shell`` does; a line with
+    options of its own gets a connection of its own. ``run`` and ``start`` take the executable:
+    for signals, terminals, and to see that it works.
+    """
 
     def __init__(self, environment: dict[str, str]) -> None:
         self.environment = environment | {"COLUMNS": "120"}
+        self._session: Session | None = None
+
+    def line(self, *words: str) -> list[str]:
+        """The words of a line; it has the guard's time to find the board."""
+        patient = [] if "--timeout" in words else ["--timeout", f"{GUARD / 2.0:g}"]
+        return [*patient, *words]
 
     def command(self, *words: str) -> list[str]:
-        """The whole command line; it has the guard's time to find the board."""
-        patient = [] if "--timeout" in words else ["--timeout", f"{GUARD / 2.0:g}"]
-        return [*COMMAND, *patient, *words]
+        """The whole command line of a process."""
+        return [*COMMAND, *self.line(*words)]
 
-    def __call__(self, *words: str, text: str | None = None) -> Result:
+    def __call__(self, *words: str) -> Result:
+        own, rest = hoist(words)
+        with self._as_a_process() as (out, err):
+            if {*own, ROS_ARGUMENTS} & {*rest, *own} <= {"--json"} and rest:
+                code = invoke(self._shared(), words)
+            else:
+                code = main(self.line(*words))
+        return Result(code, out.getvalue(), err.getvalue())
+
+    def _shared(self) -> Session:
+        """The session of all lines that have no options of their own."""
+        if self._session is None:
+            self._session = Session(read_options(self.line(), [])[0])
+            self._session.shared = True
+        return self._session
+
+    def close(self) -> None:
+        """End the connection."""
+        if self._session is not None:
+            self._session.close()
+
+    @contextlib.contextmanager
+    def _as_a_process(self) -> Iterator[tuple[io.StringIO, io.StringIO]]:
+        """Give this process the environment and the outputs of another, and no input."""
+        out, err, handler = io.StringIO(), io.StringIO(), signal.getsignal(signal.SIGTERM)
+        try:
+            with (
+                mock.patch.dict(os.environ, self.environment, clear=True),
+                mock.patch.object(sys, "stdin", io.StringIO()),
+                contextlib.redirect_stdout(out),
+                contextlib.redirect_stderr(err),
+            ):
+                yield out, err
+        finally:
+            signal.signal(signal.SIGTERM, handler)
+
+    def run(self, *words: str, text: str | None = None) -> Result:
+        """Run the executable, and wait for its end."""
         done = subprocess.run(
             self.command(*words),
             env=self.environment,
@@ -73,26 +129,18 @@ class Cbctl:
         )
 
 
-class Shell:
-    """One ``cbctl shell`` that answers in JSON; quicker than a process for every question."""
+class Asker:
+    """Asks through cbctl, and reads its JSON."""
 
     def __init__(self, cbctl: Cbctl) -> None:
-        self._process = cbctl.start("shell", stdin=subprocess.PIPE)
+        self._cbctl = cbctl
 
     def __call__(self, *words: str) -> Any:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.write(shlex.join([*words, "--json"]) + "\n")
-        self._process.stdin.flush()
-        return json.loads(self._process.stdout.readline())
+        return self._cbctl(*words, "--json").json
 
     def mode(self, *words: str) -> None:
         """Set a mode."""
         assert self("mode", *words)["success"] is True
-
-    def close(self) -> None:
-        """End it."""
-        self._process.communicate(timeout=GUARD)
 
 
 def until(condition: Callable[[], bool], timeout: float = GUARD) -> None:

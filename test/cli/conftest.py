@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from cbctl_process import Cbctl, Shell
+from cbctl_process import Asker, Cbctl
 
 from control_board_ros.testing import BoardProcess, board_process, child_environment, free_domain
 
@@ -19,27 +19,22 @@ def process() -> Iterator[BoardProcess]:
 
 
 @pytest.fixture(scope="module")
-def cbctl(process: BoardProcess) -> Cbctl:
+def cbctl(process: BoardProcess) -> Iterator[Cbctl]:
     """Cbctl on the domain of the board."""
-    return Cbctl(process.environment)
-
-
-@pytest.fixture(scope="module")
-def shell(cbctl: Cbctl) -> Iterator[Shell]:
-    """A shell for the module."""
-    shell = Shell(cbctl)
-    yield shell
-    shell.close()
+    cbctl = Cbctl(process.environment)
+    yield cbctl
+    cbctl.close()
 
 
 @pytest.fixture
-def ask(shell: Shell) -> Shell:
-    """The shell, with the board put back to its start."""
+def ask(cbctl: Cbctl) -> Asker:
+    """Questions to the board, which is put back to its start."""
+    ask = Asker(cbctl)
     for words in (["resume"], ["inject", "--clear"], ["reset"]):
-        assert shell(*words)["success"] is True
-    while any(row["control_mode"] != "pos" for row in shell("modes").values()):
+        assert ask(*words)["success"] is True
+    while any(row["control_mode"] != "pos" for row in ask("modes").values()):
         pass  # the next cycle configures it
-    return shell
+    return ask
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every verb of cbctl through its executable, against a running board.
+"""Every verb of cbctl against a running board.
 
-``cbctl`` starts a process for each line, ``ask`` puts the questions in between to one shell.
+Lines share one connection where that makes no difference; what depends on a process (signals,
+pipes, the shell) has one of its own. ``ask`` puts the questions in between.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ FIRST, SECOND, LAST = (f"lbr_iiwa_joint_{k}" for k in (1, 2, 7))
 
 def test_modes(cbctl: Any, ask: Any) -> None:
     """The modes of all joints, or of some; codes and names; no colour into a pipe."""
-    shown = cbctl("modes")
+    shown = cbctl.run("modes")
     assert (shown.code, shown.err) == (0, "")
     assert f"{FIRST}  pos  POSITION" in shown.out
     assert shown.out.count("STIFF") == 7
@@ -50,7 +51,7 @@ def test_mode(cbctl: Any, ask: Any) -> None:
 
 def test_what_the_board_refuses(cbctl: Any, ask: Any) -> None:
     """M5, M6: exit code 1 and the board's words, on stderr or as JSON."""
-    refused = cbctl("mode", "0", "hwfa")
+    refused = cbctl.run("mode", "0", "hwfa")
     assert (refused.code, refused.out) == (1, "")
     assert "cannot be set" in refused.err
     refused = cbctl("mode", "0", "icur", "--json")
@@ -128,8 +129,8 @@ def test_a_target_outside_the_limits_is_refused(cbctl: Any, ask: Any) -> None:
 
 def test_a_move_that_did_not_arrive(cbctl: Any, ask: Any) -> None:
     """P1: the bar ends at 100 % only where the joint is measured to be at its target."""
-    moving = cbctl.start("move", "0=2.5", "--speed", "0.1")
-    until(lambda: ask("watch", "0", "--once")[FIRST]["position"] > 0.05)
+    moving = cbctl.start("move", "0=2.5", "--speed", "0.2")
+    until(lambda: ask("watch", "0", "--once")[FIRST]["position"] > 0.005)
     ask.mode("0", "vel")
     out, err = moving.communicate(timeout=GUARD)
     assert (moving.returncode, out) == (1, "")
@@ -138,8 +139,8 @@ def test_a_move_that_did_not_arrive(cbctl: Any, ask: Any) -> None:
 
 def test_ctrl_c_stops_a_move(cbctl: Any, ask: Any) -> None:
     """Ctrl-C cancels the move and says what the joints do now."""
-    moving = cbctl.start("move", "0=2.5", "--speed", "0.1")
-    until(lambda: ask("watch", "0", "--once")[FIRST]["position"] > 0.05)
+    moving = cbctl.start("move", "0=2.5", "--speed", "0.2")
+    until(lambda: ask("watch", "0", "--once")[FIRST]["position"] > 0.005)
     assert ask("pause")["success"] is True  # so that it gets no further, however long this takes
     there = ask("watch", "0", "--once")[FIRST]["position"]
     moving.send_signal(signal.SIGINT)
@@ -174,7 +175,7 @@ def test_velocity_streams_and_stops(cbctl: Any, ask: Any) -> None:
     assert after[FIRST]["rejected_commands"] == before[FIRST]["rejected_commands"] + 1
     ask.mode("0", "vel")
     assert ask("speed", "0=5", "--acceleration")["success"] is True
-    done = cbctl("velocity", "0=20deg", "--for", "1s")
+    done = cbctl("velocity", "0=20deg", "--for", "400ms")
     assert done.code == 0, done.err
     assert f"stopped: {FIRST} holds at " in done.out
     here = ask("watch", "0", "--once")[FIRST]
@@ -427,15 +428,16 @@ def test_the_simulation(cbctl: Any, ask: Any) -> None:
 def test_shell_from_a_pipe(cbctl: Any, ask: Any) -> None:
     """Many lines, one connection; what fails does not end it, and shows in the exit code."""
     lines = "mode 0 vel\n# a comment\n\ncbctl modes 0 --json\nmode 0 'pos\nshell\nquit\nmodes\n"
-    done = cbctl("shell", text=lines)
+    done = cbctl.run("shell", text=lines)
     assert done.code == 2
     first, second = done.out.splitlines()
     assert first == f"{FIRST}: vel"
     assert json.loads(second)[FIRST]["control_mode"] == "vel"
     assert "check the quotes" in done.err
     assert "this is the shell already" in done.err
-    assert cbctl("shell", text="mode 0 nonsense\nmodes 0\n").code == 1
-    assert "the shell is connected" in ask("modes", "--board", "other")["message"]
+    assert cbctl.run("shell", text="mode 0 nonsense\nmodes 0\n").code == 1
+    told = cbctl.run("shell", text="modes 0 --json\nmodes --board other\n").err
+    assert told == "cbctl: the shell is connected; give --board and the like to cbctl shell\n"
 
 
 @pytest.mark.parametrize(

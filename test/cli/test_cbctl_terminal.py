@@ -149,11 +149,10 @@ def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
 def test_a_move_on_a_paused_board(cbctl: Any) -> None:
     """It says why nothing moves, and goes on with the simulation."""
     assert cbctl("pause").code == 0
-    with terminal(cbctl, "move", "joint_1=10deg") as at:
+    with terminal(cbctl, "move", "joint_1=2deg") as at:
         at.see("paused? go on with: cbctl resume")
         assert cbctl("resume").code == 0
-        at.see("lbr_iiwa_joint_1 at 10.0°")
-    assert cbctl("move", "joint_1=0").code == 0
+        at.see("lbr_iiwa_joint_1 at 2.0°")
 
 
 def test_a_stream_on_a_paused_board(cbctl: Any) -> None:
@@ -170,10 +169,10 @@ def test_a_stream_on_a_paused_board(cbctl: Any) -> None:
 def test_jog(cbctl: Any) -> None:
     """P5: a joint moves while a key is held, and the terminal is as before at the end."""
     assert cbctl("mode", "joint_7", "vel").code == 0
-    with terminal(cbctl, "jog", "joint_7", "--speed", "20deg") as at:
+    with terminal(cbctl, "jog", "joint_7", "--speed", "5deg") as at:
         at.see("joint_7 0.0°")
-        angles = re.compile(r"joint_7 (-?[\d.]+)° → 20\.0°/s")
-        at.hold("\x1b[C", lambda shown: any(float(a) > 2.0 for a in angles.findall(shown)))
+        angles = re.compile(r"joint_7 (-?[\d.]+)° → 5\.0°/s")
+        at.hold("\x1b[C", lambda shown: any(float(a) > 0.4 for a in angles.findall(shown)))
         at.type("q")
         at.see("stopped: lbr_iiwa_joint_7 holds at ")
         at.see("(VELOCITY)")
@@ -182,7 +181,7 @@ def test_jog(cbctl: Any) -> None:
     assert asked.json["lbr_iiwa_joint_7"]["velocity"] == 0.0
     asked = cbctl("watch", "joint_7", "--once", "--json")
     assert asked.code == 0, asked
-    assert asked.json["lbr_iiwa_joint_7"]["position"] > 0.03
+    assert asked.json["lbr_iiwa_joint_7"]["position"] > 0.005
 
 
 def test_jog_says_what_it_needs(cbctl: Any) -> None:
