@@ -22,6 +22,9 @@ unexport RMW_IMPLEMENTATION ROS_DISTRO ROS_VERSION ROS_PYTHON_VERSION
 unexport _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
+# Each board that a test starts would compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help run test test-long check bench motion soak conformance mutants docs setup clean distclean
 
@@ -32,10 +35,10 @@ run: setup ## Start the arm; ARGS="--ros-args --params-file …" go to the node
 	@$(BIN)/control_board $(ARGS)
 
 test: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests; ARGS="-k M4" go to pytest
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not slow and not soak" $(ARGS)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow and not soak" $(ARGS)
 
 test-long: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests that take more than 5 s each
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m slow $(ARGS)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m slow $(ARGS)
 
 check: setup $(STAMPS)/test $(STAMPS)/dev ## Run ruff, mypy --strict and import-linter
 	$(BIN)/ruff check .

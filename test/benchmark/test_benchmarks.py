@@ -36,7 +36,7 @@ FIGURES = {
 LONG = ("B4", "B7", "B10", "B11", "B12")
 QUICK = [name for name in FIGURES if name not in LONG]
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("benchmarks")]
+pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 
 def figures_of(names: Sequence[str], folder: Path) -> list[Any]:

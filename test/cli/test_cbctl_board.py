@@ -18,11 +18,7 @@ from cbctl_process import GUARD, until
 
 from control_board_ros.testing import board_process
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.physics,
-    pytest.mark.xdist_group("cbctl_board"),
-]
+pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 FIRST, SECOND, LAST = (f"lbr_iiwa_joint_{k}" for k in (1, 2, 7))
 

@@ -17,11 +17,7 @@ from typing import Any
 import pytest
 from cbctl_process import GUARD
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.physics,
-    pytest.mark.xdist_group("cbctl_terminal"),
-]
+pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 
 class Terminal:

@@ -22,7 +22,7 @@ from control_board_ros.core.vocabs import InteractionMode
 from control_board_ros.interface import CALIBRATE
 from control_board_ros.testing import BoardProcess, ros_node
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_board")]
+pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 NAMES = tuple(f"lbr_iiwa_joint_{k}" for k in range(1, 8))
 

@@ -16,7 +16,7 @@ from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.vocabs import ControlMode as M
 from control_board_ros.testing import BoardProcess, board_process, free_domain, ros_node
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_calling")]
+pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 #: A client that waits long enough on the busiest machine.
 patient = partial(ControlBoardClient, find_timeout=60.0, answer_timeout=60.0)

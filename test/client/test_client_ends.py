@@ -20,7 +20,7 @@ from control_board_ros.core.vocabs import ControlMode as M
 from control_board_ros.core.vocabs import InteractionMode
 from control_board_ros.testing import BoardProcess, ros_node
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_ends")]
+pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
 #: A client that waits long enough on the busiest machine.
 patient = partial(ControlBoardClient, find_timeout=60.0, answer_timeout=60.0)

@@ -15,7 +15,7 @@ from control_board_ros.core.selection import RequestError
 JOINT = "lbr_iiwa_joint_1"
 KNOWN = {name for name in dir(ControlBoardClient) if not name.startswith("_")}
 
-on_a_board = [pytest.mark.ros, pytest.mark.physics, pytest.mark.xdist_group("client_parameters")]
+on_a_board = [pytest.mark.ros, pytest.mark.physics]
 
 
 class TestOnABoard:

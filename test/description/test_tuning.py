@@ -22,19 +22,13 @@ pytestmark = [pytest.mark.physics]
 needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")
 
 
-def tuned(robot: str, output: str, *more: pytest.MarkDecorator) -> Any:
-    """A configuration whose tests run in one process, which sets its robot up once."""
-    group = pytest.mark.xdist_group(f"tuning_{robot}_{output}")
-    return pytest.param((robot, output), marks=[group, *more], id=f"{robot}-{output}")
-
-
 RIGS = [
-    tuned("iiwa", "pwm"),
-    tuned("iiwa", "current"),
-    tuned("panda", "pwm"),
-    tuned("panda", "current"),
-    tuned("icub_left_arm", "pwm", needs_icub),
-    tuned("icub_right_arm", "current", needs_icub),
+    pytest.param(("iiwa", "pwm"), id="iiwa-pwm"),
+    pytest.param(("iiwa", "current"), id="iiwa-current"),
+    pytest.param(("panda", "pwm"), id="panda-pwm"),
+    pytest.param(("panda", "current"), id="panda-current"),
+    pytest.param(("icub_left_arm", "pwm"), marks=needs_icub, id="icub_left_arm-pwm"),
+    pytest.param(("icub_right_arm", "current"), marks=needs_icub, id="icub_right_arm-current"),
 ]
 M = ControlMode
 STILL = 1e-4  # rad or m in 0.2 s

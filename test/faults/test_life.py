@@ -21,7 +21,7 @@ from talk import Talker, stamp_of, talking_to
 
 from control_board_ros.testing import BoardProcess, board_process
 
-pytestmark = [pytest.mark.ros, pytest.mark.xdist_group("faults_life")]
+pytestmark = pytest.mark.ros
 
 HURT = Path(__file__).with_name("hurt.py")
 J1, J7 = "lbr_iiwa_joint_1", "lbr_iiwa_joint_7"

@@ -13,7 +13,7 @@ from rclpy.qos import QoSProfile
 from std_srvs.srv import SetBool, Trigger
 from talk import Talker, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.xdist_group("faults_wire")]
+pytestmark = pytest.mark.ros
 
 #: For each command topic: its message, the field of its values, a mode that takes it, a value.
 TOPICS = {

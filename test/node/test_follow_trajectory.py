@@ -32,7 +32,7 @@ Result = FollowJointTrajectory.Result
 @pytest.fixture(scope="module")
 def params() -> dict[str, Any]:
     # Stamps are simulated time then, exact on a busy machine too.
-    return {"allow_fault_injection": True, "publish_clock": True}
+    return {"allow_fault_injection": True, "publish_clock": True, "real_time_factor": 4.0}
 
 
 def trajectory(
@@ -102,7 +102,7 @@ def test_a_goal_succeeds_with_feedback(talker: Talker, names: list[str]) -> None
 
 def test_cancelling_stops_the_joints(talker: Talker, names: list[str]) -> None:
     """T2: CANCELED with code SUCCESSFUL, as ros2_controllers has it."""
-    handle = send(talker, trajectory=trajectory(names, (5.0, [1.0, 1.0])))
+    handle = send(talker, trajectory=trajectory(names, (20.0, [1.0, 1.0])))
     talker.state(lambda s: s.position_reference[6] > 0.05)
     assert talker.answer(talker.within(handle.cancel_goal_async)).goals_canceling
     status, code, text = end(talker, handle)
@@ -116,7 +116,7 @@ def test_cancelling_stops_the_joints(talker: Talker, names: list[str]) -> None:
 
 def test_a_new_goal_preempts(talker: Talker, names: list[str]) -> None:
     """T1: the old one aborts at once with INVALID_GOAL; the new one succeeds."""
-    old = send(talker, trajectory=trajectory(names, (5.0, [1.0, 1.0])))
+    old = send(talker, trajectory=trajectory(names, (20.0, [1.0, 1.0])))
     new = send(talker, trajectory=trajectory(names[1:], (0.4, [0.1])))
     status, code, text = end(talker, old)
     assert (status, code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
@@ -197,7 +197,7 @@ def test_tolerances_end_a_goal(talker: Talker, names: list[str]) -> None:
 
 def test_a_joint_that_faults_aborts_the_goal(talker: Talker, names: list[str]) -> None:
     """T2: with the reason; the other joint stops."""
-    handle = send(talker, trajectory=trajectory(names, (5.0, [1.0, 1.0])))
+    handle = send(talker, trajectory=trajectory(names, (20.0, [1.0, 1.0])))
     talker.state(lambda s: s.position_reference[5] > 0.02)
     assert talker.call("inject_fault", srv.InjectFault, names=names[1:], fault="external").success
     status, code, text = end(talker, handle)
@@ -211,7 +211,7 @@ def test_a_mode_set_while_time_stands_still_aborts_the_goal(
     talker: Talker, names: list[str]
 ) -> None:
     """T2: also when no control cycle runs."""
-    handle = send(talker, trajectory=trajectory(names, (5.0, [1.0, 1.0])))
+    handle = send(talker, trajectory=trajectory(names, (20.0, [1.0, 1.0])))
     assert talker.call("pause", SetBool, data=True).success
     assert talker.set_mode(names[1:], "pos").success
     status, code, text = end(talker, handle)

@@ -38,12 +38,7 @@ def ros_board() -> Iterator[OverRos]:
         yield adapter
 
 
-@pytest.fixture(
-    params=[
-        "in_process",
-        pytest.param("ros", marks=[pytest.mark.ros, pytest.mark.xdist_group("spec_ros")]),
-    ]
-)
+@pytest.fixture(params=["in_process", pytest.param("ros", marks=pytest.mark.ros)])
 def board(request: pytest.FixtureRequest) -> Any:
     """The board of ``arm.yaml``, all joints in IDLE at 0; see adapter.py."""
     if request.param == "in_process":
