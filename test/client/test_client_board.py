@@ -294,11 +294,11 @@ def test_move_waits_and_tells(client: ControlBoardClient) -> None:
 
 def test_a_bounded_move_says_so(client: ControlBoardClient) -> None:
     """P1, P9: a target beyond a limit is accepted, and the reply says what was done instead."""
-    assert client.move(0, -0.5, 0.5).message == ""
-    reply = client.move([0, 1], [-40.0, 0.6], [0.7, 0.1])
+    assert client.move(5, 0.1, 0.5).message == ""
+    reply = client.move([5, 1], [40.0, 0.6], [1.2, 0.1])
     assert reply
-    assert reply.message == f"{NAMES[0]}: position bounded to -168° (-2292° was asked for)"
-    assert client.get_encoder(0) == pytest.approx([math.radians(-168.0)], abs=0.01)
+    assert reply.message == f"{NAMES[5]}: position bounded to 118° (2292° was asked for)"
+    assert client.get_encoder(5) == pytest.approx([math.radians(118.0)], abs=0.01)
 
 
 def test_move_fails_with_the_reason(client: ControlBoardClient) -> None:

@@ -45,9 +45,9 @@ KINDS_OF_JOINTS: tuple[dict[str, Any], ...] = (
     },
 )
 #: Sizes of boards, and control cycles for each part of the script.
-SIZES = {1: 60, 7: 60, 32: 8, 127: 2}
+SIZES = {1: 60, 7: 40, 32: 6, 127: 1}
 #: The numbers inside of the compiled objects are compared after every so many parts.
-INSIDES = 10
+INSIDES = 20
 
 
 def config_of(count: int, output: str) -> BoardConfig:

@@ -223,7 +223,9 @@ def test_controller_state_for_plotting_tools(talker: Talker, names: list[str]) -
     """Reference, feedback, error and output of all joints, as often as ~/state."""
     talker.hear("controller", JointTrajectoryControllerState, f"{talker.board}/controller_state")
     handle = send(talker, trajectory=trajectory(names, (1.0, [0.2, 0.1])))
-    message = talker.wait("controller", lambda m: m.reference.positions[5] > 0.1, fresh=True)
+    message = talker.wait(
+        "controller", lambda m: 0.02 < m.reference.positions[5] < 0.18, fresh=True
+    )
     assert list(message.joint_names) == talker.names
     assert message.speed_scaling_factor == 1.0
     assert message.reference.velocities[5] == pytest.approx(0.2, abs=1e-6)
