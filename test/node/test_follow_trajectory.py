@@ -223,17 +223,18 @@ def test_controller_state_for_plotting_tools(talker: Talker, names: list[str]) -
     """Reference, feedback, error and output of all joints, as often as ~/state."""
     talker.hear("controller", JointTrajectoryControllerState, f"{talker.board}/controller_state")
     handle = send(talker, trajectory=trajectory(names, (1.0, [0.2, 0.1])))
-    message = talker.wait(
+    under_way = talker.wait(
         "controller", lambda m: 0.02 < m.reference.positions[5] < 0.18, fresh=True
     )
-    assert list(message.joint_names) == talker.names
-    assert message.speed_scaling_factor == 1.0
-    assert message.reference.velocities[5] == pytest.approx(0.2, abs=1e-6)
+    assert list(under_way.joint_names) == talker.names
+    assert under_way.speed_scaling_factor == 1.0
+    assert under_way.reference.velocities[5] == pytest.approx(0.2, abs=1e-6)
     differences = [
-        r - f for r, f in zip(message.reference.positions, message.feedback.positions, strict=True)
+        r - f
+        for r, f in zip(under_way.reference.positions, under_way.feedback.positions, strict=True)
     ]
-    assert list(message.error.positions) == pytest.approx(differences)
-    assert message.output.positions == message.reference.positions
+    assert list(under_way.error.positions) == pytest.approx(differences)
+    assert under_way.output.positions == under_way.reference.positions
     assert end(talker, handle)[1] == Result.SUCCESSFUL
 
 

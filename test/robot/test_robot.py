@@ -226,7 +226,7 @@ def test_a_move_over_parts_ends_where_one_faults() -> None:
 def test_a_joint_is_in_one_part_only() -> None:
     """R1, and what the parts share."""
     pair = board_config(joint("a"), joint("b"))
-    with pytest.raises(ConfigError, match="'b' .*each joint in one part; left has it"):
+    with pytest.raises(ConfigError, match=r"'b' .*each joint in one part; left has it"):
         Robot({"left": pair, "right": board_config(joint("b"))})
     with pytest.raises(ConfigError, match=r"parts.right.control_rate"):
         Robot({"left": pair, "right": board_config(joint("c"), control_rate=1000.0)})
