@@ -16,12 +16,7 @@ from cbctl_process import GUARD, Cbctl, until
 from control_board_ros.recording.reading import read
 from control_board_ros.testing import board_process
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.physics,
-    pytest.mark.slow,
-    pytest.mark.xdist_group("recording"),
-]
+pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.slow]
 FIRST, LAST = "lbr_iiwa_joint_1", "lbr_iiwa_joint_7"
 
 
