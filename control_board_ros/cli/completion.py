@@ -57,7 +57,18 @@ LAST_WORDS = {
     "inject": FAULTS,
 }
 #: Verbs that take no joint.
-ALONE = ("info", "configure", "power-cycle", "pause", "resume", "step", "reset")
+ALONE = (
+    "info",
+    "poses",
+    "home",
+    "park",
+    "configure",
+    "power-cycle",
+    "pause",
+    "resume",
+    "step",
+    "reset",
+)
 
 
 def joint_words(names: Sequence[str], incomplete: str) -> list[str]:
@@ -74,7 +85,18 @@ def signal_words(names: Sequence[str], incomplete: str) -> list[str]:
     return kinds if dot else [f"{word}." for word in joint_words(names, incomplete)] + kinds
 
 
-def offers(verb: str, before: Sequence[str], incomplete: str, names: Sequence[str]) -> list[str]:
+def pose_words(poses: Sequence[str], incomplete: str) -> list[str]:
+    """Poses that begin with what is typed, and ``save``."""
+    return [word for word in (*poses, "save") if word.startswith(incomplete)]
+
+
+def offers(
+    verb: str,
+    before: Sequence[str],
+    incomplete: str,
+    names: Sequence[str],
+    poses: Callable[[], Sequence[str]] = tuple,
+) -> list[str]:
     """The words that may stand next on the line of a verb.
 
     Args:
@@ -82,9 +104,12 @@ def offers(verb: str, before: Sequence[str], incomplete: str, names: Sequence[st
         before: the words between the verb and the one that is typed.
         incomplete: what is typed of it.
         names: the joints of the board.
+        poses: asks for the poses of the board.
     """
     if verb in ALONE or incomplete.startswith("-"):
         return []
+    if verb == "pose" and len(before) < 2:
+        return pose_words(poses(), incomplete) if not before else []  # or a new name
     last = [word for word in LAST_WORDS.get(verb, ()) if word.startswith(incomplete)]
     if before and last:
         return last  # a joint is there: a mode follows
@@ -97,7 +122,11 @@ def offers(verb: str, before: Sequence[str], incomplete: str, names: Sequence[st
 
 
 def line_offers(
-    line: str, verbs: Sequence[str], names: Sequence[str], more: Sequence[str] = ()
+    line: str,
+    verbs: Sequence[str],
+    names: Sequence[str],
+    more: Sequence[str] = (),
+    poses: Callable[[], Sequence[str]] = tuple,
 ) -> list[str]:
     """What may follow a line that is typed in the shell of cbctl.
 
@@ -106,6 +135,7 @@ def line_offers(
         verbs: of cbctl.
         names: the joints of the board.
         more: words of the shell itself; the first two of them show help.
+        poses: asks for the poses of the board.
     """
     *before, incomplete = line.split(" ")
     before = [word for word in before if word]
@@ -116,7 +146,9 @@ def line_offers(
         return [word for word in (*known, *more) if word.startswith(incomplete)]
     if before[0] in more[:2] and len(before) == 1:
         return [verb for verb in known if verb.startswith(incomplete)]
-    return offers(before[0], before[1:], incomplete, names) if before[0] in known else []
+    if before[0] not in known:
+        return []
+    return offers(before[0], before[1:], incomplete, names, poses)
 
 
 def complete(
@@ -162,7 +194,8 @@ def at_cursor(
     if rest[0] in ALONE or rest[0] not in verbs:
         return []
     options.timeout = TIMEOUT
-    return offers(rest[0], rest[1:], incomplete, board_joints(options))
+    names, poses = board_words(options, rest[0])
+    return offers(rest[0], rest[1:], incomplete, names, lambda: poses)
 
 
 def flags_of(entry: Argument) -> list[str]:
@@ -170,12 +203,23 @@ def flags_of(entry: Argument) -> list[str]:
     return [name for name in entry.names if name.startswith("--")]
 
 
-def board_joints(options: Options) -> tuple[str, ...]:
-    """The joints of the board; none where there is no board."""
+def board_words(options: Options, verb: str) -> tuple[Sequence[str], Sequence[str]]:
+    """The joints of the board, and its poses where the verb takes them; none without a board."""
     from control_board_ros.client import BoardError
 
     try:
         with Session(options) as session:
-            return session.names
+            return session.names, list_poses(session) if verb == "pose" else ()
     except BoardError:
+        return (), ()
+
+
+def list_poses(session: Session) -> Sequence[str]:
+    """The poses of the board; none where it does not tell them."""
+    from control_board_ros.client import BoardError
+    from control_board_ros.core.selection import RequestError
+
+    try:
+        return session.client.list_poses()
+    except (BoardError, RequestError):
         return ()

@@ -71,6 +71,18 @@ def quantity(text: str, kind: str) -> Quantity:
     return Quantity(float(found[1]) * factor, dimension)
 
 
+def speed_above_zero(text: str) -> float:
+    """The speed of ``--speed``.
+
+    Raises:
+        UsageError: no speed, or none above 0.
+    """
+    value = quantity(text, "speed").value
+    if value <= 0.0:
+        raise UsageError(f"--speed {text} is not valid; give a speed above 0, e.g. 20deg")
+    return value
+
+
 def assignments(words: Sequence[str], kind: str) -> list[tuple[str, Quantity]]:
     """``JOINT=VALUE`` words.
 

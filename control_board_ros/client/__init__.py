@@ -19,6 +19,7 @@ within a callback: the client serves its own connection.
 from .board import ControlBoardClient
 from .errors import BoardError, BoardNotFound, BoardTimeout
 from .goals import CalibrationFeedback, MoveFeedback
+from .poses import PoseFeedback
 from .state import State
 
 __all__ = [
@@ -28,5 +29,6 @@ __all__ = [
     "CalibrationFeedback",
     "ControlBoardClient",
     "MoveFeedback",
+    "PoseFeedback",
     "State",
 ]

@@ -18,6 +18,7 @@ from .modes_view import ModesView
 from .old_modes import OldModes
 from .operations import Aio, gone_as_board_error, operation
 from .parameters import ParameterRequests
+from .poses import PoseRequests
 from .prediction import Predictor
 from .readings import Readings
 from .references import ReferenceRequests
@@ -66,6 +67,7 @@ class ControlBoardClient:
         self._references = ReferenceRequests(services)
         self._readings = Readings(services)
         self._goals = Goals(services, self._modes)
+        self._poses = PoseRequests(services)
         self._parameters = ParameterRequests(services)
         self._commands = ReferenceCommands(
             services, Predictor(view, self._modes, self._board, self._parameters)
@@ -168,6 +170,14 @@ class ControlBoardClient:
     move = operation("_goals", Goals.move)
     calibrate = operation("_goals", Goals.calibrate)
     get_calibration = operation("_goals", Goals.get_calibration)
+
+    # Poses
+    list_poses = operation("_poses", PoseRequests.list_poses)
+    get_pose = operation("_poses", PoseRequests.get_pose)
+    save_pose = operation("_poses", PoseRequests.save_pose)
+    go_to_pose = operation("_poses", PoseRequests.go_to_pose)
+    home = operation("_poses", PoseRequests.home)
+    park = operation("_poses", PoseRequests.park)
 
     # Parameters
     list_parameters = operation("_parameters", ParameterRequests.list_parameters)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses: named joint positions, and the move to one, all joints arriving together (SPEC R5).
+"""The move to a pose, all joints arriving together; and poses that are checked (SPEC R5).
 
 ::
 
@@ -11,9 +11,7 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -24,40 +22,10 @@ from .board import Board
 from .commands import WORTH_A_WORD
 from .explanations import explain_slower
 from .move_task import MoveTask, takes_moves
+from .pose import NAME, Pose
 from .reply import position_text
 from .selection import RequestError
 from .vocabs import ControlMode
-
-#: Poses that every robot has.
-HOME, PARK = "home", "park"
-#: What a pose may be called.
-NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """Named joint positions.
-
-    Attributes: name, joints (names), positions (one per joint, rad or m), speed (mean speed of
-    the slowest joint, rad/s or m/s; 0: the reference speeds that are set).
-    """
-
-    name: str
-    joints: tuple[str, ...]
-    positions: tuple[float, ...]
-    speed: float = 0.0
-
-    def of(self, names: Collection[str]) -> Pose | None:
-        """The part of it that is of these joints; None where nothing is left."""
-        kept = [
-            (joint, position)
-            for joint, position in zip(self.joints, self.positions, strict=True)
-            if joint in names
-        ]
-        if not kept:
-            return None
-        joints, positions = zip(*kept, strict=True)
-        return replace(self, joints=joints, positions=positions)
 
 
 class Plan(NamedTuple):
@@ -218,4 +186,5 @@ def made_pose(
                 f"pose {name!r}: {joint.name} at {shown} is outside its limits, {least} to {most} "
                 f"({low:.6g} to {high:.6g} {unit(joint.kind)})"
             )
-    return Pose(name, chosen.names, tuple(float(q) for q in positions), float(speed))
+    # -0.0 + 0.0 is 0.0
+    return Pose(name, chosen.names, tuple(float(q) + 0.0 for q in positions), float(speed))

@@ -11,7 +11,8 @@ from difflib import get_close_matches
 from typing import Any
 
 from ..core.board import Board
-from ..core.poses import Pose, PoseTask, made_pose, pose_now
+from ..core.pose import Pose
+from ..core.poses import PoseTask, made_pose, pose_now
 from ..core.selection import RequestError
 from ..settings.user_poses import UserPoses
 from .member import Member
@@ -46,16 +47,14 @@ class Poses:
         """The names of all poses, and what one of them is made of."""
         response.poses = list(self._configured)
         try:
-            poses = self._all()
-            response.poses = list(poses)
-            pose = self._find(request.name) if request.name else None
+            if request.name:
+                pose = self._find(request.name)
+                response.names = list(pose.joints)
+                response.positions, response.speed = doubles(pose.positions), pose.speed
+            response.poses = list(self._all())
+            response.success = True
         except RequestError as error:  # those of the configuration are there all the same
             response.message = str(error)
-            return response
-        if pose is not None:
-            response.names = list(pose.joints)
-            response.positions, response.speed = doubles(pose.positions), pose.speed
-        response.success = True
         return response
 
     def save_pose(self, request: Any, response: Any) -> Any:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.config import BoardConfig, ConfigError
-from ..core.poses import Pose
+from ..core.pose import Pose
 from ..description.derive import complete
 from ..description.robots import ROBOTS, load_robot
 from ..description.urdf import Urdf, UrdfError

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..core.config import BoardConfig
 from ..core.parameter import Kind, Parameter
-from ..core.poses import HOME, NAME, PARK, Pose
+from ..core.pose import HOME, NAME, PARK, Pose
 from .params_file import Entry, SettingsError
 
 POSES = "poses"

@@ -151,6 +151,31 @@ def test_ctrl_c_stops_a_move(cbctl: Any, ask: Any) -> None:
     assert here["position"] == pytest.approx(there, abs=0.1)
 
 
+def test_poses(cbctl: Any, ask: Any) -> None:
+    """R5: shown, gone to, saved; what is refused names the joint and the way out."""
+    shown = cbctl("poses")
+    assert shown.code == 0
+    assert "home" in shown.out
+    assert f"{SECOND}   28.6°     0.0°" in shown.out
+    done = cbctl("park", "--speed", "1")
+    assert (done.code, done.out) == (0, "at park\n")
+    assert "by its limits of speed and acceleration" in done.err
+    assert ask("pose", "save", "wave", "joint_7=20deg", "joint_2")["success"] is False
+    assert "poses/lbr_iiwa.yaml" in ask("pose", "save", "wave", "joint_7=20deg")["message"]
+    assert ask("pose", "save", "here", "joint_2", "0", "--speed", "0.7")["success"] is True
+    rows = ask("poses")
+    assert rows["wave"]["positions"] == {LAST: math.radians(20.0)}
+    assert list(rows["here"]["positions"]) == [SECOND, FIRST]
+    assert rows["here"]["speed"] == 0.7
+    assert ask("pose", "wave", "--speed", "1")["positions"][LAST] == pytest.approx(0.349, abs=0.02)
+    ask.mode("1", "vel")
+    refused = cbctl("home")
+    assert refused.code == 1
+    assert f"{SECOND} is in VELOCITY; switch with: cbctl mode {SECOND} pos" in refused.err
+    assert "did you mean 'wave'?" in ask("pose", "wav")["message"]
+    assert cbctl("pose", "home", "joint_1").code == cbctl("park", "--speed", "0").code == 2
+
+
 def test_direct_and_references(cbctl: Any, ask: Any) -> None:
     """P4, M11: a step, and what was accepted last."""
     assert ask("direct", "0=0.01")["success"] is False

@@ -45,6 +45,21 @@ def test_a_line_of_the_shell(line: str, words: list[str]) -> None:
     assert line_offers(line, VERBS, IIWA, (*HELP, *LEAVE)) == words
 
 
+def test_poses() -> None:
+    """Those of the board, or save; a new name is nobody's to offer; then joints."""
+    poses = ("home", "park")
+    known = ["pose", "home"]
+    for line, words in {
+        "pose ": ["home", "park", "save"],
+        "pose s": ["save"],
+        "pose home ": [],
+        "pose save ": [],
+        "pose save here joint_2": ["joint_2"],
+        "home ": [],
+    }.items():
+        assert line_offers(line, known, IIWA, (*HELP, *LEAVE), lambda: poses) == words
+
+
 def test_a_fault_follows_joints() -> None:
     assert offers("inject", ["joint_1"], "e", IIWA) == ["encoder", "external"]
     assert offers("inject", [], "", IIWA) == [*SHORT, "all"]

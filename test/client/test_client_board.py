@@ -490,3 +490,31 @@ def test_a_hundred_clients_at_once(process: BoardProcess) -> None:
     assert len(answers) == 1000
     assert all(len(modes) == 7 for modes in answers)
     assert np.all([modes == answers[0] for modes in answers])
+
+
+def test_poses(client: ControlBoardClient) -> None:
+    """R5: list, save as measured or as given, go there with feedback; replies tell of refusals."""
+    assert client.list_poses()[:2] == ["home", "park"]
+    assert client.get_pose("home").positions[1] == 0.5
+    with pytest.raises(RequestError, match="did you mean 'park'"):
+        client.get_pose("prak")
+    assert client.save_pose("one", 6, 0.3, 1.0)
+    assert client.get_pose("one").joints == (NAMES[6],)
+    sent: list[Any] = []
+    reply = client.go_to_pose("one", feedback=sent.append)
+    assert reply
+    assert reply.joints == (NAMES[6],)
+    assert client.get_encoder(6)[0] == pytest.approx(0.3, abs=0.02)
+    assert sent[0].names == (NAMES[6],)
+    assert 0.0 < sent[0].remaining[0] < 0.31
+    assert client.save_pose("all_now")
+    assert client.get_pose("all_now").positions == pytest.approx(client.get_encoder(), abs=0.02)
+    assert not client.save_pose("home")
+    assert not client.save_pose("two", [0, 1], [0.0])
+    assert "unknown" in client.save_pose("two", "elbow").message
+    assert not client.go_to_pose("two")
+    assert client.park(speed=2.0)
+    client.set_control_mode(3, "idl")
+    refused = client.home()
+    assert not refused
+    assert f"{NAMES[3]} is in IDLE" in refused.message

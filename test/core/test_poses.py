@@ -10,7 +10,8 @@ import pytest
 from rig import Rig, board_config, joint
 
 from control_board_ros.core.arrival import Outcome
-from control_board_ros.core.poses import Pose, PoseTask, made_pose, plan_move, pose_now
+from control_board_ros.core.pose import Pose
+from control_board_ros.core.poses import PoseTask, made_pose, plan_move, pose_now
 from control_board_ros.core.selection import RequestError
 
 READY = Pose("ready", ("a", "b", "c"), (0.5, -1.0, 0.01), 0.4)

@@ -16,7 +16,7 @@ from ..session import Session
 from ..status import cancelled, what_they_do
 from ..streaming import RATE, end
 from ..tables import short_names
-from ..words import Refused, UsageError, assignments, quantity
+from ..words import Refused, UsageError, assignments, speed_above_zero
 
 #: How near to its target a joint has arrived, rad and m.
 NEAR, NEAR_SLIDING = 0.01, 1e-3
@@ -67,18 +67,6 @@ def move(session: Session, words: list[str], speed: str | None, wait: bool) -> i
     return conclude(session, reply, text, positions=reached)
 
 
-def speed_above_zero(text: str) -> float:
-    """The speed of ``--speed``.
-
-    Raises:
-        UsageError: no speed, or none above 0.
-    """
-    value = quantity(text, "speed").value
-    if value <= 0.0:
-        raise UsageError(f"--speed {text} is not valid; give a speed above 0, e.g. 20deg")
-    return value
-
-
 def arrived(
     session: Session, name: str, reached: dict[str, float], targets: dict[str, float]
 ) -> bool:
@@ -113,9 +101,7 @@ def jog(session: Session, joints: list[str], speed: str) -> int:
     """
     if session.options.json or not sys.stdin.isatty():
         raise UsageError("jog needs a keyboard: run it in a terminal, without --json")
-    value = quantity(speed, "speed").value
-    if value <= 0.0:
-        raise UsageError(f"--speed {speed} is not valid; give a speed above 0, e.g. 10deg")
+    value = speed_above_zero(speed)
     names = session.joints(joints)
     modes = session.client.get_control_mode(names)
     ready = [name for name, mode in zip(names, modes, strict=True) if mode.code in VELOCITY_MODES]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..arguments import argument, takes
-from ..completion import SCRIPTS, line_offers
+from ..completion import SCRIPTS, line_offers, list_poses
 from ..output import DONE, USAGE, complain, note, put
 from ..session import Session
 from ..words import UsageError
@@ -72,7 +72,9 @@ def typed(session: Session, names: Sequence[str]) -> Iterator[str]:
         def get_completions(self, document: Any, _: Any) -> Iterator[Any]:
             incomplete = document.get_word_before_cursor(WORD=True)
             before = document.text_before_cursor
-            for word in line_offers(before, list(VERBS), names, (*HELP, *LEAVE)):
+            for word in line_offers(
+                before, list(VERBS), names, (*HELP, *LEAVE), lambda: list_poses(session)
+            ):
                 yield Completion(word, -len(incomplete))
 
     prompt: Any = PromptSession(history=FileHistory(str(history())), completer=Offers())

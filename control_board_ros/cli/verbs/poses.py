@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl poses, pose, home and park."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..arguments import argument, takes
+from ..output import conclude, show
+from ..progress import Bar, Standstill
+from ..session import Session
+from ..status import cancelled
+from ..tables import grid, short_names
+from ..words import UsageError, assignments, speed_above_zero
+
+if TYPE_CHECKING:
+    from control_board_ros.client import PoseFeedback
+
+SPEED = argument(
+    "--speed",
+    metavar="SPEED",
+    help="Mean speed of the slowest joint, e.g. 20deg; else the pose's.",
+)
+#: Poses by name: speed, and positions by joint.
+Rows = dict[str, dict[str, Any]]
+
+
+def poses(session: Session) -> None:
+    """Show the poses that there are: those of the configuration, then those of the user."""
+    rows = read_poses(session)
+    show(session, rows, lambda: poses_table(session, rows))
+
+
+def read_poses(session: Session) -> Rows:
+    """All poses of the board."""
+    client = session.client
+    found = [client.get_pose(name) for name in client.list_poses()]
+    return {
+        pose.name: {
+            "speed": pose.speed,
+            "positions": dict(zip(pose.joints, pose.positions, strict=True)),
+        }
+        for pose in found
+    }
+
+
+def poses_table(session: Session, rows: Rows) -> Any:
+    """A row for each joint, a column for each pose; the speeds below."""
+    names = session.names
+    columns: dict[str, list[str]] = {"joint": ["speed", *names]}
+    for pose, row in rows.items():
+        speed = session.show_angle(names[0], row["speed"]) + "/s" if row["speed"] else "as set"
+        positions = row["positions"]
+        columns[pose] = [speed] + [
+            session.show_angle(name, positions[name]) if name in positions else "-"
+            for name in names
+        ]
+    return grid(columns, names=names, right=list(rows))
+
+
+@takes(
+    argument(
+        "words",
+        nargs="+",
+        metavar="NAME|save NAME",
+        help="A pose to go to; or save NAME, with joints, or JOINT=VALUE, for some of them.",
+    ),
+    SPEED,
+)
+def pose(session: Session, words: list[str], speed: str | None) -> int:
+    """Go to a pose, all joints arriving together (mode pos or mix); or save one. Ctrl-C stops.
+
+    save NAME saves where all joints are now, save NAME JOINT… some of them, and save NAME
+    JOINT=VALUE… what is given, in the user's own file.
+    """
+    name, *rest = words
+    if name == "save" and rest:
+        return save(session, rest[0], rest[1:], speed)
+    if rest or name == "save":
+        raise UsageError("write pose NAME, or pose save NAME [JOINT…]; poses: cbctl poses")
+    return go(session, name, speed)
+
+
+@takes(SPEED)
+def home(session: Session, speed: str | None) -> int:
+    """Go to the pose home, all joints arriving together (mode pos or mix). Ctrl-C stops."""
+    return go(session, "home", speed)
+
+
+@takes(SPEED)
+def park(session: Session, speed: str | None) -> int:
+    """Go to the pose park, all joints arriving together (mode pos or mix). Ctrl-C stops."""
+    return go(session, "park", speed)
+
+
+def save(session: Session, name: str, words: list[str], speed: str | None) -> int:
+    """Save a pose; the exit code."""
+    mean = 0.0 if speed is None else speed_above_zero(speed)
+    if any("=" in word for word in words):
+        values = session.targets(assignments(words, "position"))
+        reply = session.client.save_pose(name, list(values), list(values.values()), mean)
+    else:
+        reply = session.client.save_pose(name, session.joints(words), None, mean)
+    return conclude(session, reply)
+
+
+def go(session: Session, name: str, speed: str | None) -> int:
+    """Go to a pose and wait for the end; the exit code."""
+    mean = None if speed is None else speed_above_zero(speed)
+    names = session.names
+    whole, standstill = 0.0, Standstill()
+    try:
+        with Bar(session, name) as bar:
+
+            def feedback(sent: PoseFeedback) -> None:
+                nonlocal whole, names
+                names = sent.names
+                k = int(np.argmax(np.abs(sent.remaining)))
+                left = float(abs(sent.remaining[k]))
+                whole = max(whole, left)
+                short = short_names([names[k]], session.names)[names[k]]
+                togo = session.show_angle(names[k], left)
+                hint = standstill.hint(left, time.monotonic())
+                bar.update(1.0 - left / whole if whole else 1.0, f"{short} {togo} to go{hint}")
+
+            reply = session.client.go_to_pose(name, mean, feedback)
+            if reply:
+                bar.update(1.0, "done")
+    except KeyboardInterrupt:
+        return cancelled(session, name, list(names))
+    reached = {}
+    if reply.joints:  # none: there is no such pose
+        positions = session.client.get_encoder(reply.joints).tolist()
+        reached = dict(zip(reply.joints, positions, strict=True))
+    return conclude(session, reply, f"at {name}", positions=reached)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Poses of the board: which there are, saving one, and going to one (SPEC R5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from control_board_ros.core.pose import HOME, PARK, Pose
+from control_board_ros.core.reply import Reply, refused
+from control_board_ros.core.selection import RequestError, spread
+from control_board_ros.interface import GO_TO_POSE, LIST_POSES, SAVE_POSE
+from control_board_ros.protocols import Floats, Joints, Values
+
+from .goal import Goal
+from .services import Services, whole
+from .waiting import Steps
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PoseFeedback:
+    """How the move to a pose stands.
+
+    Attributes:
+        names: of the joints that move.
+        remaining: distances still to go, with their sign, rad, shape (k,).
+    """
+
+    names: tuple[str, ...]
+    remaining: Floats
+
+
+class PoseRequests:
+    """Poses of the configuration, and those of the user."""
+
+    def __init__(self, services: Services) -> None:
+        self._services, self._link = services, services.link
+
+    def list_poses(self) -> Steps[list[str]]:
+        """The names of all poses.
+
+        Raises:
+            RequestError: the file of the user's poses is broken.
+        """
+        response = yield from self._link.call(LIST_POSES)
+        if not response.success:
+            raise RequestError(response.message)
+        return list(response.poses)
+
+    def get_pose(self, pose: str) -> Steps[Pose]:
+        """What a pose is made of: joints, positions (rad) and speed (rad/s).
+
+        Raises:
+            RequestError: there is no such pose.
+        """
+        response = yield from self._link.call(LIST_POSES, name=pose)
+        if not response.names:
+            raise RequestError(response.message)
+        return Pose(pose, tuple(response.names), tuple(response.positions), response.speed)
+
+    def save_pose(
+        self,
+        pose: str,
+        joints: Joints = None,
+        positions: Values | None = None,
+        speed: float = 0.0,
+    ) -> Steps[Reply]:
+        """Save a pose of the user's, or replace one.
+
+        Args:
+            pose: its name.
+            joints: that it concerns.
+            positions: rad; None: as measured.
+            speed: mean speed of the slowest joint, rad/s; 0: the set reference speeds.
+        """
+        try:
+            selection = yield from self._services.select(joints)
+            names = selection.names
+            given: list[float] = []
+            if positions is not None:
+                given = spread(positions, len(names), "positions").tolist()
+        except RequestError as error:
+            return refused(str(error))
+        response = yield from self._services.call(
+            SAVE_POSE, selection, name=pose, positions=given, speed=float(speed)
+        )
+        return whole(response.success, response.message, names)
+
+    def go_to_pose(
+        self,
+        pose: str,
+        speed: float | None = None,
+        feedback: Callable[[PoseFeedback], None] | None = None,
+    ) -> Steps[Reply]:
+        """Move to a pose, all joints arriving together, and wait for the end.
+
+        Interrupted, it cancels the goal, which stops the joints, and lets the interruption
+        through.
+
+        Args:
+            pose: its name.
+            speed: mean speed of the slowest joint, rad/s; None: the pose's.
+            feedback: called in the caller's thread.
+        """
+        response = yield from self._link.call(LIST_POSES, name=pose)
+        names = tuple(response.names)
+        if not names:
+            return refused(response.message)
+
+        def show(message: Any) -> None:
+            if feedback is not None:
+                feedback(PoseFeedback(tuple(message.names), np.array(message.remaining)))
+
+        goal = Goal(self._link, GO_TO_POSE, self._services.states.changed)
+        fields = {"pose": pose, "speed": 0.0 if speed is None else float(speed)}
+        return (yield from goal.run(fields, names, show))
+
+    def home(
+        self, speed: float | None = None, feedback: Callable[[PoseFeedback], None] | None = None
+    ) -> Steps[Reply]:
+        """Go to the pose home; see go_to_pose."""
+        return (yield from self.go_to_pose(HOME, speed, feedback))
+
+    def park(
+        self, speed: float | None = None, feedback: Callable[[PoseFeedback], None] | None = None
+    ) -> Steps[Reply]:
+        """Go to the pose park; see go_to_pose."""
+        return (yield from self.go_to_pose(PARK, speed, feedback))

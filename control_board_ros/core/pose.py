@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Poses: named joint positions (SPEC R5)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+#: Poses that every robot has.
+HOME, PARK = "home", "park"
+#: What a pose may be called.
+NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Named joint positions.
+
+    Attributes: name, joints (names), positions (one per joint, rad or m), speed (mean speed of
+    the slowest joint, rad/s or m/s; 0: the reference speeds that are set).
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    positions: tuple[float, ...]
+    speed: float = 0.0
+
+    def of(self, names: Collection[str]) -> Pose | None:
+        """The part of it that is of these joints; None where nothing is left."""
+        kept = [
+            (joint, position)
+            for joint, position in zip(self.joints, self.positions, strict=True)
+            if joint in names
+        ]
+        if not kept:
+            return None
+        joints, positions = zip(*kept, strict=True)
+        return replace(self, joints=joints, positions=positions)
