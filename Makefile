@@ -13,7 +13,7 @@ SOURCES := setup.py setup.cfg pyproject.toml package.xml MANIFEST.in \
     control_board_ros/__init__.py control_board_ros/core/laws.py \
     control_board_ros/core/monitor.py control_board_ros/sim/drive.py \
     tools/compile_modules.py tools/msg_defs.cmake \
-    $(shell find msg_defs vendor config resource -type f 2>/dev/null)
+    $(shell find msg_defs vendor config launch resource -type f 2>/dev/null)
 
 # This environment stands on its own: a sourced ROS 2 of another Python would break it.
 ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)

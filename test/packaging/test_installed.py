@@ -22,11 +22,13 @@ COMMANDS = {
 
 
 def test_configurations_are_installed_as_they_are_in_the_source() -> None:
-    installed = Path(get_package_share_directory("control_board_ros")) / "config"
-    sources = [path for path in (ROOT / "config").rglob("*") if path.suffix in {".yaml", ".xml"}]
-    assert sources
+    installed = Path(get_package_share_directory("control_board_ros"))
+    kinds = {".yaml", ".xml", ".rviz", ".py"}
+    folders = (ROOT / "config", ROOT / "launch")
+    sources = [p for folder in folders for p in folder.rglob("*") if p.suffix in kinds]
+    assert {path.suffix for path in sources} == kinds
     for path in sources:
-        copy = installed / path.relative_to(ROOT / "config")
+        copy = installed / path.relative_to(ROOT)
         assert copy.read_text() == path.read_text(), (
             f"{path.name} is not the installed one; run `make setup`"
         )
