@@ -104,6 +104,11 @@ def arm_plant(physics: str, **rest) -> SimulatedPlant:
     return SimulatedPlant(config, simulation(config, urdf=IIWA, physics=physics, **rest))
 
 
+def plant_of(physics: str, **rest) -> SimulatedPlant:
+    """Seven joints: the iiwa, or, where the physics is ideal, a plant without a robot."""
+    return ideal_plant(**rest) if physics == "ideal" else arm_plant(physics, **rest)
+
+
 def bullet_plant(**rest) -> SimulatedPlant:
     """The iiwa in pybullet."""
     return arm_plant("pybullet", **rest)

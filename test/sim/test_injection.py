@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from plants import bullet_plant, drive, ideal_plant
+from plants import ENGINES, arm_plant, drive, ideal_plant, plant_of
 from rig import LIMITS, Rig, board_config, joint
 
 from control_board_ros.core.config import Limits, Pid, Timeouts
@@ -250,12 +250,10 @@ def test_an_unknown_fault_lists_the_known_ones(pair):
     np.testing.assert_array_equal(*both(pair))
 
 
-@pytest.mark.parametrize(
-    "make", [ideal_plant, pytest.param(bullet_plant, marks=[pytest.mark.physics])]
-)
+@pytest.mark.parametrize("physics", ["ideal", *ENGINES])
 @pytest.mark.parametrize("rate", [1000.0, 3000.0])
-def test_a_diverged_simulation_is_an_alarm_and_never_a_number(make, rate):
-    plant = make(physics_rate=rate, encoder=Encoder(resolution=1e-5))
+def test_a_diverged_simulation_is_an_alarm_and_never_a_number(physics, rate):
+    plant = plant_of(physics, physics_rate=rate, encoder=Encoder(resolution=1e-5))
     before = drive(plant, 10.0, cycles=120)
     plant.inject(JOINT, "diverged", persistent=True)
     for _ in range(3):
@@ -273,9 +271,9 @@ def test_a_diverged_simulation_is_an_alarm_and_never_a_number(make, rate):
     plant.close()
 
 
-@pytest.mark.physics
-def test_a_passing_divergence_ends_by_itself():
-    plant = bullet_plant()
+@pytest.mark.parametrize("physics", ENGINES)
+def test_a_passing_divergence_ends_by_itself(physics):
+    plant = arm_plant(physics)
     drive(plant, 5.0, cycles=10)
     plant.inject(0, "diverged")
     alarms = [drive(plant, 5.0)[Row.ALARM, 0] for _ in range(40)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plants import ENGINES, IIWA, arm_plant, board, bullet_plant, drive, ideal_plant, simulation
+from plants import ENGINES, IIWA, board, bullet_plant, drive, ideal_plant, plant_of, simulation
 
 from control_board_ros.core.config import ConfigError
 from control_board_ros.core.measurement import ROWS, Actuation, Plant, Row
@@ -21,9 +21,7 @@ def make(request):
     made = []
 
     def make_plant(**rest) -> SimulatedPlant:
-        values = {"model": MODEL, **rest}
-        ideal = request.param == "ideal"
-        made.append(ideal_plant(**values) if ideal else arm_plant(request.param, **values))
+        made.append(plant_of(request.param, **{"model": MODEL, **rest}))
         return made[-1]
 
     yield make_plant

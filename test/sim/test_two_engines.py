@@ -14,6 +14,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from plants import PENDULUM
+from plants import board as make_board
+from plants import described as parsed
+from plants import simulation as make_simulation
 
 from control_board_ros.core.config import BoardConfig
 from control_board_ros.description.meshes import package_folder, share_folders
@@ -164,3 +168,20 @@ def test_a_rotor_is_felt_at_its_own_joint_alone_in_mujoco() -> None:
     ]
     assert min(reflected) > 0.0
     np.testing.assert_allclose(matrices[1] - matrices[0], np.diag(reflected), atol=1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.5, 3.0, 8.0])
+def test_a_joint_meets_its_stop_alike(speed: float) -> None:
+    """What passed the stop is pushed back by a fifth per step; nothing bounces."""
+    config = make_board("hinge", low=-3.0, high=3.0)
+    plant = make_simulation(config, urdf=parsed(PENDULUM), gravity=(0.0, 0.0, 0.0))
+    runs = []
+    for body in (BulletBody(config, plant), MujocoBody(config, plant)):
+        state = np.zeros((2, 1))
+        body.attach(state)
+        body.restore(np.array([[2.9965], [speed]]))
+        runs.append([(body.step(np.zeros(1)), *state.ravel()) for _ in range(100)])
+        body.close()
+    np.testing.assert_allclose(runs[1], runs[0], atol=1e-9)
+    assert np.max(runs[0], axis=0)[1] > 3.0
+    assert runs[0][-1][2] < 0.0

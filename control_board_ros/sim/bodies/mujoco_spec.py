@@ -6,8 +6,8 @@ Link for link the description that pybullet loads. What differs, and why:
 * the rotor of inertia J behind a gear of ratio N is an armature: J N² on its own joint and on no
   other (pybullet gets it as part of the link's tensor, see ``description.rotor``);
 * a follower is driven, and its leader does not feel it: see ``FOLLOWER_ARMATURE``;
-* MuJoCo's hard stops are springs and dampers: here as stiff as its solver allows, and damped so
-  that the speed into the stop is gone after one step.
+* MuJoCo's hard stops are springs and dampers: here as stiff as its solver allows, and damped to
+  do what pybullet's do.
 """
 
 from __future__ import annotations
@@ -31,8 +31,11 @@ from .prepare import Fitted
 #: kg·m² or kg on each follower: with it the force A·a accelerates the joint by a, whatever else
 #: acts on it, and the links that carry it feel it as it truly moves. Lost to rounding: 1e-10.
 FOLLOWER_ARMATURE = 1e6
-#: Time constant of stops and contacts in physics steps; MuJoCo allows no less.
+#: Time constant of stops and contacts in physics steps; MuJoCo allows no less. One step takes the
+#: speed into the stop away.
 STIFFEST = 2.0
+#: Their damping ratio: each step takes back 0.25/ζ² = 0.2 of how far they are passed, as in pybullet.
+DAMPING_RATIO = 1.25**0.5
 #: The greatest impedance that MuJoCo allows: a stop yields by 1e-4 of what it is pressed with.
 HARDEST = 0.9999
 #: Moment, kg·m², while the model is compiled; the true ones are set afterwards.
@@ -63,7 +66,7 @@ class Builder:
     ) -> None:
         self._tree, self._shapes, self._rotors = fitted.tree, shapes, fitted.rotors
         self._stops = {joint.name: joint for joint in board.joints}
-        self._solref = [STIFFEST * simulation.physics_step, 1.0]
+        self._solref = [STIFFEST * simulation.physics_step, DAMPING_RATIO]
         self._colours = _colours(fitted.tree.root)
         self._meshes: dict[str, str] = {}
         self._moments: dict[str, Array] = {}
