@@ -34,7 +34,7 @@ FOLLOWER_ARMATURE = 1e6
 #: Time constant of stops and contacts in physics steps; MuJoCo allows no less. One step takes the
 #: speed into the stop away.
 STIFFEST = 2.0
-#: Their damping ratio: each step takes back 0.25/ζ² = 0.2 of how far they are passed, as in pybullet.
+#: Their damping ratio: a step takes back 0.25/ζ² = 0.2 of how far they are passed, as in pybullet.
 DAMPING_RATIO = 1.25**0.5
 #: The greatest impedance that MuJoCo allows: a stop yields by 1e-4 of what it is pressed with.
 HARDEST = 0.9999
