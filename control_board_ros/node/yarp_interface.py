@@ -99,14 +99,14 @@ class YarpInterface:
 
     Args:
         member: the board that is asked.
-        warn: takes what was ignored or bounded, for the throttled log.
+        warn: takes what was ignored or bounded, and the word to count it by, for the log.
         on_error: told of exceptions that should not be.
     """
 
     def __init__(
         self,
         member: Member,
-        warn: Callable[[str], None],
+        warn: Callable[[str, str], None],
         on_error: Callable[[Exception, str], None],
     ) -> None:
         self._member, self._warn, self._on_error = member, warn, on_error
@@ -141,7 +141,7 @@ class YarpInterface:
             with self._member.exclusive() as board:
                 reply = send(board, kind, bounded(message.names, board.count), values, extra)
             if reply.message:
-                self._warn(reply.message)
+                self._warn(reply.message, "times" if reply else "ignored")
 
         return take
 

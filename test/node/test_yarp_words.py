@@ -51,7 +51,9 @@ class Asked:
         self.warnings: list[str] = []
         self.errors: list[Exception] = []
         self.yarp = YarpInterface(
-            self, self.warnings.append, lambda error, _: self.errors.append(error)
+            self,
+            lambda text, _what: self.warnings.append(text),
+            lambda error, _where: self.errors.append(error),
         )
         self.snapshots = SimpleNamespace()
 
