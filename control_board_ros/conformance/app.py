@@ -11,16 +11,19 @@ import argparse
 import contextlib
 import signal
 import sys
-from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 from .. import __version__
+from ..conformance_options import OPTIONS
 from ..startup import announce_often
 from .bench import Allowed, Bench
 from .report import as_json, as_junit, as_line, as_text
 from .rules import RULES, NotTestable, Rule, in_order
 from .runner import Outcome, Result, Session, run
+
+if TYPE_CHECKING:
+    from ..client import ControlBoardClient
 
 HELD, NOT_HELD, USAGE = 0, 1, 2
 
@@ -38,31 +41,15 @@ def parser() -> argparse.ArgumentParser:
     )
     add = options.add_argument
     add("--board", default="control_board", help="name of the board's node (%(default)s)")
-    add("--joint", help="the joint to move; else the last of those that implement the most")
-    add(
-        "--range", type=fraction, default=0.1, metavar="R", help="part of the limits (%(default)s)"
-    )
-    add("--rules", metavar="M4,P1,…", help="only these")
-    add("--yes", action="store_true", help="move without asking")
-    add("--calibrate", action="store_true", help="also calibrate the joint, out of the range")
-    add("--power-cycle", action="store_true", help="also take the power from all joints (N)")
+    for name, settings in OPTIONS:
+        add(name, **settings)
     add("--json", action="store_true", help="print JSON, and nothing else, on stdout")
-    add("--junit", type=Path, metavar="FILE", help="write a JUnit report")
     add(
         "--timeout", type=seconds, default=5.0, metavar="S", help="for each answer (%(default)s s)"
     )
     add("--domain", type=domain, help="ROS domain; else that of ROS_DOMAIN_ID")
-    add("--list", action="store_true", help="list the rules, and leave")
     add("--version", action="version", version=f"control_board_ros {__version__}")
     return options
-
-
-def fraction(text: str) -> float:
-    """A number above 0, up to 1."""
-    value = float(text)
-    if not 0.0 < value <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text} is not valid; give a number above 0, up to 1")
-    return value
 
 
 def seconds(text: str) -> float:
@@ -81,56 +68,93 @@ def domain(text: str) -> int:
     return value
 
 
-def chosen(options: argparse.ArgumentParser, text: str | None) -> list[Rule]:
-    """The rules that were asked for, in their order."""
-    if text is None:
-        return in_order()
-    names = [name.strip() for name in text.split(",")]
+def chosen(asked: argparse.Namespace) -> list[Rule]:
+    """The rules that were asked for, in their order.
+
+    Raises:
+        ValueError: there is no such rule, or the options do not go together.
+    """
+    names = [name.strip() for name in asked.rules.split(",")] if asked.rules is not None else []
     unknown = [name for name in names if name not in RULES]
     if unknown:
-        options.error(f"rule {', '.join(unknown)} unknown; see --list")
-    return [rule for rule in in_order() if rule.name in names]
+        raise ValueError(f"rule {', '.join(unknown)} unknown; see --list")
+    if not asked.list:
+        if asked.junit is not None and not asked.junit.absolute().parent.is_dir():
+            raise ValueError(f"there is no folder for {asked.junit}")
+        if not asked.yes and not sys.stdin.isatty():
+            raise ValueError("nobody can be asked here whether it may move; give --yes")
+    return [rule for rule in in_order() if asked.rules is None or rule.name in names]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line; the exit code."""
     options = parser()
     asked = options.parse_args(arguments)
-    rules = chosen(options, asked.rules)
+    try:
+        rules = chosen(asked)
+    except ValueError as error:
+        options.error(str(error))
     if asked.list:
         print("\n".join(f"{rule.name:<5}{rule.title}" for rule in rules))
         return HELD
-    if asked.junit is not None and not asked.junit.absolute().parent.is_dir():
-        options.error(f"there is no folder for {asked.junit}")
-    if not asked.yes and not sys.stdin.isatty():
-        options.error("nobody can be asked here whether it may move; give --yes")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: joints are restored
+    from ..client import BoardError
+
     try:
-        with connected(asked) as session:
-            return tried(session, asked, rules)
+        with connected(asked) as (node, client):
+            return try_board(node, client, asked, rules, complain)
+    except (BoardError, NotTestable) as error:
+        return complain(str(error))
     except KeyboardInterrupt:
         return complain("interrupted")
 
 
-def tried(session: Session, asked: argparse.Namespace, rules: Sequence[Rule]) -> int:
-    """Ask, try the rules, tell; the exit code."""
-    bench = session.bench
-    print(plan(bench, asked), file=sys.stderr)
-    if not asked.yes and not goes_on():
-        return complain("nothing was tried")
+def try_board(
+    node: Any,
+    client: ControlBoardClient,
+    asked: argparse.Namespace,
+    rules: Sequence[Rule],
+    complain: Callable[[str], Any],
+) -> int:
+    """Ask, try the rules, tell; the exit code.
 
-    def tell(result: Result) -> None:
-        if not asked.json:
-            print(as_line(result), flush=True)
+    Args:
+        node: that nobody spins.
+        client: of the board.
+        asked: the options, with ``json`` and ``timeout`` (s, for each answer).
+        rules: to try.
+        complain: takes what went wrong besides, one line each.
 
-    results, problems = run(session, rules, tell)
-    board = bench.channel.board
-    print(as_json(board, bench.joint, results) if asked.json else as_text(results))
+    Raises:
+        NotTestable: no joint can be tried.
+        BoardError: no board.
+    """
+    session = Session(
+        node,
+        client,
+        joint=asked.joint,
+        fraction=asked.range,
+        allowed=Allowed(asked.calibrate, asked.power_cycle),
+        patience=asked.timeout,
+    )
+    with contextlib.closing(session):
+        print(plan(session.bench, asked), file=sys.stderr)
+        if not asked.yes and not goes_on():
+            complain("nothing was tried")
+            return NOT_HELD
+        results, problems = run(session, rules, lambda r: None if asked.json else tell(r))
+        name = session.bench.channel.board
+        print(as_json(name, session.bench.joint, results) if asked.json else as_text(results))
     if asked.junit is not None:
-        asked.junit.write_text(as_junit(board, results), encoding="utf-8")
+        asked.junit.write_text(as_junit(name, results), encoding="utf-8")
     for problem in problems:
         complain(f"not left as found: {problem}")
     return NOT_HELD if any(r.outcome is Outcome.NOT_HELD for r in results) else HELD
+
+
+def tell(result: Result) -> None:
+    """Print a result as it comes."""
+    print(as_line(result), flush=True)
 
 
 def goes_on() -> bool:
@@ -156,13 +180,13 @@ def plan(bench: Bench, asked: argparse.Namespace) -> str:
 
 
 @contextlib.contextmanager
-def connected(asked: argparse.Namespace) -> Iterator[Session]:
-    """A session with the board; ends the process where there is none."""
+def connected(asked: argparse.Namespace) -> Iterator[tuple[Any, ControlBoardClient]]:
+    """A node that nobody spins, and a client of the board."""
     announce_often()
     from rclpy.context import Context
     from rclpy.node import Node
 
-    from ..client import BoardError, ControlBoardClient
+    from ..client import ControlBoardClient
 
     context = Context()
     context.init(args=[], domain_id=asked.domain)
@@ -170,22 +194,7 @@ def connected(asked: argparse.Namespace) -> Iterator[Session]:
     patience = asked.timeout
     client = ControlBoardClient(node, asked.board, find_timeout=patience, answer_timeout=patience)
     try:
-        allowed = Allowed(asked.calibrate, asked.power_cycle)
-        session = Session(
-            node,
-            client,
-            joint=asked.joint,
-            fraction=asked.range,
-            allowed=allowed,
-            patience=patience,
-        )
-    except (BoardError, NotTestable) as error:
-        sys.exit(complain(str(error)))
-    else:
-        try:
-            yield session
-        finally:
-            session.close()
+        yield node, client
     finally:
         client.close()
         node.destroy_node()

@@ -45,19 +45,27 @@ class Channel:
         self._clients: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
         self._ended = threading.Event()
-        self._subscribe(STATE, self._on_state)
-        self._subscribe(MODES, self._on_modes)
+        self._subscriptions = [
+            self._subscribe(STATE, self._on_state),
+            self._subscribe(MODES, self._on_modes),
+        ]
         self._executor = SingleThreadedExecutor(context=node.context)
         self._executor.add_node(node)
         self._thread = threading.Thread(target=self._spin, name="conformance", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread."""
+        """End the thread, and leave the node as it was."""
         self._ended.set()
         self._executor.wake()
         self._thread.join(timeout=5.0)
         self._executor.shutdown(timeout_sec=1.0)
+        for subscription in self._subscriptions:
+            self.node.destroy_subscription(subscription)
+        for client in self._clients.values():
+            self.node.destroy_client(client)
+        for publisher in self._publishers.values():
+            self.node.destroy_publisher(publisher)
 
     def call(self, service: Endpoint, **fields: Any) -> Any:
         """The response of a service to a request with these fields.
@@ -110,9 +118,9 @@ class Channel:
         with self._came:
             return self._came.wait_for(found, patience)
 
-    def _subscribe(self, topic: Endpoint, callback: Callable[[Any], None]) -> None:
+    def _subscribe(self, topic: Endpoint, callback: Callable[[Any], None]) -> Any:
         name, qos = topic.of(self.board), replace(topic.qos, depth=DEPTH).profile()
-        self.node.create_subscription(topic.load(), name, callback, qos)
+        return self.node.create_subscription(topic.load(), name, callback, qos)
 
     def _on_state(self, message: Any) -> None:
         with self._came:

@@ -35,6 +35,9 @@ from control_board_ros import __version__
         (["watch", "--rate", "x"], "--rate: 'x' is no number; see cbctl watch --help"),
         (["modes", "--timeout", "x"], "--timeout: 'x' is no number; see cbctl --help"),
         (["watch", "--rate", "0"], "--rate 0 is not valid"),
+        (["conformance"], "nobody can be asked here whether it may move; give --yes"),
+        (["conformance", "--yes", "--rules", "M1,M99"], "rule M99 unknown; see --list"),
+        (["conformance", "--yes", "--range", "2"], "--range: 2 is not valid"),
     ],
 )
 def test_wrong_usage(alone: Any, words: list[str], text: str) -> None:
@@ -45,6 +48,14 @@ def test_wrong_usage(alone: Any, words: list[str], text: str) -> None:
     assert text in done.err
     assert done.err.startswith("cbctl: ")
     assert done.err.count("\n") == 1
+
+
+def test_the_rules_are_listed(alone: Any) -> None:
+    """Without a board, for people and for machines."""
+    assert alone("conformance", "--list", "--rules", "M1").out == (
+        "M1   every joint has its own mode\n"
+    )
+    assert list(alone("--json", "conformance", "--list").json)[:3] == ["V1", "V2", "M1"]
 
 
 def test_wrong_usage_for_machines(alone: Any) -> None:

@@ -446,6 +446,21 @@ def test_the_simulation(cbctl: Any, ask: Any) -> None:
     assert ask("inject", "0", "nonsense")["success"] is False
 
 
+def test_conformance(cbctl: Any, ask: Any) -> None:
+    """The rules of control_board_conformance, on the session's board; left as found."""
+    assert ask("mode", "2", "vel")["success"] is True
+    done = cbctl("conformance", "--yes", "--rules", "M1,P10", "--joint", "2", "--json")
+    assert done.code == 0
+    assert done.err.startswith("lbr_iiwa_joint_3 of /control_board will move from ")
+    assert done.json["joint"] == "lbr_iiwa_joint_3"
+    results = {row["rule"]: row["result"] for row in done.json["results"]}
+    assert results == {"M1": "held", "P10": "not testable"}
+    assert ask("modes", "2")["lbr_iiwa_joint_3"]["control_mode"] == "vel"
+    refused = cbctl("conformance", "--yes", "--joint", "nose")
+    assert (refused.code, refused.out) == (1, "")
+    assert "joint 'nose' unknown" in refused.err
+
+
 def test_shell_from_a_pipe(cbctl: Any, ask: Any) -> None:
     """Many lines, one connection; what fails does not end it, and shows in the exit code."""
     lines = "mode 0 vel\n# a comment\n\ncbctl modes 0 --json\nmode 0 'pos\nshell\nquit\nmodes\n"

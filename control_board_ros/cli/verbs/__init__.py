@@ -38,7 +38,13 @@ SECTIONS = {
         "feedforward": "streams",
     },
     "Record": {"record": "recording"},
-    "Board": dict.fromkeys(("calibrate", "configure", "power-cycle", "param"), "board"),
+    "Board": {
+        "calibrate": "board",
+        "configure": "board",
+        "power-cycle": "board",
+        "param": "board",
+        "conformance": "conformance",
+    },
     "Simulation": dict.fromkeys(("pause", "resume", "step", "reset", "inject"), "simulation"),
     "Terminal": dict.fromkeys(("shell", "completion"), "terminal"),
 }

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl conformance."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from typing import Any
+
+from control_board_ros.conformance_options import OPTIONS
+
+from ..arguments import argument, takes
+from ..output import DONE, complain, show
+from ..session import Session
+from ..words import Refused, UsageError
+
+
+def sentence(text: str) -> str:
+    """A help text as cbctl writes them."""
+    return f"{text[0].upper()}{text[1:]}."
+
+
+@takes(
+    *(
+        argument(name, **settings | {"help": sentence(settings["help"])})
+        for name, settings in OPTIONS
+    )
+)
+def conformance(session: Session, **given: Any) -> int:
+    """Try the rules of a control board on this one, and say of each whether it held.
+
+    One joint moves, within a part of its limits, and is without power at times; then all are left
+    as found. It asks before that. Exit code 1: a rule did not hold.
+    """
+    from control_board_ros.conformance.app import chosen, try_board
+    from control_board_ros.conformance.rules import NotTestable
+
+    asked = Namespace(**given, json=session.options.json, timeout=session.options.timeout)
+    try:
+        rules = chosen(asked)
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    if asked.list:
+        titles = {rule.name: rule.title for rule in rules}
+        show(session, titles, lambda: "\n".join(f"{n:<5}{title}" for n, title in titles.items()))
+        return DONE
+    if asked.joint is not None:
+        (asked.joint,) = session.joints([asked.joint])
+    try:
+        return try_board(session.node, session.client, asked, rules, complain)
+    except NotTestable as error:
+        raise Refused(str(error)) from None
