@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The configurations that come with the package: ``config/*.yaml``."""
+"""The configurations of boards that come with the package: ``config/*.yaml``."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from pathlib import Path
 from .yaml_tree import SettingsError, shown
 
 PACKAGE = "control_board_ros"
+#: Files beside them that are for other programs.
+OTHERS = {"diagnostics"}
 
 
 def config_folders() -> list[Path]:
@@ -32,7 +34,8 @@ def find_config(name: str) -> Path:
     known: dict[str, Path] = {}
     for folder in folders:
         for path in sorted(folder.glob("*.yaml")):
-            known.setdefault(path.stem, path)
+            if path.stem not in OTHERS:
+                known.setdefault(path.stem, path)
     if name in known:
         return known[name]
     near = get_close_matches(name, list(known), n=1)
