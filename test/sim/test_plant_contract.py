@@ -5,10 +5,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plants import ENGINES, IIWA, board, bullet_plant, drive, ideal_plant, plant_of, simulation
+from plants import (
+    ENGINES,
+    IIWA,
+    arm_plant,
+    board,
+    bullet_plant,
+    drive,
+    ideal_plant,
+    plant_of,
+    simulation,
+)
 
 from control_board_ros.core.config import ConfigError
 from control_board_ros.core.measurement import ROWS, Actuation, Plant, Row
+from control_board_ros.sim.bodies.ideal import IdealBody
 from control_board_ros.sim.config import Encoder, MotorModel
 from control_board_ros.sim.plant import PlantError, PlantGone, SimulatedPlant
 
@@ -214,3 +225,28 @@ def test_a_window_without_a_display_is_one_line(monkeypatch):
         with pytest.raises(PlantError, match=reason) as caught:
             SimulatedPlant(config, simulation(config, urdf=IIWA, physics="pybullet", gui=True))
         assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("physics", "way"), [("pybullet", "mujoco"), ("mujoco", "pybullet")])
+def test_an_engine_that_is_missing_says_how_to_get_it(monkeypatch, physics, way):
+    monkeypatch.setattr("control_board_ros.sim.plant.find_spec", lambda _: None)
+    with pytest.raises(PlantError, match=rf"physics: {physics} is not installed; pip ") as caught:
+        arm_plant(physics)
+    assert f"control_board_ros[{physics}]" in str(caught.value)
+    assert f"physics:={way}" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("physics", ["mujoco", "ideal"])
+def test_only_pybullet_has_a_window(physics):
+    config = board("lbr_iiwa_joint_1")
+    with pytest.raises(ConfigError, match=f"gui: True .* false with physics {physics}"):
+        simulation(config, urdf=IIWA, physics=physics, gui=True)
+
+
+def test_ideal_physics_of_a_robot_needs_no_engine(monkeypatch):
+    monkeypatch.setattr("control_board_ros.sim.plant.find_spec", lambda _: None)
+    plant = arm_plant("ideal")
+    assert isinstance(plant.body, IdealBody)
+    values = drive(plant, 0.0, 0.0, cycles=50)
+    np.testing.assert_array_equal(values[Row.POSITION], 0.0)  # no gravity
