@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """``make mutants``: break the core in one small way after the other; a test must fail each time.
 
-A sample, drawn from a seed; ARGS="--all" tries every mutant, "--sample 200", "--seed 7",
+A sample, drawn from a seed; ARGS="--all" tries every mutant, "--sample 300", "--seed 7",
 "--only laws limits" (parts of names), "--jobs 4" and "--list" choose otherwise. A mutant is
-written into a copy of the package, with the laws uncompiled, and tried in a process of its own:
-first the tests of its module, then all others of test/core and the quick ones of test/spec. A
-test that hangs is ended by its CPU time, so a busy machine changes no result.
+written into a copy of the package, with the laws uncompiled, and tried in a process of its own by
+the tests of test/core, test/robot and test/spec that reach its line, those that take least first: seconds
+where one of them fails. Which tests these are is recorded first, by a run of all of them. A test
+that hangs is ended by its CPU time, so a busy machine changes no result.
 
-Each result is kept in build/mutants.txt at once. A run that was interrupted goes on from there,
-until a file of the package or of these tests changes; "--anew" tries all of them again.
+Each result is kept in build/mutants.txt at once, what tests reach in build/mutants_reach.json. A
+run that was interrupted goes on from there, until a file of the package or of these tests
+changes; "--anew" tries all of them again.
 
 Those that no test can tell apart from the original are in survivors.txt, each with its reason.
 Ends with 1 when another one survives, when one of the list is killed after all (with --all) or
@@ -31,11 +33,13 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
-from attempts import PACKAGE, ROOT, attempts  # noqa: E402
+from attempts import FOLDERS, PACKAGE, ROOT, attempts, reach_of  # noqa: E402
 from mutations import Mutant, mutants, rows  # noqa: E402
+from reach import interval  # noqa: E402
 
 SURVIVORS = HERE / "survivors.txt"
 RECORD = ROOT / "build" / "mutants.txt"
+REACH = ROOT / "build" / "mutants_reach.json"
 LEAST = 0.95
 #: Not the board's behaviour: names for the uncompiled laws.
 LEFT_OUT = ("__init__", "nocython")
@@ -78,7 +82,8 @@ class Record:
 
     def __init__(self, path: Path, *, anew: bool) -> None:
         digest = hashlib.sha256()
-        files = [*PACKAGE.rglob("*.py"), *(ROOT / "test/core").glob("*.py"), *HERE.glob("*.py")]
+        files = [*PACKAGE.rglob("*.py")]
+        files += [path for folder in FOLDERS for path in (ROOT / folder).glob("*.py")]
         for file in sorted(files):
             digest.update(file.read_bytes())
         head = f"# {digest.hexdigest()}"
@@ -88,6 +93,7 @@ class Record:
             self.fates = {name: fate for fate, _, name in (x.partition(" ") for x in lines[1:])}
         else:
             path.parent.mkdir(exist_ok=True)
+            REACH.unlink(missing_ok=True)
             path.write_text(f"{head}\n", encoding="utf-8")
 
     def add(self, mutant: Mutant, fate: str) -> None:
@@ -109,7 +115,7 @@ def chosen(made: list[Mutant], wanted: Any) -> list[Mutant]:
 def arguments(words: list[str]) -> Any:
     parser = argparse.ArgumentParser(prog="make mutants", description=__doc__)
     parser.add_argument("--all", action="store_true", help="try every mutant")
-    parser.add_argument("--sample", type=int, default=40, help="how many to try")
+    parser.add_argument("--sample", type=int, default=100, help="how many to try")
     parser.add_argument("--seed", type=int, default=1, help="which ones")
     parser.add_argument("--only", nargs="+", default=[], help="parts of their names")
     parser.add_argument("--jobs", type=int, default=2, help="how many at a time")
@@ -126,7 +132,8 @@ def attempt_all(tried: list[Mutant], known: dict[str, str], wanted: Any) -> list
     if len(left) < len(tried):
         print(f"{len(tried) - len(left)} of them are listed, or known from a run before")
     with tempfile.TemporaryDirectory(prefix="control_board_ros_mutants.") as folder:
-        for mutant, fate in attempts(left, wanted.jobs, Path(folder)):
+        reach = reach_of(Path(folder) / "recorded", REACH)
+        for mutant, fate in attempts(left, reach, wanted.jobs, Path(folder)):
             told = {"passed": "SURVIVED", "failed": "killed", "endless": "killed (time)"}[fate]
             told = "listed" if fate == "passed" and str(mutant) in known else told
             print(f"{told:<15}{mutant}", flush=True)
@@ -179,7 +186,9 @@ def main(words: list[str]) -> int:
     killed = len(tried) - len(alive)
     rate = 100.0 * killed / len(tried) if tried else 100.0
     took = time.monotonic() - begin
-    print(f"\n{killed} of {len(tried)} mutants killed ({rate:.1f} %) in {took:.0f} s")
+    low, high = (100.0 * bound for bound in interval(killed, len(tried)))
+    print(f"\n{killed} of {len(tried)} mutants killed in {took:.0f} s: {rate:.1f} %", end="")
+    print(f" (95 % confidence: {low:.1f} to {high:.1f} %)" if len(tried) < len(made) else "")
     found = problems(tried, alive, known, map(str, made))
     print("\n".join(found))
     return int(bool(found))

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which tests reach which lines of the core, and how long each takes: recorded by one run of them.
+
+A line that a fixture reaches counts for all tests of the file, which may share the fixture; one
+that runs while modules are imported, for all tests.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from types import CodeType, FrameType
+from typing import Any
+
+import pytest
+
+#: Calls of a function in one test that are looked at; of later ones each OFTEN-th.
+CALLS, OFTEN = 100, 20
+
+
+class Recorder:
+    """A plugin of pytest that notes the lines of a folder, test by test.
+
+    Args:
+        folder: of the modules to look at.
+        path: of the file to write at the end.
+    """
+
+    def __init__(self, folder: Path, path: Path) -> None:
+        self._folder, self._path = f"{folder}/", path
+        self._lines: set[tuple[str, int]] = set()
+        self._calls: defaultdict[CodeType, int] = defaultdict(int)
+        self._tests: dict[str, set[tuple[str, int]]] = {}
+        self._fixtures: defaultdict[str, set[tuple[str, int]]] = defaultdict(set)
+        self._seconds: dict[str, float] = {}
+        self._imported: set[tuple[str, int]] = set()
+
+    def _call(self, frame: FrameType, _event: str, _argument: Any) -> Any:
+        code = frame.f_code
+        if not code.co_filename.startswith(self._folder):
+            return None
+        self._calls[code] += 1
+        calls = self._calls[code]
+        return self._line if calls <= CALLS or calls % OFTEN == 0 else None
+
+    def _line(self, frame: FrameType, _event: str, _argument: Any) -> Any:
+        self._lines.add((frame.f_code.co_filename, frame.f_lineno))
+        return self._line
+
+    def _watched(self) -> Iterator[None]:
+        self._lines, before = set(), sys.gettrace()
+        self._calls.clear()
+        sys.settrace(self._call)
+        try:
+            yield
+        finally:
+            sys.settrace(before)
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_load_initial_conftests(self) -> None:
+        """Look at what runs when modules are imported, from here on."""
+        sys.settrace(self._call)
+
+    def pytest_collection_finish(self) -> None:
+        """All modules are there."""
+        sys.settrace(None)
+        self._imported = self._lines
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_setup(self, item: pytest.Item) -> Iterator[None]:
+        yield from self._watched()
+        self._fixtures[item.nodeid.partition("::")[0]] |= self._lines
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> Iterator[None]:
+        begin = time.process_time()
+        yield from self._watched()
+        self._seconds[item.nodeid] = time.process_time() - begin
+        self._tests[item.nodeid] = self._lines
+
+    def pytest_sessionfinish(self) -> None:
+        """Write what was found: tests by module and line."""
+        found: defaultdict[str, defaultdict[int, list[str]]]
+        found = defaultdict(lambda: defaultdict(list))
+        for test, lines in self._tests.items():
+            for file, line in lines | self._fixtures[test.partition("::")[0]]:
+                found[Path(file).stem][line].append(test)
+        imported: defaultdict[str, list[int]] = defaultdict(list)
+        for file, line in self._imported:
+            imported[Path(file).stem].append(line)
+        told = {"seconds": self._seconds, "lines": found, "imported": imported}
+        self._path.write_text(json.dumps(told), encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Tests by module and line; lines that importing runs; CPU seconds by test, traced."""
+
+    lines: dict[str, dict[int, list[str]]]
+    imported: dict[str, frozenset[int]]
+    seconds: dict[str, float]
+
+    @classmethod
+    def read(cls, path: Path) -> Reach:
+        """What a Recorder has written."""
+        told = json.loads(path.read_text(encoding="utf-8"))
+        lines = {
+            module: {int(line): tests for line, tests in by_line.items()}
+            for module, by_line in told["lines"].items()
+        }
+        imported = {module: frozenset(found) for module, found in told["imported"].items()}
+        return cls(lines, imported, told["seconds"])
+
+    def tests_for(self, module: str, line: int) -> list[str]:
+        """The tests that can tell a line broken, those that take least first.
+
+        Args:
+            module: of the core.
+            line: its number; 0: a row added at the end.
+        """
+        near = sorted(self.lines.get(module, {}).get(line, ()), key=self._place)
+        if line and line not in self.imported.get(module, ()):
+            return near
+        known = {test for tests in self.lines.get(module, {}).values() for test in tests}
+        users = sorted(known - {*near}, key=self._place)
+        return near + users + sorted(set(self.seconds) - known - {*near}, key=self._place)
+
+    def _place(self, test: str) -> float:
+        return self.seconds[test]
+
+
+def interval(killed: int, tried: int) -> tuple[float, float]:
+    """Wilson's 95 % confidence interval of a rate."""
+    if not tried:
+        return 0.0, 1.0
+    z, rate = 1.959964, killed / tried
+    middle = rate + z * z / (2 * tried)
+    half = z * ((rate * (1.0 - rate) + z * z / (4 * tried)) / tried) ** 0.5
+    return (middle - half) / (1.0 + z * z / tried), (middle + half) / (1.0 + z * z / tried)
