@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What make mutants chooses its tests by, and what it says of a sample."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+from reach import Reach, Recorder, interval
+
+MODULE = """
+def register(name):
+    NAMES.append(name)
+
+def used(x):
+    if x > 1:
+        return "large"
+    return "small"
+
+NAMES = []
+register("a")
+"""
+TESTS = """
+import pytest, {module}
+
+@pytest.fixture(scope="module")
+def small():
+    return {module}.used(0)
+
+def test_fixture(small):
+    assert small == "small"
+
+def test_large():
+    assert {module}.used(2) == "large"
+"""
+
+
+def test_a_run_records_what_its_tests_reach(tmp_path: Path) -> None:
+    """Lines by test; those of a fixture for its file, those of an import for all tests."""
+    package = tmp_path / "package"
+    package.mkdir()
+    name = f"reached_{tmp_path.name}".replace("-", "_")
+    (package / f"{name}.py").write_text(MODULE)
+    (tmp_path / "test_it.py").write_text(TESTS.format(module=name))
+    recorder = Recorder(package, tmp_path / "reach.json")
+    sys.path.insert(0, str(package))
+    try:
+        options = ["-q", "-p", "no:cacheprovider", "-p", "no:xdist", f"--rootdir={tmp_path}"]
+        code = pytest.main([*options, "-c", "/dev/null", str(tmp_path)], plugins=[recorder])
+    finally:
+        sys.path.remove(str(package))
+        sys.modules.pop(name, None)
+    assert code == 0
+    reach = Reach.read(tmp_path / "reach.json")
+    both, large = {"test_it.py::test_fixture", "test_it.py::test_large"}, "test_it.py::test_large"
+    assert reach.tests_for(name, 7) == [large]
+    assert set(reach.tests_for(name, 8)) == both  # by the fixture, which they may share
+    assert set(reach.tests_for(name, 3)) == both  # when the module is imported
+    assert reach.tests_for(name, 99) == []
+
+
+def test_the_quick_ones_come_first() -> None:
+    lines = {"laws": {5: ["slow", "quick"], 6: ["other"]}}
+    reach = Reach(lines, {"laws": frozenset({6})}, {"slow": 2.0, "quick": 1.0, "other": 0.1})
+    assert reach.tests_for("laws", 5) == ["quick", "slow"]
+    assert reach.tests_for("laws", 6) == ["other", "quick", "slow"]
+    assert reach.tests_for("laws", 0) == ["other", "quick", "slow"]  # a row at the end
+    assert reach.tests_for("laws", 7) == []
+
+
+def test_the_interval_of_a_rate() -> None:
+    """Wilson, E. B. (1927), with the values of its usual tables."""
+    assert interval(95, 100) == pytest.approx((0.8882, 0.9785), abs=1e-4)
+    assert interval(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
+    assert interval(0, 0) == (0.0, 1.0)
