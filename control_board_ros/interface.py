@@ -408,9 +408,14 @@ YARP: tuple[Endpoint, ...] = tuple(
     )
 )
 
+#: A part of a robot has its readings below its own name; the robot's are in its namespace.
+PART_JOINT_STATES = replace(JOINT_STATES, name="~/joint_states")
+
 #: All of the above that every board has, in this order.
 ENDPOINTS: tuple[Endpoint, ...] = tuple(
-    value for value in list(globals().values()) if isinstance(value, Endpoint)
+    value
+    for value in list(globals().values())
+    if isinstance(value, Endpoint) and value is not PART_JOINT_STATES
 )
 PUBLISHED = tuple(e for e in ENDPOINTS if e.kind == "topic")
 COMMAND_TOPICS = tuple(e for e in ENDPOINTS if e.kind == "command")

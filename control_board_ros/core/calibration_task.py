@@ -3,14 +3,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ..protocols import Joints
 from .arrival import Outcome
-from .board import Board
 from .calibration import CalibrationStatus
 from .modes import CALIBRATES
 from .reply import Answer, joints_of
 from .selection import RequestError
 from .vocabs import ControlMode
+
+if TYPE_CHECKING:
+    from .robot import AnyBoard
 
 
 class CalibrationTask:
@@ -26,7 +30,7 @@ class CalibrationTask:
     Attributes: names (of the joints asked for).
     """
 
-    def __init__(self, board: Board, joints: Joints) -> None:
+    def __init__(self, board: AnyBoard, joints: Joints) -> None:
         self._board = board
         self.names = board.selector.select(joints).names
         reply = board.calibrate(self.names)

@@ -12,16 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..protocols import Floats, Joints
 from .arrival import TOLERANCES, Outcome, Standing, ending, standing
-from .board import Board
 from .modes import ACCEPTS
 from .reply import position_text, summary
 from .selection import RequestError
 from .vocabs import CommandKind, ControlMode, InteractionMode
+
+if TYPE_CHECKING:
+    from .robot import AnyBoard
 
 K = CommandKind
 
@@ -56,7 +59,7 @@ class MoveTask:
 
     def __init__(
         self,
-        board: Board,
+        board: AnyBoard,
         joints: Joints,
         positions: Sequence[float] | Floats,
         speeds: Sequence[float] | Floats | None = None,
@@ -225,7 +228,7 @@ def change(joint: JointMove, control: ControlMode, interaction: InteractionMode)
 
 
 def start_move(
-    board: Board,
+    board: AnyBoard,
     names: Sequence[str],
     positions: Sequence[float] | Floats,
     speeds: Sequence[float] | Floats | None,
@@ -260,7 +263,7 @@ def start_move(
     return summary(notes)
 
 
-def start_together(board: Board, names: Sequence[str], positions: Floats, time: float) -> str:
+def start_together(board: AnyBoard, names: Sequence[str], positions: Floats, time: float) -> str:
     """Start a move whose joints all arrive after so many s; what the board said to it.
 
     Raises:

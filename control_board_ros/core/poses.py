@@ -12,13 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..protocols import Floats
 from .arrival import TOLERANCES, Outcome, unit
-from .board import Board
 from .commands import WORTH_A_WORD
 from .explanations import explain_slower
 from .move_task import MoveTask, takes_moves
@@ -26,6 +25,9 @@ from .pose import NAME, Pose
 from .reply import position_text
 from .selection import RequestError
 from .vocabs import ControlMode
+
+if TYPE_CHECKING:
+    from .robot import AnyBoard
 
 
 class Plan(NamedTuple):
@@ -49,7 +51,7 @@ class PoseTask:
     Attributes: names (of the joints).
     """
 
-    def __init__(self, board: Board, pose: Pose, speed: float = 0.0) -> None:
+    def __init__(self, board: AnyBoard, pose: Pose, speed: float = 0.0) -> None:
         self._board = board
         self.names = board.selector.select(pose.joints).names
         require_moves(board, pose)
@@ -75,7 +77,7 @@ class PoseTask:
         return self._move.cancel()
 
 
-def plan_move(board: Board, pose: Pose, speed: float = 0.0) -> Plan:
+def plan_move(board: AnyBoard, pose: Pose, speed: float = 0.0) -> Plan:
     """How long the move to a pose lasts: T = max over joints of their own times (P1).
 
     The slowest joint moves at the mean speed asked for, the others as slowly as they must.
@@ -100,7 +102,7 @@ def plan_move(board: Board, pose: Pose, speed: float = 0.0) -> Plan:
     return Plan(time, explain_slower(joint, way, rate, time) if slow else "")
 
 
-def require_moves(board: Board, pose: Pose) -> None:
+def require_moves(board: AnyBoard, pose: Pose) -> None:
     """Refuse unless every joint of a pose takes position moves.
 
     Raises:
@@ -115,7 +117,7 @@ def require_moves(board: Board, pose: Pose) -> None:
         raise RequestError(f"{pose.name} is a POSITION move, and {where}; {step}")
 
 
-def told_by_mode(board: Board, modes: dict[str, ControlMode]) -> str:
+def told_by_mode(board: AnyBoard, modes: dict[str, ControlMode]) -> str:
     """``a, b are in IDLE, c is in HW_FAULT (overcurrent …)``: every joint is named."""
     texts = []
     for mode in dict.fromkeys(modes.values()):
@@ -141,7 +143,7 @@ def way_out(modes: dict[str, ControlMode], everyone: Sequence[str]) -> str:
     return f"{first}switch with: cbctl mode {words} pos"
 
 
-def pose_now(board: Board, name: str, joints: Sequence[str], speed: float = 0.0) -> Pose:
+def pose_now(board: AnyBoard, name: str, joints: Sequence[str], speed: float = 0.0) -> Pose:
     """The pose in which joints are measured to be.
 
     Raises:
@@ -158,7 +160,11 @@ def pose_now(board: Board, name: str, joints: Sequence[str], speed: float = 0.0)
 
 
 def made_pose(
-    board: Board, name: str, joints: Sequence[str], positions: Sequence[float], speed: float = 0.0
+    board: AnyBoard,
+    name: str,
+    joints: Sequence[str],
+    positions: Sequence[float],
+    speed: float = 0.0,
 ) -> Pose:
     """A pose of a board's joints, checked.
 

@@ -305,6 +305,31 @@ class Robot(ModeShortcuts):
             lambda s: s.board.set_feedforward(s.joints, part_of(feeds, s), part_of(loads, s)),
         )
 
+    def get_move_time(self, joints: Joints, positions: Floats, speeds: Floats) -> Floats:
+        """As :meth:`Board.get_move_time`."""
+        return self._floats(
+            joints,
+            lambda s: s.board.get_move_time(s.joints, positions[s.places], speeds[s.places]),
+        )
+
+    def position_move_within(self, joints: Joints, positions: Floats, time: float) -> Reply:
+        """As :meth:`Board.position_move_within`: all joints of all parts, or none."""
+        chosen = self.selector.select(joints)
+        good = self.accepts[K.POSITION, chosen.joints] & np.isfinite(positions)
+        if good.all():
+            return self._shares.ask(
+                chosen,
+                lambda s: s.board.position_move_within(s.joints, positions[s.places], time),
+            )
+        return self._shares.ask(
+            chosen,
+            lambda s: (
+                _accepted(s)
+                if good[s.places].all()
+                else s.board.position_move_within(s.joints, positions[s.places], time)
+            ),
+        )
+
     def stop(self, joints: Joints = None) -> Reply:
         """As :meth:`Board.stop`."""
         return self.ask(joints, lambda s: s.board.stop(s.joints))
@@ -496,4 +521,12 @@ def part_of(values: Floats | None, share: Share) -> Floats | None:
 def _counted(share: Share, message: str) -> Reply:
     """Let a board count a command that is refused, joint by joint."""
     share.board.reject(share.joints, message)
+    return _accepted(share)
+
+
+def _accepted(share: Share) -> Reply:
     return accepted(tuple(share.board.names[j] for j in share.joints))
+
+
+#: What a node serves, and what moves and calibrations are asked of.
+AnyBoard = Board | Robot

@@ -49,6 +49,7 @@ _ICUB = partial(_icub_models, "robots/iCubGazeboV2_7/model.urdf")
 ROBOTS = {
     "iiwa": NamedRobot(partial(_pybullet_data, "kuka_iiwa/model.urdf", "iiwa.urdf")),
     "panda": NamedRobot(partial(_pybullet_data, "franka_panda/panda.urdf", "panda.urdf")),
+    "icub": NamedRobot(_ICUB),
     # The rest of the robot holds links without an inertia, and a board drives one arm.
     "icub_left_arm": NamedRobot(_ICUB, ("chest", "l_hand")),
     "icub_right_arm": NamedRobot(_ICUB, ("chest", "r_hand")),

@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from .chain import cut
@@ -85,6 +85,27 @@ class Urdf:
     def mimics(self) -> dict[str, Mimic]:
         """The joints that follow others, by the follower's name."""
         return {joint.name: joint.mimic for joint in self.joints if joint.mimic is not None}
+
+    def with_prefix(self, prefix: str) -> Urdf:
+        """The same robot with a prefix before the name of every joint."""
+        if not prefix:
+            return self
+        root = copy.deepcopy(self.tree.root)
+        for element in root.findall("joint"):
+            element.set("name", prefix + element.get("name", ""))
+            if (mimic := element.find("mimic")) is not None:
+                mimic.set("joint", prefix + mimic.get("joint", ""))
+        return replace(
+            self,
+            text=ET.tostring(root, encoding="unicode"),
+            tree=Tree(root, self.source),
+            joints=tuple(_joint(element, self.source) for element in self._in_order(root, prefix)),
+        )
+
+    def _in_order(self, root: ET.Element, prefix: str) -> list[ET.Element]:
+        """The joints that move, in the order of this robot's."""
+        by_name = {element.get("name", ""): element for element in root.findall("joint")}
+        return [by_name[prefix + joint.name] for joint in self.joints]
 
     @property
     def description(self) -> str:

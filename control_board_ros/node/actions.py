@@ -20,10 +20,10 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from ..core.arrival import Outcome
-from ..core.board import Board
 from ..core.calibration_task import CalibrationTask
 from ..core.move_task import MoveTask
 from ..core.poses import PoseTask
+from ..core.robot import AnyBoard
 from ..interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
 from .member import Member
 from .messages import bounded, doubles, optional
@@ -35,7 +35,7 @@ RESULT_KEPT = 60
 
 Task = MoveTask | CalibrationTask | PoseTask
 #: What starts a task, with the board held between two cycles.
-Begin = Callable[[Board], Task]
+Begin = Callable[[AnyBoard], Task]
 
 
 def move(request: Any) -> Begin:
@@ -53,7 +53,7 @@ def calibration(request: Any) -> Begin:
     return lambda board: CalibrationTask(board, bounded(request.names, board.count))
 
 
-def feedback_of(board: Board, task: Task) -> Any:
+def feedback_of(board: AnyBoard, task: Task) -> Any:
     """The feedback message of now."""
     if isinstance(task, MoveTask):
         return Move.Feedback(
@@ -94,7 +94,7 @@ class Actions:
     def __init__(
         self,
         node: Node,
-        member: Member,
+        member: Member[AnyBoard],
         warn: Callable[[str, str], None],
         go_to_pose: Callable[[Any], Begin],
     ) -> None:

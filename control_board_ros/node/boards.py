@@ -1,25 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The boards of a process: the loop that runs them, their nodes, and what is there once."""
+"""The boards of a process: the loop that runs them, their nodes, and what is there once.
+
+A board is alone, or one of a robot's parts: then the robot is what the loop runs, the parts are
+shown beside it, and each has a node of its own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.node import Node
 
 from ..compiled import describe, is_compiled
 from ..core.board import Board
 from ..core.measurement import Plant
+from ..core.robot import AnyBoard, Robot
 from ..interface import DIAGNOSTICS
+from ..settings.loading import Settings
 from .diagnostics import Diagnostics
 from .lifecycle import make_node, manage
 from .loop import ControlLoop
+from .member import Member
 from .messages import stamp
 from .node import BoardNode
 from .parameters import Start
 from .publishing import publisher
+from .robot_diagnostics import RobotDiagnostics
+from .robot_node import RobotNode
 from .scheduling import take_priority
 from .state_thread import StateThread
 from .throttle import PERIOD
@@ -30,7 +40,9 @@ SETTLED = 3.0
 
 
 class Boards:
-    """A board on ROS. Make it, :meth:`start` it, spin ``nodes``, :meth:`stop` it.
+    """A board on ROS, or a robot of several parts.
+
+    Make it, :meth:`start` it, spin ``nodes``, :meth:`stop` it.
 
     Args:
         start: settings and what rclpy needs of the command line.
@@ -38,7 +50,8 @@ class Boards:
         on_end: called when the control loop ends by itself; ``loop.failure`` says why.
         context: of rclpy; None for the default one.
 
-    Attributes: loop, main (the node of the whole board), nodes (rclpy's, all of them).
+    Attributes: settings, loop, main (the node of the whole board or robot), parts (those of its
+    parts, by name), nodes (rclpy's, all of them; the main one is the first).
     """
 
     def __init__(
@@ -51,38 +64,80 @@ class Boards:
     ) -> None:
         self.settings = settings = start.settings
         values, simulated = settings.values, bool(settings.ros.get("use_sim_time", False))
-        self.loop = ControlLoop(
-            Board(settings.board),
+        self.loop: ControlLoop[AnyBoard] = ControlLoop(
+            made_board(settings),
             plant,
             state_rate=values["state_rate"],
             real_time_factor=values["real_time_factor"],
             simulated_stamps=values["publish_clock"] or simulated,
             on_end=on_end,
         )
-        node = make_node(
-            "control_board", values, context=context, parameter_overrides=list(start.overrides)
-        )
-        self.main = BoardNode(node, self.loop.whole, settings, plant, self._changed)
+        self._start, self._context = start, context
+        self.parts: dict[str, BoardNode] = {}
+        self.main = self._offer(plant)
+        node = self.main.node
         offer_transforms(node, self.loop, self.main.publisher, settings)
-        self._boards = [self.main]
-        self.nodes = [node]
+        self._boards = [*self.parts.values(), self.main]
+        self.nodes = [node, *(part.node for part in self.parts.values())]
         self.on_error = self.main.reporter.on_error
         manage(node, self.loop.whole, values, self.on_error)
         self._states = StateThread(
             self.loop, [(board.publish, board.reporter.on_error) for board in self._boards]
         )
-        self._diagnostics = Diagnostics(
-            self.loop,
-            settings.board.names,
-            settings.urdf.name,
-            settings.board.control_rate,
-            [joint.limits.temperature for joint in settings.board.joints],
-        )
+        self._diagnostics = self._make_diagnostics()
         self._diagnostics_publisher = publisher(node, DIAGNOSTICS)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(PERIOD, self._each_second, clock=steady)
         self._same_name_timer = node.create_timer(SETTLED, self._warn_of_same_name, clock=steady)
         self._tell(simulated)
+
+    def _offer(self, plant: Plant) -> BoardNode | RobotNode:
+        """The node of the whole, and those of its parts."""
+        settings, whole = self.settings, self.loop.whole
+        if isinstance(whole.board, Board):
+            node = self._main_node("control_board", None)
+            return BoardNode(node, cast(Member[Board], whole), settings, plant, self._changed)
+        for name, board in whole.board.parts.items():
+            node = Node(name, **self._arguments(self._start.namespace))
+            own, member = settings.part(name), self.loop.add_part(board)
+            self.parts[name] = BoardNode(node, member, own, plant, self._changed, part=True)
+        node = self._main_node(self._start.name, self._start.namespace)
+        robot = cast(Member[Robot], whole)
+        return RobotNode(node, robot, settings, plant, self.parts, self._changed)
+
+    def _main_node(self, name: str, namespace: str | None) -> Node:
+        """The node that may be a managed one: of the whole."""
+        return make_node(name, self.settings.values, **self._arguments(namespace))
+
+    def _arguments(self, namespace: str | None) -> dict[str, Any]:
+        return {
+            "namespace": namespace,
+            "context": self._context,
+            "parameter_overrides": list(self._start.overrides),
+        }
+
+    def _make_diagnostics(self) -> Diagnostics | RobotDiagnostics:
+        whole = self._diagnostics_of(self.settings, self.loop.whole)
+        if not self.parts:
+            return whole
+        return RobotDiagnostics(
+            self.settings.robot_name,
+            whole,
+            {
+                name: self._diagnostics_of(self.settings.part(name), part.member)
+                for name, part in self.parts.items()
+            },
+        )
+
+    def _diagnostics_of(self, settings: Settings, member: Member[Any]) -> Diagnostics:
+        return Diagnostics(
+            self.loop,
+            settings.board.names,
+            settings.urdf.name,
+            settings.board.control_rate,
+            [joint.limits.temperature for joint in settings.board.joints],
+            member.snapshots,
+        )
 
     def start(self) -> None:
         """Let the control loop and the publisher run."""
@@ -149,3 +204,11 @@ class Boards:
                 f"{len(same)} nodes are called {name} on this domain, and each executes every "
                 "request; stop the others (ros2 node list), or use another name or ROS_DOMAIN_ID"
             )
+
+
+def made_board(settings: Settings) -> AnyBoard:
+    """The board that settings describe, or the robot of several parts."""
+    if not settings.parts:
+        return Board(settings.board)
+    parts = {name: settings.part(name).board for name in settings.parts}
+    return Robot(parts, settings.levels)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -14,8 +15,8 @@ from ..core.faults import FaultRecord
 from ..core.heat import HOT, STRAINED
 from ..core.vocabs import ControlMode, InteractionMode
 from .loop import ControlLoop
-from .pacing import Statistics
 from .scheduling import scheduling
+from .snapshots import Snapshots
 
 PREFIX = "control_board"
 
@@ -29,17 +30,20 @@ class Diagnostics:
         hardware_id: of the robot.
         nominal_rate: control cycles per second of simulated time.
         hottest: temperature limit of each winding, °C; none where it is not watched.
+        snapshots: of these joints; None: the loop's.
     """
 
     def __init__(
         self,
-        loop: ControlLoop,
+        loop: ControlLoop[Any],
         names: Sequence[str],
         hardware_id: str,
         nominal_rate: float,
         hottest: Sequence[float] = (),
+        snapshots: Snapshots | None = None,
     ) -> None:
         self._loop, self._names = loop, names
+        self._snapshots = snapshots or loop.snapshots
         self._hardware_id, self._nominal_rate = hardware_id, nominal_rate
         self._hottest = list(hottest) or [math.inf] * len(names)
         self._overruns = self._skipped = 0
@@ -49,26 +53,33 @@ class Diagnostics:
         """The diagnostics of the time since the last call."""
         array = DiagnosticArray()
         array.header.stamp = now
-        loop, snapshots = self._loop, self._loop.snapshots
-        state, modes, faults = snapshots.latest.snapshot, snapshots.modes, snapshots.faults
-        rejected = state.rejected_commands.tolist()
-        array.status.append(self._loop_status(loop.statistics(), sum(rejected)))
-        for j, name in enumerate(self._names):
-            array.status.append(
-                self._joint_status(
-                    name,
-                    (modes.control[j], modes.interaction[j]),
-                    faults.records[j],
-                    (rejected[j], rejected[j] - self._rejected[j]),
-                    (float(state.temperature[j]), self._hottest[j]),
-                    float(state.current[j]),
-                    float(state.overload[j]),
-                )
-            )
-        self._rejected = rejected
+        array.status = [self.loop_status(), *self.joint_statuses()]
         return array
 
-    def _loop_status(self, found: Statistics, rejected: int) -> DiagnosticStatus:
+    def joint_statuses(self) -> list[DiagnosticStatus]:
+        """One for each joint."""
+        snapshots = self._snapshots
+        state, modes, faults = snapshots.latest.snapshot, snapshots.modes, snapshots.faults
+        rejected = state.rejected_commands.tolist()
+        found = [
+            self._joint_status(
+                name,
+                (modes.control[j], modes.interaction[j]),
+                faults.records[j],
+                (rejected[j], rejected[j] - self._rejected[j]),
+                (float(state.temperature[j]), self._hottest[j]),
+                float(state.current[j]),
+                float(state.overload[j]),
+            )
+            for j, name in enumerate(self._names)
+        ]
+        self._rejected = rejected
+        return found
+
+    def loop_status(self) -> DiagnosticStatus:
+        """One for the loop, of the time since the last call."""
+        found = self._loop.statistics()
+        rejected = int(self._snapshots.latest.snapshot.rejected_commands.sum())
         late = found.overruns - self._overruns
         skipped = found.skipped - self._skipped
         self._overruns, self._skipped = found.overruns, found.skipped
@@ -91,7 +102,7 @@ class Diagnostics:
             "rejected commands": rejected,
             "scheduling": scheduling(),
             "laws": describe(),
-            "joints in fault": sum(r.active for r in self._loop.snapshots.faults.records),
+            "joints in fault": sum(r.active for r in self._snapshots.faults.records),
         }
         return self._status("loop", level, text, values.items())
 

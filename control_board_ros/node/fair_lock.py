@@ -5,8 +5,11 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Generic, TypeVar
 
-from ..core.board import Board
+from ..core.robot import AnyBoard
+
+B_co = TypeVar("B_co", bound=AnyBoard, covariant=True)
 
 
 class FairLock:
@@ -38,7 +41,7 @@ class FairLock:
         self._lock.release()
 
 
-class Exclusive:
+class Exclusive(Generic[B_co]):
     """What :meth:`ControlLoop.exclusive` gives: the board while the lock is held.
 
     A class, as a generator would cost each request and command 1 µs more.
@@ -46,10 +49,10 @@ class Exclusive:
 
     __slots__ = ("_board", "_end", "_lock")
 
-    def __init__(self, lock: FairLock, board: Board, end: Callable[[], None]) -> None:
+    def __init__(self, lock: FairLock, board: B_co, end: Callable[[], None]) -> None:
         self._lock, self._board, self._end = lock, board, end
 
-    def __enter__(self) -> Board:
+    def __enter__(self) -> B_co:
         self._lock.acquire()
         return self._board
 

@@ -24,6 +24,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from ..core.board import Board
 from ..core.follower import Follower
 from ..core.path import Points, Sample
+from ..core.robot import AnyBoard
 from ..core.selection import RequestError
 from ..core.state import Snapshot
 from ..core.tolerances import Wish
@@ -64,7 +65,7 @@ class FollowTrajectory:
     def __init__(
         self,
         node: Node,
-        member: Member,
+        member: Member[Board],
         follower: Follower,
         on_error: Callable[[Exception, str], None],
     ) -> None:
@@ -130,7 +131,7 @@ class FollowTrajectory:
                 goal.task.cancel()
         return CancelResponse.ACCEPT
 
-    def _check(self, _board: Board, _time: float) -> None:
+    def _check(self, _board: AnyBoard, _time: float) -> None:
         """In every control cycle."""
         goal = self._goal
         if goal is not None:

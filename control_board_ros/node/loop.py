@@ -17,12 +17,14 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from typing import Generic
 
 import numpy as np
 
 from ..core.board import Board
 from ..core.measurement import Actuation, Plant
-from .fair_lock import Exclusive, FairLock
+from ..core.robot import AnyBoard
+from .fair_lock import B_co, Exclusive, FairLock
 from .member import Member
 from .pacing import Divider, Pacer, Statistics, sharpen_timers
 from .time_base import NANOSECONDS, TimeBase
@@ -30,10 +32,10 @@ from .time_base import NANOSECONDS, TimeBase
 #: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
 PAUSED_PERIOD = 0.1
 
-Hook = Callable[[Board, float], None]
+Hook = Callable[[AnyBoard, float], None]
 
 
-class ControlLoop:
+class ControlLoop(Generic[B_co]):
     """Runs a board on a plant, one cycle after the other, in a thread of its own.
 
     Args:
@@ -51,7 +53,7 @@ class ControlLoop:
 
     def __init__(
         self,
-        board: Board,
+        board: B_co,
         plant: Plant,
         *,
         state_rate: float = 100.0,
@@ -79,11 +81,11 @@ class ControlLoop:
         self._states = Divider(state_rate, board.config.control_rate)
         self._set_pace(real_time_factor)
         self.time_base.note(plant.read().time, time.time_ns())
-        self.parts: list[Member] = []
+        self.parts: list[Member[Board]] = []
         self.whole = Member(self, board, self._lock)
         self.snapshots = self.whole.snapshots
 
-    def add_part(self, board: Board) -> Member:
+    def add_part(self, board: Board) -> Member[Board]:
         """Show a part of the board that is run, too; before the start."""
         part = Member(self, board, self._lock)
         self.parts.append(part)
@@ -110,7 +112,7 @@ class ControlLoop:
         self._plant.close()
         return True
 
-    def exclusive(self) -> Exclusive:
+    def exclusive(self) -> Exclusive[B_co]:
         """Hold the lock, between two cycles: ``with loop.exclusive() as board``."""
         return self.whole.exclusive()
 

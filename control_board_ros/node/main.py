@@ -14,7 +14,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -91,7 +91,15 @@ def run(arguments: list[str], ended: threading.Event) -> int:
     except SettingsError as error:
         raise KnownError(2, str(error)) from None
     check_name(start.name, start.namespace)
-    full_name = f"{start.namespace.rstrip('/')}/{start.name}"
+    with contextlib.ExitStack() as locks:
+        for name in start.names:
+            locks.enter_context(lock_of(f"{start.namespace.rstrip('/')}/{name}"))
+        return run_alone(start, ended)
+
+
+@contextlib.contextmanager
+def lock_of(full_name: str) -> Iterator[None]:
+    """Hold the lock of a node's name."""
     try:
         lock = lock_name(full_name, os.environ.get("ROS_DOMAIN_ID") or "0")
     except NameTakenError as error:
@@ -99,7 +107,7 @@ def run(arguments: list[str], ended: threading.Event) -> int:
     except OSError as error:
         raise KnownError(1, f"no lock for {full_name}: {error}; set XDG_RUNTIME_DIR") from None
     try:
-        return run_alone(start, ended)
+        yield
     finally:
         lock.release()
 
@@ -173,8 +181,8 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
     boards.start()
     thread.start()
     await_first_cycles(boards, ended)
-    name, config = boards.nodes[0].get_fully_qualified_name(), boards.settings.board
-    say(welcome(name, config, boards.loop.snapshots.modes.control))
+    name, settings = boards.nodes[0].get_fully_qualified_name(), boards.settings
+    say(welcome(name, settings.board, boards.loop.snapshots.modes.control, settings.parts))
     ended.wait()
     if not boards.stop():
         complain("the control loop hangs; the process ends without it")
@@ -195,9 +203,11 @@ def await_first_cycles(boards: Boards, ended: threading.Event) -> None:
 
     if not starts_alone(boards.settings.values):
         return
+    # of a robot the first level is enough
+    waiting = all if boards.parts else any
     deadline = time.monotonic() + FIRST_CYCLES
     while (
-        ControlMode.NOT_CONFIGURED in boards.loop.snapshots.modes.control
+        waiting(m is ControlMode.NOT_CONFIGURED for m in boards.loop.snapshots.modes.control)
         and time.monotonic() < deadline
         and not ended.wait(0.005)
     ):

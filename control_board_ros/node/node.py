@@ -7,13 +7,15 @@ with the board they do between two control cycles (``member.exclusive``).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.node import Node
 
-from ..core.config import BoardConfig
+from ..core.board import Board
+from ..interface import JOINT_STATES, PART_JOINT_STATES
 from ..settings.loading import Settings
+from ..settings.schema import BOARD, PART_ROWS
 from ..settings.user_poses import UserPoses
 from .actions import Actions
 from .follow_trajectory import FollowTrajectory
@@ -37,23 +39,37 @@ class BoardNode:
         settings: of the board.
         plant: what the board drives.
         changed: told of run-time parameters that are the loop's, by name and value.
+        part: whether it is a part of a robot, whose node has what is there once.
+
+    Attributes: node, member, reporter, parameters, publisher, follower (of trajectories),
+    on_reconfigured (told of parameters of joints that were changed here, by name and value).
     """
 
     def __init__(
         self,
         node: Node,
-        member: Member,
+        member: Member[Board],
         settings: Settings,
         plant: Any,
         changed: Callable[[str, Any], None],
+        *,
+        part: bool = False,
     ) -> None:
         self.node, self.member = node, member
+        self.on_reconfigured: Callable[[Mapping[str, Any]], None] = lambda _: None
         self.reporter = reporter = Reporter(node)
         injection = bool(settings.values["allow_fault_injection"])
-        self.parameters = Parameters(node, settings, self._reconfigure, changed)
-        self.publisher = StatePublisher(node, member, settings.board.names, settings.description)
+        rows = PART_ROWS if part else BOARD
+        self.parameters = Parameters(node, settings, self._reconfigure, changed, rows)
+        self.publisher = StatePublisher(
+            node,
+            member,
+            settings.board.names,
+            None if part else settings.description,
+            PART_JOINT_STATES if part else JOINT_STATES,
+        )
         self._trajectories = TrajectoryTopic(member, reporter.warn)
-        follower = self._trajectories.follower
+        self.follower = follower = self._trajectories.follower
         self._services = Services(member, plant, injection, self._later, follower.stop)
         self._poses = Poses(
             member, settings.board.names, settings.poses, UserPoses(settings.urdf.name)
@@ -82,9 +98,10 @@ class BoardNode:
         for subscription in self._subscriptions:
             subscription.check()
 
-    def _reconfigure(self, config: BoardConfig) -> None:
+    def _reconfigure(self, settings: Settings, changes: Mapping[str, Any]) -> None:
         with self.member.exclusive() as board:
-            board.reconfigure(config)
+            board.reconfigure(settings.board)
+        self.on_reconfigured(changes)
 
     def _later(self, function: Callable[[], None]) -> None:
         executor = self.node.executor

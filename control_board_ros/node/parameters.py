@@ -7,8 +7,9 @@ names and answers a broken file with a traceback; rclpy gets what is left of the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,9 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from ..core.config import BoardConfig
 from ..settings.loading import Settings, load_layers
 from ..settings.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
+from ..settings.parts import PARTS, PARTS_ROW, ROBOT
 from ..settings.poses import POSITION_ROW, SPEED, SPEED_ROW, values_of
 from ..settings.schema import BOARD, JOINT, JOINT_DEFAULTS, Kind, Parameter
 
@@ -46,7 +47,7 @@ class Start:
 
     Attributes: settings, arguments (for ``rclpy.init``: the given ones without parameters),
     overrides (for ``Node(parameter_overrides=…)``: use_sim_time and qos_overrides), name and
-    namespace of the node after remapping.
+    namespace of the node after remapping; of a robot of several parts, of the robot's own node.
     """
 
     settings: Settings
@@ -54,6 +55,11 @@ class Start:
     overrides: list[RosParameter]
     name: str
     namespace: str
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all nodes: the parts', and last the whole robot's; or of the only one."""
+        return [*self.settings.parts, self.name]
 
 
 def settings_from_arguments(argv: Sequence[str], name: str = NODE) -> Start:
@@ -85,7 +91,28 @@ def settings_from_arguments(argv: Sequence[str], name: str = NODE) -> Start:
             layers.append(_argument(value, remapped, name))
     settings = load_layers(layers)
     overrides = [RosParameter(key, value=value) for key, value in settings.ros.items()]
+    if settings.parts:  # a global rule would give all their nodes one name
+        rest = without_names(rest)
+        if remapped not in (name, ROBOT):
+            warning = (
+                f"-r __node:={remapped}: is not used; the nodes of a robot of several parts have "
+                "the names of its parts, and robot_name is what they begin with"
+            )
+            settings = replace(settings, warnings=(*settings.warnings, warning))
+        remapped, namespace = ROBOT, f"{namespace.rstrip('/')}/{settings.robot_name}"
     return Start(settings, rest, overrides, remapped, namespace)
+
+
+def without_names(arguments: Sequence[str]) -> list[str]:
+    """Arguments without the rules that rename nodes."""
+    rest: list[str] = []
+    for argument in arguments:
+        what = argument.partition(":=")[0].rpartition(":")[2]
+        if rest and rest[-1] in ("-r", "--remap") and what in ("__node", "__name", "__ns"):
+            rest.pop()
+        else:
+            rest.append(argument)
+    return rest
 
 
 def _split(argv: Sequence[str]) -> tuple[list[tuple[str, str]], list[str]]:
@@ -160,36 +187,53 @@ class Parameters:
     Args:
         node: Where to declare them.
         settings: The values at start.
-        reconfigure: Given a new, checked board configuration when gains, limits or timeouts
-            change; raises ValueError to refuse it.
+        reconfigure: Given the new, checked settings and the changes by name when gains, limits or
+            timeouts change; raises ValueError to refuse them.
         changed: Told of the other run-time parameters (``state_rate``, ``real_time_factor``)
             by name and value.
+        board_rows: Those of the board that are declared.
+        joint_rows: Those of each joint.
     """
 
     def __init__(
         self,
         node: Node,
         settings: Settings,
-        reconfigure: Callable[[BoardConfig], None],
+        reconfigure: Callable[[Settings, Mapping[str, Any]], None],
         changed: Callable[[str, Any], None],
+        board_rows: Sequence[Parameter] = BOARD,
+        joint_rows: Sequence[Parameter] = JOINT,
     ) -> None:
         self.settings = settings
         self._reconfigure, self._changed, self._node = reconfigure, changed, node
-        node.declare_parameters("", list(self._declarations()), ignore_override=True)
+        declarations = self._declarations(board_rows, joint_rows)
+        self._declared = {name for name, *_ in declarations}
+        node.declare_parameters("", list(declarations), ignore_override=True)
         node.add_on_set_parameters_callback(self._on_set)
 
-    def _declarations(self) -> list[tuple[str, Any, ParameterDescriptor]]:
+    def show(self, settings: Settings, names: Iterable[str]) -> None:
+        """Show settings that another node has changed, under these names; they act already."""
+        self.settings = settings
+        changed = [RosParameter(n, value=settings.values[n]) for n in names if n in self._declared]
+        if changed:
+            self._node.set_parameters(changed)
+
+    def _declarations(
+        self, board_rows: Sequence[Parameter], joint_rows: Sequence[Parameter]
+    ) -> list[tuple[str, Any, ParameterDescriptor]]:
         values = self.settings.values
         found = []
-        for row in BOARD:
+        for row in board_rows:
             found.append((row.name, values[row.name], descriptor(row, fixed=not row.run_time)))
-        for row in JOINT:
+        for row in joint_rows:
             for joint in self.settings.board.names:  # one each: rclpy writes the name into it
                 name = f"{joint}.{row.name}"
                 found.append((name, values[name], descriptor(row, fixed=not row.run_time)))
             name = f"{JOINT_DEFAULTS}.{row.name}"
             if name in values:
                 found.append((name, values[name], descriptor(row, fixed=True)))
+        for part, joints in self.settings.parts.items():
+            found.append((f"{PARTS}.{part}", list(joints), descriptor(PARTS_ROW, fixed=True)))
         for name, value in values_of(self.settings.poses).items():
             row = SPEED_ROW if name.endswith(f".{SPEED}") else POSITION_ROW
             found.append((name, value, descriptor(row, fixed=True)))
@@ -216,13 +260,18 @@ class Parameters:
         """Check a change as a whole, then let it act."""
         if refusal := self._refusal(parameters):
             return SetParametersResult(successful=False, reason=refusal)
-        changes = {one.name: one.value for one in parameters if one.name in self.settings.values}
+        values = self.settings.values
+        changes = {
+            one.name: one.value
+            for one in parameters
+            if one.name in values and not same(one.value, values[one.name])
+        }
         if not changes:
             return SetParametersResult(successful=True)
         try:
             settings = self.settings.changed(changes)
             if settings.board != self.settings.board:
-                self._reconfigure(settings.board)
+                self._reconfigure(settings, changes)
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         self.settings = settings
@@ -230,3 +279,9 @@ class Parameters:
             if "." not in name:
                 self._changed(name, value)
         return SetParametersResult(successful=True)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Whether a parameter has this value already; arrays of ROS compare as lists."""
+    listed = isinstance(other, list) and isinstance(one, Sequence | array)
+    return bool(list(one) == other if listed else one == other)

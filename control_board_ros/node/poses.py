@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
 
-from ..core.board import Board
 from ..core.pose import Pose
 from ..core.poses import PoseTask, made_pose, pose_now
+from ..core.robot import AnyBoard
 from ..core.selection import RequestError
 from ..settings.user_poses import UserPoses
 from .member import Member
@@ -31,7 +31,7 @@ class Poses:
 
     def __init__(
         self,
-        member: Member,
+        member: Member[AnyBoard],
         names: Sequence[str],
         configured: Mapping[str, Pose],
         user: UserPoses,
@@ -85,7 +85,7 @@ class Poses:
 
     # -- moves --------------------------------------------------------------------------------
 
-    def move(self, request: Any) -> Callable[[Board], PoseTask]:
+    def move(self, request: Any) -> Callable[[AnyBoard], PoseTask]:
         """What starts the move of a goal of ~/go_to_pose.
 
         Raises:

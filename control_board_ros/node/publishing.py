@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from ..core.robot import AnyBoard
 from ..core.state import Snapshot
 from ..interface import (
     CLOCK,
@@ -63,22 +64,27 @@ class StatePublisher:
         node: to publish from.
         member: whose snapshots are published.
         names: of the joints.
-        description: the URDF.
+        description: the URDF; None: another node publishes it, and the time.
+        joint_states: where the readings go.
 
     Attributes: also (called in the publishing thread with each state and its stamp, ns).
     """
 
     def __init__(
-        self, node: Node, member: Member, names: tuple[str, ...], description: str
+        self,
+        node: Node,
+        member: Member[AnyBoard],
+        names: tuple[str, ...],
+        description: str | None,
+        joint_states: Endpoint = JOINT_STATES,
     ) -> None:
         self._snapshots, self._names, self._node = member.snapshots, names, node
         self.also: list[Callable[[Snapshot, int], None]] = []
-        self._joint_states = publisher(node, JOINT_STATES)
+        self._joint_states = publisher(node, joint_states)
         self._states = publisher(node, STATE)
         self._controller_states = publisher(node, CONTROLLER_STATE)
         self._modes = publisher(node, MODES)
         self._faults = publisher(node, FAULTS)
-        self._description = publisher(node, ROBOT_DESCRIPTION)
         self._clock: Any = None
         self._joint_state = StateMessage(JointState(name=list(names)), JOINT_STATE, len(names))
         self._board_state = StateMessage(BoardState(names=list(names)), BOARD_STATE, len(names))
@@ -86,9 +92,11 @@ class StatePublisher:
             node.get_logger().info(reason)
         self._clock_message = Clock()
         self._published_faults: object = None
-        if not member.loop.time_base.follows_system:
-            self.announce_clock()
-        self._description.publish(String(data=description))
+        if description is not None:
+            if not member.loop.time_base.follows_system:
+                self.announce_clock()
+            self._description = publisher(node, ROBOT_DESCRIPTION)
+            self._description.publish(String(data=description))
 
     def announce_clock(self) -> None:
         """Offer /clock; called where no publishing goes on: at start or by the executor."""

@@ -8,13 +8,13 @@ whole and becomes the response's message.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Collection, Sequence
 from typing import Any
 
 from rclpy.task import Future
 
-from ..core.board import Board
 from ..core.reply import Reply
+from ..core.robot import AnyBoard
 from ..core.selection import RequestError
 from .member import Member
 from .messages import answered, bounded, codes, doubles, joint_fault, optional
@@ -29,19 +29,21 @@ class Services:
         injection: whether faults may be injected.
         later: runs a function in the executor's thread; safe to call from any thread.
         stop: stops the motion of joints, trajectories as well; called with the lock held.
+        for_all: faults that reach all joints, whichever are named.
     """
 
     def __init__(
         self,
-        member: Member,
+        member: Member[AnyBoard],
         plant: Any,
         injection: bool,
         later: Callable[[Callable[[], None]], None],
         stop: Callable[[Sequence[str]], Reply],
+        for_all: Collection[str] = (),
     ) -> None:
         self._member, self._loop = member, member.loop
         self._plant, self._injection = plant, injection
-        self._later, self._stop = later, stop
+        self._later, self._stop, self._for_all = later, stop, for_all
 
     # -- modes --------------------------------------------------------------------------------
 
@@ -156,14 +158,17 @@ class Services:
     def inject_fault(self, request: Any, response: Any) -> Any:
         self._require_injection()
         with self._member.exclusive() as board:
-            for name in self._joints(board, request):
+            names = self._joints(board, request)
+            if request.fault in self._for_all:
+                names = list(board.names)
+            for name in names:
                 self._plant.inject(name, request.fault, request.persistent)
         return succeeded(response)
 
     def clear_injected_faults(self, _request: Any, response: Any) -> Any:
         self._require_injection()
-        with self._member.exclusive():
-            self._plant.clear_injected()
+        with self._member.exclusive() as board:
+            self._plant.clear_injected(board.names)
         seen = Future()  # with the next reading, so that FORCE_IDLE is not refused any more
         self._loop.after_cycle(lambda: self._later(lambda: seen.set_result("")))
         return answered_later(response, seen)
@@ -192,7 +197,7 @@ class Services:
             )
 
     @staticmethod
-    def _joints(board: Board, request: Any) -> list[str]:
+    def _joints(board: AnyBoard, request: Any) -> list[str]:
         """The names of the joints that a request reads; RequestError where one is unknown."""
         return list(board.selector.select(bounded(request.names, board.count)).names)
 

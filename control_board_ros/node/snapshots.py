@@ -7,9 +7,9 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ..core.board import Board
 from ..core.events import BoardEvent
 from ..core.faults import FaultRecord
+from ..core.robot import AnyBoard
 from ..core.state import Snapshot
 from ..core.vocabs import ControlMode, InteractionMode
 from .time_base import TimeBase
@@ -55,7 +55,7 @@ class Snapshots:
     (called after a snapshot was replaced, from the thread that did it; must return at once).
     """
 
-    def __init__(self, board: Board, base: TimeBase) -> None:
+    def __init__(self, board: AnyBoard, base: TimeBase) -> None:
         self._board, self._base = board, base
         self.on_change: Callable[[], None] = lambda: None
         self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from .loop import ControlLoop
 from .pacing import sharpen_timers
@@ -24,7 +25,7 @@ class StateThread:
         rounds: what is done in each round; after an exception the next ones follow.
     """
 
-    def __init__(self, loop: ControlLoop, rounds: Sequence[Round]) -> None:
+    def __init__(self, loop: ControlLoop[Any], rounds: Sequence[Round]) -> None:
         self._rounds = rounds
         self._due = threading.Event()
         self._running = True

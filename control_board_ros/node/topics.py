@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.commands import COMMANDS
 from ..core.reply import Reply
+from ..core.robot import AnyBoard
 from ..interface import (
     COMMAND_TOPICS,
     EXTERNAL_TORQUE,
@@ -28,17 +29,17 @@ class CommandTopics:
         member: whose board is commanded.
         plant: the simulation, for external torques.
         injection: whether the simulation may be disturbed.
-        joint_trajectory: takes a trajectory.
+        joint_trajectory: takes a trajectory; None: the board follows none.
         warn: takes what was ignored or bounded, for the throttled log.
     """
 
     def __init__(
         self,
-        member: Member,
+        member: Member[AnyBoard],
         plant: Any,
         *,
         injection: bool,
-        joint_trajectory: Callable[[Any], None],
+        joint_trajectory: Callable[[Any], None] | None,
         warn: Callable[[str], None],
     ) -> None:
         self._member, self._plant, self._injection = member, plant, injection
@@ -46,13 +47,19 @@ class CommandTopics:
 
     def callbacks(self) -> dict[Endpoint, Callable[[Any], None]]:
         """What takes the messages of each command topic."""
-        references = [topic for topic in COMMAND_TOPICS if topic.reference is not None]
-        return {
-            **{topic: self._reference(topic) for topic in references},
+        references = [
+            topic
+            for topic in COMMAND_TOPICS
+            if topic.reference is not None and topic is not JOINT_TRAJECTORY
+        ]
+        found = {topic: self._reference(topic) for topic in references}
+        found |= {
             FEEDFORWARD_COMMAND: self._feedforward,
-            JOINT_TRAJECTORY: self._joint_trajectory,
             EXTERNAL_TORQUE: self._external_torque,
         }
+        if self._joint_trajectory is not None:
+            found[JOINT_TRAJECTORY] = self._joint_trajectory
+        return found
 
     def _reference(self, topic: Endpoint) -> Callable[[Any], None]:
         """A callback that sends references of the topic's kind, by its row of COMMANDS."""

@@ -49,7 +49,7 @@ class TrajectoryTopic:
     Attributes: follower (for callers holding the loop's lock).
     """
 
-    def __init__(self, member: Member, warn: Callable[[str], None]) -> None:
+    def __init__(self, member: Member[Board], warn: Callable[[str], None]) -> None:
         self._member, self._warn = member, warn
         with member.exclusive() as board:
             self.follower = Follower(board)

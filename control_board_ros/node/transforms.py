@@ -36,7 +36,7 @@ FIRST_MARK = 0x01020304
 
 def offer_transforms(
     node: Node,
-    loop: ControlLoop,
+    loop: ControlLoop[Any],
     states: StatePublisher,
     settings: Settings,
     elsewhere: Collection[str] = (),

@@ -18,19 +18,25 @@ ENDLESS = 1e5
 WIDE = 80
 
 
-def welcome(name: str, config: BoardConfig, modes: Sequence[ControlMode]) -> str:
+def welcome(
+    name: str,
+    config: BoardConfig,
+    modes: Sequence[ControlMode],
+    parts: Mapping[str, Sequence[str]] | None = None,
+) -> str:
     """The joints with their limits and modes, and lines to paste.
 
     Args:
         name: full name of the node.
         config: of the board.
         modes: present control mode of each joint.
+        parts: the joints of each part, where the board is a robot's.
     """
     present = sorted({mode.name for mode in modes})
     option = "" if name == "/control_board" else f" --board {name}"
     when, words = suggestions(config.joints[0], modes[0])
     lines = [
-        *table(config.joints),
+        *table(config.joints, parts or {}),
         "",
         f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(present)}. {when}:",
         *(f"  cbctl{option} {line}" for line in (*words, "watch")),
@@ -42,12 +48,16 @@ def welcome(name: str, config: BoardConfig, modes: Sequence[ControlMode]) -> str
     return "\n".join(lines)
 
 
-def table(joints: Sequence[JointConfig]) -> list[str]:
+def table(
+    joints: Sequence[JointConfig], parts: Mapping[str, Sequence[str]] | None = None
+) -> list[str]:
     """The joints, as ``cbctl info`` has them: limits are the software's, stops the hard ones.
 
     The modes stand below where they are the same for all joints and do not fit beside.
     """
+    owner = {name: part for part, names in (parts or {}).items() for name in names}
     columns: dict[str, list[str]] = {
+        **({"part": [owner[joint.name] for joint in joints]} if owner else {}),
         "joint": [joint.name for joint in joints],
         "limits": [travel(joint, joint.limits.lower, joint.limits.upper) for joint in joints],
         "stops": [
@@ -69,7 +79,7 @@ def rows(columns: Mapping[str, Sequence[str]]) -> list[str]:
     cells = []
     for title, column in columns.items():
         width = max(map(len, (title, *column)))
-        left = title in ("joint", "modes")
+        left = title in ("part", "joint", "modes")
         cells.append([f"{text:{'<' if left else '>'}{width}}" for text in (title, *column)])
     return ["  ".join(line).rstrip() for line in zip(*cells, strict=True)]
 

@@ -52,7 +52,7 @@ FAILURES = {"set_modes": SET_ERROR, "get_joints_names": GET_NAME_ERROR}
 
 def offer_yarp(
     node: Node,
-    member: Member,
+    member: Member[Board],
     values: Mapping[str, Any],
     states: StatePublisher,
     reporter: Reporter,
@@ -105,7 +105,7 @@ class YarpInterface:
 
     def __init__(
         self,
-        member: Member,
+        member: Member[Board],
         warn: Callable[[str, str], None],
         on_error: Callable[[Exception, str], None],
     ) -> None:

@@ -90,8 +90,16 @@ def merged(layers: Iterable[Entries], urdf: Urdf) -> Entries:
     return found
 
 
-def joints_of(chosen: Sequence[str], urdf: Urdf, where: str) -> tuple[str, ...]:
+def joints_of(
+    chosen: Sequence[str], urdf: Urdf, where: str, key: str = "joints"
+) -> tuple[str, ...]:
     """The joints of the board: those chosen, or (none chosen) all that move.
+
+    Args:
+        chosen: their names.
+        urdf: of the robot.
+        where: they are chosen.
+        key: by which parameter.
 
     Raises:
         SettingsError: a joint that cannot be chosen; the message says why.
@@ -109,7 +117,7 @@ def joints_of(chosen: Sequence[str], urdf: Urdf, where: str) -> tuple[str, ...]:
             near = get_close_matches(name, urdf.independent, n=1)
             hint = f"did you mean {near[0]!r}? " if near else ""
             reason = f"{hint}joints: {', '.join(urdf.independent)}"
-        raise SettingsError(f"{at}joints: {shown(name)} is not allowed; {reason}")
+        raise SettingsError(f"{at}{key}: {shown(name)} is not allowed; {reason}")
     for reserved in (JOINT_DEFAULTS, "qos_overrides"):
         if reserved in names:
             raise SettingsError(f"{at}joints: {reserved!r} is not allowed as a joint's name")

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..core.bring_up import complete_levels
 from ..core.config import BoardConfig, ConfigError
 from ..core.pose import Pose
 from ..description.derive import complete
@@ -25,9 +26,11 @@ from ..description.robots import ROBOTS, load_robot
 from ..description.urdf import Urdf, UrdfError
 from ..sim.config import DEFAULT_PHYSICS, SimulationConfig
 from . import build
-from .layers import joints_of, merged, robot_of, typed, unknown, without_ros
+from .layers import Entries, joints_of, merged, robot_of, typed, unknown, without_ros
 from .params_file import Entry, Layer, SettingsError, read_file
-from .poses import poses_of, values_of
+from .parts import NAME, Table, as_name, check_parts, groups_of, levels_of, take_parts
+from .poses import POSES, poses_of, values_of
+from .prefix import prefix_of, prefixed
 from .schema import BOARD, JOINT, JOINT_DEFAULTS, Parameter, find_row
 from .shipped import find_config
 from .values import convert
@@ -52,6 +55,7 @@ class Settings:
         notes: What was assumed; one line each.
         where: The origin of each given value.
         poses: Those of the configuration, by name; home and park are always there (R5).
+        parts: The joints of each part; empty: the board is alone.
     """
 
     board: BoardConfig
@@ -63,6 +67,42 @@ class Settings:
     notes: tuple[str, ...] = ()
     where: dict[str, str] = field(default_factory=dict)
     poses: dict[str, Pose] = field(default_factory=dict)
+    parts: Table = field(default_factory=dict)
+
+    @property
+    def robot_name(self) -> str:
+        """What the names of the nodes of a robot of several parts begin with."""
+        name = self.values["robot_name"] or self.values["robot"]
+        return str(name) if NAME.fullmatch(name) else as_name(self.urdf.name)
+
+    @property
+    def levels(self) -> tuple[tuple[str, ...], ...]:
+        """The parts that start up together, level after level (R4)."""
+        return levels_of(self.values["startup_levels"])
+
+    def part(self, name: str) -> Settings:
+        """The settings of one part, as of a board that is alone."""
+        names = self.parts[name]
+        others = tuple(f"{joint}." for joint in self.board.names if joint not in names)
+        groups = tuple(
+            group
+            for whole in self.board.calibration_groups
+            if (group := tuple(joint for joint in whole if joint in names))
+        )
+        by_name = {joint.name: joint for joint in self.board.joints}
+        joints = tuple(by_name[joint] for joint in names)
+        board = replace(self.board, joints=joints, calibration_groups=groups)
+        values = {key: value for key, value in self.values.items() if not key.startswith(others)}
+        values |= {
+            "joints": list(names),
+            "calibration_groups": [",".join(group) for group in groups],
+        }
+        poses = {n: own for n, pose in self.poses.items() if (own := pose.of(names)) is not None}
+        values = {key: v for key, v in values.items() if not key.startswith(f"{POSES}.")}
+        values |= values_of(poses)
+        return replace(
+            self, board=board, values=values, warnings=(), notes=(), poses=poses, parts={}
+        )
 
     @property
     def description(self) -> str:
@@ -142,17 +182,28 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
     except UrdfError as error:
         raise SettingsError(f"{where}: robot: {error}" if where else f"robot: {error}") from None
     ours, ros = without_ros(given)
-    return _settings(merged([typed(one, urdf.independent) for one in ours], urdf), urdf, ros)
+    prefix = prefix_of(ours)
+    ours = [prefixed(one, urdf.independent, prefix) for one in ours]
+    urdf = urdf.with_prefix(prefix)
+    ours, table = take_parts(ours)
+    entries = merged([typed(one, urdf.independent) for one in ours], urdf)
+    return _settings(entries, urdf, ros, table)
 
 
-def _settings(entries: Mapping[str, Entry], urdf: Urdf, ros: dict[str, Any]) -> Settings:
+def _settings(
+    entries: Mapping[str, Entry], urdf: Urdf, ros: dict[str, Any], table: Entries
+) -> Settings:
     """Settings of what is given; the rest has its default, or is derived."""
+    parts = check_parts(table, entries)
     where = {name: entry.where for name, entry in entries.items()}
     values = _values(BOARD, entries)
     rate = values["control_rate"]
     values.setdefault("physics_rate", rate * math.ceil(LEAST_PHYSICS_RATE / rate))
     values.setdefault("physics", DEFAULT_PHYSICS)
-    names = joints_of(values["joints"], urdf, where.get("joints", ""))
+    for part, joints_there in parts.items():
+        joints_of(joints_there, urdf, table[part].where, f"parts.{part}")
+    chosen = [name for of_part in parts.values() for name in of_part]
+    names = joints_of(chosen or values["joints"], urdf, where.get("joints", ""))
     joints = {name: _values(JOINT, entries, f"{name}.") for name in names}
     try:
         x, y, z = values["gravity"]
@@ -162,7 +213,13 @@ def _settings(entries: Mapping[str, Entry], urdf: Urdf, ros: dict[str, Any]) -> 
                 found["control_modes"] = [m for m in found["control_modes"] if m != "torq"]
                 found["interaction_modes"] = [m for m in found["interaction_modes"] if m != "comp"]
             values |= {f"{name}.{key}": value for key, value in found.items()}
+        if parts:
+            values["calibration_groups"] = groups_of(
+                values["calibration_groups"], set(urdf.independent) - set(names)
+            )
         board = build.board(values, urdf, names)
+        if parts:
+            complete_levels(levels_of(values["startup_levels"]), tuple(parts))
         simulation = build.simulation(values, urdf, names)
         simulation.check_board(board)
     except ConfigError as error:
@@ -174,7 +231,7 @@ def _settings(entries: Mapping[str, Entry], urdf: Urdf, ros: dict[str, Any]) -> 
     values |= values_of(poses)
     warnings = urdf.warnings + assumed.warnings + _slow(rate) + beyond
     notes = () if values["robot"] in ROBOTS else assumed.notes
-    return Settings(board, simulation, urdf, values, ros, warnings, notes, where, poses)
+    return Settings(board, simulation, urdf, values, ros, warnings, notes, where, poses, parts)
 
 
 def _values(

@@ -24,6 +24,8 @@ __all__ = [
     "JOINT",
     "JOINT_BY_NAME",
     "JOINT_DEFAULTS",
+    "PART_ROWS",
+    "ROBOT_ROWS",
     "Kind",
     "Parameter",
     "find_row",
@@ -39,7 +41,32 @@ NODE = (
         name="robot",
         kind=Kind.STRING,
         default="iiwa",
-        text="Robot: iiwa, panda, icub_left_arm, icub_right_arm or a URDF's path",
+        text="Robot: iiwa, panda, icub, icub_left_arm, icub_right_arm or a URDF's path",
+    ),
+    Parameter(
+        name="robot_name",
+        kind=Kind.STRING,
+        default="",
+        text="What the names of a robot's nodes begin with, where it has parts; empty: as robot",
+    ),
+    Parameter(
+        name="startup_levels",
+        kind=Kind.STRINGS,
+        default=[],
+        text='Parts that start up together, level after level: each "part,part,…"; the others '
+        "last",
+    ),
+    Parameter(
+        name="joint_prefix",
+        kind=Kind.STRING,
+        default="",
+        text="Put before the name of every joint; parameter files name joints without it",
+    ),
+    Parameter(
+        name="frame_prefix",
+        kind=Kind.STRING,
+        default="",
+        text="Put before the name of every frame in /tf, as by robot_state_publisher",
     ),
     Parameter(
         name="joints",
@@ -172,6 +199,10 @@ def _plain(value: Any) -> Any:
 BOARD = (*NODE, *rows_of(BoardConfig), *rows_of(SimulationConfig))
 JOINT = (*rows_of(JointConfig), *rows_of(JointSimulation))
 BOARD_BY_NAME = {row.name: row for row in BOARD}
+#: Of a robot of several parts: what belongs to each part, and what its own node shows.
+PART_ONLY = ("allow_partial_joints_goal", "constraints.")
+PART_ROWS = tuple(r for r in BOARD if r.name.startswith(("joints", "calibration_", *PART_ONLY)))
+ROBOT_ROWS = tuple(row for row in BOARD if not row.name.startswith(PART_ONLY))
 JOINT_BY_NAME = {row.name: row for row in JOINT}
 
 

@@ -170,10 +170,11 @@ class Injector:
         for fault in self._faults.values():
             fault.driven |= bool(self._powered[fault.joint])
 
-    def clear(self) -> None:
-        """Remove every fault."""
-        self._faults.clear()
-        self.active = False
+    def clear(self, joints: Sequence[int] | None = None) -> None:
+        """Remove the faults of some joints, or (None) every one."""
+        kept = {} if joints is None else self._faults
+        self._faults = {key: fault for key, fault in kept.items() if key[0] not in (joints or ())}
+        self.active = bool(self._faults)
 
     def corrupt(self, values: Array, cycle: int) -> None:
         """Make the readings of this cycle, shape (ROWS, n), what the broken sensors say."""

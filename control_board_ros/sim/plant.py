@@ -21,6 +21,7 @@ pose, at most 0.05 s old, and every joint raises the alarm DIVERGED in that one 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import Protocol
 
@@ -182,9 +183,9 @@ class SimulatedPlant:
         index = self._index(joint)
         self._faults.add(index, kind, persistent, self._cycle, self._sensors.values)
 
-    def clear_injected(self) -> None:
-        """Remove every injected fault."""
-        self._faults.clear()
+    def clear_injected(self, joints: Sequence[int | str] | None = None) -> None:
+        """Remove the injected faults of some joints, or (None) every one."""
+        self._faults.clear(None if joints is None else [self._index(joint) for joint in joints])
 
     def reset(self) -> None:
         """Back to the home pose at rest, with cold motors, whole and not pushed; time goes on."""

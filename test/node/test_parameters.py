@@ -57,7 +57,12 @@ def node() -> Iterator[Any]:
         counted = Counted(made.declare_parameters)
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(made, "declare_parameters", counted)
-            made.declared = Parameters(made, settings, made.board.reconfigure, made.board.changed)
+            made.declared = Parameters(
+                made,
+                settings,
+                lambda new, _: made.board.reconfigure(new.board),
+                made.board.changed,
+            )
         made.declarations = counted.calls
         yield made
 
