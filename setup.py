@@ -330,6 +330,7 @@ setup(
             for folder in sorted((HERE / "config/moveit").iterdir())
         ),
         (f"share/{NAME}/config/rviz", ["config/rviz/control_board.rviz"]),
+        (f"share/{NAME}/config/foxglove", ["config/foxglove/control_board.json"]),
         (f"share/{NAME}/launch", ["launch/control_board.launch.py"]),
     ],
     install_requires=runtime_requirements(),

@@ -23,7 +23,7 @@ COMMANDS = {
 
 def test_configurations_are_installed_as_they_are_in_the_source() -> None:
     installed = Path(get_package_share_directory("control_board_ros"))
-    kinds = {".yaml", ".xml", ".rviz", ".py"}
+    kinds = {".yaml", ".xml", ".rviz", ".json", ".py"}
     folders = (ROOT / "config", ROOT / "launch")
     sources = [p for folder in folders for p in folder.rglob("*") if p.suffix in kinds]
     assert {path.suffix for path in sources} == kinds
