@@ -275,7 +275,7 @@ def runtime_requirements() -> list[str]:
 
 XACRO = ["xacro>=2.1"]
 PANEL = ["starlette>=1.0", "uvicorn>=0.50", "websockets>=15"]
-RECORD = ["rosbags>=0.11"]
+RECORD = ["matplotlib>=3.8", "rosbags>=0.11"]
 TUNE = ["optuna>=4.0"]
 TEST = [
     "control>=0.10",

@@ -96,3 +96,51 @@ def test_what_is_refused(cbctl: Cbctl, tmp_path: Path) -> None:
     gone = cbctl("--board", "/nobody*", "--timeout", "1", "record", "-o", str(tmp_path / "x"))
     assert "no board fits /nobody*; boards there are: /control_board" in gone.err
     assert not (tmp_path / "x").exists()
+
+
+def test_a_report_of_it(cbctl: Cbctl, tmp_path: Path) -> None:
+    """One file, from a recording of a second; what is no recording is refused in one line."""
+    folder = tmp_path / "bag"
+    assert cbctl("record", "-o", str(folder), "--for", "1s").code == 0
+    made = cbctl("report", str(folder), "-o", str(tmp_path / "r.html"))
+    assert (made.code, made.out) == (0, f"report: {tmp_path / 'r.html'}\n")
+    assert "/control_board" in (tmp_path / "r.html").read_text("utf-8")
+    refused = cbctl("report", str(tmp_path))
+    assert refused.code == 1
+    assert "it is no finished recording; recordings in it are: bag" in refused.err
+
+
+def test_a_step_is_measured(cbctl: Cbctl, tmp_path: Path) -> None:
+    """There and back, figures of both; the joint and the rate of states are as before."""
+    assert cbctl("mode", "all", "pos").code == 0
+    before = cbctl("modes", "--json").json
+    done = cbctl("step", "1", "--size", "3deg", "--for", "1s", "-o", str(tmp_path / "s"), "--json")
+    assert done.code == 0
+    steps = done.json["steps"]
+    assert len(steps) == 2
+    for found in steps:
+        assert 0.01 < found["rise"] < found["settling"] < 1.0
+        assert found["overshoot"] < 15.0
+        assert abs(found["steady-state_error"]) < 1e-3
+    assert Path(done.json["report"]).is_file()
+    assert cbctl("modes", "--json").json == before
+    assert cbctl("param", "show", "state_rate", "--json").json == {"state_rate": 100.0}
+
+
+def test_a_sweep_is_measured(cbctl: Cbctl) -> None:
+    """Up to 5 Hz the joint follows: gain near 1, and the input explains the output."""
+    done = cbctl("chirp", "1", "--from", "0.5", "--to", "5", "--for", "8s", "--json").json
+    gain, coherence = np.array(done["gain"]), np.array(done["coherence"])
+    assert len(gain) > 5
+    assert np.all(np.abs(20.0 * np.log10(gain[:5])) < 1.0)
+    assert np.all(coherence > 0.9)
+
+
+def test_what_is_not_measured(cbctl: Cbctl) -> None:
+    """Nothing moves that would leave its limits, does not hold, or has no size."""
+    assert "outside its limits, -118.0° to 118.0°" in cbctl("step", "1", "--size", "200deg").err
+    assert "give its size, e.g. cbctl step joint_1 --size 5deg" in cbctl("step", "joint_1").err
+    assert cbctl("step", "1", "--size", "0").code == 2
+    assert cbctl("chirp", "1", "--from", "5", "--to", "2").code == 2
+    assert cbctl("mode", LAST, "idl").code == 0
+    assert f"first: cbctl mode {LAST} pos" in cbctl("step", LAST, "--size", "5deg").err

@@ -37,7 +37,12 @@ SECTIONS = {
         "speed": "motion",
         "feedforward": "streams",
     },
-    "Record": {"record": "recording"},
+    "Record": {
+        "record": "recording",
+        "report": "recording",
+        "step": "responses",
+        "chirp": "responses",
+    },
     "Board": {
         "calibrate": "board",
         "configure": "board",
@@ -45,7 +50,7 @@ SECTIONS = {
         "param": "board",
         "conformance": "conformance",
     },
-    "Simulation": dict.fromkeys(("pause", "resume", "step", "reset", "inject"), "simulation"),
+    "Simulation": dict.fromkeys(("pause", "resume", "reset", "inject"), "simulation"),
     "Terminal": dict.fromkeys(("shell", "completion"), "terminal"),
 }
 VERBS = {name: module for verbs in SECTIONS.values() for name, module in verbs.items()}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl record."""
+"""cbctl record and report."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ..arguments import FOR, argument, takes
-from ..boards import boards_meant
 from ..output import DONE, REFUSED, complain, note, put, put_json
 from ..progress import Bar
+from ..recordings import read_boards, start
 from ..session import Session
 from ..streaming import duration
 from ..words import Refused, UsageError, quantity
@@ -128,33 +128,6 @@ def black_box(folder: Path, back: float, after: float) -> Any:
     return BlackBox(folder, back, after, NewFaults(), make)
 
 
-def read_boards(session: Session) -> list[Any]:
-    """The parameters of the boards that are meant."""
-    from control_board_ros.client import ControlBoardClient
-    from control_board_ros.recording.parameters import Parameters
-
-    parameters = []
-    for board in boards_meant(session):
-        with ControlBoardClient(
-            session.node,
-            board,
-            find_timeout=session.options.timeout,
-            answer_timeout=max(session.options.timeout, 1.0),
-        ) as client:
-            parameters.append(Parameters.read(client))
-    return parameters
-
-
-def start(session: Session, boards: list[Any], sink: Any) -> Any:
-    """Begin to record boards."""
-    from control_board_ros.recording.recorder import Recorder
-
-    recorder = Recorder(session.node.context, boards, sink)
-    if recorder.skipped:
-        note(session, f"not recorded, types are not installed: {', '.join(recorder.skipped)}")
-    return recorder
-
-
 def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> str:
     """Show a recording until it ends; why it did."""
     begun = clock.monotonic()
@@ -236,3 +209,57 @@ def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: lis
     if why:
         complain(f"the recording ended early: {why}")
     return REFUSED if why else DONE
+
+
+@takes(
+    argument("recording", metavar="FOLDER", help="The folder of a recording, or one MCAP file."),
+    argument("-o", "--output", metavar="FILE.html", help="The report; else FOLDER/report.html."),
+    argument("--png", metavar="FOLDER", help="Draw pictures of the joints that moved, too."),
+)
+def report(session: Session, recording: str, output: str | None, png: str | None) -> int:
+    """Make a report of a recording: one HTML file with modes, faults, tracking and figures.
+
+    Works without a board and without ROS.
+    """
+    from control_board_ros.recording import RecordingError
+    from control_board_ros.recording.page import page, write_page
+    from control_board_ros.recording.reading import read
+
+    source = Path(recording)
+    inside = source if source.is_dir() else source.parent
+    path = Path(output) if output else inside / "report.html"
+    try:
+        boards = read(source)
+        write_page(path, page(recording, boards))
+        pictures = write_pictures(Path(png), boards) if png else []
+    except RecordingError as error:
+        raise Refused(str(error)) from error
+    if session.options.json:
+        put_json({"success": True, "report": str(path), "pictures": list(map(str, pictures))})
+    else:
+        put(f"report: {path}")
+        for picture in pictures:
+            put(f"picture: {picture}")
+    return DONE
+
+
+def write_pictures(folder: Path, boards: list[Any]) -> list[Path]:
+    """A picture of each joint that moved.
+
+    Raises:
+        Refused: the folder cannot be made.
+    """
+    from control_board_ros.recording.page import joint_charts
+    from control_board_ros.recording.png import write_png
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Refused(f"cannot make {folder}: {error.strerror}") from None
+    paths = []
+    for board in boards:
+        for joint in joint_charts(board):
+            if joint.moves:
+                paths.append(folder / f"{joint.joint}.png")
+                write_png(paths[-1], joint.joint, joint.charts)
+    return paths

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl pause, resume, step, reset and inject: a simulated board only."""
+"""cbctl pause, resume, reset and inject: a simulated board only."""
 
 from __future__ import annotations
 
@@ -18,16 +18,6 @@ def pause(session: Session) -> int:
 def resume(session: Session) -> int:
     """Let a paused simulation go on."""
     return conclude(session, session.client.pause(False), "running")
-
-
-@takes(
-    argument("steps", nargs="?", type=int, default=1, metavar="STEPS", help="Control cycles; 1.")
-)
-def step(session: Session, steps: int) -> int:
-    """Advance a paused simulation by control cycles."""
-    if not 0 < steps < 2**32:
-        raise UsageError(f"steps {steps} is not valid; give 1 to {2**32 - 1}")
-    return conclude(session, session.client.step(steps), f"advanced by {steps}")
 
 
 def reset(session: Session) -> int:

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl step and chirp: how a joint answers, measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..arguments import argument, takes
+from ..experiments import Experiment, check_reach, measured, prepare, wait
+from ..output import DONE, conclude, put, put_json
+from ..session import Session
+from ..words import DEGREE, Refused, UsageError, quantity
+
+OUTPUT = argument(
+    "-o", "--output", metavar="FOLDER", help="Keep the recording, with a report.html in it."
+)
+#: Greatest frequency of a sweep: two states in a period at 500 Hz would be 250 Hz.
+HIGHEST = 100.0
+
+
+@takes(
+    argument("word", nargs="?", metavar="JOINT", help="A joint; without --size, control cycles."),
+    argument("--size", metavar="SIZE", help="Of the step, e.g. 5deg; −5deg goes the other way."),
+    argument("--for", dest="time", default="2s", metavar="TIME", help="To look at each step."),
+    OUTPUT,
+)
+def step(
+    session: Session, word: str | None, size: str | None, time: str, output: str | None
+) -> int:
+    """Step a joint there and back and measure its answer; or advance a paused simulation.
+
+    cbctl step joint_1 --size 5deg steps the position reference, records, and gives rise,
+    settling, overshoot and steady-state error. The joint must hold its position, and the step must
+    stay within its limits.
+
+    cbctl step 10 advances a paused simulation by 10 control cycles.
+    """
+    if size is None:
+        return advance(session, word, output)
+    if word is None:
+        raise UsageError("name a joint, e.g. cbctl step joint_1 --size 5deg")
+    seconds = above_zero("--for", time, "time")
+    experiment = prepare(session, word)
+    ((_, change),) = session.values([(experiment.joint, quantity(size, "position"))]).items()
+    if not change:
+        raise UsageError(f"--size {size} is no step; give an angle other than 0, e.g. 5deg")
+    target = experiment.start + change
+    check_reach(session, experiment, [target])
+    client = session.client
+
+    def run() -> None:
+        for label, goal in (("there", target), ("back", experiment.start)):
+            reply = client.set_position(experiment.joint, goal)
+            if not reply:
+                raise Refused(reply.message)
+            wait(session, label, seconds)
+
+    recording, folder = measured(session, experiment, run, output)
+    return show_steps(session, experiment, recording, folder)
+
+
+def advance(session: Session, word: str | None, output: str | None) -> int:
+    """Advance a paused simulation.
+
+    Raises:
+        UsageError: no number of cycles.
+    """
+    text = "1" if word is None else word
+    if output is not None or not text.lstrip("-").isdigit():
+        raise UsageError(
+            f"to step joint {text}, give its size, e.g. cbctl step {text} --size 5deg; "
+            "to advance a paused simulation, a number of cycles"
+        )
+    steps = int(text)
+    if not 0 < steps < 2**32:
+        raise UsageError(f"steps {steps} is not valid; give 1 to {2**32 - 1}")
+    return conclude(session, session.client.step(steps), f"advanced by {steps}")
+
+
+def show_steps(session: Session, experiment: Experiment, recording: Any, folder: Any) -> int:
+    """The figures of each step, and the report."""
+    from control_board_ros.recording.charts import step_chart, unit_of
+    from control_board_ros.recording.moves import moves_of
+    from control_board_ros.recording.page import chart_section, number, position_text
+
+    joint, unit = experiment.joint, unit_of(experiment.slides)
+    moves = [m for m in moves_of(recording, joint, slides=experiment.slides) if m.mode == "posd"]
+    if not moves:
+        raise Refused(f"{joint} was asked to step, and its reference did not move; is it paused?")
+    names = ("rise", "settling", "overshoot", "steady-state error", "RMS error", "saturated")
+    rows, facts = [], []
+    for move in moves:
+        figures = move.step
+        values = (
+            figures.rise if figures else float("nan"),
+            figures.settling if figures else float("nan"),
+            figures.overshoot if figures else float("nan"),
+            move.steady_error,
+            move.tracking.rms,
+            move.saturated,
+        )
+        rows.append(dict(zip([n.replace(" ", "_") for n in names], values, strict=True)))
+        texts = (
+            f"{number(values[0])} s",
+            f"{number(values[1])} s",
+            f"{number(values[2], 1)} %",
+            position_text(values[3], unit),
+            position_text(values[4], unit),
+            f"{number(values[5])} s",
+        )
+        way = f"{session.show_angle(joint, move.start)} → {session.show_angle(joint, move.target)}"
+        facts.append((way, list(zip(names, texts, strict=True))))
+    sections = "".join(
+        chart_section(f"{joint}: step {way}", told, [step_chart(recording, move, unit)])
+        for (way, told), move in zip(facts, moves, strict=True)
+    )
+    report = write_report(folder, recording, sections)
+    if session.options.json:
+        put_json({"success": True, "joint": joint, "steps": rows, "report": report})
+        return DONE
+    for way, told in facts:
+        put(f"{joint} {way}: " + ", ".join(f"{name} {text}" for name, text in told))
+    if report:
+        put(f"report: {report}")
+    return DONE
+
+
+@takes(
+    argument("word", metavar="JOINT", help="A joint."),
+    argument("--from", dest="low", default="0.1", metavar="FREQUENCY", help="First one, Hz."),
+    argument("--to", dest="high", default="20", metavar="FREQUENCY", help="Last one, Hz."),
+    argument(
+        "--amplitude",
+        default="2deg",
+        metavar="SIZE",
+        help="Greatest one; it falls with the frequency, as speed and acceleration allow.",
+    ),
+    argument("--for", dest="time", default="60s", metavar="TIME", help="How long it takes."),
+    OUTPUT,
+)
+def chirp(
+    session: Session, word: str, low: str, high: str, amplitude: str, time: str, output: str | None
+) -> int:
+    """Sweep a joint through frequencies: gain, phase, coherence, −3 dB bandwidth.
+
+    The joint swings around where it is, in POSITION_DIRECT, within its limits of position, speed
+    and acceleration. Ctrl-C stops it.
+    """
+    from control_board_ros.recording.chirp import sweep
+
+    first, last = above_zero("--from", low, "frequency"), above_zero("--to", high, "frequency")
+    seconds = above_zero("--for", time, "time")
+    if not first < last <= HIGHEST:
+        raise UsageError(
+            f"--from {low} --to {high} is not valid; give rising frequencies up to {HIGHEST:g} Hz"
+        )
+    experiment = prepare(session, word)
+    ((_, size),) = session.values([(experiment.joint, quantity(amplitude, "position"))]).items()
+    if size <= 0.0:
+        raise UsageError(f"--amplitude {amplitude} is not valid; give one above 0, e.g. 2deg")
+    check_reach(session, experiment, [experiment.start - size, experiment.start + size])
+    limits = experiment.limits
+    try:
+        plan = sweep(first, last, seconds, size, limits.velocity, limits.acceleration)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+    def run() -> None:
+        send_trajectory(session, experiment, plan)
+        wait(session, f"{first:g} to {last:g} Hz", seconds)
+
+    recording, folder = measured(session, experiment, run, output)
+    return show_response(session, experiment, recording, folder, (first, last))
+
+
+def send_trajectory(session: Session, experiment: Experiment, plan: Any) -> None:
+    """Let the board follow a plan around where the joint was.
+
+    Raises:
+        Refused: nobody listens to trajectories.
+    """
+    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+    from control_board_ros.interface import JOINT_TRAJECTORY
+
+    node, topic = session.node, JOINT_TRAJECTORY.of(session.client.board_name)
+    publisher = node.create_publisher(JointTrajectory, topic, JOINT_TRAJECTORY.qos.profile())
+    message = JointTrajectory(joint_names=[experiment.joint])
+    for t, offset, velocity in zip(plan.times, plan.offsets, plan.velocities, strict=True):
+        point = JointTrajectoryPoint(
+            positions=[experiment.start + float(offset)], velocities=[float(velocity)]
+        )
+        point.time_from_start.sec = int(t)
+        point.time_from_start.nanosec = min(round(1e9 * (t - int(t))), 999_999_999)
+        message.points.append(point)
+    try:
+        wait(session, "trajectory", 0.3)  # discovery; what is sent before may not come
+        if not publisher.get_subscription_count():
+            raise Refused(f"nobody listens to {topic}")
+        publisher.publish(message)
+        if not publisher.wait_for_all_acked():
+            raise Refused(f"{topic} does not take the sweep")
+    finally:
+        node.destroy_publisher(publisher)
+
+
+def show_response(
+    session: Session,
+    experiment: Experiment,
+    recording: Any,
+    folder: Any,
+    band: tuple[float, float],
+) -> int:
+    """The figures of a frequency response, and the report."""
+    import numpy as np
+
+    from control_board_ros.recording.charts import bode_charts
+    from control_board_ros.recording.figures import (
+        bandwidth,
+        frequency_response,
+        resonance,
+        tracking_figures,
+    )
+    from control_board_ros.recording.page import chart_section, number
+
+    joint = experiment.joint
+    reference = recording.signal("position_reference", joint)
+    position = recording.signal("position", joint)
+    if np.ptp(reference) < 1e-4 * DEGREE:
+        raise Refused(f"{joint} was asked to swing, and its reference did not move; is it paused?")
+    response = frequency_response(recording.time, reference, position, *band)
+    width, (height, where) = bandwidth(response), resonance(response)
+    late = tracking_figures(recording.time, reference, position).lag
+    least = float(np.min(response.coherence))
+    beyond = np.isnan(width)
+    facts = [
+        ("−3 dB bandwidth", f"above {band[1]:g} Hz" if beyond else f"{number(width)} Hz"),
+        ("greatest gain", f"{number(height, 2)} dB at {number(where)} Hz"),
+        ("phase at the end", f"{number(float(response.phase[-1]), 1)}°"),
+        ("lag", f"{number(1e3 * late, 1)} ms"),
+        ("least coherence", number(least)),
+    ]
+    section = chart_section(f"{joint}: frequency response", facts, bode_charts(response))
+    report = write_report(folder, recording, section)
+    if session.options.json:
+        put_json(
+            {
+                "success": True,
+                "joint": joint,
+                "bandwidth": width,
+                "frequency": response.frequency,
+                "gain": response.gain,
+                "phase": response.phase,
+                "coherence": response.coherence,
+                "report": report,
+            }
+        )
+        return DONE
+    put(f"{joint}: " + ", ".join(f"{name} {text}" for name, text in facts))
+    for k in np.unique(np.linspace(0, response.frequency.size - 1, 12).astype(int)):
+        gain = 20.0 * np.log10(max(response.gain[k], 1e-9))
+        put(
+            f"{response.frequency[k]:8.2f} Hz  {gain:7.2f} dB  {response.phase[k]:7.1f}°  "
+            f"coherence {response.coherence[k]:.2f}"
+        )
+    if report:
+        put(f"report: {report}")
+    return DONE
+
+
+def write_report(folder: Path | None, recording: Any, section: str) -> str | None:
+    """A report beside the recording, where it is kept."""
+    from control_board_ros.recording.page import page, write_page
+
+    if folder is None:
+        return None
+    path = folder / "report.html"
+    write_page(path, page(str(folder), [recording], section))
+    return str(path)
+
+
+def above_zero(option: str, text: str, kind: str) -> float:
+    """The value of an option.
+
+    Raises:
+        UsageError: none above 0.
+    """
+    value = quantity(text, kind).value
+    if value <= 0.0:
+        raise UsageError(f"{option} {text} is not valid; give a {kind} above 0")
+    return value

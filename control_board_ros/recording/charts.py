@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the charts of a report show; ``svg`` and ``png`` draw them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control_board_ros.protocols import Floats
+
+from .figures import Response
+from .moves import Move
+from .reading import BoardRecording
+
+Bools = NDArray[np.bool_]
+
+#: The colours of the control modes, light enough to stand behind text.
+MODE_COLOURS = {
+    "idl": "#f2d64b",
+    "pos": "#5dbb63",
+    "posd": "#2e7d4f",
+    "mix": "#4fc3d9",
+    "vel": "#4f86e8",
+    "torq": "#b5563c",
+    "open": "#f4f4f4",
+    "hwfa": "#ff1f1f",
+    "cal": "#a9a9a9",
+    "cfgn": "#8d8d8d",
+}
+MODE_NAMES = {
+    "idl": "IDLE",
+    "pos": "POSITION",
+    "posd": "POSITION_DIRECT",
+    "mix": "MIXED",
+    "vel": "VELOCITY",
+    "torq": "TORQUE",
+    "open": "OPENLOOP",
+    "hwfa": "HW_FAULT",
+    "cal": "CALIBRATING",
+    "cfgn": "NOT_CONFIGURED",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trace:
+    """A line: label, x and y (shape (n,)), kind (its look: ``measured``, ``reference``, …)."""
+
+    label: str
+    x: Floats
+    y: Floats
+    kind: str = "measured"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chart:
+    """Lines over one axis.
+
+    Attributes:
+        title: Of the chart.
+        unit: Of its values.
+        traces: The lines.
+        limits: Values drawn as dashed lines.
+        spans: Parts of x in a colour behind the lines: from, to, colour.
+        marks: Places on x with a name.
+        x_unit: Of x.
+        logarithmic: Whether x is.
+        least: Height that the axis shows at least, in its unit.
+        show_limits: Whether the axis reaches to the limits, however small the values are.
+    """
+
+    title: str
+    unit: str
+    traces: Sequence[Trace]
+    limits: Sequence[float] = ()
+    spans: Sequence[tuple[float, float, str]] = ()
+    marks: Sequence[tuple[float, str]] = ()
+    x_unit: str = "s"
+    logarithmic: bool = False
+    least: float = 0.0
+    show_limits: bool = False
+
+    def x_range(self) -> tuple[float, float]:
+        low = min(float(trace.x[0]) for trace in self.traces)
+        high = max(float(trace.x[-1]) for trace in self.traces)
+        return (low, high) if high > low else (low, low + 1.0)
+
+    def y_range(self) -> tuple[float, float]:
+        """From the least to the greatest value, with some air."""
+        values = [trace.y[np.isfinite(trace.y)] for trace in self.traces]
+        known = np.concatenate([v for v in values if v.size] or [np.zeros(1)])
+        if self.show_limits and self.limits:
+            known = np.concatenate([known, np.array(self.limits)])
+        low, high = float(known.min()), float(known.max())
+        short = max(self.least - (high - low), 0.0)
+        air = 0.06 * max(high - low, self.least) + 1e-12
+        return low - 0.5 * short - air, high + 0.5 * short + air
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """How positions and torques of a joint are shown: factor from rad or m, names."""
+
+    factor: float
+    position: str
+    torque: str
+
+
+def unit_of(slides: bool) -> Unit:
+    """Degrees and N·m; of a sliding joint mm and N."""
+    return Unit(1000.0, "mm", "N") if slides else Unit(180.0 / math.pi, "°", "N·m")
+
+
+@dataclass(slots=True)
+class JointCharts:
+    """The charts of a joint: name, charts (on one time axis), moves, unit."""
+
+    joint: str
+    charts: list[Chart] = field(default_factory=list)
+    moves: list[Move] = field(default_factory=list)
+    unit: Unit = field(default_factory=lambda: unit_of(False))
+
+
+def tracking_charts(
+    recording: BoardRecording, joint: str, moves: Sequence[Move], unit: Unit
+) -> list[Chart]:
+    """Position over reference, error, torque and output with their limits."""
+    time, factor = recording.time, unit.factor
+    position = factor * recording.signal("position", joint)
+    reference = factor * recording.signal("position_reference", joint)
+    controlled = in_modes(recording, joint, ("pos", "posd", "vel", "mix"))
+    followed = np.where(controlled, reference, np.nan)
+    bounds = [factor * recording.parameter(joint, f"limits.{side}") for side in ("lower", "upper")]
+    torque = recording.parameter(joint, "limits.torque")
+    output = recording.parameter(joint, "limits.output", 100.0)
+    torques = [Trace("measured", time, recording.signal("torque", joint))]
+    following = in_modes(recording, joint, ("torq",)) | compliant(recording, joint)
+    if following.any():
+        wanted = np.where(following, recording.signal("torque_reference", joint), np.nan)
+        torques.append(Trace("reference", time, wanted, "reference"))
+    spans = [
+        (begin, end, MODE_COLOURS.get(code, "#cccccc"))
+        for begin, end, code in recording.control_modes(joint)
+    ]
+    marks = [(fault.time, "fault") for fault in recording.faults if fault.joint == joint]
+    return [
+        Chart(
+            "Position",
+            unit.position,
+            [Trace("measured", time, position), Trace("reference", time, followed, "reference")],
+            [bound for bound in bounds if math.isfinite(bound)],
+            spans,
+            [*marks, *((move.begin, "") for move in moves)],
+            least=1.0,
+        ),
+        Chart(
+            "Error: reference − position",
+            unit.position,
+            [Trace("error", time, followed - position, "error")],
+            least=0.02,
+        ),
+        Chart(
+            f"{'Torque' if unit.torque == 'N·m' else 'Force'}{within(torque)}",
+            unit.torque,
+            torques,
+            [-torque, torque] if math.isfinite(torque) else [],
+            least=0.1,
+        ),
+        Chart(
+            f"Output{within(output)}",
+            "%",
+            [Trace("PWM", time, recording.signal("output", joint), "output")],
+            [-output, output],
+            least=10.0,
+        ),
+    ]
+
+
+def within(limit: float) -> str:
+    """A limit, for the title of a chart whose axis may not reach it."""
+    return f" (limits ±{limit:.3g})" if math.isfinite(limit) else ""
+
+
+def in_modes(recording: BoardRecording, joint: str, codes: Sequence[str]) -> Bools:
+    """Whether the joint is in one of the modes, of each state."""
+    inside = np.zeros(recording.time.shape, dtype=bool)
+    for begin, end, code in recording.control_modes(joint):
+        if code in codes:
+            inside |= (recording.time >= begin) & (recording.time <= end)
+    return inside
+
+
+def compliant(recording: BoardRecording, joint: str) -> Bools:
+    """Whether the joint is COMPLIANT, of each state."""
+    inside = np.zeros(recording.time.shape, dtype=bool)
+    for modes in recording.modes:
+        later = recording.time >= modes.time
+        inside[later] = modes.interaction.get(joint) == "comp"
+    return inside
+
+
+def bode_charts(response: Response) -> list[Chart]:
+    """Gain, phase and coherence over frequency."""
+    f = response.frequency
+    common: dict[str, Any] = {"x_unit": "Hz", "logarithmic": True}
+    gain = 20.0 * np.log10(np.maximum(response.gain, 1e-9))
+    return [
+        Chart("Gain", "dB", [Trace("gain", f, gain)], [-3.0], least=6.0, **common),
+        Chart("Phase", "°", [Trace("phase", f, response.phase, "output")], least=20.0, **common),
+        Chart(
+            "Coherence",
+            "",
+            [Trace("coherence", f, response.coherence, "error")],
+            [0.0, 1.0],
+            show_limits=True,
+            **common,
+        ),
+    ]
+
+
+def step_chart(recording: BoardRecording, move: Move, unit: Unit) -> Chart:
+    """One step from close by, with the band in which it has settled."""
+    time = recording.time
+    low, high = np.searchsorted(time, (move.begin - 0.05, move.until))
+    chosen = slice(int(low), int(high))
+    x = time[chosen] - move.begin
+    settled = 0.02 * abs(move.target - move.start)
+    band = [unit.factor * (move.target - settled), unit.factor * (move.target + settled)]
+    marks = []
+    if move.step is not None:
+        marks = [(move.step.settling, "settled")] if math.isfinite(move.step.settling) else []
+    return Chart(
+        f"Step at {move.begin:.2f} s, with the band of 2 % around its end",
+        unit.position,
+        [
+            Trace("measured", x, unit.factor * recording.signal("position", move.joint)[chosen]),
+            Trace(
+                "reference",
+                x,
+                unit.factor * recording.signal("position_reference", move.joint)[chosen],
+                "reference",
+            ),
+        ],
+        band,
+        marks=marks,
+    )

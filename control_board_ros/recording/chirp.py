@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sweep through frequencies, as the points of a trajectory that a joint can follow safely."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from control_board_ros.protocols import Floats
+
+#: Part of the joint's limits of speed and acceleration that a sweep uses.
+SHARE = 0.4
+#: Points in a period, and at least in a second.
+PER_PERIOD, PER_SECOND = 16, 20
+#: Part of the time in which the amplitude rises from 0 and falls to 0 at the ends.
+FADE = 0.03
+#: Points that a board takes at most.
+MOST_POINTS = 10_000
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sweep:
+    """Times (s), offsets from where the joint is (rad) and velocities (rad/s), shape (m,) each."""
+
+    times: Floats
+    offsets: Floats
+    velocities: Floats
+
+
+def sweep(
+    low: float, high: float, seconds: float, amplitude: float, speed: float, acceleration: float
+) -> Sweep:
+    """An exponential sweep, x = a(f) sin φ with dφ/dt = 2π f and f = low (high/low)^(t/T).
+
+    The amplitude falls with the frequency, so that 2π f a ≤ SHARE · speed and
+    (2π f)² a ≤ SHARE · acceleration.
+
+    Args:
+        low: First frequency, Hz.
+        high: Last frequency, Hz.
+        seconds: T.
+        amplitude: Greatest one, rad.
+        speed: The joint's limit, rad/s.
+        acceleration: The joint's limit, rad/s².
+
+    Raises:
+        ValueError: it needs more points than a board takes; one line.
+    """
+    rate = math.log(high / low) / seconds
+    times = times_of(low, rate, seconds)
+    if times.size > MOST_POINTS:
+        raise ValueError(
+            f"a sweep to {high:g} Hz in {seconds:g} s takes {times.size} points, at most "
+            f"{MOST_POINTS} are possible; make it shorter, or end at a lower frequency"
+        )
+
+    def offset(t: Floats) -> Floats:
+        omega = 2.0 * math.pi * low * np.exp(rate * t)
+        phase = (omega - 2.0 * math.pi * low) / rate
+        reach = np.minimum(SHARE * speed / omega, SHARE * acceleration / omega**2)
+        fade = np.clip(np.minimum(t, seconds - t) / (FADE * seconds), 0.0, 1.0)
+        smooth = fade**3 * (10.0 - 15.0 * fade + 6.0 * fade**2)
+        return np.asarray(np.minimum(amplitude, reach) * smooth * np.sin(phase))
+
+    small = 1e-5
+    velocities = (offset(times + small) - offset(times - small)) / (2.0 * small)
+    velocities[[0, -1]] = 0.0
+    return Sweep(times, offset(times), velocities)
+
+
+def times_of(low: float, rate: float, seconds: float) -> Floats:
+    """Times with so many points in a period, wherever in the sweep."""
+    times, t = [], 0.0
+    while t < seconds:
+        times.append(t)
+        t += min(1.0 / (PER_PERIOD * low * math.exp(rate * t)), 1.0 / PER_SECOND)
+    return np.array([*times, seconds])

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The moves in a recording: a joint's position reference goes somewhere, and the joint follows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from control_board_ros.protocols import Floats
+
+from .figures import (
+    StepFigures,
+    TrackingFigures,
+    mean_over_time,
+    step_figures,
+    time_saturated,
+    tracking_figures,
+)
+from .reading import BoardRecording
+
+#: Modes in which a position reference is followed.
+FOLLOWING = ("pos", "posd", "vel", "mix")
+#: What a reference must travel to count, rad and m.
+LEAST, LEAST_SLIDING = 2e-3, 2e-4
+#: s without change between two moves; and s after its end for which a move is looked at.
+PAUSE, AFTER = 0.1, 2.0
+#: Share of what follows the end over which the steady-state error is taken.
+STEADY = 0.25
+#: A move's travel beyond which it went forth and back: as a multiple of its distance.
+THERE_AND_BACK = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A move of one joint.
+
+    Attributes:
+        joint: Its name.
+        mode: The control mode, code.
+        begin: When the reference began to change, s.
+        end: When it came to rest, s.
+        until: Up to when it was looked at, s.
+        start: Reference before, rad or m.
+        target: Reference in the end, rad or m.
+        step: Rise, settling, overshoot; None where the reference went forth and back.
+        tracking: Error and lag.
+        steady_error: Reference minus position at the end, rad or m.
+        saturated: Time at the limit of the output or the torque, s.
+    """
+
+    joint: str
+    mode: str
+    begin: float
+    end: float
+    until: float
+    start: float
+    target: float
+    step: StepFigures | None
+    tracking: TrackingFigures
+    steady_error: float
+    saturated: float
+
+
+def moves_of(recording: BoardRecording, joint: str, *, slides: bool = False) -> list[Move]:
+    """The moves of a joint, in order."""
+    least = LEAST_SLIDING if slides else LEAST
+    return [
+        move(recording, joint, mode, *found)
+        for begin, end, mode in recording.control_modes(joint)
+        if mode in FOLLOWING
+        for found in changes(recording, joint, (begin, end), least)
+    ]
+
+
+def changes(
+    recording: BoardRecording, joint: str, within: tuple[float, float], least: float
+) -> Iterator[tuple[int, int, int]]:
+    """Samples of each change of the reference: first (at rest), last, and the end of looking."""
+    time, reference = recording.time, recording.signal("position_reference", joint)
+    low, high = np.searchsorted(time, within)
+    # The first sample of a mode may still be of the one before.
+    moving = low + 1 + np.flatnonzero(np.diff(reference[low + 1 : high]) != 0.0)
+    if not moving.size:
+        return
+    gaps = np.flatnonzero(np.diff(time[moving]) > PAUSE)
+    firsts = moving[np.concatenate(([0], gaps + 1))]
+    lasts = moving[np.concatenate((gaps, [moving.size - 1]))] + 1
+    nexts = np.concatenate((firsts[1:], [high - 1]))
+    for first, last, following in zip(firsts, lasts, nexts, strict=True):
+        stop = int(min(np.searchsorted(time, time[last] + AFTER), following))
+        travelled = float(np.ptp(reference[first : last + 1]))
+        if travelled >= least and stop > last:
+            yield int(first), int(last), stop
+
+
+def move(
+    recording: BoardRecording, joint: str, mode: str, first: int, last: int, stop: int
+) -> Move:
+    """A move with its figures."""
+    chosen = slice(first, stop + 1)
+    time = recording.time[chosen]
+    reference = recording.signal("position_reference", joint)[chosen]
+    position = recording.signal("position", joint)[chosen]
+    start, target = float(reference[0]), float(reference[-1])
+    travelled = float(np.ptp(reference))
+    direct = abs(target - start) * THERE_AND_BACK >= travelled
+    rest = recording.time[last] + (1.0 - STEADY) * (time[-1] - recording.time[last])
+    steady = time >= rest
+    return Move(
+        joint=joint,
+        mode=mode,
+        begin=float(time[0]),
+        end=float(recording.time[last]),
+        until=float(time[-1]),
+        start=start,
+        target=target,
+        step=step_figures(time, position, float(position[0]), target) if direct else None,
+        tracking=tracking_figures(time, reference, position),
+        steady_error=steady_error(time[steady], (reference - position)[steady]),
+        saturated=saturated(recording, joint, chosen),
+    )
+
+
+def steady_error(time: Floats, error: Floats) -> float:
+    """The mean error over a time; the last one where that is a single sample."""
+    return mean_over_time(time, error) if time.size > 1 else float(error[-1])
+
+
+def saturated(recording: BoardRecording, joint: str, chosen: slice) -> float:
+    """Time at the limit of the output or of the torque, s; the longer one."""
+    time = recording.time[chosen]
+    most = recording.parameter(joint, "limits.output", 100.0)
+    torque = recording.parameter(joint, "limits.torque")
+    return max(
+        time_saturated(time, recording.signal("output", joint)[chosen], most),
+        time_saturated(time, recording.signal("torque_reference", joint)[chosen], torque),
+    )

@@ -1,0 +1,273 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A report: one HTML file that needs nothing else."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+from .. import __version__
+from .charts import (
+    MODE_COLOURS,
+    MODE_NAMES,
+    Chart,
+    JointCharts,
+    Unit,
+    step_chart,
+    tracking_charts,
+    unit_of,
+)
+from .errors import RecordingError
+from .moves import Move, moves_of
+from .reading import BoardRecording, sliding
+from .style import SCRIPT, STYLE
+from .svg import draw, timeline
+
+#: Steps that are drawn for themselves, per joint.
+STEPS_SHOWN = 4
+#: Moves listed, per board, before the table says how many more there are.
+MOVES_SHOWN = 200
+#: Lines of the log that are shown.
+LINES_SHOWN = 100
+
+
+def joint_charts(recording: BoardRecording) -> list[JointCharts]:
+    """The charts of every joint."""
+    slides = sliding(recording.urdf, recording.names)
+    found = []
+    for joint in recording.names:
+        unit = unit_of(slides[joint])
+        moves = moves_of(recording, joint, slides=slides[joint])
+        charts = tracking_charts(recording, joint, moves, unit)
+        found.append(JointCharts(joint, charts, moves, unit))
+    return found
+
+
+def short_names(names: Sequence[str]) -> list[str]:
+    """The names without the words that all of them begin with; two words stay."""
+    words = [name.split("_") for name in names]
+    same = 0
+    while all(len(w) > same + 2 and w[same] == words[0][same] for w in words):
+        same += 1
+    return ["_".join(w[same:]) for w in words]
+
+
+def page(source: str, recordings: Sequence[BoardRecording], extra: str = "") -> str:
+    """The whole report.
+
+    Args:
+        source: Where the recording is.
+        recordings: Its boards.
+        extra: A section of its own, before the others.
+    """
+    boards = "".join(board_section(recording) for recording in recordings)
+    title = escape(Path(source).name)
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{title}: report</title><style>{STYLE}</style></head><body><main>"
+        f"<h1>{title}</h1>{extra}{boards}"
+        f"<footer>Made from {escape(source)} by cbctl report, control_board_ros {__version__}. "
+        "Rise: 10 to 90 %. Settling: until within 2 % of the step. Lag: the time by which the "
+        "position is best explained as the reference of before. Steady: mean error over the "
+        "last quarter of the time after the reference has come to rest. Saturated: time at the "
+        f"limit of output or torque.</footer></main><script>{SCRIPT}</script></body></html>"
+    )
+
+
+def board_section(recording: BoardRecording) -> str:
+    """What there is to say of a board."""
+    joints = joint_charts(recording)
+    moves = sorted((m for j in joints for m in j.moves), key=lambda m: (m.begin, m.joint))
+    units = {j.joint: j.unit for j in joints}
+    shorts = dict(zip(recording.names, short_names(recording.names), strict=True))
+    parts = [
+        f"<h2>{escape(recording.board)}</h2>",
+        tiles(recording, moves),
+        "<h3>Modes and faults</h3>",
+        timeline(recording, list(shorts.values())),
+        mode_legend(recording),
+        fault_table(recording),
+        log_table(recording),
+    ]
+    if moves:
+        parts.append(move_table(moves, units, shorts))
+    for joint in joints:
+        steps = [m for m in joint.moves if m.mode == "posd" and m.step is not None]
+        charts = [
+            *joint.charts,
+            *(step_chart(recording, m, joint.unit) for m in steps[:STEPS_SHOWN]),
+        ]
+        opened = " open" if joint.moves or len(joints) <= 2 else ""
+        drawn = "".join(draw(chart) for chart in charts)
+        parts.append(
+            f'<details class="joint"{opened}><summary><b>{escape(joint.joint)}</b> '
+            f"{summary(joint)}</summary>{drawn}</details>"
+        )
+    return "".join(parts)
+
+
+def tiles(recording: BoardRecording, moves: Sequence[Move]) -> str:
+    """The figures at a glance."""
+    count, span = len(recording.time), float(recording.time[-1])
+    rate = (count - 1) / span if span > 0.0 else 0.0
+    ignored = int((recording.rejected[-1] - recording.rejected[0]).sum())
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(recording.start))
+    facts = [
+        ("Began", began if recording.start > 1e9 else f"{recording.start:.2f} s"),
+        ("Duration", f"{span:.1f} s"),
+        ("Joints", str(len(recording.names))),
+        ("States", f"{count} ({rate:.0f} Hz)"),
+        ("Moves", str(len(moves))),
+        ("Faults", str(len(recording.faults))),
+        ("Ignored commands", str(ignored)),
+    ]
+    bad = {"Faults": len(recording.faults), "Ignored commands": ignored}
+    return (
+        '<div class="tiles">'
+        + "".join(tile(name, value, "bad" if bad.get(name) else "") for name, value in facts)
+        + "</div>"
+    )
+
+
+def tile(name: str, value: str, kind: str = "") -> str:
+    """A figure with its name."""
+    return f'<div class="tile {kind}"><span>{escape(name)}</span>{escape(value)}</div>'
+
+
+def mode_legend(recording: BoardRecording) -> str:
+    """The colours in the timeline."""
+    used = {code for joint in recording.names for _, _, code in recording.control_modes(joint)}
+    keys = [
+        f'<span class="key"><i style="background:{colour}"></i>{MODE_NAMES[code]}</span>'
+        for code, colour in MODE_COLOURS.items()
+        if code in used
+    ]
+    return f'<p class="legend">{"".join(keys)}<span class="key">hatched: COMPLIANT</span></p>'
+
+
+def fault_table(recording: BoardRecording) -> str:
+    """The faults, with their end."""
+    if not recording.faults:
+        return ""
+    rows = [
+        [
+            f"{fault.time:.3f}",
+            "to the end" if fault.until is None else f"{fault.until - fault.time:.2f}",
+            fault.joint,
+            str(fault.code),
+            fault.text,
+        ]
+        for fault in recording.faults
+    ]
+    return "<h3>Faults</h3>" + table(["at, s", "for, s", "joint", "code", "cause"], rows, text=3)
+
+
+def log_table(recording: BoardRecording) -> str:
+    """What the board warned of."""
+    if not recording.log:
+        return ""
+    rows = [[f"{line.time:.3f}", line.text] for line in recording.log[:LINES_SHOWN]]
+    more = len(recording.log) - len(rows)
+    if more > 0:
+        rows.append(["", f"and {more} more"])
+    return (
+        f"<details><summary>{len(recording.log)} warnings of the board</summary>"
+        + table(["at, s", "warning"], rows, text=2)
+        + "</details>"
+    )
+
+
+def number(value: float, digits: int = 3) -> str:
+    """A figure with at most so many decimals; a dash where there is none."""
+    if not math.isfinite(value):
+        return "–"
+    size = math.floor(math.log10(abs(value))) if value else 0
+    text = f"{value:z.{max(min(digits, digits - 1 - size), 0)}f}"
+    return text.replace("-", "−")
+
+
+def move_table(moves: Sequence[Move], units: dict[str, Unit], shorts: dict[str, str]) -> str:
+    """Every move with its figures."""
+    heads = [
+        "at, s", "joint", "mode", "from", "to", "takes, s", "rise, s", "settling, s",
+        "overshoot, %", "steady error", "RMS error", "peak error", "lag, ms", "saturated, s",
+    ]  # fmt: skip
+    rows = [move_row(move, units[move.joint], shorts[move.joint]) for move in moves[:MOVES_SHOWN]]
+    if len(moves) > MOVES_SHOWN:
+        rows.append(["", f"and {len(moves) - MOVES_SHOWN} more", *[""] * (len(heads) - 2)])
+    return "<h3>Moves</h3>" + table(heads, rows)
+
+
+def move_row(move: Move, unit: Unit, short: str) -> list[str]:
+    """A row of the table; positions in degrees or mm."""
+    step = move.step
+
+    def length(value: float) -> str:
+        return position_text(value, unit)
+
+    return [
+        f"{move.begin:.2f}",
+        short,
+        move.mode,
+        length(move.start),
+        length(move.target),
+        number(move.end - move.begin),
+        number(step.rise) if step else "–",
+        number(step.settling) if step else "–",
+        number(step.overshoot, 2) if step else "–",
+        length(move.steady_error),
+        length(move.tracking.rms),
+        length(move.tracking.peak),
+        number(1e3 * move.tracking.lag, 1),
+        number(move.saturated),
+    ]
+
+
+def position_text(value: float, unit: Unit) -> str:
+    """A position or an error in the unit of the joint: 12.5°, 0.0004°."""
+    if not math.isfinite(value):
+        return "–"
+    return number(unit.factor * value, 4) + ("°" if unit.position == "°" else f" {unit.position}")
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], text: int = 0) -> str:
+    """A table; columns from ``text`` on are left-aligned where it is given."""
+    head = "".join(f"<th>{escape(name)}</th>" for name in heads)
+    kind = ' class="text"' if text else ""
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f'<div class="scroll"><table{kind}><tr>{head}</tr>{body}</table></div>'
+
+
+def summary(joint: JointCharts) -> str:
+    """A joint in half a line."""
+    if not joint.moves:
+        return '<span class="quiet">no moves</span>'
+    worst = max(joint.moves, key=lambda m: m.tracking.rms)
+    count = f"{len(joint.moves)} move{'s' if len(joint.moves) > 1 else ''}"
+    rms, peak = (position_text(e, joint.unit) for e in (worst.tracking.rms, worst.tracking.peak))
+    return f'<span class="quiet">{count}, worst RMS error {rms}, peak {peak}</span>'
+
+
+def write_page(path: Path, text: str) -> None:
+    """Write a report.
+
+    Raises:
+        RecordingError: it cannot be written.
+    """
+    try:
+        path.write_text(text, "utf-8")
+    except OSError as error:
+        raise RecordingError(f"cannot write {path}: {error.strerror}") from error
+
+
+def chart_section(title: str, facts: Sequence[tuple[str, str]], charts: Sequence[Chart]) -> str:
+    """A section of its own: figures, and charts."""
+    shown = "".join(tile(name, value) for name, value in facts)
+    drawn = "".join(draw(chart, 240) for chart in charts)
+    return f'<h2>{escape(title)}</h2><div class="tiles">{shown}</div>{drawn}'
