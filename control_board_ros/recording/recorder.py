@@ -63,6 +63,7 @@ class Recorder:
         self.dropped = 0
         self.skipped: list[str] = []
         self._sequence: dict[Topic, int] = {}
+        self._newest = 0
         self._begun = False
         self._latched = {known.topic: known.message() for known in parameters}
         self._early: list[tuple[Topic, int, bytes]] = []
@@ -90,7 +91,13 @@ class Recorder:
         return not any(self._node.count_publishers(MODES.of(board)) for board in self._boards)
 
     def close(self) -> None:
-        """End, and finish what was recorded; why that did not work is in ``ended``."""
+        """End, and finish what was recorded; why that did not work is in ``ended``.
+
+        What had come by now is taken first: until something is heard that came later.
+        """
+        now, patience = time.time_ns(), time.monotonic() + PATIENCE
+        while not self.ended and self._newest <= now and time.monotonic() < patience:
+            time.sleep(0.01)
         self._thread.close()
         self._node.destroy_node()
         self._guard(self._finish)
@@ -99,6 +106,7 @@ class Recorder:
 
     def _hear(self, topic: Topic, data: bytes, info: Mapping[str, Any]) -> None:
         stamp = int(info["received_timestamp"]) or time.time_ns()
+        self._newest = max(self._newest, stamp)
         self.counts[topic] = self.counts.get(topic, 0) + 1
         if topic.board:
             self._count_dropped(topic, info.get("publication_sequence_number"))

@@ -26,6 +26,14 @@ def cbctl() -> Iterator[Cbctl]:
         yield Cbctl(board.environment)
 
 
+@pytest.fixture(autouse=True)
+def ready(cbctl: Cbctl) -> None:
+    """Every joint holds, whatever the test before left."""
+    assert cbctl("inject", "--clear").code == 0
+    assert cbctl("clear").code == 0
+    assert cbctl("mode", "all", "pos").code == 0
+
+
 def interrupt(process: Any) -> tuple[int, str, str]:
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=GUARD)
@@ -64,13 +72,11 @@ def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
         '"', ""
     )
     assert '"dropped": 0' in out
-    assert cbctl("clear", LAST).code == 0
 
 
 def test_the_black_box(cbctl: Cbctl, tmp_path: Path) -> None:
     """Nothing until a fault happens; then a recording of its own, from before it."""
     folder = tmp_path / "box"
-    assert cbctl("mode", "all", "pos").code == 0
     recorder = cbctl.start("record", "-o", str(folder), "--last", "20s", "--after", "500ms")
     until(folder.is_dir)
     while not any(folder.glob("*/metadata.yaml")):
@@ -112,7 +118,6 @@ def test_a_report_of_it(cbctl: Cbctl, tmp_path: Path) -> None:
 
 def test_a_step_is_measured(cbctl: Cbctl, tmp_path: Path) -> None:
     """There and back, figures of both; the joint and the rate of states are as before."""
-    assert cbctl("mode", "all", "pos").code == 0
     before = cbctl("modes", "--json").json
     done = cbctl("step", "1", "--size", "3deg", "--for", "1s", "-o", str(tmp_path / "s"), "--json")
     assert done.code == 0

@@ -116,7 +116,7 @@ def test_the_page_needs_nothing_else() -> None:
     assert "warned &amp; said" in text
     assert "http" not in re.sub(r"http://www\.w3\.org/\S+", "", text)
     assert text.count('class="chart"') == 2 * 4 + 1
-    assert "joint_1: POSITION, 0.00 to 8.00 s" in text
+    assert "arm_joint_1: POSITION, 0.00 to 7.99 s" in text
     assert "NaN" not in text.partition("<script>")[0]
 
 
