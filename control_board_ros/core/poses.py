@@ -20,6 +20,7 @@ from ..protocols import Floats
 from .arrival import TOLERANCES, Outcome, unit
 from .commands import WORTH_A_WORD
 from .explanations import explain_slower
+from .modes import SELECTABLE
 from .move_task import MoveTask, takes_moves
 from .pose import NAME, Pose
 from .reply import position_text
@@ -28,6 +29,8 @@ from .vocabs import ControlMode
 
 if TYPE_CHECKING:
     from .robot import AnyBoard
+#: Modes in which a joint has power, and takes another mode.
+POWERED = frozenset(SELECTABLE) - {ControlMode.IDLE}
 
 
 class Plan(NamedTuple):
@@ -75,6 +78,31 @@ class PoseTask:
     def cancel(self) -> str:
         """Stop the joints that still do this move; what they do now."""
         return self._move.cancel()
+
+
+def start_parking(board: AnyBoard, pose: Pose) -> PoseTask:
+    """Start the move to the pose in which the robot is left without power (R6).
+
+    Whoever asks for it at the end has asked for POSITION, too (M2): joints that have power in
+    another mode are switched. One without power gets none, since somebody took it.
+
+    Raises:
+        RequestError: a joint has no power, or no POSITION; nothing has changed.
+    """
+    modes = dict(zip(pose.joints, board.get_control_mode(pose.joints), strict=True))
+    stuck = {name: mode for name, mode in modes.items() if mode not in POWERED}
+    if stuck:
+        raise RequestError(told_by_mode(board, stuck))
+    others = [name for name, mode in modes.items() if mode is not ControlMode.POSITION]
+    available = board.get_available_modes(others) if others else []
+    for name, (control, _) in zip(others, available, strict=True):
+        if ControlMode.POSITION not in control:
+            raise RequestError(f"{name} has no POSITION mode")
+    if others:
+        reply = board.set_control_mode(others, ControlMode.POSITION)
+        if not reply:
+            raise RequestError(reply.message)
+    return PoseTask(board, pose)
 
 
 def plan_move(board: AnyBoard, pose: Pose, speed: float = 0.0) -> Plan:

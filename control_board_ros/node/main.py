@@ -2,7 +2,7 @@
 """The executable ``control_board``: read the settings, take the name, run, stop.
 
 Exit codes: 0 stopped by SIGINT or SIGTERM, 2 wrong settings, 3 the name is taken, 4 the physics
-server is gone, 1 anything else.
+server is gone, 5 stopped, but park_on_exit could not park the robot, 1 anything else.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import __version__
 from ..compiled import describe
+from ..core.pose import PARK
 from ..core.vocabs import ControlMode
 from ..startup import announce_often, leave_out_the_generator
 from .name_lock import NameTakenError, lock_name, temporary_folder
@@ -55,16 +56,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     if "--version" in arguments:
         say(f"control_board_ros {__version__}\nlaws: {describe()}\n")
         return 0
-    ended = threading.Event()
+    ended, at_once = threading.Event(), threading.Event()
+
+    def end(*_: Any) -> None:
+        (at_once if ended.is_set() else ended).set()
+
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
-            signal.signal(number, lambda *_: ended.set())
+            signal.signal(number, end)
     sys.setswitchinterval(SWITCH_INTERVAL)
     leave_out_the_generator()
     provide_log_folder()
     announce_often()
     try:
-        return run(arguments, ended)
+        return run(arguments, ended, at_once)
     except KnownError as error:
         complain(str(error))
         return error.code
@@ -80,8 +85,19 @@ class KnownError(Exception):
         self.code = code
 
 
-def run(arguments: list[str], ended: threading.Event) -> int:
-    """From the arguments to a running node, and back."""
+def run(
+    arguments: list[str], ended: threading.Event, at_once: threading.Event | None = None
+) -> int:
+    """From the arguments to a running node, and back.
+
+    Args:
+        arguments: of the command line.
+        ended: set when it shall end.
+        at_once: set when it shall not wait until the robot is parked; None: never.
+
+    Raises:
+        KnownError: it cannot run, or did not end as it should.
+    """
     from ..settings.params_file import SettingsError
     from .parameters import settings_from_arguments
 
@@ -94,7 +110,7 @@ def run(arguments: list[str], ended: threading.Event) -> int:
     with contextlib.ExitStack() as locks:
         for name in start.names:
             locks.enter_context(lock_of(f"{start.namespace.rstrip('/')}/{name}"))
-        return run_alone(start, ended)
+        return run_alone(start, ended, at_once or threading.Event())
 
 
 @contextlib.contextmanager
@@ -112,7 +128,7 @@ def lock_of(full_name: str) -> Iterator[None]:
         lock.release()
 
 
-def run_alone(start: Start, ended: threading.Event) -> int:
+def run_alone(start: Start, ended: threading.Event, at_once: threading.Event) -> int:
     """From the settings to a running node, and back."""
     from ..sim.errors import PlantError, PlantGone
     from ..sim.plant import SimulatedPlant
@@ -125,12 +141,16 @@ def run_alone(start: Start, ended: threading.Event) -> int:
         raise KnownError(2, str(error)) from None
     if refused := take_priority(start.settings.values):
         complain(refused)
-    failure = serve(start, plant, ended)
+    failure, unparked = serve(start, plant, ended, at_once)
     plant.close()
     if isinstance(failure, PlantGone):
         raise KnownError(4, str(failure))
     if failure is not None:
         raise KnownError(1, f"the control loop failed: {type(failure).__name__}: {failure}")
+    if unparked:
+        raise KnownError(
+            5, f"not parked: {unparked}; the joints are without power where they were"
+        )
     return 0
 
 
@@ -159,8 +179,14 @@ def check_name(name: str, namespace: str) -> None:
         )
 
 
-def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
-    """Run the node until ``ended`` is set; returns what ended the control loop, if it failed."""
+def serve(
+    start: Start, plant: Any, ended: threading.Event, at_once: threading.Event
+) -> tuple[Exception | None, str]:
+    """Run the node until ``ended`` is set.
+
+    Returns:
+        What ended the control loop, if it failed; and why the robot could not be parked, if so.
+    """
     import rclpy
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
@@ -182,8 +208,10 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
     thread.start()
     await_first_cycles(boards, ended)
     name, settings = boards.nodes[0].get_fully_qualified_name(), boards.settings
-    say(welcome(name, settings.board, boards.loop.snapshots.modes.control, settings.parts))
+    parks, modes = bool(settings.values["park_on_exit"]), boards.loop.snapshots.modes.control
+    say(welcome(name, settings.board, modes, settings.parts, parks=parks))
     ended.wait()
+    unparked = park(boards, at_once) if parks and boards.loop.failure is None else ""
     if not boards.stop():
         complain("the control loop hangs; the process ends without it")
         os._exit(1)
@@ -194,7 +222,22 @@ def serve(start: Start, plant: Any, ended: threading.Event) -> Exception | None:
         for node in boards.nodes:
             node.destroy_node()
         try_shutdown()
-    return boards.loop.failure
+    return boards.loop.failure, unparked
+
+
+def park(boards: Boards, at_once: threading.Event) -> str:
+    """Take the robot to the pose park (R6); why that was not possible, or an empty text."""
+    from .parking import Parking
+
+    def tell(time: float) -> None:
+        say(f"parking, {time:.1f} s; a second Ctrl-C ends at once, without power\n")
+
+    parking = Parking(boards.loop.whole, boards.settings.poses[PARK], tell)
+    parking.run(at_once)
+    if at_once.is_set():
+        complain("not parked: a second signal came; the joints are without power where they were")
+        return ""
+    return parking.reason
 
 
 def await_first_cycles(boards: Boards, ended: threading.Event) -> None:

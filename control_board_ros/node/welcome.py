@@ -23,6 +23,8 @@ def welcome(
     config: BoardConfig,
     modes: Sequence[ControlMode],
     parts: Mapping[str, Sequence[str]] | None = None,
+    *,
+    parks: bool = False,
 ) -> str:
     """The joints with their limits and modes, and lines to paste.
 
@@ -31,6 +33,7 @@ def welcome(
         config: of the board.
         modes: present control mode of each joint.
         parts: the joints of each part, where the board is a robot's.
+        parks: whether it goes to the pose park when it is told to end.
     """
     present = sorted({mode.name for mode in modes})
     option = "" if name == "/control_board" else f" --board {name}"
@@ -42,7 +45,7 @@ def welcome(
         *(f"  cbctl{option} {line}" for line in (*words, "watch")),
         "or, where ROS itself is installed:",
         *ros2_lines(name, config.joints[0]),
-        "Stop with Ctrl-C.",
+        "Park and stop with Ctrl-C; a second one stops at once." if parks else "Stop with Ctrl-C.",
         "",
     ]
     return "\n".join(lines)
