@@ -83,7 +83,9 @@ class BoardNode:
             warn=reporter.warn,
         )
         self._subscriptions = reporter.subscribe(self._commands.callbacks().items())
-        self._subscriptions += offer_yarp(node, member, settings.values, self.publisher, reporter)
+        self._subscriptions += offer_yarp(
+            node, member, settings.values, self.publisher, reporter, part=part
+        )
         self._actions = Actions(node, member, reporter.warn, self._poses.move)
         self._follow_trajectory = FollowTrajectory(node, member, follower, reporter.on_error)
 

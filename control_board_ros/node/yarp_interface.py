@@ -56,6 +56,8 @@ def offer_yarp(
     values: Mapping[str, Any],
     states: StatePublisher,
     reporter: Reporter,
+    *,
+    part: bool = False,
 ) -> list[CommandSubscription]:
     """Offer it all, where the parameter ``yarp_interface`` says so.
 
@@ -65,6 +67,7 @@ def offer_yarp(
         values: the parameters.
         states: tells the modes along with every state.
         reporter: of the node.
+        part: whether it is a part of a robot, with names below its own.
 
     Returns:
         The subscriptions, to be checked now and then.
@@ -72,11 +75,11 @@ def offer_yarp(
     if not values["yarp_interface"]:
         return []
     offered = YarpInterface(member, reporter.warn, reporter.on_error)
-    states.also.append(offered.mode_publisher(node))
+    states.also.append(offered.mode_publisher(node, "~/" if part else ""))
     if not values["yarp_msgs_name"]:
         return []
     board = node.get_fully_qualified_name()
-    base = base_name(values["yarp_msgs_name"], board)
+    base = base_name(values["yarp_msgs_name"], board, node.get_name() if part else "")
     own = {endpoint.of(board) for endpoint in ENDPOINTS}
     rows = [replace(row, name=row.of(base)) for row in YARP if row.kind != "topic"]
     if taken := [row.name for row in rows if row.name in own]:
@@ -113,9 +116,9 @@ class YarpInterface:
 
     # -- topics -------------------------------------------------------------------------------
 
-    def mode_publisher(self, node: Node) -> Callable[[Snapshot, int], None]:
-        """What publishes the modes of all joints, to those who listen."""
-        rows = [row for row in YARP if row.kind == "topic"]
+    def mode_publisher(self, node: Node, below: str) -> Callable[[Snapshot, int], None]:
+        """What publishes the modes of all joints, to those who listen; ``below`` comes first."""
+        rows = [replace(row, name=below + row.name) for row in YARP if row.kind == "topic"]
         first, whole = (publisher(node, row) for row in rows)
         snapshots = self._member.snapshots
 

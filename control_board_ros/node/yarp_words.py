@@ -102,16 +102,17 @@ def available(joints: Sequence[JointConfig]) -> tuple[list[str], str]:
     return modes, f"some joints only: {'; '.join(partial)}" if partial else ""
 
 
-def base_name(msgs_name: str, board: str) -> str:
+def base_name(msgs_name: str, board: str, part: str = "") -> str:
     """The full name that topics and services are below.
 
     Args:
         msgs_name: ``~`` and ``~/x`` below the board's own, ``x`` as ``/x``.
         board: The full name of the board's node.
+        part: The name of a robot's part, which comes last where it is not the board's own.
     """
     if msgs_name.startswith("~"):
         return (board + msgs_name.removeprefix("~")).rstrip("/")
-    return "/" + msgs_name.removeprefix("/")
+    return f"/{msgs_name.removeprefix('/')}/{part}".rstrip("/")
 
 
 def letters(modes: Sequence[ControlMode]) -> array[int]:

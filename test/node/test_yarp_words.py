@@ -136,6 +136,14 @@ def test_what_the_names_are_below(msgs_name: str, base: str) -> None:
     assert base_name(msgs_name, "/left/board") == base
 
 
+@pytest.mark.parametrize(
+    ("msgs_name", "base"),
+    [("~", "/icub/head"), ("~/yarp", "/icub/head/yarp"), ("/a", "/a/head"), ("a/b", "/a/b/head")],
+)
+def test_each_part_of_a_robot_has_names_of_its_own(msgs_name: str, base: str) -> None:
+    assert base_name(msgs_name, "/icub/head", "head") == base
+
+
 def test_letters_and_vocabs() -> None:
     """An int8 holds the first of four letters."""
     modes = [M.POSITION, M.POSITION_DIRECT, M.HW_FAULT, M.CALIBRATING]
@@ -303,7 +311,7 @@ def test_what_is_offered(
     told = {"/left/joint_states/controlModes", "/left/joint_states/controlModeVocabs"}
     assert topics & told == (set() if below is None else told)
     assert len(states.also) == (below is not None)
-    expected = {
+    expected: dict[str, set[str]] = {
         kind: {f"{below}/{name}" for name, row in ROW.items() if row.kind == kind}
         if below
         else set()
@@ -316,3 +324,16 @@ def test_what_is_offered(
     warned = capfd.readouterr().err
     assert all(name in warned for name in clash)
     assert bool(warned) == bool(clash)
+
+
+def test_a_part_of_a_robot_offers_it_below_its_own_name(rig: Asked) -> None:
+    """Two parts of one robot do not answer for each other."""
+    values = {"yarp_interface": True, "yarp_msgs_name": "/yarp"}
+    with free_domain() as domain, ros_node(domain, "head", namespace="/icub", spin=False) as node:
+        states: Any = SimpleNamespace(also=[])
+        offer_yarp(node, rig, values, states, Reporter(node), part=True)
+        services = {service.srv_name for service in node.services}
+        topics = {publisher.topic_name for publisher in node.publishers}
+    assert "/yarp/head/get_modes" in services
+    assert not [name for name in services if name.startswith("/yarp/get")]
+    assert "/icub/head/joint_states/controlModes" in topics
