@@ -156,7 +156,7 @@ def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
     where arms are stretched out.
     """
     half = POSES // 2
-    found = {}
+    found: dict[str, Array] = {}
     for joint in urdf.joints:
         if joint.name not in limits:
             continue
@@ -187,7 +187,7 @@ def evenly_spread(dimension: int, count: int) -> Array:
     while found < dimension:
         prime += 1
         found += all(prime % k for k in range(2, math.isqrt(prime) + 1))
-    steps: Array = math.sqrt(prime) * np.arange(1, count + 1)
+    steps: Array = math.sqrt(prime) * np.arange(1, count + 1, dtype=np.float64)
     return steps % 1.0
 
 
