@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cbctl panel``: the server's start and end."""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+import socket
+from collections.abc import Callable
+from typing import Any
+
+import uvicorn
+from rclpy.node import Node
+
+from . import security
+from .hub import Hub
+from .server import make_app
+
+#: s that open connections have at the end.
+GOODBYE = 2
+EVERYWHERE = ("0.0.0.0", "::")
+
+
+class CannotListen(OSError):  # noqa: N818
+    """The address or the port cannot be had; one line: which, why, what to do."""
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """A socket that listens; port 0 takes a free one.
+
+    Raises:
+        CannotListen: somebody else has it, or the host has no such address.
+    """
+    try:
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        # With its protocol named, asyncio sends small messages at once (TCP_NODELAY).
+        listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen()
+    except (OSError, OverflowError) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise CannotListen(
+            f"cannot listen on {host} port {port}: {why}; give another --host or --port"
+        ) from None
+    return listening
+
+
+def addresses(host: str, port: int, token: str) -> list[str]:
+    """The addresses to open, with the token; of this machine's network where all listen."""
+    hosts = ["127.0.0.1", *own_addresses()] if host in EVERYWHERE else [host]
+    return [
+        f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={token}" for name in hosts
+    ]
+
+
+def own_addresses() -> list[str]:
+    """The address of this machine on its network, if it is on one; nothing is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(("192.0.2.1", 9))  # an address of nobody's
+        except OSError:
+            return []
+        address = str(probe.getsockname()[0])
+    return [] if ipaddress.ip_address(address).is_loopback else [address]
+
+
+def own_names(host: str) -> frozenset[str]:
+    """Names under which browsers may ask for this machine."""
+    names = {host, socket.gethostname(), socket.getfqdn(), f"{socket.gethostname()}.local"}
+    return frozenset(name.lower() for name in names)
+
+
+def run(
+    node: Node,
+    host: str,
+    port: int,
+    *,
+    read_only: bool,
+    answer_timeout: float,
+    announce: Callable[[list[str]], None],
+    report: Callable[[str], None],
+) -> None:
+    """Serve until a signal ends it.
+
+    Args:
+        node: that the panel hears and asks with; nobody spins it.
+        host: address to listen on.
+        port: to listen on; 0: a free one.
+        read_only: nobody may operate.
+        answer_timeout: s that a board has to answer.
+        announce: called with the addresses to open, before the first is served.
+        report: called with lines for the log.
+
+    Raises:
+        CannotListen: the address cannot be had.
+    """
+    listening = listen(host, port)
+    try:
+        port = listening.getsockname()[1]
+        token = security.new_token()
+        hub = Hub(node, read_only=read_only, answer_timeout=answer_timeout, report=report)
+        app = make_app(hub, token, port, own_names(host), report)
+        announce(addresses(host, port, token))
+        server = uvicorn.Server(config_of(app))
+        server.run(sockets=[listening])
+    finally:
+        listening.close()
+
+
+def config_of(app: Any) -> uvicorn.Config:
+    """How the server runs: bounded in every direction, silent, uncompressed."""
+    logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
+    return uvicorn.Config(
+        app,
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        lifespan="on",
+        limit_concurrency=100,
+        timeout_keep_alive=10,
+        timeout_graceful_shutdown=GOODBYE,
+        h11_max_incomplete_event_size=security.MAX_MESSAGE,
+        ws="websockets-sansio",
+        ws_max_size=security.MAX_MESSAGE,
+        ws_per_message_deflate=False,
+        ws_ping_interval=2.0,
+        ws_ping_timeout=4.0,
+    )

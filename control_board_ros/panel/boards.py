@@ -1,0 +1,222 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A board of the domain as the panel knows it: what it says, and the client that asks it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rclpy.node import Node
+
+from control_board_ros.client import BoardError, ControlBoardClient
+from control_board_ros.client.state import seconds
+from control_board_ros.core.selection import RequestError
+from control_board_ros.interface import (
+    COMMAND_TOPICS,
+    FAULTS,
+    MODES,
+    ROBOT_DESCRIPTION,
+    STATE,
+    Endpoint,
+)
+
+from . import robot
+from .listening import Newest
+
+#: s within which what comes back over ROS is taken for what the panel has sent itself.
+OWN = 2.0
+#: Parameters of a joint that the page draws, and what stands for one that a board does not tell.
+LIMITS = ("lower", "upper", "velocity", "acceleration", "torque", "output")
+
+
+class Board:
+    """One board.
+
+    Args:
+        node: the panel's.
+        name: full name of the board's node.
+        number: of the board, as frames and meshes bear it.
+        answer_timeout: s to wait for an answer.
+
+    Attributes: name, number, client, state (of Newest), robot (its description), info (for the
+    page; empty until it is known), modes and faults (for the page).
+    """
+
+    def __init__(self, node: Node, name: str, number: int, answer_timeout: float) -> None:
+        self.name, self.number = name, number
+        self.client = ControlBoardClient(
+            node, name, find_timeout=answer_timeout, answer_timeout=answer_timeout
+        )
+        self.state = Newest(node, STATE, name)
+        self.robot = robot.NO_ROBOT
+        self.info: dict[str, Any] = {}
+        self.modes: dict[str, Any] = {}
+        self.faults: dict[str, Any] = {"faults": []}
+        self.targets: list[float] = []
+        self._modes = Newest(node, MODES, name)
+        self._faults = Newest(node, FAULTS, name)
+        self._description = Newest(node, ROBOT_DESCRIPTION, name)
+        self._commands = {topic: Newest(node, topic, name) for topic in COMMAND_TOPICS}
+        self._sent = deque[tuple[float, Endpoint, tuple[str, ...], tuple[float, ...]]](maxlen=256)
+        self._asked = -math.inf
+
+    def close(self) -> None:
+        """Let go of it."""
+        for heard in (self.state, self._modes, self._faults, self._description):
+            heard.close()
+        for heard in self._commands.values():
+            heard.close()
+        self.client.close()
+
+    @property
+    def names(self) -> list[str]:
+        """Its joints, in its order; none before it was heard."""
+        names: list[str] = self.modes.get("names", [])
+        return names
+
+    def hear(self) -> dict[str, Any]:
+        """What is new since the last call, for the page, by kind."""
+        news: dict[str, Any] = {}
+        if (modes := self._modes.take_read()) is not None:
+            changes = self._changes(modes)
+            self.modes = {
+                "names": list(modes.names),
+                "control": list(modes.control_modes),
+                "interaction": list(modes.interaction_modes),
+            }
+            news["modes"] = self.modes
+            if changes and time.monotonic() - self._asked > OWN:
+                news["elsewhere"] = changes
+        if (faults := self._faults.take_read()) is not None:
+            self.faults = {"faults": [shown_fault(fault) for fault in faults.faults]}
+            news["faults"] = self.faults
+        if (description := self._description.take_read()) is not None:
+            self.robot = robot.read(description.data, f"mesh/{self.number}/")
+            news["robot"] = True
+        return news
+
+    def _changes(self, modes: Any) -> str:
+        """Which joints changed their control mode, and to what."""
+        before = dict(zip(self.names, self.modes.get("control", ()), strict=True))
+        now = zip(modes.names, modes.control_modes, strict=True)
+        changed = [(name, mode) for name, mode in now if before.get(name, mode) != mode]
+        words = [f"{name} {before[name]} → {mode}" for name, mode in changed[:3]]
+        return ", ".join(words) + (f" and {len(changed) - 3} more" if len(changed) > 3 else "")
+
+    def overhear(self) -> list[str]:
+        """What other programs command, in words: the newest on each topic."""
+        found = []
+        for topic, heard in self._commands.items():
+            raw = heard.take()
+            if raw is None:
+                continue
+            message = heard.read()
+            names, values = tuple(getattr(message, "names", ())), first_values(message)
+            if not self._was_sent(topic, names, values):
+                found.append(f"{topic.short}: {in_words(names, values)}")
+        return found
+
+    def asking(self) -> None:
+        """The panel itself asks for something: changes of modes that follow are its own."""
+        self._asked = time.monotonic()
+
+    def sending(self, topic: Endpoint, names: Sequence[str], values: Sequence[float]) -> None:
+        """The panel itself sends a command."""
+        many = tuple(values) * (len(names) if len(values) == 1 else 1)
+        self._sent.append((time.monotonic(), topic, tuple(names), many))
+
+    def _was_sent(
+        self, topic: Endpoint, names: tuple[str, ...], values: tuple[float, ...]
+    ) -> bool:
+        since = time.monotonic() - OWN
+        return any(
+            at >= since and (t, n, v) == (topic, names, values) for at, t, n, v in self._sent
+        )
+
+    async def ask_info(self) -> None:
+        """Ask what the page draws: limits, modes there are, greatest impedance.
+
+        Raises:
+            BoardError: the board does not answer.
+        """
+        aio = self.client.aio
+        names = list(await aio.wait_until_found())
+        available = await aio.get_available_modes()
+        stiffness, damping = await aio.get_max_impedance()
+        self.info = {
+            "names": names,
+            "kinds": [self.robot.kinds.get(name, "") for name in names],
+            "limits": await self._limits(names),
+            "control": [[mode.code for mode in control] for control, _ in available],
+            "interaction": [[mode.code for mode in both] for _, both in available],
+            "max_stiffness": stiffness.tolist(),
+            "max_damping": damping.tolist(),
+            "description": bool(self.robot.urdf),
+        }
+
+    async def _limits(self, names: list[str]) -> dict[str, list[float | None]]:
+        """The limits in force, by kind; of a board that does not tell, what its URDF says."""
+        wanted = [f"{name}.limits.{kind}" for kind in LIMITS for name in names]
+        try:
+            values = list((await self.client.aio.get_parameters(wanted)).values())
+        except (BoardError, RequestError):
+            stops = [self.robot.stops.get(name, (-math.inf, math.inf)) for name in names]
+            values = [q for ends in zip(*stops, strict=True) for q in ends]
+            values += [math.inf] * (len(LIMITS) - 2) * len(names)
+        n = len(names)
+        return {
+            kind: [finite(value) for value in values[n * k : n * (k + 1)]]
+            for k, kind in enumerate(LIMITS)
+        }
+
+    async def ask_targets(self) -> bool:
+        """Ask for the targets of moves; whether they are new.
+
+        Raises:
+            BoardError: the board does not answer.
+        """
+        targets = [finite(q) or 0.0 for q in await self.client.aio.get_target_position()]
+        changed, self.targets = targets != self.targets, targets
+        return changed
+
+    def torque_reference(self, joint: str) -> float:
+        """The torque in force for a joint, N·m, as of the last frame; 0 where none was heard."""
+        state = self.state.take_read() or self.state.read()
+        if state is None or joint not in state.names:
+            return 0.0
+        return finite(state.torque_reference[list(state.names).index(joint)]) or 0.0
+
+
+def finite(value: Any) -> float | None:
+    """A number as JSON has it: None where it is infinite or none."""
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def shown_fault(fault: Any) -> dict[str, Any]:
+    """A JointFault for the page."""
+    return {
+        "name": fault.name,
+        "code": fault.code,
+        "text": fault.text,
+        "stamp": seconds(fault.stamp),
+    }
+
+
+def first_values(message: Any) -> tuple[float, ...]:
+    """The references of a command: its first field of numbers."""
+    fields: Mapping[str, str] = message.get_fields_and_field_types()
+    for field, kind in fields.items():
+        if kind == "sequence<double>":
+            return tuple(getattr(message, field))
+    return ()
+
+
+def in_words(names: Sequence[str], values: Sequence[float]) -> str:
+    """References for people, in the board's units; the first three."""
+    if not names:
+        return "all joints"
+    pairs = [f"{name} {value:.4g}" for name, value in zip(names, values, strict=False)]
+    return ", ".join(pairs[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")

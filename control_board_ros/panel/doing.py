@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What each request does: one function per row, on the client of the board."""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any
+
+from control_board_ros.core.reply import Reply
+from control_board_ros.interface import POSITION_COMMAND, POSITION_DIRECT_COMMAND
+
+from .boards import Board, finite
+from .lines import HELD
+
+Given = Mapping[str, Any]
+#: Called with how far a long request is: a share from 0 to 1, and words.
+Progress = Callable[[float, str], None]
+CONTROLLERS = ("position", "direct", "torque", "current")
+
+
+def told(reply: Reply) -> dict[str, Any]:
+    """A reply for the page."""
+    answers = {name: str(answer) for name, answer in zip(reply.joints, reply.answers, strict=True)}
+    return {"ok": bool(reply), "message": reply.message, "answers": answers}
+
+
+async def mode(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    return told(await board.client.aio.set_control_mode(given["joints"] or None, given["mode"]))
+
+
+async def interaction(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    aio = board.client.aio
+    return told(await aio.set_interaction_mode(given["joints"] or None, given["mode"]))
+
+
+async def position(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    names, targets = given["joints"] or board.names, given["positions"]
+    board.sending(POSITION_COMMAND, names, targets)
+    return told(await board.client.aio.position_move(names, *one_or_many(given)))
+
+
+async def direct(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    names, targets = given["joints"] or board.names, given["positions"]
+    board.sending(POSITION_DIRECT_COMMAND, names, targets)
+    return told(await board.client.aio.set_position(names, *one_or_many(given)))
+
+
+async def move(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
+    """A move that is waited for; cancelled, it stops the joints."""
+    whole = 0.0
+
+    def feedback(sent: Any) -> None:
+        nonlocal whole
+        left = sent.remaining_time
+        whole = max(whole, left)
+        progress(1.0 - left / whole if whole > 0.0 else 1.0, f"{left:.1f} s")
+
+    aio, names = board.client.aio, given["joints"] or board.names
+    return told(await aio.move(names, *one_or_many(given), feedback=feedback))
+
+
+def one_or_many(given: Given) -> list[Any]:
+    """Positions, and speeds where there are any; one of a kind goes to every joint."""
+    values = [given["positions"], *([given["speeds"]] if given.get("speeds") else [])]
+    return [value[0] if len(value) == 1 else value for value in values]
+
+
+async def send_held(board: Board, kind: str, joint: str, value: float) -> Reply:
+    """Send what a control that is held asks for."""
+    topic, _, _, method = HELD[kind]
+    board.sending(topic, [joint], [value])
+    reply: Reply = await getattr(board.client.aio, method)(joint, value)
+    return reply
+
+
+async def stop(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    return told(await board.client.aio.stop(given.get("joints") or None))
+
+
+async def impedance(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    stiffness, damping = given.get("stiffness"), given.get("damping")
+    aio = board.client.aio
+    return told(await aio.set_impedance(given["joints"] or None, stiffness, damping))
+
+
+async def speed(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    speeds, accelerations = given.get("speed"), given.get("acceleration")
+    aio = board.client.aio
+    return told(await aio.set_reference_speed(given["joints"] or None, speeds, accelerations))
+
+
+async def gains(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    front = f"{given['joint']}.{given['controller']}_pid"
+    values = {f"{front}.{gain}": value for gain, value in given["gains"].items()}
+    return told(await board.client.aio.set_parameters(values))
+
+
+async def calibrate(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
+    def feedback(sent: Any) -> None:
+        progress(float(sent.progress.mean()) if len(sent.progress) else 0.0, sent.phase)
+
+    joints = given["joints"] or None
+    return told(await board.client.aio.calibrate(joints, wait=True, feedback=feedback))
+
+
+async def configure(board: Board, _: Given, __: Progress) -> dict[str, Any]:
+    return told(await board.client.aio.configure())
+
+
+async def details(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    """What the page shows of one joint beside its state: impedance, speeds, gains."""
+    aio, joint = board.client.aio, given["joint"]
+    stiffness, damping = await aio.get_impedance(joint)
+    found: dict[str, Any] = {
+        "stiffness": finite(stiffness[0]),
+        "damping": finite(damping[0]),
+        "speed": finite((await aio.get_ref_speed(joint))[0]),
+        "acceleration": finite((await aio.get_ref_acceleration(joint))[0]),
+        "gains": {},
+    }
+    known = set(await aio.list_parameters(f"{joint}."))
+    for controller in CONTROLLERS:
+        names = [n for n in sorted(known) if n.startswith(f"{joint}.{controller}_pid.")]
+        if names:
+            values = await aio.get_parameters(names)
+            found["gains"][controller] = {
+                name.rpartition(".")[2]: finite(value) for name, value in values.items()
+            }
+    return {"ok": True, "message": "", "details": found}
+
+
+Doer = Callable[[Board, Given, Progress], Awaitable[dict[str, Any]]]
+
+#: What goes to one board; the rest is the hub's own.
+DOERS: dict[str, Doer] = {
+    "mode": mode,
+    "interaction": interaction,
+    "position": position,
+    "direct": direct,
+    "move": move,
+    "impedance": impedance,
+    "speed": speed,
+    "gains": gains,
+    "calibrate": calibrate,
+    "configure": configure,
+    "details": details,
+}

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What all browsers share: the boards, the operator, and what is under way."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+
+from control_board_ros.client import BoardError
+from control_board_ros.client.discovery import Discovery
+from control_board_ros.core.selection import RequestError
+from control_board_ros.interface import MODES
+
+from .boards import Board
+from .browser import Browser
+from .lease import ANSWER_TIME, Lease
+from .operating import Operating
+from .requests import KINDS, BadRequest, Request, parse
+
+#: Frames a second of a few joints, and of many.
+FAST, SLOW, MANY = 60.0, 30.0, 16
+#: s between looks at modes and faults, at other programs' commands, at targets, at the graph.
+HEAR, OVERHEAR, TARGETS, DISCOVER = 0.05, 0.5, 1.0, 1.0
+#: s between questions for the limits of a board.
+INFO = 10.0
+NOBODY = "you only watch; ask to operate first"
+
+
+class Hub:
+    """Boards on one side, browsers on the other.
+
+    Args:
+        node: the panel's node; nobody spins it.
+        read_only: nobody may operate.
+        answer_timeout: s that a board has to answer.
+        report: called with a line for the log of the program.
+
+    Attributes: boards (by name), browsers (by number), lease, read_only, operating.
+    """
+
+    def __init__(
+        self, node: Node, *, read_only: bool, answer_timeout: float, report: Callable[[str], None]
+    ) -> None:
+        self.read_only, self._report = read_only, report
+        self.boards: dict[str, Board] = {}
+        self.browsers: dict[int, Browser] = {}
+        self.lease = Lease()
+        self.operating = Operating(self)
+        self._node, self._answer_timeout = node, answer_timeout
+        self._discovery = Discovery(node, "", MODES.of(""), 0.0, 0.0)
+        self._numbers, self._board_numbers = itertools.count(1), itertools.count()
+        self._asked: dict[str, float] = {}
+        self._known = set[str]()
+
+    # Browsers
+
+    def enter(self, name: str) -> Browser:
+        """A browser comes; the first one operates, where anybody may."""
+        browser = Browser(next(self._numbers), name)
+        self.browsers[browser.number] = browser
+        if not self.read_only and self.lease.holder is None:
+            self.lease.ask(browser.number, time.monotonic())
+        browser.tell("hello", you=browser.number, read_only=self.read_only)
+        for board in self.boards.values():
+            self._introduce(board, browser)
+        self.tell_boards()
+        self.tell_operator()
+        return browser
+
+    async def leave(self, browser: Browser) -> None:
+        """A browser is gone: what it held stops, what it had begun is cancelled."""
+        self.browsers.pop(browser.number, None)
+        for task in browser.running.values():
+            task.cancel()
+        await self.operating.let_go(self.operating.holds.of_browser(browser.number))
+        if self.lease.leave(browser.number):
+            self.tell_operator()
+
+    def tell_all(self, what: str, /, **fields: Any) -> None:
+        """Send a message to every browser."""
+        text = json.dumps({"is": what, **fields}, ensure_ascii=False, allow_nan=False)
+        for browser in self.browsers.values():
+            browser.tell_text(text)
+
+    def tell_boards(self) -> None:
+        """Tell which boards there are."""
+        shown = [{"name": b.name, "number": b.number} for b in self.boards.values()]
+        self.tell_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
+
+    def tell_operator(self) -> None:
+        """Tell who operates, who watches, and who asks to take over."""
+        self.tell_all(
+            "operator",
+            holder=self.lease.holder,
+            asking=self.lease.asking,
+            seconds=ANSWER_TIME,
+            browsers={browser.number: browser.name for browser in self.browsers.values()},
+        )
+
+    def log(self, who: str, what: str, **more: Any) -> None:
+        """Tell everybody what was done."""
+        self.tell_all("log", who=who, what=what, **more)
+
+    def _introduce(self, board: Board, browser: Browser) -> None:
+        for what in ("info", "modes", "faults"):
+            if fields := getattr(board, what):
+                browser.tell(what, board=board.name, **fields)
+        browser.tell("targets", board=board.name, targets=board.targets)
+
+    def receive(self, browser: Browser, message: str) -> None:
+        """Take a message of a browser, and answer it."""
+        if not browser.bucket.take(time.monotonic()):
+            browser.lost = True
+            browser.tell("error", message="too many messages; connection closed")
+            return
+        try:
+            request = parse(message)
+            self._check(browser, request)
+        except BadRequest as error:
+            browser.tell("answer", id=error.id, ok=False, message=str(error))
+            return
+        if request.do == "watch":
+            browser.watched = frozenset(request.given["boards"])
+            browser.tell("answer", id=request.id, ok=True, message="")
+        elif request.do in ("operate", "hand_over", "step_back"):
+            self._settle(browser, request)
+        else:
+            self.operating.start(browser, request)
+
+    def _check(self, browser: Browser, request: Request) -> None:
+        """Refuse what this browser may not ask for.
+
+        Raises:
+            BadRequest: and why.
+        """
+        commands = KINDS[request.do].commands
+        if self.read_only and (commands or request.do in ("operate", "hand_over")):
+            raise BadRequest("the panel is read-only; start it without --read-only", request.id)
+        if commands and request.do != "stop" and self.lease.holder != browser.number:
+            raise BadRequest(NOBODY, request.id)
+        if request.board and request.board not in self.boards:
+            raise BadRequest(f"no board {request.board}; it may have ended", request.id)
+
+    def _settle(self, browser: Browser, request: Request) -> None:
+        """Who operates: ask, answer, step back."""
+        now, ok, message = time.monotonic(), True, ""
+        before = self.lease.holder
+        if request.do == "operate":
+            message = self.lease.ask(browser.number, now)
+        elif request.do == "hand_over":
+            yes = request.given["yes"]
+            asked = self.lease.answer(browser.number, yes=yes)
+            ok, message = asked is not None, "" if asked is not None else "nobody asks"
+            if asked in self.browsers and not yes:
+                self.browsers[asked].tell("notice", message=f"{browser.name} keeps operating")
+        elif not self.lease.leave(browser.number):
+            ok, message = False, "you do not operate"
+        browser.tell("answer", id=request.id, ok=ok, message=message)
+        self._after_change(before)
+
+    def _after_change(self, before: int | None) -> None:
+        """The lease may have a new holder: what the old one held is let go."""
+        if before is not None and before != self.lease.holder:
+            self.operating.dismiss(before)
+        self.tell_operator()
+
+    # Loops
+
+    async def run(self) -> None:
+        """Serve for ever."""
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self._every(lambda: 1.0 / self._rate(), self._frames))
+                group.create_task(self._every(lambda: HEAR, self._hear))
+                group.create_task(self._every(lambda: OVERHEAR, self._overhear))
+                group.create_task(self._every(lambda: TARGETS, self._targets))
+                group.create_task(self._every(lambda: DISCOVER, self._discover))
+                group.create_task(self.operating.run())
+        finally:
+            for board in self.boards.values():
+                board.close()
+
+    async def _every(self, period: Callable[[], float], look: Callable[[], Any]) -> None:
+        """Call again and again; what one board does wrong is reported and ends nothing."""
+        due = time.monotonic()
+        while True:
+            try:
+                await look()
+            except (BoardError, RequestError) as error:
+                self._report(str(error))
+            due = max(due + period(), time.monotonic())
+            await asyncio.sleep(due - time.monotonic())
+
+    def _rate(self) -> float:
+        watched = {name for browser in self.browsers.values() for name in browser.watched}
+        joints = sum(len(self.boards[name].names) for name in watched if name in self.boards)
+        return FAST if joints <= MANY else SLOW
+
+    async def _frames(self) -> None:
+        """Send the newest state of each board that somebody watches."""
+        browsers = list(self.browsers.values())
+        for board in list(self.boards.values()):
+            watchers = [browser for browser in browsers if board.name in browser.watched]
+            raw = board.state.take() if watchers else None
+            if raw is not None:
+                frame = board.number.to_bytes(4, "little") + raw
+                for browser in watchers:
+                    browser.show(board.number, frame)
+
+    async def _hear(self) -> None:
+        """Pass on modes, faults and descriptions; let the lease see the time."""
+        for board in list(self.boards.values()):
+            news = board.hear()
+            for what in ("modes", "faults"):
+                if what in news:
+                    self.tell_all(what, board=board.name, **news[what])
+            if "elsewhere" in news:
+                self.log("", f"{board.name}: {news['elsewhere']}")
+            if "robot" in news:
+                self._asked.pop(board.name, None)
+        before = self.lease.holder
+        if self.lease.tick(time.monotonic()):
+            self._after_change(before)
+
+    async def _overhear(self) -> None:
+        """Tell what other programs command."""
+        for board in list(self.boards.values()):
+            for words in board.overhear():
+                self.log("another program", f"{board.name} {words}", board=board.name)
+
+    async def _targets(self) -> None:
+        """Ask boards that are watched for their targets, and now and then for their limits."""
+        watched = {name for browser in self.browsers.values() for name in browser.watched}
+        for board in list(self.boards.values()):
+            now = time.monotonic()
+            if board.names and now - self._asked.get(board.name, -INFO) >= INFO:
+                self._asked[board.name] = now
+                before = board.info
+                await board.ask_info()
+                if board.info != before:
+                    self.tell_all("info", board=board.name, **board.info)
+            if board.name in watched and await board.ask_targets():
+                self.tell_targets(board)
+
+    def tell_targets(self, board: Board) -> None:
+        """Tell where the joints of a board are going."""
+        self.tell_all("targets", board=board.name, targets=board.targets)
+
+    async def _discover(self) -> None:
+        """Find new boards, forget those that are gone."""
+        found = set(self._discovery.boards())
+        for name in found - set(self.boards):
+            self.boards[name] = Board(
+                self._node, name, next(self._board_numbers), self._answer_timeout
+            )
+        for name in set(self.boards) - found:
+            board = self.boards.pop(name)
+            self._asked.pop(name, None)
+            await asyncio.to_thread(board.close)
+            self.log("", f"{name} is gone")
+        if found != self._known:
+            self._known = found
+            self.tell_boards()

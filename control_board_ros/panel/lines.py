@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Requests as lines to copy: for cbctl, for ros2, and for Python. Pure."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from control_board_ros.interface import (
+    CALIBRATE,
+    CONFIGURE,
+    MOVE,
+    OUTPUT_COMMAND,
+    POSITION_COMMAND,
+    POSITION_DIRECT_COMMAND,
+    SET_CONTROL_MODE,
+    SET_IMPEDANCE,
+    SET_INTERACTION_MODE,
+    SET_REFERENCE_SPEED,
+    STOP,
+    TORQUE_COMMAND,
+    VELOCITY_COMMAND,
+    Endpoint,
+)
+
+from .requests import Request
+
+#: Kind of a held reference: topic, its field, cbctl's unit, the client's method.
+HELD: dict[str, tuple[Endpoint, str, str, str]] = {
+    "velocity": (VELOCITY_COMMAND, "velocities", "", "velocity_move"),
+    "torque": (TORQUE_COMMAND, "torques", "", "set_ref_torque"),
+    "output": (OUTPUT_COMMAND, "outputs", "", "set_output"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """The same request for three worlds; empty where one of them has no word for it."""
+
+    cbctl: str = ""
+    ros2: str = ""
+    python: str = ""
+
+    def shown(self) -> dict[str, str]:
+        """For the page."""
+        return {"cbctl": self.cbctl, "ros2": self.ros2, "python": self.python}
+
+
+def lines_of(request: Request) -> Lines:
+    """The lines of a request; none of one that changes nothing."""
+    given, board = request.given, request.board
+    joints = list(given.get("joints", ()))
+    write = WRITERS.get(request.do)
+    return Lines() if write is None else write(board, joints, given)
+
+
+def cbctl(board: str, *words: str) -> str:
+    """A line of cbctl for a board."""
+    option = [] if board == "/control_board" else ["--board", board]
+    return shlex.join(["cbctl", *option, *words])
+
+
+def called(board: str, service: Endpoint, request: Mapping[str, Any]) -> str:
+    """A line of ros2 that calls a service."""
+    return f"ros2 service call {shlex.quote(service.of(board))} {service.type} {quoted(request)}"
+
+
+def published(board: str, topic: Endpoint, message: Mapping[str, Any], how: str = "--once") -> str:
+    """A line of ros2 that publishes."""
+    return f"ros2 topic pub {how} {shlex.quote(topic.of(board))} {topic.type} {quoted(message)}"
+
+
+def sent(board: str, action: Endpoint, goal: Mapping[str, Any]) -> str:
+    """A line of ros2 that sends a goal."""
+    return f"ros2 action send_goal {shlex.quote(action.of(board))} {action.type} {quoted(goal)}"
+
+
+def quoted(fields: Mapping[str, Any]) -> str:
+    """Fields as a word of the shell; JSON is YAML, too."""
+    return shlex.quote(json.dumps(dict(fields), ensure_ascii=False))
+
+
+def python(method: str, *values: Any) -> str:
+    """A call of the client."""
+    return f"board.{method}({', '.join(map(literal, values))})"
+
+
+def literal(value: Any) -> str:
+    """A value in Python; an empty list of joints is all of them."""
+    if isinstance(value, list):
+        return "None" if not value else repr(value[0] if len(value) == 1 else value)
+    return repr(value)
+
+
+def of_mode(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+    mode = given["mode"]
+    return Lines(
+        cbctl(board, "mode", *(joints or ["all"]), mode),
+        called(board, SET_CONTROL_MODE, {"names": joints, "modes": [mode]}),
+        python("set_control_mode", joints, mode),
+    )
+
+
+def of_interaction(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+    mode = given["mode"]
+    return Lines(
+        cbctl(board, "interaction", *(joints or ["all"]), mode),
+        called(board, SET_INTERACTION_MODE, {"names": joints, "modes": [mode]}),
+        python("set_interaction_mode", joints, mode),
+    )
+
+
+def of_position(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+    positions, speeds = given["positions"], given.get("speeds", [])
+    speed = [f"--speed={speeds[0]:.6g}"] if len(speeds) == 1 else []
+    fields = {"names": joints, "positions": positions} | ({"speeds": speeds} if speeds else {})
+    return Lines(
+        cbctl(board, "move", *pairs(joints, positions), *speed),
+        published(board, POSITION_COMMAND, fields),
+        python("position_move", joints, positions, *([speeds] if speeds else [])),
+    )
+
+
+def of_move(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+    positions, speeds = given["positions"], given.get("speeds", [])
+    fields = {"names": joints, "positions": positions} | ({"speeds": speeds} if speeds else {})
+    return Lines(
+        of_position(board, joints, given).cbctl,
+        sent(board, MOVE, fields),
+        python("move", joints, positions, *([speeds] if speeds else [])),
+    )
+
+
+def of_direct(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+    positions = given["positions"]
+    return Lines(
+        cbctl(board, "direct", *pairs(joints, positions)),
+        published(board, POSITION_DIRECT_COMMAND, {"names": joints, "positions": positions}),
+        python("set_position", joints, positions),
+    )
+
+
+def of_hold(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+    joint, kind, value = given["joint"], given["kind"], given["value"]
+    topic, field, unit, method = HELD[kind]
+    return Lines(
+        cbctl(board, kind, f"{joint}={value:.6g}{unit}"),
+        published(board, topic, {"names": [joint], field: [value]}, "-r 25"),
+        python(method, joint, value),
+    )
+
+
+def of_impedance(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+    stiffness, damping = given.get("stiffness"), given.get("damping")
+    options = [f"--stiffness={stiffness:.6g}"] if stiffness is not None else []
+    options += [f"--damping={damping:.6g}"] if damping is not None else []
+    fields = {
+        "names": joints,
+        "stiffness": [] if stiffness is None else [stiffness],
+        "damping": [] if damping is None else [damping],
+    }
+    return Lines(
+        cbctl(board, "impedance", *joints, *options),
+        called(board, SET_IMPEDANCE, fields) if stiffness is not None else "",
+        python("set_impedance", joints, stiffness, damping),
+    )
+
+
+def of_speed(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+    speed, acceleration = given.get("speed"), given.get("acceleration")
+    fields = {
+        "names": joints,
+        "speeds": [] if speed is None else [speed],
+        "accelerations": [] if acceleration is None else [acceleration],
+    }
+    commands = []
+    if speed is not None:
+        commands.append(cbctl(board, "speed", *pairs(joints, [speed])))
+    if acceleration is not None:
+        words = pairs(joints, [acceleration])
+        commands.append(cbctl(board, "speed", *words, "--acceleration"))
+    return Lines(
+        " && ".join(commands),
+        called(board, SET_REFERENCE_SPEED, fields),
+        python("set_reference_speed", joints, speed, acceleration),
+    )
+
+
+def of_gains(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+    front = f"{given['joint']}.{given['controller']}_pid"
+    values = {f"{front}.{gain}": value for gain, value in given["gains"].items()}
+    words = [f"{name}={value:.9g}" for name, value in values.items()]
+    ros2 = [
+        shlex.join(["ros2", "param", "set", board, name, f"{value:.9g}"])
+        for name, value in values.items()
+    ]
+    return Lines(
+        cbctl(board, "param", "set", *words),
+        " && ".join(ros2),
+        f"board.set_parameters({values!r})",
+    )
+
+
+def of_stop(board: str, joints: list[str], _: Mapping[str, Any]) -> Lines:
+    return Lines(
+        cbctl(board, "stop", *joints),
+        called(board, STOP, {"names": joints}),
+        python("stop", joints),
+    )
+
+
+def of_calibrate(board: str, joints: list[str], _: Mapping[str, Any]) -> Lines:
+    return Lines(
+        cbctl(board, "calibrate", *joints),
+        sent(board, CALIBRATE, {"names": joints}),
+        python("calibrate", joints),
+    )
+
+
+def of_configure(board: str, *_: Any) -> Lines:
+    return Lines(cbctl(board, "configure"), called(board, CONFIGURE, {}), python("configure"))
+
+
+def pairs(joints: list[str], values: list[float]) -> list[str]:
+    """``JOINT=VALUE`` words; one value goes to every joint."""
+    each = values * len(joints) if len(values) == 1 else values
+    return [f"{name}={value:.6g}" for name, value in zip(joints, each, strict=False)]
+
+
+WRITERS = {
+    "mode": of_mode,
+    "interaction": of_interaction,
+    "position": of_position,
+    "direct": of_direct,
+    "move": of_move,
+    "hold": of_hold,
+    "impedance": of_impedance,
+    "speed": of_speed,
+    "gains": of_gains,
+    "stop": of_stop,
+    "calibrate": of_calibrate,
+    "configure": of_configure,
+}

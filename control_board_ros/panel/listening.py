@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Subscriptions that are looked at when their content is wanted.
+
+A board publishes its state a hundred times a second and more; a screen shows sixty. So nobody is
+called for every message: the middleware keeps the newest, and the panel takes it when it draws.
+The state goes on to the browser as it came (CDR), which costs this process nothing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+
+from control_board_ros.interface import Endpoint
+
+
+class Newest:
+    """The newest message of a topic, as it came over the wire.
+
+    Args:
+        node: whose subscription it is.
+        topic: of the board.
+        board: full name of its node.
+    """
+
+    def __init__(self, node: Node, topic: Endpoint, board: str) -> None:
+        latched = topic.qos.latched
+        qos = QoSProfile(
+            depth=1,
+            reliability=ReliabilityPolicy.RELIABLE if latched else ReliabilityPolicy.BEST_EFFORT,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        )
+        self._node, self._kind = node, topic.load()
+        self._subscription = node.create_subscription(
+            self._kind, topic.of(board), ignore, qos, raw=True
+        )
+        self.raw: bytes | None = None
+
+    def take(self) -> bytes | None:
+        """The newest message since the last call; None where there is none."""
+        handle, raw = self._subscription.handle, None
+        with handle:
+            while (taken := handle.take_message(self._kind, True)) is not None:
+                raw = taken[0]
+        if raw is not None:
+            self.raw = raw
+        return raw
+
+    def read(self) -> Any:
+        """The message last taken; None where there was none yet."""
+        return None if self.raw is None else deserialize_message(self.raw, self._kind)
+
+    def take_read(self) -> Any:
+        """The newest message since the last call, read; None where there is none."""
+        return None if self.take() is None else self.read()
+
+    def close(self) -> None:
+        """Hear it no more."""
+        self._node.destroy_subscription(self._subscription)
+
+
+def ignore(_: Any) -> None:
+    """What a subscription is made with that no executor serves."""

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the operator does: requests to boards, controls that are held, and STOP."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import TYPE_CHECKING, Any
+
+from control_board_ros.client import BoardError
+from control_board_ros.core.selection import RequestError
+
+from . import doing
+from .boards import Board
+from .browser import MAX_RUNNING, Browser
+from .holds import Hold, Holds
+from .lines import Lines, lines_of
+from .requests import KINDS, Request
+
+if TYPE_CHECKING:
+    from .hub import Hub
+
+#: s between two sendings of a reference that is held.
+REPEAT = 0.04
+#: Requests that move joints until they end: STOP cancels them.
+LASTING = ("move", "calibrate", "pose")
+#: Modes in which the board's own stop does nothing: STOP makes these joints hold their position.
+UNHELD = ("torq", "open")
+#: Modes in which a joint follows positions: the board's own stop acts.
+STOPPABLE = ("pos", "posd", "vel", "mix")
+
+
+class Operating:
+    """Runs requests for the hub."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self.holds = Holds()
+
+    def start(self, browser: Browser, request: Request) -> None:
+        """Run a request; its answer goes to the browser, its line to all."""
+        if request.id in browser.running or len(browser.running) >= MAX_RUNNING:
+            text = "too many requests under way, or two of one id; wait for answers"
+            browser.tell("answer", id=request.id, ok=False, message=text)
+            return
+        loop = asyncio.get_running_loop()
+        task = loop.create_task(self._run(browser, request), name=request.do)
+        browser.running[request.id] = task
+        task.add_done_callback(lambda _: browser.running.pop(request.id, None))
+
+    async def _run(self, browser: Browser, request: Request) -> None:
+        try:
+            answer = await self._do(browser, request)
+        except asyncio.CancelledError:
+            answer = {"ok": False, "message": "cancelled"}
+        except (BoardError, RequestError) as error:
+            answer = {"ok": False, "message": str(error)}
+        lines = (lines_of(request) if request.board else Lines()).shown()
+        browser.tell("answer", id=request.id, lines=lines, **answer)
+        if KINDS[request.do].commands and not answer.pop("quiet", False):
+            self._hub.log(
+                browser.name,
+                request.do,
+                by=browser.number,
+                board=request.board,
+                lines=lines,
+                ok=answer["ok"],
+                message=answer["message"],
+            )
+
+    async def _do(self, browser: Browser, request: Request) -> dict[str, Any]:
+        if request.do == "stop" and not request.board:
+            return await self._stop_everything()
+        if request.do == "cancel":
+            task = browser.running.get(int(request.given["request"]))
+            if task is not None:
+                task.cancel()
+            return {"ok": task is not None, "message": "" if task else "it has ended already"}
+        board = self._hub.boards[request.board]
+        board.asking()
+        if request.do == "hold":
+            return await self._hold(browser, board, request)
+        if request.do == "release":
+            hold = self.holds.release(board.name, request.given["joint"])
+            await self.let_go([hold] if hold else [])
+            return {"ok": True, "message": "", "quiet": True}
+        if request.do == "stop":
+            return await self._stop(board, request.given.get("joints") or board.names)
+
+        def progress(share: float, words: str) -> None:
+            browser.tell("progress", id=request.id, share=share, words=words)
+
+        answer = await doing.DOERS[request.do](board, request.given, progress)
+        if request.do in ("position", "direct", "move") and await board.ask_targets():
+            self._hub.tell_targets(board)
+        return answer
+
+    async def _hold(self, browser: Browser, board: Board, request: Request) -> dict[str, Any]:
+        """A control is held: send its value at once; the loop repeats it."""
+        joint, kind, value = (request.given[key] for key in ("joint", "kind", "value"))
+        held = self.holds.get(board.name, joint)
+        fresh = held is None or held.kind != kind
+        if fresh or held is None:
+            rest = board.torque_reference(joint) if kind == "torque" else 0.0
+        else:
+            rest = held.rest
+        hold = Hold(browser.number, board.name, joint, kind, value, rest, 0.0)
+        self.holds.hold(hold, time.monotonic())
+        reply = await doing.send_held(board, kind, joint, value)
+        if not reply:
+            self.holds.release(board.name, joint)
+        return doing.told(reply) | {"quiet": not fresh}
+
+    async def let_go(self, holds: list[Hold]) -> None:
+        """Give joints what they had before."""
+        for hold in holds:
+            board = self._hub.boards.get(hold.board)
+            if board is not None:
+                try:
+                    await doing.send_held(board, hold.kind, hold.joint, hold.rest)
+                except (BoardError, RequestError) as error:
+                    self._hub.log("", f"{hold.board}: {error}")
+
+    def dismiss(self, number: int) -> None:
+        """Somebody operates no more: what he held is let go, what he had begun is cancelled."""
+        holds = self.holds.of_browser(number)
+        self._letting_go = asyncio.get_running_loop().create_task(self.let_go(holds))
+        browser = self._hub.browsers.get(number)
+        for task in list(browser.running.values()) if browser is not None else ():
+            task.cancel()
+
+    async def run(self) -> None:
+        """Repeat what is held, and let go of what nobody confirms; in the end of everything."""
+        try:
+            while True:
+                await self.let_go(self.holds.expired(time.monotonic()))
+                for hold in self.holds:
+                    board = self._hub.boards.get(hold.board)
+                    # A look away is enough for a control to be let go.
+                    if board is not None and self.holds.get(hold.board, hold.joint) is hold:
+                        await self._repeat(board, hold)
+                await asyncio.sleep(REPEAT)
+        finally:
+            await self.let_go(self.holds.everything())
+
+    async def _repeat(self, board: Board, hold: Hold) -> None:
+        try:
+            reply = await doing.send_held(board, hold.kind, hold.joint, hold.value)
+        except (BoardError, RequestError):
+            reply = None
+        if not reply:  # the joint has left its mode, or the board is gone
+            self.holds.release(hold.board, hold.joint)
+
+    async def _stop_everything(self) -> dict[str, Any]:
+        """STOP: let go of every control, cancel what lasts, stop every joint of every board."""
+        self.holds.everything()
+        for browser in self._hub.browsers.values():
+            for task in list(browser.running.values()):
+                if task.get_name() in LASTING:
+                    task.cancel()
+        boards = list(self._hub.boards.values())
+        answers = await asyncio.gather(
+            *(self._stop(board, board.names) for board in boards), return_exceptions=True
+        )
+        failed = []
+        for board, answer in zip(boards, answers, strict=True):
+            if isinstance(answer, asyncio.CancelledError):
+                raise answer
+            if isinstance(answer, BaseException):
+                failed.append(f"{board.name}: {answer}")
+            elif not answer["ok"]:
+                failed.append(f"{board.name}: {answer['message']}")
+        return {"ok": not failed, "message": "; ".join(failed)}
+
+    async def _stop(self, board: Board, names: list[str]) -> dict[str, Any]:
+        """Stop joints of a board; those under torque or output hold their position from now on."""
+        board.asking()
+        for name in names:
+            self.holds.release(board.name, name)
+        modes = dict(zip(board.names, board.modes.get("control", ()), strict=True))
+        unheld = [name for name in names if modes.get(name) in UNHELD]
+        moving = [name for name in names if modes.get(name) in STOPPABLE]
+        aio, answers = board.client.aio, []
+        if moving:
+            answers.append(doing.told(await aio.stop(moving)))
+        if unheld:
+            held = [holding_mode(board, name) for name in unheld]
+            answers.append(doing.told(await aio.set_control_mode(unheld, held)))
+        message = "; ".join(answer["message"] for answer in answers if answer["message"])
+        return {"ok": all(answer["ok"] for answer in answers), "message": message}
+
+
+def holding_mode(board: Board, name: str) -> str:
+    """The mode in which a joint keeps its position; without one, that without power."""
+    available = dict(zip(board.names, board.info.get("control", ()), strict=False))
+    return "pos" if "pos" in available.get(name, ("pos",)) else "idl"

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a browser may ask for: one row per request, and the check of what it sends. Pure.
+
+A message is ``{"id": 7, "do": "position", "board": "/control_board", "joints": ["a"], …}``. The
+numbers themselves are the board's to judge; here only their form is checked.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+MAX_NAMES = 256
+MAX_TEXT = 200
+
+
+class BadRequest(ValueError):  # noqa: N818  (HTTP's word)
+    """A message that is no request; one line for its sender.
+
+    Attributes: id (of the request; None where it cannot be read).
+    """
+
+    def __init__(self, text: str, id_: int | None = None) -> None:
+        super().__init__(text)
+        self.id = id_
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A request of a browser: its number, what to do, for which board, and the rest."""
+
+    id: int
+    do: str
+    board: str
+    given: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """What a request takes.
+
+    Attributes: needed and optional (field -> check), commands (whether it may change something:
+    then only the operator may, and nobody in read-only mode), to_all (no board need be named).
+    """
+
+    needed: Mapping[str, Callable[[Any], Any]]
+    optional: Mapping[str, Callable[[Any], Any]]
+    commands: bool = True
+    to_all: bool = False
+
+
+def text(value: Any) -> str:
+    """A text that is not too long."""
+    if not isinstance(value, str) or not 0 < len(value) <= MAX_TEXT:
+        raise ValueError(f"a text of 1 to {MAX_TEXT} characters")
+    return value
+
+
+def names(value: Any) -> list[str]:
+    """Names of joints; none means all."""
+    if not isinstance(value, list) or len(value) > MAX_NAMES:
+        raise ValueError(f"a list of at most {MAX_NAMES} names")
+    return [text(entry) for entry in value]
+
+
+def number(value: Any) -> float:
+    """A finite number."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise ValueError("a finite number")
+    return float(value)
+
+
+def numbers(value: Any) -> list[float]:
+    """Numbers, one for each joint."""
+    if not isinstance(value, list) or not 0 < len(value) <= MAX_NAMES:
+        raise ValueError(f"a list of 1 to {MAX_NAMES} numbers")
+    return [number(entry) for entry in value]
+
+
+def gains(value: Any) -> dict[str, float]:
+    """Gains by name."""
+    if not isinstance(value, dict) or not 0 < len(value) <= 10:
+        raise ValueError("an object of 1 to 10 gains")
+    return {text(key): number(entry) for key, entry in value.items()}
+
+
+def flag(value: Any) -> bool:
+    """True or false."""
+    if not isinstance(value, bool):
+        raise ValueError("true or false")
+    return value
+
+
+def one_of(*words: str) -> Callable[[Any], str]:
+    """One of some words."""
+
+    def check(value: Any) -> str:
+        if value not in words:
+            raise ValueError(f"one of {', '.join(words)}")
+        return str(value)
+
+    return check
+
+
+HOLDS = ("velocity", "torque", "output")
+JOINTS = {"joints": names}
+
+KINDS: dict[str, Kind] = {
+    # What watchers may do
+    "watch": Kind({"boards": names}, {}, commands=False, to_all=True),
+    "details": Kind({"joint": text}, {}, commands=False),
+    "poses": Kind({}, {"pose": text}, commands=False),
+    "operate": Kind({}, {}, commands=False, to_all=True),
+    "hand_over": Kind({"yes": flag}, {}, commands=False, to_all=True),
+    "step_back": Kind({}, {}, commands=False, to_all=True),
+    # What the operator may do
+    "stop": Kind({}, JOINTS, to_all=True),
+    "mode": Kind(JOINTS | {"mode": text}, {}),
+    "interaction": Kind(JOINTS | {"mode": text}, {}),
+    "position": Kind(JOINTS | {"positions": numbers}, {"speeds": numbers}),
+    "direct": Kind(JOINTS | {"positions": numbers}, {}),
+    "move": Kind(JOINTS | {"positions": numbers}, {"speeds": numbers}),
+    "hold": Kind({"joint": text, "kind": one_of(*HOLDS), "value": number}, {}),
+    "release": Kind({"joint": text, "kind": one_of(*HOLDS)}, {}),
+    "impedance": Kind(JOINTS, {"stiffness": number, "damping": number}),
+    "speed": Kind(JOINTS, {"speed": number, "acceleration": number}),
+    "gains": Kind({"joint": text, "controller": text, "gains": gains}, {}),
+    "calibrate": Kind(JOINTS, {}),
+    "configure": Kind({}, {}),
+    "pose": Kind({"pose": text}, {"speed": number}),
+    "save_pose": Kind({"pose": text}, {"speed": number}),
+    "cancel": Kind({"request": number}, {}, to_all=True),
+}
+
+
+def parse(message: str) -> Request:
+    """The request in a message.
+
+    Raises:
+        BadRequest: it is none.
+    """
+    try:
+        fields = json.loads(message)
+    except (ValueError, RecursionError):
+        raise BadRequest("this is no JSON") from None
+    if not isinstance(fields, dict):
+        raise BadRequest("a request is a JSON object")
+    id_ = fields.pop("id", None)
+    if isinstance(id_, bool) or not isinstance(id_, int) or not 0 <= id_ < 2**53:
+        raise BadRequest("a request has an id: a whole number, 0 or more")
+    do = fields.pop("do", None)
+    kind = KINDS.get(do) if isinstance(do, str) else None
+    if kind is None:
+        raise BadRequest(f"request {str(do)[:40]!r} unknown; one of {', '.join(KINDS)}", id_)
+    board = fields.pop("board", "")
+    if not isinstance(board, str) or len(board) > MAX_TEXT or not (board or kind.to_all):
+        raise BadRequest(f"{do} needs the name of a board", id_)
+    return Request(id_, do, board, checked(do, kind, fields, id_))
+
+
+def checked(do: str, kind: Kind, fields: dict[str, Any], id_: int) -> dict[str, Any]:
+    """The fields of a request, each of its form.
+
+    Raises:
+        BadRequest: one is missing, of another form, or unknown.
+    """
+    given = {}
+    for name, check in {**kind.needed, **kind.optional}.items():
+        value = fields.pop(name, None)
+        if value is None:
+            if name in kind.needed:
+                raise BadRequest(f"{do} needs {name}", id_)
+            continue
+        try:
+            given[name] = check(value)
+        except ValueError as error:
+            raise BadRequest(f"{name} of {do} is not valid; give {error}", id_) from None
+    if fields:
+        raise BadRequest(f"{do} takes no {', '.join(sorted(map(str, fields)))[:80]}", id_)
+    return given

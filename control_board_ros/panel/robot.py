@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robot as the page draws it: kinds of joints, and the meshes that the description names.
+
+A browser asks for a mesh by its number in the description, never by a path. What a description
+may name is bounded, too, for whoever speaks ROS can publish one: files of meshes only.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+from xml.etree import ElementTree
+
+#: What the page can draw, and how a browser is to take it.
+MEDIA = {
+    ".stl": "model/stl",
+    ".obj": "text/plain; charset=utf-8",
+    ".dae": "text/xml; charset=utf-8",
+}
+MAX_URDF = 8 * 1024 * 1024
+MAX_MESH = 64 * 1024 * 1024
+MAX_MESHES = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """What a description says.
+
+    Attributes: kinds (``revolute``, ``prismatic``, … by joint), stops (hard, rad or m; infinite
+    where there are none), urdf (with meshes by number), meshes (their files).
+    """
+
+    kinds: dict[str, str]
+    stops: dict[str, tuple[float, float]]
+    urdf: str
+    meshes: tuple[Path, ...]
+
+
+NO_ROBOT = Robot({}, {}, "", ())
+
+
+def read(urdf: str, prefix: str) -> Robot:
+    """Read a description; one that cannot be read gives NO_ROBOT.
+
+    Args:
+        urdf: the description.
+        prefix: of the address of each mesh; its number and ending follow.
+    """
+    if len(urdf) > MAX_URDF or "<!DOCTYPE" in urdf:  # no entities, hence no bombs
+        return NO_ROBOT
+    try:
+        root = ElementTree.fromstring(urdf)
+    except ElementTree.ParseError:
+        return NO_ROBOT
+    kinds, stops = {}, {}
+    for joint in root.findall("joint"):
+        name, kind = joint.get("name", ""), joint.get("type", "")
+        kinds[name] = kind
+        stops[name] = (-math.inf, math.inf) if kind == "continuous" else stops_of(joint)
+    numbers: dict[Path, int] = {}
+    for link in root.iter("link"):
+        for collision in link.findall("collision"):  # nobody sees it
+            link.remove(collision)
+    for mesh in root.iter("mesh"):
+        path = mesh_file(mesh.get("filename", ""))
+        if path is None or (path not in numbers and len(numbers) >= MAX_MESHES):
+            mesh.set("filename", "")
+            continue
+        number = numbers.setdefault(path, len(numbers))
+        mesh.set("filename", f"{prefix}{number}{path.suffix.lower()}")
+    return Robot(kinds, stops, ElementTree.tostring(root, "unicode"), tuple(numbers))
+
+
+def stops_of(joint: ElementTree.Element) -> tuple[float, float]:
+    """The stops of a joint; infinite where the description has none that can be read."""
+    limit = joint.find("limit")
+    if limit is None:
+        return -math.inf, math.inf
+    try:
+        return float(limit.get("lower", 0.0)), float(limit.get("upper", 0.0))
+    except ValueError:
+        return -math.inf, math.inf
+
+
+def mesh_file(name: str) -> Path | None:
+    """The file that a ``package://`` or ``file://`` address means; None where it is no mesh here.
+
+    What counts is where the file truly lies: a link of a mesh's name leads to no other file.
+    """
+    scheme, mark, rest = name.partition("://")
+    if not mark or "\0" in name or scheme not in ("package", "file"):
+        return None
+    inside = unquote(rest)
+    places = [Path(inside)] if scheme == "file" else [share / inside for share in share_folders()]
+    for place in places:
+        try:
+            path = place.resolve()
+            if (
+                place.is_absolute()
+                and ".." not in place.parts
+                and path.suffix.lower() in MEDIA
+                and path.is_file()
+                and path.stat().st_size <= MAX_MESH
+            ):
+                return path
+        except OSError:
+            continue
+    return None
+
+
+def share_folders() -> list[Path]:
+    """Where ROS packages install to."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    return [Path(prefix) / "share" for prefix in [*prefixes, sys.prefix] if prefix]

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The web server: the page, the robot's description and meshes, and one WebSocket per browser.
+
+Everything but the first page needs the cookie, which the address with the token sets.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import hashlib
+import re
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from . import security
+from .hub import Hub
+from .robot import MEDIA
+
+PAGE = Path(__file__).with_name("page")
+TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+TOKEN_WANTED = (
+    "This panel opens with the address that cbctl panel printed, with its token. "
+    "Was it started anew? Then its token is new, too.\n"
+)
+#: What a WebSocket is closed with: "policy violation", and "try again later".
+REFUSED, FULL = 1008, 1013
+
+Scope = dict[str, Any]
+App = Callable[[Any, Any, Any], Awaitable[None]]
+
+
+class Guard:
+    """Lets in who has the token, from pages of our own, under names of this machine.
+
+    Args:
+        app: what it guards.
+        token: in the address, and in the cookie.
+        cookie: its name.
+        names: of this machine.
+        policy: the Content-Security-Policy of the page.
+    """
+
+    def __init__(
+        self, app: App, token: str, cookie: str, names: frozenset[str], policy: str
+    ) -> None:
+        self._app, self._token, self._cookie, self._names = app, token, cookie, names
+        self._headers = [
+            (name.lower().encode(), value.encode())
+            for name, value in (security.HEADERS | {"Content-Security-Policy": policy}).items()
+        ]
+
+    async def __call__(self, scope: Scope, receive: Any, send: Any) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        connection = HTTPConnection(scope)
+        status, why = self._refusal(connection)
+        if not status:
+            await self._app(scope, receive, self._with_headers(send))
+        elif scope["type"] == "websocket":
+            await WebSocket(scope, receive, send).close(REFUSED, why)
+        else:
+            refusal = PlainTextResponse(why, status)
+            await refusal(scope, receive, self._with_headers(send))
+
+    def _refusal(self, connection: HTTPConnection) -> tuple[int, str]:
+        """The status and the reason to refuse a request with; 0 where it may pass."""
+        headers = connection.headers
+        host = headers.get("host")
+        if not security.allowed_host(host, self._names):
+            return 421, "This name is none of this machine's; use its address.\n"
+        if connection.scope["type"] == "websocket":
+            if not security.same_origin(headers.get("origin"), host):
+                return 403, "Only the panel's own page may connect.\n"
+        elif connection.scope["method"] not in ("GET", "HEAD"):
+            return 405, "Only GET.\n"
+        given = security.cookie_of(headers.get("cookie"), self._cookie)
+        if connection.url.path == "/":  # the cookie may be that of a panel before
+            given = connection.query_params.get("token", given)
+        return (0, "") if security.is_token(given, self._token) else (403, TOKEN_WANTED)
+
+    def _with_headers(self, send: Any) -> Any:
+        async def send_with_headers(message: dict[str, Any]) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", ()), *self._headers]
+            await send(message)
+
+        return send_with_headers
+
+
+def policy_of(page: str) -> str:
+    """A Content-Security-Policy: our own files, and the import map of the page by its hash."""
+    (imports,) = re.findall(r'<script type="importmap">(.*?)</script>', page, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(imports.encode()).digest()).decode()
+    return (
+        f"default-src 'none'; script-src 'self' 'sha256-{digest}'; style-src 'self'; "
+        "img-src 'self' data: blob:; connect-src 'self'; form-action 'none'; base-uri 'none'; "
+        "frame-ancestors 'none'"
+    )
+
+
+def make_app(
+    hub: Hub, token: str, port: int, names: frozenset[str], report: Callable[[str], None]
+) -> App:
+    """The application.
+
+    Args:
+        hub: what browsers share.
+        token: that they need.
+        port: that the server listens on; names the cookie.
+        names: of this machine, beside localhost.
+        report: called with a line for the log of the program.
+    """
+    index = (PAGE / "index.html").read_text("utf-8")
+    files = {
+        path.relative_to(PAGE).as_posix(): path
+        for path in PAGE.rglob("*")
+        if path.is_file() and path.suffix in TYPES and path.name != "index.html"
+    }
+    cookie = security.cookie_name(port)
+
+    async def page(_: Request) -> Response:
+        response = Response(index, media_type=TYPES[".html"])
+        response.set_cookie(cookie, token, httponly=True, samesite="strict")
+        return response
+
+    async def file(request: Request) -> Response:
+        path = files.get(request.path_params["path"])
+        if path is None:
+            return PlainTextResponse("no such file\n", 404)
+        return FileResponse(path, media_type=TYPES[path.suffix])
+
+    async def robot(request: Request) -> Response:
+        board = by_number(hub, request.path_params["number"])
+        if board is None or not board.robot.urdf:
+            return PlainTextResponse("no such robot\n", 404)
+        return Response(board.robot.urdf, media_type="text/xml; charset=utf-8")
+
+    async def mesh(request: Request) -> Response:
+        board = by_number(hub, request.path_params["number"])
+        mesh, _, ending = request.path_params["mesh"].partition(".")
+        meshes = () if board is None else board.robot.meshes
+        known = re.fullmatch(r"[0-9]{1,5}", mesh) and int(mesh) < len(meshes)
+        if not known or f".{ending}" != meshes[int(mesh)].suffix.lower():
+            return PlainTextResponse("no such mesh\n", 404)
+        path = meshes[int(mesh)]
+        if not path.is_file():
+            return PlainTextResponse("the mesh is gone\n", 404)
+        return FileResponse(path, media_type=MEDIA[f".{ending}"])
+
+    async def socket(websocket: WebSocket) -> None:
+        if len(hub.browsers) >= security.MAX_BROWSERS:
+            await websocket.close(FULL, f"{security.MAX_BROWSERS} browsers are connected already")
+            return
+        await websocket.accept()
+        await serve(hub, websocket)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        serving = asyncio.create_task(hub.run())
+        serving.add_done_callback(lambda task: ended(task, report))
+        yield
+        serving.cancel()
+        await asyncio.gather(serving, return_exceptions=True)
+
+    app = Starlette(
+        routes=[
+            Route("/", page),
+            Route("/page/{path:path}", file),
+            Route("/robot/{number:int}.urdf", robot),
+            Route("/mesh/{number:int}/{mesh}", mesh),
+            WebSocketRoute("/ws", socket),
+        ],
+        lifespan=lifespan,
+    )
+    return Guard(app, token, cookie, names, policy_of(index))
+
+
+def by_number(hub: Hub, number: int) -> Any:
+    """The board of a number, or None."""
+    return next((board for board in hub.boards.values() if board.number == number), None)
+
+
+def ended(task: asyncio.Task[None], report: Callable[[str], None]) -> None:
+    """Say why the hub has ended, where nobody ended it."""
+    if not task.cancelled() and (error := task.exception()) is not None:
+        report(f"the panel has an error and hears no more boards: {error!r}; start it anew")
+
+
+async def serve(hub: Hub, websocket: WebSocket) -> None:
+    """Serve one browser until it, or its connection, is gone."""
+    browser = hub.enter(name_of(websocket))
+    writing = asyncio.create_task(browser.write(websocket))
+    reading = asyncio.create_task(read(hub, browser, websocket))
+    try:
+        await asyncio.wait({writing, reading}, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in (writing, reading):
+            task.cancel()
+        await asyncio.gather(writing, reading, return_exceptions=True)
+        await hub.leave(browser)
+    if browser.lost:
+        with contextlib.suppress(RuntimeError, WebSocketDisconnect):  # it is gone already
+            await websocket.close(REFUSED, "too many messages, or read too slowly")
+
+
+async def read(hub: Hub, browser: Any, websocket: WebSocket) -> None:
+    """Take its messages until it is gone."""
+    with contextlib.suppress(WebSocketDisconnect):
+        while not browser.lost:
+            message = await websocket.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            hub.receive(browser, message.get("text") or "")
+
+
+def name_of(websocket: WebSocket) -> str:
+    """A browser for people: its kind, and where it is."""
+    agent = websocket.headers.get("user-agent", "")
+    kinds = ("Firefox", "Edg", "Chrome", "Safari")
+    kind = next((kind for kind in kinds if kind in agent), "browser").replace("Edg", "Edge")
+    device = "phone" if "Mobile" in agent else "desk"
+    client = websocket.client
+    return f"{kind} ({device}, {client.host if client else '?'})"

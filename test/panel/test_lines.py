@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The lines to copy are what cbctl, ros2 and Python take."""
+
+from __future__ import annotations
+
+import ast
+import json
+import shlex
+from typing import Any
+
+import pytest
+
+from control_board_ros import interface
+from control_board_ros.cli.arguments import Parser, arguments_of
+from control_board_ros.cli.options import hoist, read_options
+from control_board_ros.cli.verbs import load
+from control_board_ros.client import ControlBoardClient
+from control_board_ros.panel.lines import WRITERS, lines_of
+from control_board_ros.panel.requests import KINDS, Request
+
+GIVEN: dict[str, dict[str, Any]] = {
+    "mode": {"joints": ["a", "b"], "mode": "vel"},
+    "interaction": {"joints": [], "mode": "comp"},
+    "position": {"joints": ["a", "b"], "positions": [0.5, -1.0], "speeds": [0.2]},
+    "move": {"joints": ["a"], "positions": [0.5], "speeds": [0.2]},
+    "direct": {"joints": ["a"], "positions": [-0.5]},
+    "hold": {"joint": "a", "kind": "velocity", "value": -0.1},
+    "impedance": {"joints": ["a"], "stiffness": 10.0, "damping": 1.0},
+    "speed": {"joints": ["a"], "speed": 0.2, "acceleration": 1.5},
+    "gains": {"joint": "a", "controller": "position", "gains": {"kp": 10.0, "kd": 1e-7}},
+    "stop": {"joints": ["a"]},
+    "calibrate": {"joints": []},
+    "configure": {},
+}
+
+
+def test_every_request_that_a_board_takes_has_lines() -> None:
+    without = {"release", "cancel", "pose", "save_pose"}
+    assert {do for do, kind in KINDS.items() if kind.commands} - without == set(WRITERS)
+    assert set(GIVEN) == set(WRITERS)
+
+
+@pytest.mark.parametrize("do", GIVEN)
+@pytest.mark.parametrize("board", ["/control_board", "/icub/left_arm", "/it's"])
+def test_lines(do: str, board: str) -> None:
+    lines = lines_of(Request(1, do, board, GIVEN[do]))
+    for line in lines.cbctl.split(" && "):
+        program, *words = shlex.split(line)
+        front, (verb, *rest) = hoist(words)
+        options, _ = read_options(front, [])
+        assert program == "cbctl"
+        assert options.board == board.removeprefix("/" if board == "/control_board" else "")
+        Parser(verb, arguments_of(load(verb))).read(rest)
+    call = ast.parse(lines.python, mode="eval").body
+    assert isinstance(call, ast.Call)
+    assert isinstance(call.func, ast.Attribute)
+    assert hasattr(ControlBoardClient, call.func.attr)
+    if do != "gains":
+        word, name, kind, fields = ros2_words(lines.ros2)
+        endpoint = next(e for e in interface.ENDPOINTS if e.of(board) == name)
+        assert (word, kind) == (WORDS[endpoint.kind], endpoint.type)
+        assert set(json.loads(fields)) <= set(request_fields(endpoint))
+
+
+WORDS = {"service": "service", "command": "topic", "action": "action"}
+
+
+def ros2_words(line: str) -> tuple[str, str, str, str]:
+    """What a line of ros2 speaks to, its name, its type, and the fields."""
+    program, word, _, *rest = shlex.split(line)
+    assert program == "ros2"
+    name, kind, fields = rest[-3:]
+    return word, name, kind, fields
+
+
+def request_fields(endpoint: interface.Endpoint) -> list[str]:
+    """The fields that one sends to an endpoint."""
+    kind = endpoint.load()
+    asked = getattr(kind, "Request", getattr(kind, "Goal", kind))
+    return list(asked.get_fields_and_field_types())

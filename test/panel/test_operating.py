@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who operates, what is held, what STOP does, and what happens when somebody goes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+from standins import Panel, StandIn, panel_of
+
+from control_board_ros.panel import lease
+from control_board_ros.panel.holds import PATIENCE, Hold, Holds
+from control_board_ros.panel.lease import ANSWER_TIME, Lease
+from control_board_ros.panel.security import TokenBucket
+
+HOLD = {"board": "/b", "joint": "b", "kind": "velocity", "value": 0.5}
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Panel]:
+    with panel_of(StandIn("/b", 0, ["pos", "vel", "torq", "idl"])) as panel:
+        yield panel
+
+
+@pytest.fixture
+def panel(shared: Panel) -> Iterator[Panel]:
+    shared.board().calls.made.clear()
+    shared.board().calls.refused = ""
+    yield shared
+    shared.close()
+
+
+def test_the_first_operates_and_the_others_watch(panel: Panel) -> None:
+    first = panel.browser()
+    one = first.read("hello")["you"]
+    assert first.read("operator", holder=one)
+    second = panel.browser()
+    assert second.read("operator", holder=one)
+    assert first.ask("mode", board="/b", joints=["a"], mode="vel")["ok"]
+    assert second.read("log", what="mode")["lines"]["cbctl"] == "cbctl --board /b mode a vel"
+
+
+def test_taking_over_is_asked(panel: Panel) -> None:
+    first, second = panel.browser(), panel.browser()
+    one, two = first.read("hello")["you"], second.read("hello")["you"]
+    assert second.ask("operate")["ok"]
+    assert first.read("operator", asking=two, holder=one)
+    assert first.ask("hand_over", yes=False)["ok"]
+    assert second.read("notice")
+    assert second.read("operator", asking=None, holder=one)
+    second.ask("operate")
+    assert second.ask("hand_over", yes=True)["ok"] is False  # not his to give
+    first.ask("hand_over", yes=True)
+    assert second.read("operator", holder=two)
+    assert first.ask("mode", board="/b", joints=["a"], mode="idl")["ok"] is False
+
+
+def test_what_is_held_ends_with_the_operator(panel: Panel) -> None:
+    """The one who takes over gets joints that stand."""
+    first, second = panel.browser(), panel.browser()
+    first.read("hello")
+    two = second.read("hello")["you"]
+    assert first.ask("hold", **HOLD)["ok"]
+    moving = first.send("move", board="/b", joints=["a"], positions=[1.0])
+    panel.board().calls.wait_for("move", ["a"], 1.0)
+    second.ask("operate")
+    first.ask("hand_over", yes=True)
+    second.read("operator", holder=two)
+    panel.board().calls.wait_for("velocity_move", "b", 0.0)
+    panel.board().calls.wait_for("move cancelled")
+    assert first.read("answer", id=moving)["ok"] is False
+
+
+def test_a_hold_ends_when_nobody_confirms_it(panel: Panel) -> None:
+    """Without a word more from the browser: the reference is repeated, then 0."""
+    browser = panel.browser()
+    assert browser.ask("hold", **HOLD)["ok"]
+    calls = panel.board().calls
+    calls.wait_for("velocity_move", "b", 0.0)
+    made = list(calls.made)
+    assert made.count(("velocity_move", "b", 0.5)) >= 2
+    assert made[-1] == ("velocity_move", "b", 0.0)
+    assert not panel.hub.operating.holds
+
+
+def test_a_hold_ends_with_its_connection(panel: Panel) -> None:
+    browser = panel.browser()
+    assert browser.ask("hold", **HOLD)["ok"]
+    browser.socket.close()
+    panel.board().calls.wait_for("velocity_move", "b", 0.0)
+
+
+def test_torque_goes_back_to_what_held_the_load(panel: Panel) -> None:
+    browser = panel.browser()
+    held = {"board": "/b", "joint": "c", "kind": "torque"}
+    assert browser.ask("hold", **held, value=9.0)["ok"]
+    assert browser.ask("release", **held)["ok"]
+    panel.board().calls.wait_for("set_ref_torque", "c", 7.5)
+
+
+def test_a_hold_that_the_board_refuses_is_not_repeated(panel: Panel) -> None:
+    panel.board().calls.refused = "mode is POSITION"
+    answer = panel.browser().ask("hold", **HOLD)
+    assert answer["ok"] is False
+    assert answer["message"] == "mode is POSITION"
+    assert not panel.hub.operating.holds
+
+
+def test_a_move_is_cancelled_with_its_connection(panel: Panel) -> None:
+    browser = panel.browser()
+    browser.send("move", board="/b", joints=["a"], positions=[1.0])
+    panel.board().calls.wait_for("move", ["a"], 1.0)
+    browser.socket.close()
+    panel.board().calls.wait_for("move cancelled")
+
+
+def test_stop_stops_everything(panel: Panel) -> None:
+    """Also of somebody who watches: moves end, holds end, joints under torque hold."""
+    operator, watcher = panel.browser(), panel.browser()
+    operator.read("hello")
+    watcher.read("hello")
+    operator.send("move", board="/b", joints=["a"], positions=[1.0])
+    assert operator.ask("hold", **HOLD)["ok"]
+    panel.board().calls.wait_for("move", ["a"], 1.0)
+    assert watcher.ask("stop")["ok"]
+    calls = panel.board().calls
+    calls.wait_for("move cancelled")
+    calls.wait_for("stop", ["a", "b"])
+    calls.wait_for("set_control_mode", ["c"], ["pos"])
+    assert not panel.hub.operating.holds
+    assert operator.read("log", what="stop")["by"] != operator.told[0]["you"]
+
+
+def test_what_others_command_is_told(panel: Panel) -> None:
+    browser = panel.browser()
+    browser.read("hello")
+    panel.board().heard.append("command/position: a 0.5")
+    assert "a 0.5" in browser.read("log", who="another program")["what"]
+
+
+def test_the_operator_steps_back(panel: Panel) -> None:
+    first, second = panel.browser(), panel.browser()
+    first.read("hello")
+    two = second.read("hello")["you"]
+    assert first.ask("step_back")["ok"]
+    assert first.ask("mode", board="/b", joints=[], mode="idl")["ok"] is False
+    assert second.ask("operate")["message"] == ""
+    assert second.read("operator", holder=two)
+
+
+def test_silence_hands_the_lease_over() -> None:
+    lease_ = Lease()
+    assert lease_.ask(1, 0.0) == ""
+    assert lease_.ask(2, 1.0)
+    assert "already" in lease_.ask(3, 2.0)
+    assert not lease_.tick(1.0 + 0.99 * ANSWER_TIME)
+    assert lease_.ask(2, 5.0)  # asking again gains no time
+    assert lease_.tick(1.0 + ANSWER_TIME)
+    assert lease_.holder == 2
+    assert lease_.asking is None
+
+
+def test_who_asks_gets_what_the_operator_leaves() -> None:
+    lease_ = lease.Lease()
+    lease_.ask(1, 0.0)
+    lease_.ask(2, 0.0)
+    assert lease_.leave(1)
+    assert lease_.holder == 2
+    assert not lease_.leave(1)
+    assert lease_.leave(2)
+    assert lease_.holder is None
+
+
+def test_holds() -> None:
+    one = Hold(1, "/b", "a", "velocity", 0.1, 0.0, 0.0)
+    other = replace(one, browser=2, joint="b")
+    holds = Holds()
+    holds.hold(one, 10.0)
+    holds.hold(other, 10.0 + PATIENCE / 2.0)
+    assert holds.expired(10.0 + 0.9 * PATIENCE) == []
+    assert holds.expired(10.0 + PATIENCE) == [one]
+    assert holds.of_browser(1) == []
+    assert holds.of_browser(2) == [other]
+    assert len(holds) == 0
+    assert holds.release("/b", "a") is None
+
+
+def test_a_bucket() -> None:
+    bucket = TokenBucket.full(rate=2.0, burst=3.0, now=0.0)
+    assert [bucket.take(0.0) for _ in range(4)] == [True, True, True, False]
+    assert not bucket.take(0.4)
+    assert bucket.take(0.6)
+    assert not bucket.take(0.6)
+    assert [bucket.take(100.0) for _ in range(4)] == [True, True, True, False]
