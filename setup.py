@@ -310,7 +310,10 @@ setup(
     "with a simulated arm",
     license="Apache-2.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "discovery.xml", "description/shipped/*.urdf"]},
+    package_data={
+        NAME: ["py.typed", "discovery.xml", "description/shipped/*.urdf"],
+        f"{NAME}.panel": ["page/*", "page/vendor/*", "page/vendor/loaders/*"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

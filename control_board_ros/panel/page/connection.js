@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+// The WebSocket: requests with numbers and their answers, messages, frames; it comes back by itself.
+
+import { readFrame } from "./cdr.js";
+
+const AGAIN = 1000; // ms until the next try
+
+export class Connection extends EventTarget {
+  constructor() {
+    super();
+    this.open = false;
+    this.next = 1;
+    this.waiting = new Map();
+    this.connect();
+  }
+
+  connect() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const base = location.pathname.replace(/[^/]*$/, "");
+    this.socket = new WebSocket(`${scheme}://${location.host}${base}ws`);
+    this.socket.binaryType = "arraybuffer";
+    this.socket.onopen = () => { this.open = true; this.emit("open"); };
+    this.socket.onclose = (event) => {
+      this.open = false;
+      for (const { done } of this.waiting.values()) done({ ok: false, message: "the connection is gone" });
+      this.waiting.clear();
+      this.emit("closed", { reason: event.reason });
+      setTimeout(() => this.connect(), AGAIN);
+    };
+    this.socket.onmessage = ({ data }) => {
+      if (data instanceof ArrayBuffer) this.emit("frame", readFrame(data));
+      else this.receive(JSON.parse(data));
+    };
+  }
+
+  emit(name, detail = {}) { this.dispatchEvent(Object.assign(new Event(name), { detail })); }
+
+  on(name, listener) { this.addEventListener(name, (event) => listener(event.detail)); }
+
+  receive(message) {
+    const asked = this.waiting.get(message.id);
+    if (message.is === "answer" && asked) {
+      this.waiting.delete(message.id);
+      asked.done(message);
+    } else if (message.is === "progress" && asked) {
+      asked.progress?.(message);
+    }
+    this.emit(message.is, message);
+  }
+
+  /** Send a request; a promise of its answer. The promise bears the request's id. */
+  ask(what, fields = {}, progress = null) {
+    const id = this.next++;
+    const answer = new Promise((done) => {
+      if (!this.open) { done({ ok: false, message: "no connection to the panel's server" }); return; }
+      this.waiting.set(id, { done, progress });
+      this.socket.send(JSON.stringify({ id, do: what, ...fields }));
+    });
+    return Object.assign(answer, { id });
+  }
+}

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a joint has beside its state: speeds, impedance, gains, calibration.
+
+import { h, setText } from "./dom.js";
+import { number, parse, unitOf } from "./units.js";
+
+const TITLES = { speed: "Reference speed", acceleration: "Reference acceleration", stiffness: "Stiffness", damping: "Damping" };
+const GAINS = ["kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"];
+const CONTROLLERS = { position: "Position PID", direct: "Direct PID", torque: "Torque PID", current: "Current PID" };
+const plain = (value) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(6))));
+
+/** A group of numbers that are applied together: the value in force, the one wanted. */
+class Group {
+  constructor(title, fields, panel, apply) {
+    Object.assign(this, { fields, panel });
+    this.rows = fields.map((field) => {
+      const now = h("span", { class: "now" });
+      const input = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `${title}: ${field.title}, wanted` });
+      input.addEventListener("input", () => this.changed());
+      input.addEventListener("keydown", (event) => { if (event.key === "Enter") this.send(); });
+      return { field, now, input, value: null, element: h("label", { class: "row" }, h("span", { class: "name" }, field.title), now, input, h("span", { class: "u" }, field.unit())) };
+    });
+    this.apply = h("button", { type: "button", class: "command primary", onclick: () => this.send(), "aria-label": `Apply ${title}` }, "Apply");
+    this.revert = h("button", { type: "button", onclick: () => this.reset(), "aria-label": `Revert ${title}` }, "Revert");
+    this.sendValues = apply;
+    this.element = h("fieldset", { class: "group" }, h("legend", {}, title), ...this.rows.map((row) => row.element), h("div", { class: "buttons" }, this.apply, this.revert));
+  }
+
+  fill(values) {
+    for (const row of this.rows) {
+      row.value = values[row.field.name] ?? null;
+      setText(row.now, row.field.show(row.value));
+    }
+    this.reset();
+  }
+
+  reset() {
+    for (const row of this.rows) { row.input.value = row.value === null ? "" : row.field.show(row.value); row.input.classList.remove("wrong"); }
+    this.changed();
+  }
+
+  wanted() {
+    const found = {};
+    for (const row of this.rows) {
+      if (row.input.value === (row.value === null ? "" : row.field.show(row.value))) continue;
+      const value = row.field.parse(row.input.value);
+      row.input.classList.toggle("wrong", value === null);
+      if (value === null) return null;
+      found[row.field.name] = value;
+    }
+    return found;
+  }
+
+  changed() {
+    const wanted = this.wanted();
+    const differs = wanted === null || Object.keys(wanted).length > 0;
+    this.element.classList.toggle("differs", differs);
+    this.apply.dataset.idle = String(!differs || wanted === null);
+    this.revert.disabled = !differs;
+    this.panel.permit(this.element);
+  }
+
+  async send() {
+    const wanted = this.wanted();
+    if (wanted && Object.keys(wanted).length) await this.sendValues(wanted);
+  }
+}
+
+export class Details {
+  constructor(joint, panel) {
+    Object.assign(this, { joint, panel });
+    const one = { board: joint.board.name, joints: [joint.name] };
+    const quantity = (name) => ({
+      name, title: TITLES[name], unit: () => unitOf(name, joint.sliding)[1],
+      show: (value) => number(value, name, joint.sliding), parse: (text) => parse(text, name, joint.sliding),
+    });
+    const again = (answer) => { this.load(); return answer; };
+    this.speeds = new Group("Speeds", ["speed", "acceleration"].map(quantity), panel, (wanted) => panel.request("speed", { ...one, ...wanted }).then(again));
+    this.impedance = joint.interactions.includes("comp")
+      ? new Group("Impedance", ["stiffness", "damping"].map(quantity), panel, (wanted) => panel.request("impedance", { ...one, ...wanted }).then(again)) : null;
+    this.gains = h("div", { class: "gains" });
+    this.groups = new Map();
+    this.calibrate = h("button", { type: "button", class: "command", onclick: () => this.runCalibration(), "aria-label": `Calibrate ${joint.short}` }, "Calibrate");
+    this.idle = h("button", { type: "button", class: "command", onclick: () => panel.request("mode", { ...one, mode: "fidl" }), "aria-label": `Force ${joint.short} to idle: no power` }, "Force idle");
+    this.progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": `Calibration of ${joint.short}` });
+    this.phase = h("span", { class: "phase" });
+    this.element = h("div", {}, h("div", { class: "groups" }, this.speeds.element, this.impedance?.element),
+      h("details", { class: "gain-box", "aria-label": `Gains of ${joint.short}` }, h("summary", {}, "Gains"), this.gains),
+      h("div", { class: "buttons" }, this.calibrate, this.idle, this.progress, this.phase));
+    this.load();
+  }
+
+  permit() { this.panel.permit(this.element); }
+
+  async load() {
+    const answer = await this.panel.ask("details", { board: this.joint.board.name, joint: this.joint.name });
+    if (!answer.ok) { setText(this.phase, answer.message); return; }
+    const { details } = answer;
+    this.joint.speed = details.speed;
+    this.speeds.fill(details);
+    this.impedance?.fill(details);
+    for (const [controller, values] of Object.entries(details.gains)) this.fillGains(controller, values);
+    this.permit();
+  }
+
+  fillGains(controller, values) {
+    let group = this.groups.get(controller);
+    if (!group) {
+      const fields = GAINS.filter((gain) => gain in values).map((gain) => ({
+        name: gain, title: gain.replace("_", " "), unit: () => "", show: plain,
+        parse: (text) => (text.trim() && Number.isFinite(Number(text)) ? Number(text) : null),
+      }));
+      group = new Group(CONTROLLERS[controller], fields, this.panel, (wanted) => this.panel.request("gains", {
+        board: this.joint.board.name, joint: this.joint.name, controller, gains: wanted,
+      }).then((answer) => { this.load(); return answer; }));
+      this.groups.set(controller, group);
+      this.gains.append(group.element);
+    }
+    group.fill(values);
+  }
+
+  async runCalibration() {
+    this.progress.hidden = false;
+    const show = ({ share, words }) => { this.progress.value = share; setText(this.phase, words); };
+    const answer = await this.panel.request("calibrate", { board: this.joint.board.name, joints: [this.joint.name] }, show);
+    this.progress.hidden = true;
+    setText(this.phase, answer.ok ? "calibrated" : answer.message);
+  }
+}

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Modes for people: names, colours (in style.css, by code), what each takes, why nothing moves.
+
+export const MODES = {
+  pos: "Position", posd: "Position direct", vel: "Velocity", mix: "Mixed", torq: "Torque",
+  open: "Open loop", idl: "Idle", hwfa: "Hardware fault", cal: "Calibrating", cfgn: "Not configured",
+};
+export const INTERACTIONS = { stif: "Stiff", comp: "Compliant" };
+
+/** What a mode takes: position (a slider that sends), or a hold (acts while held). */
+export const TAKES = {
+  pos: ["position"], posd: ["direct"], mix: ["position", "velocity"], vel: ["velocity"],
+  torq: ["torque"], open: ["output"],
+};
+
+const WHY = {
+  idl: "Idle: no power. Choose a mode to hold the joint.",
+  hwfa: "In fault: no power. Clear the fault first.",
+  cal: "Calibrating: commands wait until it is done.",
+  cfgn: "Not configured: the board waits for its configuration.",
+  vel: "Velocity is zero. Hold the slider to move.",
+  torq: "Torque control: the joint follows its load until the slider is held.",
+  open: "Output is 0 %: nothing drives the joint until the slider is held.",
+};
+
+/** Why a joint does not move now; empty where there is nothing to say. */
+export function whyStill(joint) {
+  const { mode, state } = joint;
+  if (!state) return "Waiting for its state.";
+  if (!state.calibrated) return "Uncalibrated: calibrate the joint first.";
+  if (mode === "vel" && Math.abs(state.velocity_reference) > 1e-4) return "";
+  if (mode === "open" && Math.abs(state.output) > 0.05) return "";
+  if ((mode === "pos" || mode === "mix") && joint.speed === 0) return "Its reference speed is zero.";
+  return WHY[mode] ?? "";
+}

@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// Live plots of any signals: one chart per unit, one time axis, one cursor.
+
+import { download, h, icon, segmented } from "./dom.js";
+import { LABELS, unitOf } from "./units.js";
+
+const WINDOWS = { 5: "5 s", 20: "20 s", 60: "60 s" };
+const HEIGHT = 150;
+const MOST = 12; // signals
+const COLOURS = ["#4c9be8", "#e8964c", "#5cba7d", "#d8636f", "#a884e0", "#c9b23e", "#45b5bd", "#d77fb8", "#8f9aa8", "#b08357", "#6f86f0", "#7fae3c"];
+
+export class Plots {
+  constructor(element, panel) {
+    Object.assign(this, { panel, element, signals: [], charts: [], paused: false, window: 20, dirty: false });
+    this.windows = h("div", { class: "segmented small", role: "radiogroup", "aria-label": "Time shown" });
+    this.pauseButton = h("button", { type: "button", class: "ghost", onclick: () => this.pause(!this.paused) });
+    this.png = h("button", { type: "button", class: "small-button", onclick: () => this.savePicture(), "aria-label": "Save the plots as PNG" }, "PNG");
+    this.csv = h("button", { type: "button", class: "small-button", onclick: () => this.saveTable(), "aria-label": "Save the plots as CSV" }, "CSV");
+    this.adder = h("select", { "aria-label": "Add a signal of all joints shown", onchange: () => this.addAll() },
+      h("option", { value: "" }, "Add …"), ...Object.entries(LABELS).map(([signal, label]) => h("option", { value: signal }, label)));
+    this.clearButton = h("button", { type: "button", class: "small-button", onclick: () => this.clear(), "aria-label": "Remove all plots" }, "Clear");
+    this.body = h("div", { class: "charts" });
+    this.legend = h("ul", { class: "legend", "aria-label": "Signals in the plots" });
+    element.replaceChildren(h("header", {}, h("h2", {}, "Plots"), this.adder, this.windows, this.pauseButton, this.png, this.csv, this.clearButton), this.legend, this.body);
+    this.pause(false);
+    this.drawWindows();
+    this.rebuild();
+    new ResizeObserver(() => this.resize()).observe(this.body);
+  }
+
+  drawWindows() {
+    segmented(this.windows, "Time shown", WINDOWS, String(this.window), (seconds) => { this.window = Number(seconds); this.drawWindows(); });
+  }
+
+  addAll() {
+    const signal = this.adder.value;
+    this.adder.value = "";
+    if (signal) for (const { joint } of this.panel.cards.slice(0, MOST)) if (!this.find(joint, signal)) this.add(joint, signal);
+  }
+
+  find(joint, signal) { return this.signals.find((s) => s.joint.key === joint.key && s.signal === signal); }
+
+  toggle(joint, signal) {
+    const there = this.find(joint, signal);
+    if (there) this.remove(there); else this.add(joint, signal);
+  }
+
+  add(joint, signal) {
+    if (this.signals.length >= MOST) this.signals.shift();
+    const used = new Set(this.signals.map((s) => s.colour));
+    this.signals.push({ joint, board: joint.board.name, signal, colour: COLOURS.find((c) => !used.has(c)) ?? COLOURS[0], times: [], values: [] });
+    this.rebuild();
+  }
+
+  remove(signal) { this.signals = this.signals.filter((s) => s !== signal); this.rebuild(); }
+
+  clear() { this.signals = []; this.rebuild(); }
+
+  pause(paused) {
+    this.paused = paused;
+    this.pauseButton.replaceChildren(icon(paused ? "play" : "pause"));
+    this.pauseButton.setAttribute("aria-label", paused ? "Go on plotting" : "Pause the plots");
+    this.pauseButton.setAttribute("aria-pressed", String(paused));
+  }
+
+  /** With each state of a board. */
+  take(board) {
+    if (this.paused) return;
+    for (const s of this.signals) {
+      if (s.board !== board.name) continue;
+      const value = board.joint(s.joint.name)?.state?.[s.signal];
+      if (s.times.length && board.stamp < s.times.at(-1)) { s.times.length = 0; s.values.length = 0; }
+      if (board.stamp === s.times.at(-1)) continue;
+      s.times.push(board.stamp);
+      s.values.push(Number.isFinite(value) ? value : null);
+      this.dirty = true;
+      if (s.times[0] < board.stamp - 90) { s.times.splice(0, 300); s.values.splice(0, 300); }
+    }
+  }
+
+  rebuild() {
+    for (const { plot } of this.charts) plot.destroy();
+    const units = new Map();
+    for (const s of this.signals) {
+      const unit = unitOf(s.signal, s.joint.sliding)[1];
+      units.set(unit, [...(units.get(unit) ?? []), s]);
+    }
+    this.body.replaceChildren();
+    this.charts = [...units].map(([unit, signals]) => ({ unit, signals, plot: this.chart(unit, signals) }));
+    this.legend.replaceChildren(...this.signals.map((s) => {
+      const dot = h("span", { class: "dot" });
+      dot.style.background = s.colour;
+      const name = `${s.joint.short} ${LABELS[s.signal].toLowerCase()}`;
+      return h("li", {}, dot, h("span", {}, name), h("button", { type: "button", class: "ghost", "aria-label": `Remove ${name} from the plots`, onclick: () => this.remove(s) }, icon("close")));
+    }));
+    for (const button of [this.png, this.csv, this.clearButton, this.pauseButton]) button.disabled = !this.signals.length;
+    if (!this.signals.length) this.body.replaceChildren(h("p", { class: "hint" }, "Double-click a value of a joint to plot it."));
+    this.dirty = true;
+  }
+
+  chart(unit, signals) {
+    const style = getComputedStyle(document.documentElement);
+    const ink = style.getPropertyValue("--dim").trim();
+    const grid = { stroke: style.getPropertyValue("--line").trim(), width: 1 };
+    const axis = { stroke: ink, grid, ticks: { show: false }, font: "11px system-ui, sans-serif" };
+    return new window.uPlot({
+      width: Math.max(this.body.clientWidth, 200), height: HEIGHT, legend: { show: false }, pxAlign: 0,
+      cursor: { sync: { key: "panel" }, drag: { x: false, y: false }, points: { size: 6 } },
+      scales: { x: { time: false } },
+      axes: [{ ...axis, size: 26, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} s`.replace("-", "−"))) },
+        { ...axis, size: 54, label: unit, labelSize: 14, labelFont: "11px system-ui, sans-serif", labelGap: 0 }],
+      series: [{}, ...signals.map((s) => ({ label: `${s.joint.short} ${s.signal}`, stroke: s.colour, width: 1.6, points: { show: false }, spanGaps: true }))],
+      plugins: [{ hooks: { setCursor: [(plot) => this.readout(plot, unit, signals)] } }],
+    }, [[], ...signals.map(() => [])], this.body);
+  }
+
+  readout(plot, unit, signals) {
+    const { idx } = plot.cursor;
+    let box = plot.over.querySelector(".readout-box");
+    if (!box) { box = h("div", { class: "readout-box" }); plot.over.append(box); }
+    box.hidden = idx === null || idx === undefined;
+    if (box.hidden) return;
+    const time = plot.data[0][idx];
+    box.replaceChildren(h("div", { class: "t" }, `${time?.toFixed(2)} s`), ...signals.map((s, k) => {
+      const value = plot.data[k + 1][idx];
+      const row = h("div", {}, `${s.joint.short}: ${value === null || value === undefined ? "–" : value.toFixed(unitOf(s.signal, s.joint.sliding)[2] + 1)} ${unit}`);
+      row.style.color = s.colour;
+      return row;
+    }));
+    box.style.left = plot.cursor.left > plot.over.clientWidth / 2 ? "4px" : "auto";
+    box.style.right = plot.cursor.left > plot.over.clientWidth / 2 ? "auto" : "4px";
+  }
+
+  draw() {
+    if (!this.dirty || document.hidden) return;
+    this.dirty = false;
+    const now = Math.max(...this.signals.map((s) => s.times.at(-1) ?? 0));
+    for (const { signals, plot } of this.charts) {
+      const tables = signals.map((s) => {
+        const factor = unitOf(s.signal, s.joint.sliding)[0];
+        const first = Math.max(s.times.findIndex((t) => t >= now - this.window), 0);
+        return [s.times.slice(first).map((t) => t - now), s.values.slice(first).map((v) => (v === null ? null : v * factor))];
+      });
+      const data = tables.length === 1 ? tables[0] : window.uPlot.join(tables);
+      plot.batch(() => { plot.setData(data, false); plot.setScale("x", { min: -this.window, max: 0 }); });
+    }
+  }
+
+  resize() {
+    const width = this.body.clientWidth;
+    if (width > 100) for (const { plot } of this.charts) plot.setSize({ width, height: HEIGHT });
+  }
+
+  savePicture() {
+    const canvases = this.charts.map(({ plot }) => plot.ctx.canvas);
+    const gap = 22;
+    const whole = h("canvas");
+    whole.width = Math.max(...canvases.map((c) => c.width));
+    whole.height = canvases.reduce((sum, c) => sum + c.height, 0) + gap * this.signals.length + 16;
+    const context = whole.getContext("2d");
+    context.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--card");
+    context.fillRect(0, 0, whole.width, whole.height);
+    let y = 0;
+    for (const canvas of canvases) { context.drawImage(canvas, 0, y); y += canvas.height; }
+    context.font = "13px system-ui, sans-serif";
+    for (const s of this.signals) { y += gap; context.fillStyle = s.colour; context.fillText(`${s.joint.name} ${LABELS[s.signal].toLowerCase()} (${unitOf(s.signal, s.joint.sliding)[1]})`, 16, y); }
+    whole.toBlob((picture) => download("plots.png", picture));
+  }
+
+  /** In the board's units: rad, rad/s, N·m, %, A, °C. */
+  saveTable() {
+    const times = [...new Set(this.signals.flatMap((s) => s.times))].sort((a, b) => a - b);
+    const columns = this.signals.map((s) => new Map(s.times.map((t, k) => [t, s.values[k]])));
+    const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
+    const head = ["time", ...this.signals.map((s) => quoted(`${s.joint.name}.${s.signal}`))];
+    const rows = times.map((t) => [t.toFixed(6), ...columns.map((c) => c.get(t) ?? "")].join());
+    download("plots.csv", [head.join(), ...rows, ""].join("\n"), "text/csv");
+  }
+}

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+// Named poses of a board: go, save, and sequences of them.
+
+import { download, h, toast } from "./dom.js";
+import { parse } from "./units.js";
+
+export class Poses {
+  constructor(element, panel) {
+    Object.assign(this, { element, panel, poses: [], steps: [], running: null, offered: false });
+    element.hidden = true;
+  }
+
+  get board() { return this.panel.shownBoards()[0]; }
+
+  async load() {
+    this.end();
+    const { board } = this;
+    this.offered = false;
+    this.element.hidden = true;
+    if (!board || this.panel.shownBoards().length > 1) return;
+    const answer = await this.panel.ask("poses", { board: board.name });
+    if (board !== this.board) return;
+    this.offered = answer.ok;
+    this.poses = answer.poses ?? [];
+    this.steps = JSON.parse(localStorage.getItem(`sequence ${board.name}`) ?? "[]");
+    this.draw();
+  }
+
+  permit() { if (this.offered) this.panel.permit(this.element); }
+
+  draw() {
+    this.element.hidden = !this.offered;
+    if (!this.offered) return;
+    const go = (pose) => this.panel.request("pose", { board: this.board.name, pose });
+    this.name = h("input", { type: "text", class: "command", placeholder: "name", "aria-label": "Name of the pose to save", maxlength: "60" });
+    const save = h("button", { type: "button", class: "command", onclick: () => this.save(), "aria-label": "Save the joints as they are as a pose" }, "Save as");
+    this.element.replaceChildren(
+      h("header", {}, h("h2", {}, "Poses"), h("span", { class: "space" }), this.name, save),
+      h("div", { class: "pose-list" }, ...this.poses.map((pose) => h("span", { class: "pose" },
+        h("button", { type: "button", class: "command", "aria-label": `Go to ${pose}`, onclick: () => go(pose) }, pose),
+        h("button", { type: "button", class: "ghost", "aria-label": `Add ${pose} to the sequence`, onclick: () => this.addStep(pose) }, "+")))),
+      this.sequence());
+    this.permit();
+  }
+
+  sequence() {
+    const rows = this.steps.map((step, k) => {
+      const speed = h("input", { type: "text", class: "number", "aria-label": `Step ${k + 1}: speed, or time with s`, placeholder: "pose's own",
+        onchange: (event) => { step.how = event.target.value.trim(); this.keep(); } });
+      speed.value = step.how;
+      return h("li", { class: this.running?.at === k ? "now" : "" }, h("span", {}, step.pose), speed,
+        h("button", { type: "button", class: "ghost", "aria-label": `Remove step ${k + 1}`, onclick: () => { this.steps.splice(k, 1); this.keep(); this.draw(); } }, "×"));
+    });
+    const button = (text, label, click, kind = "") => h("button", { type: "button", class: kind, "aria-label": label, onclick: click }, text);
+    const running = this.running !== null;
+    return h("details", { class: "sequence", open: this.steps.length > 0 }, h("summary", {}, "Sequence"),
+      this.steps.length ? h("ol", {}, ...rows) : h("p", { class: "hint" }, "Add poses with +. Each step may have a speed (20deg/s) or a time (3s)."),
+      h("div", { class: "buttons" },
+        running ? button("End", "End the sequence", () => this.end(), "primary") : button("Run", "Run the sequence once", () => this.run(false), "command primary"),
+        running ? null : button("Cycle", "Run the sequence again and again", () => this.run(true), "command"),
+        button("Save file", "Save the sequence to a file", () => download("sequence.json", JSON.stringify(this.steps, null, 1), "application/json")),
+        button("Load file", "Load a sequence from a file", () => this.loadFile())));
+  }
+
+  addStep(pose) { this.steps.push({ pose, how: "" }); this.keep(); this.draw(); }
+
+  keep() { localStorage.setItem(`sequence ${this.board.name}`, JSON.stringify(this.steps)); }
+
+  loadFile() {
+    const input = h("input", { type: "file", accept: "application/json" });
+    input.addEventListener("change", async () => {
+      try {
+        const steps = JSON.parse(await input.files[0].text());
+        if (!Array.isArray(steps) || steps.some((s) => typeof s.pose !== "string" || typeof s.how !== "string")) throw new Error("it is no sequence");
+        this.steps = steps.slice(0, 100).map(({ pose, how }) => ({ pose, how }));
+        this.keep();
+        this.draw();
+      } catch (error) { toast(`The file was not loaded: ${error.message}`, true); }
+    });
+    input.click();
+  }
+
+  async save() {
+    const pose = this.name.value.trim();
+    if (!pose) { toast("Give the pose a name first.", true); return; }
+    const answer = await this.panel.request("save_pose", { board: this.board.name, pose });
+    if (answer.ok) { this.poses = answer.poses; this.draw(); toast(`Saved as ${pose}.`); }
+  }
+
+  async run(again) {
+    const board = this.board.name;
+    const running = { at: 0, request: null };
+    this.running = running;
+    do {
+      for (running.at = 0; running.at < this.steps.length && this.running === running; running.at++) {
+        this.draw();
+        const asked = await this.step(board, this.steps[running.at], running);
+        if (!asked.ok) { again = false; break; }
+      }
+    } while (again && this.running === running && this.steps.length);
+    if (this.running === running) this.running = null;
+    this.draw();
+  }
+
+  /** One step: at the pose's own speed, at a speed, or such that it takes a time. */
+  async step(board, { pose, how }, running) {
+    const time = /^([\d.]+)\s*s$/.exec(how);
+    let asked;
+    if (time) {
+      const told = await this.panel.ask("poses", { board, pose });
+      if (!told.ok) { toast(told.message, true); return told; }
+      const joints = this.panel.model.boards.get(board);
+      const ways = told.names.map((name, k) => Math.abs(told.positions[k] - (joints.joint(name)?.state?.position ?? 0)));
+      const speeds = ways.map((way) => Math.max(way / Number(time[1]), 1e-3));
+      asked = this.panel.request("move", { board, joints: told.names, positions: told.positions, speeds });
+    } else {
+      const speed = how ? parse(how, "velocity", false) : null;
+      if (how && !(speed > 0)) { toast(`${how} is neither a speed (20deg/s) nor a time (3s)`, true); return { ok: false }; }
+      asked = this.panel.request("pose", { board, pose, ...(speed ? { speed } : {}) });
+    }
+    running.request = asked.id;
+    return asked;
+  }
+
+  end() {
+    const { running } = this;
+    if (!running) return;
+    this.running = null;
+    if (running.request !== null) this.panel.ask("cancel", { request: running.request });
+    this.draw();
+  }
+}
