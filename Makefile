@@ -26,13 +26,16 @@ endif
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test test-long check bench motion soak conformance mutants docs setup clean distclean
+.PHONY: help run panel test test-long check bench motion soak conformance mutants docs setup clean distclean
 
 help: ## Say what there is
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
 
 run: setup ## Start the arm; ARGS="--ros-args --params-file …" go to the node
 	@$(BIN)/control_board $(ARGS)
+
+panel: setup $(STAMPS)/panel ## Open the web panel beside a running board; ARGS="--port …" go to cbctl panel
+	@$(BIN)/cbctl panel $(ARGS)
 
 test: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests; ARGS="-k M4" go to pytest
 	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow and not soak" $(ARGS)
@@ -95,7 +98,7 @@ $(STAMPS)/installed: $(STAMPS)/environment $(SOURCES)
 	@touch $@
 
 # By its name, the project is found installed: only what the extra adds is fetched.
-$(STAMPS)/test $(STAMPS)/icub $(STAMPS)/dev: $(STAMPS)/%: $(STAMPS)/installed
+$(STAMPS)/test $(STAMPS)/icub $(STAMPS)/dev $(STAMPS)/panel: $(STAMPS)/%: $(STAMPS)/installed
 	@echo "installing the packages of the extra '$*'"
 	@$(PIP) install 'control_board_ros[$*]'
 	@touch $@

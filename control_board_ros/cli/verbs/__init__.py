@@ -17,6 +17,7 @@ SECTIONS = {
         "modes": "look",
         "watch": "watch",
         "plot": "plot",
+        "panel": "panel",
         "info": "look",
         "references": "look",
         "faults": "look",

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl panel."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from ..arguments import argument, takes
+from ..output import DONE, note, put, put_json
+from ..session import Session
+from ..words import Refused, UsageError
+
+#: What the extra brings.
+NEEDED = ("starlette", "uvicorn", "websockets")
+
+
+@takes(
+    argument("--host", default="127.0.0.1", metavar="ADDRESS", help="To listen on."),
+    argument(
+        "--port", type=int, default=8080, metavar="PORT", help="To listen on; 0: a free one."
+    ),
+    argument("--read-only", action="store_true", help="Show everything, let nobody operate."),
+)
+def panel(session: Session, host: str, port: int, read_only: bool) -> int:
+    """Open the web panel for all boards of the domain: prints its address; Ctrl-C ends it.
+
+    Only this machine sees it; others do with --host 0.0.0.0, and with the token.
+    """
+    if not 0 <= port <= 65535:
+        raise UsageError(f"--port {port} is not valid; give 0 to 65535")
+    for name in NEEDED:
+        if find_spec(name) is None:
+            raise Refused(
+                f"the panel needs the package {name}; install the extra: "
+                "pip install 'control_board_ros[panel]'"
+            )
+    from control_board_ros.panel.app import CannotListen, run
+
+    as_json = session.options.json
+
+    def announce(addresses: list[str]) -> None:
+        if as_json:
+            put_json({"success": True, "addresses": addresses, "read_only": read_only})
+            return
+        put("The panel is open" + (", to look only:" if read_only else ":"))
+        for address in addresses:
+            put(f"  {address}")
+        put("Who has the address operates: keep it to yourself. Ctrl-C ends it.")
+
+    try:
+        run(
+            session.node,
+            host,
+            port,
+            read_only=read_only,
+            answer_timeout=session.options.timeout,
+            announce=announce,
+            report=lambda text: note(session, f"panel: {text}"),
+        )
+    except CannotListen as error:
+        raise Refused(str(error)) from None
+    except KeyboardInterrupt:
+        return DONE
+    return DONE
