@@ -33,6 +33,8 @@ OPTIONAL = {
     "hypothesis",
     "PIL",
     "argcomplete",
+    "starlette",
+    "uvicorn",
 }
 
 
