@@ -38,6 +38,14 @@ COMPILED = [
     "control_board_ros.core.monitor",
     "control_board_ros.sim.drive",
 ]
+#: Executables, and what they call.
+COMMANDS = {
+    "control_board": f"{NAME}.node.main:main",
+    "cbctl": f"{NAME}.cli:main",
+    "control_board_conformance": f"{NAME}.conformance.app:main",
+}
+#: Where shells look for executables, and where `ros2 run` does.
+BIN, LIB = "bin", f"lib/{NAME}"
 PYTHON_DIR = f"lib/python{sys.version_info[0]}.{sys.version_info[1]}/site-packages"
 
 # Another version, or an unpinned name, can belong to another ROS distribution.
@@ -187,15 +195,41 @@ def staged_files(stage: Path) -> list[tuple[str, list[str]]]:
     return list(found.items())
 
 
+def links(folder: Path, others: str) -> list[str]:
+    """Write executables that run those of the same names in another folder.
+
+    pip puts executables where shells look, colcon (setup.cfg) where `ros2 run` does; these make
+    them be found in the other place, too.
+
+    Args:
+        folder: Where to write them.
+        others: The folder of the executables, as seen from where these get installed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name in COMMANDS:
+        path = folder / name
+        path.write_text(f"""#!/bin/sh
+exec "$(dirname "$(readlink -f "$0")")/{others}/{name}" "$@"
+""")
+        path.chmod(0o755)
+        written.append(os.path.relpath(path))
+    return written
+
+
 class Build(build_ext):
-    """`build_ext`: the messages, and the modules of COMPILED."""
+    """`build_ext`: the messages, the modules of COMPILED, and links to the executables."""
 
     def run(self) -> None:
         jobs = int(self.parallel or os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL") or 0)
         # An editable install's own folders are gone afterwards, and the one above is everybody's.
         builds = HERE / "build" if self.editable_mode else Path(self.build_temp).resolve().parent
         known = self.distribution.data_files  # in place: install_data already holds this list
-        known[:] = [pair for pair in known if NAME in pair[0] or "resource_index" in pair[0]]
+        kept = (f"share/{NAME}", "resource_index")
+        known[:] = [pair for pair in known if any(part in pair[0] for part in kept)]
+        by_pip = {"bdist_wheel", "editable_wheel"} & set(self.distribution.commands)
+        place, others = (LIB, f"../../{BIN}") if by_pip else (BIN, f"../{LIB}")
+        known.append((place, links(builds / "executables", others)))
         require_tools()
         prefixes = ros_prefixes()
         for name, definitions in definitions_to_build(prefixes).items():
@@ -349,11 +383,7 @@ setup(
         "dev": DEV,
     },
     entry_points={
-        "console_scripts": [
-            f"control_board = {NAME}.node.main:main",
-            f"cbctl = {NAME}.cli:main",
-            f"control_board_conformance = {NAME}.conformance.app:main",
-        ]
+        "console_scripts": [f"{command} = {called}" for command, called in COMMANDS.items()]
     },
     ext_modules=[extension(HERE, module) for module in COMPILED],
     cmdclass={"build_ext": Build},
