@@ -67,6 +67,9 @@ ROS_WHEELS = [
     "setuptools",
 ]
 
+#: Of CMake's output, where it fails.
+LAST_LINES = 60
+
 # What one machine's build leaves behind and no other has a use for.
 UNWANTED_DIRS = {"environment", "__pycache__", "parent_prefix_path"}
 UNWANTED_SUFFIXES = (".pyc", ".egg-info")
@@ -170,13 +173,20 @@ def build_messages(definitions: Path, work: Path, prefixes: list[Path], jobs: in
     }
     environment = build_environment(prefixes)
     arguments = [f"-D{key}={value}" for key, value in settings.items()]
-    for command in (
-        ["cmake", "-S", str(definitions), "-B", str(build), *arguments],
-        ["cmake", "--build", str(build), "--target", "install", "--parallel", str(jobs)],
-    ):
-        done = subprocess.run(command, env=environment, check=False)
-        if done.returncode != 0:
-            raise SystemExit(f"building the messages failed: {' '.join(command[:5])} …; see above")
+    log = work / "cmake.log"  # hundreds of lines, most of them warnings about the files of ROS
+    with log.open("w", encoding="utf-8") as written:
+        for command in (
+            ["cmake", "-S", str(definitions), "-B", str(build), *arguments],
+            ["cmake", "--build", str(build), "--target", "install", "--parallel", str(jobs)],
+        ):
+            done = subprocess.run(
+                command, env=environment, stdout=written, stderr=subprocess.STDOUT, check=False
+            )
+            if done.returncode != 0:
+                last = log.read_text("utf-8", "replace").splitlines()[-LAST_LINES:]
+                raise SystemExit(
+                    "\n".join([*last, f"building the messages failed; the whole log: {log}"])
+                )
     return stage
 
 

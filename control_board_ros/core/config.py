@@ -99,7 +99,7 @@ class JointConfig:
         "Part of the back-EMF that the output makes up for", default=1.0, low=0.0, high=1.0
     )
     reference_speed: float = parameter(
-        "Reference speed at start (P2)",
+        "Reference speed at start",
         "rad/s or m/s",
         default=10.0 * DEGREE,
         above=0.0,
@@ -107,7 +107,7 @@ class JointConfig:
         derived="10 deg/s; 0.05 m/s",
     )
     reference_acceleration: float = parameter(
-        "Reference acceleration at start (P2)",
+        "Reference acceleration at start",
         "rad/s² or m/s²",
         default=10.0 * DEGREE,
         above=0.0,
@@ -117,21 +117,23 @@ class JointConfig:
     timeouts: Timeouts = part(default=Timeouts())
     constraints: JointConstraints = part(default=JointConstraints())
     torque_sensor: bool = parameter(
-        "Has a torque sensor; TORQUE and COMPLIANT need one (I7)", default=True
+        "Has a torque sensor; TORQUE and COMPLIANT need one", default=True
     )
     control_modes: tuple[ControlMode, ...] = parameter(
-        "What the joint implements (M5)", default=SELECTABLE, choices=SELECTABLE
+        "Control modes that the joint implements", default=SELECTABLE, choices=SELECTABLE
     )
     interaction_modes: tuple[InteractionMode, ...] = parameter(
-        "What the joint implements (I7)", default=tuple(InteractionMode), choices=InteractionMode
+        "Interaction modes that the joint implements",
+        default=tuple(InteractionMode),
+        choices=InteractionMode,
     )
     startup_mode: ControlMode = parameter(
-        "Control mode without calibration (N3)",
+        "Control mode without calibration",
         default=ControlMode.POSITION,
         choices=STARTUP_MODES,
     )
     startup_interaction: InteractionMode = parameter(
-        "Interaction mode without calibration (N3)",
+        "Interaction mode without calibration",
         default=InteractionMode.STIFF,
         choices=InteractionMode,
     )
@@ -196,7 +198,7 @@ class JointConfig:
             raise ConfigError(
                 f"{key}.torque_sensor",
                 False,
-                "true, or leave torq out of control_modes and comp out of interaction_modes (I7)",
+                "true, or leave torq out of control_modes and comp out of interaction_modes",
             )
         self._check_final(f"{key}.startup_mode", self.startup_mode, STARTUP_MODES)
         self._check_interaction(f"{key}.startup_interaction", self.startup_interaction)
@@ -249,12 +251,12 @@ class BoardConfig:
         high=20000.0,
     )
     output: str = parameter(
-        "What the control laws give: pwm, or current to an inner loop (P10)",
+        "What the control laws give: pwm, or current to an inner loop",
         default="pwm",
         choices=OUTPUTS,
     )
     autoconfigure: bool = parameter(
-        "Leave NOT_CONFIGURED at start (N2); else by ~/configure", default=True
+        "Leave NOT_CONFIGURED at start; else by ~/configure", default=True
     )
     calibration_groups: tuple[tuple[str, ...], ...] = parameter(
         'Joints that calibrate together, group after group: each "joint,joint,…"', default=()

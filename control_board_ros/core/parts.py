@@ -154,13 +154,15 @@ class Impedance:
     """Virtual spring and damper at start-up and their bounds (SPEC I6)."""
 
     stiffness: float = parameter(
-        "At start (I6)", "N·m/rad", low=0.0, high="max_stiffness", derived="position_pid"
+        "Stiffness at start", "N·m/rad", low=0.0, high="max_stiffness", derived="position_pid"
     )
     damping: float = parameter(
-        "At start (I6)", "N·m·s/rad", low=0.0, high="max_damping", derived="position_pid"
+        "Damping at start", "N·m·s/rad", low=0.0, high="max_damping", derived="position_pid"
     )
-    max_stiffness: float = parameter("Allowed", "N·m/rad", low=0.0, derived="position_pid")
-    max_damping: float = parameter("Allowed", "N·m·s/rad", low=0.0, derived="position_pid")
+    max_stiffness: float = parameter(
+        "Largest stiffness", "N·m/rad", low=0.0, derived="position_pid"
+    )
+    max_damping: float = parameter("Largest damping", "N·m·s/rad", low=0.0, derived="position_pid")
 
 
 @configuration
@@ -168,7 +170,7 @@ class Timeouts:
     """Reference timeouts (SPEC P12), and sensor silence that is a fault."""
 
     velocity: float = parameter(
-        "Age of a velocity reference that stops the joint; 0: never (P12)",
+        "Age of a velocity reference that stops the joint; 0: never",
         "s",
         default=0.2,
         low=0.0,
@@ -176,7 +178,7 @@ class Timeouts:
         run_time=True,
     )
     torque: float = parameter(
-        "Age of a torque reference that is a fault; 0: never (P12)",
+        "Age of a torque reference that is a fault; 0: never",
         "s",
         default=0.0,
         low=0.0,
@@ -184,7 +186,7 @@ class Timeouts:
         run_time=True,
     )
     output: float = parameter(
-        "Age of an open-loop reference that is a fault; 0: never (P12)",
+        "Age of an open-loop reference that is a fault; 0: never",
         "s",
         default=0.0,
         low=0.0,
@@ -222,12 +224,12 @@ class Calibration:
     """How a joint finds its zero (SPEC K5), with the iCub's type numbers."""
 
     type: int = parameter(
-        ", ".join(["0 none", *(f"{n} {text}" for n, text in CALIBRATION_TYPES.items())]) + " (K5)",
+        ", ".join(["0 none", *(f"{n} {text}" for n, text in CALIBRATION_TYPES.items())]),
         default=0,
         low=0,
         high=12,
     )
-    required: bool = parameter("Leave NOT_CONFIGURED only through calibration (N2)", default=True)
+    required: bool = parameter("Leave NOT_CONFIGURED only through calibration", default=True)
     zero: float = parameter("Encoder reading at angle 0 (types 3 and 12)", "rad or m", default=0.0)
     start: float = parameter("Where to go when done", "rad or m", default=0.0, derived="home")
     speed: float = parameter(
@@ -249,12 +251,12 @@ class Calibration:
     stall_time: float = parameter(
         "Time without motion that makes a stop (type 5)", "s", default=0.1, above=0.0
     )
-    timeout: float = parameter("Time allowed (K4)", "s", default=30.0, above=0.0)
+    timeout: float = parameter("Time for a calibration", "s", default=30.0, above=0.0)
     control_mode: ControlMode = parameter(
-        "Control mode when done (K3)", default=ControlMode.POSITION, choices=SELECTABLE
+        "Control mode when calibrated", default=ControlMode.POSITION, choices=SELECTABLE
     )
     interaction_mode: InteractionMode = parameter(
-        "Interaction mode when done (K3)", default=InteractionMode.STIFF, choices=InteractionMode
+        "Interaction mode when calibrated", default=InteractionMode.STIFF, choices=InteractionMode
     )
 
     def push(self, limits: Limits, motor: Motor) -> float:

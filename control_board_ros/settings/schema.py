@@ -41,7 +41,8 @@ NODE = (
         name="robot",
         kind=Kind.STRING,
         default="iiwa",
-        text="Robot: iiwa, panda, icub, icub_left_arm, icub_right_arm or a URDF's path",
+        text="Robot: iiwa, panda, icub, icub_left_arm, icub_right_arm, or the path of a URDF or "
+        "xacro file; of a xacro file arguments may follow, name:=value",
     ),
     Parameter(
         name="robot_name",
@@ -144,7 +145,7 @@ NODE = (
         kind=Kind.BOOL,
         default=False,
         text="Go to the pose park at the first SIGINT or SIGTERM, then end; a second one ends "
-        "at once (R6)",
+        "at once",
     ),
     Parameter(
         name="yarp_interface",

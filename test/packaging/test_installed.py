@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
 
 import control_board_ros
 
@@ -53,7 +53,24 @@ def test_package_says_that_it_is_typed() -> None:
 @pytest.mark.parametrize(("command", "module"), COMMANDS.items())
 def test_command_has_something_to_call(command: str, module: str) -> None:
     assert callable(importlib.import_module(module).main)
-    assert f"{command} = " in (ROOT / "setup.py").read_text()
+    assert f'"{command}": f"{{NAME}}' in (ROOT / "setup.py").read_text()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_ros2_run_and_shells_find_a_command(command: str) -> None:
+    """In lib/control_board_ros for `ros2 run`, in bin for shells, whoever installed it."""
+    prefix = Path(get_package_prefix("control_board_ros"))
+    for place in (f"lib/control_board_ros/{command}", f"bin/{command}"):
+        assert (prefix / place).exists(), f"{place} is not installed; run `make setup`"
+        done = subprocess.run(
+            [str(prefix / place), "--help"],
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=120,
+        )
+        assert (done.returncode, done.stderr) == (0, ""), place
+        assert command in done.stdout
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:

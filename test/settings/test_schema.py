@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from operator import attrgetter
 from typing import Any
@@ -137,6 +138,12 @@ def test_numbers_stay_apart_from_zero_and_infinity() -> None:
 
 def test_text_and_unit_describe_a_parameter() -> None:
     assert JOINT_BY_NAME["current_pid.ki"].description == "Current PI: integral gain [V/(A·s)]."
-    assert JOINT_BY_NAME["torque_sensor"].description.endswith("need one (I7).")
+    assert JOINT_BY_NAME["torque_sensor"].description.endswith("need one.")
     for row in (*BOARD, *JOINT):
         assert not row.text.endswith("."), row.name
+
+
+@pytest.mark.parametrize("row", [*BOARD, *JOINT], ids=lambda row: str(row.name))
+def test_descriptions_say_something_to_those_who_have_not_read_the_rules(row: Parameter) -> None:
+    """``ros2 param describe`` shows them: words, and no rule's code."""
+    assert not re.search(r"\b[A-Z]\d{1,2}\b", row.description)
