@@ -103,6 +103,7 @@ class Board(ModeShortcuts):
         if machine.configure_next:
             monitor.replace_broken(self._last)
             machine.complete_configuration(blind=False)
+        monitor.reasons = measurement.reasons
         if not monitor.healthy(measurement.values):
             machine.check_faults(self._last)
         if monitor.has_news():

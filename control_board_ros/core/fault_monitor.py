@@ -12,11 +12,12 @@ w = (1−a)/x − a/(1−a) (1 − (1−a)/x); 1/2 where T is short against L/R,
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .causes import ROWS_OF, Cause, Check, bound_cause, slow_cause
+from .causes import ROWS_OF, Cause, Check, alarm_cause, bound_cause, slow_cause
 from .config import BoardConfig, JointConfig
 from .faults import FaultCode
 from .heat import STRAINED, heat_constants, warnings
@@ -45,7 +46,8 @@ class FaultMonitor:
 
     Attributes: joints (of JointMonitor), monitor, travelled (by each motor since power-on as its
     own equation tells while its bridge is on, shape (n,), rad; grows every SLOW cycles), used
-    (part of the I²t budget, shape (n,); a fault above 1).
+    (part of the I²t budget, shape (n,); a fault above 1), reasons (of alarms, by joint, where the
+    plant says more than its code).
     """
 
     def __init__(self, config: BoardConfig, state: State) -> None:
@@ -55,6 +57,7 @@ class FaultMonitor:
         self.travelled: Array = np.zeros(state.n)
         self.used: Array = np.zeros(state.n)
         self.joints = [JointMonitor() for _ in config.joints]
+        self.reasons: Mapping[int, str] | None = None
         self._warned: list[set[str]] = [set() for _ in config.joints]
         rows = (state.position, state.output, self.travelled, self.used)
         self.monitor = Monitor(
@@ -134,6 +137,9 @@ class FaultMonitor:
         if not failed:
             return None
         check = Check(failed)
+        if check is Check.ALARM and self.reasons and j in self.reasons:
+            value = float(self._values[ROWS_OF[check], j])
+            return alarm_cause(value)._replace(text=self.reasons[j])
         if check in ROWS_OF:
             return bound_cause(check, monitor, joint, float(self._values[ROWS_OF[check], j]))
         return slow_cause(check, monitor, joint, SLOW * self._period)

@@ -2,7 +2,7 @@
 """Fault codes and their record (SPEC F).
 
 Codes 0 to 18 follow the joint fault list of the iCub's motor boards; those that a simulated or
-generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 21 are ours.
+generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 22 are ours.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ class FaultCode(IntEnum):
     OVERHEATING = 19
     CALIBRATION = 20
     REFERENCE_TIMEOUT = 21
+    PLANT = 22
 
     @property
     def title(self) -> str:
@@ -50,6 +51,7 @@ TITLES = {
     FaultCode.OVERHEATING: "overheating",
     FaultCode.CALIBRATION: "calibration failed",
     FaultCode.REFERENCE_TIMEOUT: "reference timeout",
+    FaultCode.PLANT: "plant",
 }
 
 

@@ -7,6 +7,7 @@ PWM of each motor and whether its bridge is on.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
@@ -43,11 +44,13 @@ ROWS = len(Row)
 class Measurement:
     """One reading of the whole plant: time (s) and values, shape (ROWS, n), see Row.
 
-    The plant may reuse the array from one reading to the next.
+    The plant may reuse the array from one reading to the next. ``reasons`` says in words why a
+    joint (by its number) has an ALARM, where the plant knows more than the fault code.
     """
 
     time: float
     values: Array
+    reasons: Mapping[int, str] | None = None
 
 
 @dataclass(slots=True)

@@ -93,7 +93,9 @@ class Robot(ModeShortcuts):
         """One control cycle of all parts (R2), as :meth:`Board.tick`."""
         time, values, actuation = measurement.time, measurement.values, self._actuation
         for board, columns in zip(self._boards, self._columns, strict=True):
-            part = board.tick(Measurement(time, values[:, columns]))
+            part = board.tick(
+                Measurement(time, values[:, columns], reasons_of(measurement.reasons, columns))
+            )
             actuation.pwm[columns] = part.pwm
             actuation.powered[columns] = part.powered
         if self._bring_up.running:
@@ -526,6 +528,13 @@ def _counted(share: Share, message: str) -> Reply:
 
 def _accepted(share: Share) -> Reply:
     return accepted(tuple(share.board.names[j] for j in share.joints))
+
+
+def reasons_of(reasons: Mapping[int, str] | None, columns: slice) -> Mapping[int, str] | None:
+    """The reasons of a part, whose joints are these columns, by the part's own numbers."""
+    if not reasons:
+        return None
+    return {j - columns.start: reasons[j] for j in reasons if columns.start <= j < columns.stop}
 
 
 #: What a node serves, and what moves and calibrations are asked of.

@@ -130,11 +130,14 @@ def lock_of(full_name: str) -> Iterator[None]:
 
 def run_alone(start: Start, ended: threading.Event, at_once: threading.Event) -> int:
     """From the settings to a running node, and back."""
+    from ..plants.errors import PlantSettingsError
     from ..sim.errors import PlantError, PlantGone
-    from ..sim.plant import SimulatedPlant
+    from .plant import make_plant
 
     try:
-        plant = SimulatedPlant(start.settings.board, start.settings.simulation)
+        start, plant = make_plant(start)
+    except PlantSettingsError as error:
+        raise KnownError(2, str(error)) from None
     except PlantGone as error:
         raise KnownError(4, str(error)) from None
     except (PlantError, ValueError) as error:

@@ -76,6 +76,27 @@ NODE = (
         text="Joints of the board in its order; empty: all that move",
     ),
     Parameter(
+        name="plant",
+        kind=Kind.STRING,
+        default="",
+        text="What the board drives: the name of somebody else's plant; empty: the simulation",
+    ),
+    Parameter(
+        name="plant_arguments",
+        kind=Kind.STRINGS,
+        default=[],
+        text="For that plant, name=value each",
+    ),
+    Parameter(
+        name="plant_timeout",
+        kind=Kind.DOUBLE,
+        default=0.1,
+        text="A plant that does not answer for so long is a fault of its joints",
+        unit="s",
+        low=0.001,
+        high=60.0,
+    ),
+    Parameter(
         name="state_rate",
         kind=Kind.DOUBLE,
         default=100.0,

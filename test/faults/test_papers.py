@@ -43,6 +43,8 @@ def test_the_catalogue_has_no_other_section_and_names_every_injection() -> None:
 # --- the security page ------------------------------------------------------------------------
 
 FORBIDDEN = {"eval", "exec", "compile", "__import__", "system", "popen", "urlopen", "Unpickler"}
+#: Of patterns, and of MuJoCo's models: neither makes code of a text.
+COMPILERS = {"re.compile", "self.spec.compile"}
 UNSAFE_MODULES = {"pickle", "marshal", "shelve", "urllib.request", "requests", "http.client"}
 
 
@@ -57,7 +59,7 @@ def test_nothing_is_evaluated_unpickled_or_fetched() -> None:
                 called = node.func
                 plain = called.id if isinstance(called, ast.Name) else ""
                 owned = called.attr if isinstance(called, ast.Attribute) else ""
-                of_re = isinstance(called, ast.Attribute) and ast.unparse(called) == "re.compile"
+                of_re = isinstance(called, ast.Attribute) and ast.unparse(called) in COMPILERS
                 names = ({plain, owned} & FORBIDDEN) if not of_re else set()
                 unsafe = ("yaml.load", "yaml.full_load", "yaml.unsafe_load")
                 names |= {ast.unparse(called)} & set(unsafe)

@@ -134,7 +134,7 @@ class MujocoBody:
         builder = Builder(self._fitted, self._board, self._simulation, shapes)
         for box in self._boxes.values():
             builder.add_box(*box)
-        self._model = model = builder.compile()
+        self._model = model = builder.build()
         self._data = data = mujoco.MjData(model)
         # Views of MuJoCo's own arrays: made once, for each look at an attribute makes one anew.
         self._positions, self._velocities = data.qpos, data.qvel

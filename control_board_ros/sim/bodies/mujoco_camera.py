@@ -84,7 +84,7 @@ class RayCamera:
         builder = Builder(*self._described, shapes="visual")
         for box in boxes:
             builder.add_box(*box)
-        self._model = builder.compile()
+        self._model = builder.build()
         self._data = mujoco.MjData(self._model)
         self._boxes = list(boxes)
 

@@ -84,7 +84,7 @@ class Builder:
             base.add_freejoint()
         self._add_beyond(base, self._tree)
 
-    def compile(self) -> Any:
+    def build(self) -> Any:
         """The model.
 
         Raises:

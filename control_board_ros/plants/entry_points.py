@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Finds plants by name: the entry points of the group ``control_board_ros.plants``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
+from importlib.metadata import entry_points
+
+from .errors import PlantSettingsError
+from .interface import RobotPlant
+
+GROUP = "control_board_ros.plants"
+#: What an entry point names: from the joints of the board and the user's arguments to a plant.
+Maker = Callable[[Sequence[str], Mapping[str, str]], RobotPlant]
+
+
+def find(name: str) -> Maker:
+    """What makes the plant of that name.
+
+    Raises:
+        PlantSettingsError: no package offers it, or its module cannot be imported.
+    """
+    offered = {point.name: point for point in entry_points(group=GROUP)}
+    if name not in offered:
+        near = get_close_matches(name, list(offered), n=1)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        known = ", ".join(sorted(offered)) or "none; pip install the package of the plant"
+        raise PlantSettingsError(f"plant: {name[:60]!r} unknown; {hint}known: {known}")
+    try:
+        made: Maker = offered[name].load()
+    except Exception as error:  # noqa: BLE001 - it is somebody else's module
+        raise PlantSettingsError(
+            f"plant: {name!r} cannot be imported ({type(error).__name__}: {error}); "
+            f"look at {offered[name].value}"
+        ) from None
+    return made
+
+
+def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPlant:
+    """The plant of that name for the joints of a board.
+
+    Args:
+        name: Of its entry point.
+        joints: Names, in the board's order.
+        arguments: Of the user, ``name=value`` each.
+
+    Raises:
+        PlantSettingsError: there is none, or it does not take these joints or arguments.
+    """
+    given = {}
+    for argument in arguments:
+        key, mark, value = argument.partition("=")
+        if not mark or not key.strip():
+            raise PlantSettingsError(
+                f"plant_arguments: {argument[:60]!r} is not allowed; use name=value"
+            )
+        given[key.strip()] = value.strip()
+    maker = find(name)
+    try:
+        return maker(tuple(joints), given)
+    except Exception as error:  # noqa: BLE001 - it is somebody else's code
+        raise PlantSettingsError(
+            f"plant: {name!r} cannot be made ({type(error).__name__}: {error}); "
+            "look at joints and plant_arguments"
+        ) from None

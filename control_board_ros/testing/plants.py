@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every plant of somebody else must do, as tests that its author runs::
+
+    from control_board_ros.testing.plants import plant_contract
+
+    test_my_plant = plant_contract(lambda: MyPlant("can0"))
+
+pytest then runs one test per check. No check needs the hardware to move; each makes a plant of
+its own and closes it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from ..core.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
+from ..core.measurement import Actuation, Row
+from ..core.vocabs import ControlMode, InteractionMode
+from ..plants.guarded import GuardedPlant
+from ..plants.interface import Description, JointDescription, Readings, RobotPlant
+
+Make = Callable[[], RobotPlant]
+Check = Callable[[Make], None]
+
+#: Percent: too little to move most joints, and enough to be told from nothing.
+LITTLE = 1.0
+
+
+def plant_contract(make: Make) -> Callable[..., None]:
+    """A test of pytest, one case per check, for plants that ``make`` makes."""
+
+    @pytest.mark.parametrize("check", CHECKS, ids=[check.__name__ for check in CHECKS])
+    def test_plant(check: Check) -> None:
+        check(make)
+
+    return test_plant
+
+
+@contextlib.contextmanager
+def connected(make: Make) -> Iterator[tuple[RobotPlant, int]]:
+    """A plant that is connected, and how many joints it has."""
+    plant = make()
+    try:
+        plant.connect()
+        yield plant, len(plant.describe().joints)
+    finally:
+        plant.close()
+
+
+def it_describes_itself_before_it_is_connected(make: Make) -> None:
+    """Twice the same; each joint has a name of its own and some mode."""
+    plant = make()
+    try:
+        found = plant.describe()
+        assert isinstance(found, Description)
+        assert found == plant.describe()
+        names = [joint.name for joint in found.joints]
+        assert names, "no joints"
+        assert len(set(names)) == len(names), "a name is there twice"
+        assert all(joint.control_modes for joint in found.joints)
+        assert found.rate is None or 0.0 < found.rate < math.inf
+    finally:
+        plant.close()
+
+
+def it_reads_numbers_of_all_joints(make: Make) -> None:
+    """Every array that is not None has one finite number per joint."""
+    with connected(make) as (plant, n):
+        found = plant.read()
+        assert isinstance(found, Readings)
+        for name in ("position", "velocity", "torque", "current", "temperature"):
+            row = getattr(found, name)
+            if row is not None:
+                assert np.shape(row) == (n,), name
+                assert np.isfinite(row).all(), name
+        assert len(found.faults) in (0, n)
+
+
+def it_has_a_torque_where_it_says_so(make: Make) -> None:
+    """A joint with a torque sensor is read."""
+    with connected(make) as (plant, _):
+        if any(joint.torque_sensor for joint in plant.describe().joints):
+            assert plant.read().torque is not None
+
+
+def it_applies_nothing_without_power(make: Make) -> None:
+    """M10, N1: connecting gives no power, and outputs without it are not applied."""
+    with connected(make) as (plant, n):
+        switched = [joint.power_switch for joint in plant.describe().joints]
+        applied = np.asarray(plant.write(np.full(n, LITTLE)))
+        assert applied.shape == (n,)
+        np.testing.assert_array_equal(applied[switched], 0.0)
+
+
+def it_applies_at_most_what_is_asked(make: Make) -> None:
+    """With power, and never the other way; without it again, nothing."""
+    with connected(make) as (plant, n):
+        for joint in range(n):
+            plant.enable(joint)
+        plant.read()
+        asked = np.where(np.arange(n) % 2 == 0, LITTLE, -LITTLE)
+        applied = np.asarray(plant.write(asked))
+        plant.read()
+        assert (np.abs(applied) <= LITTLE * (1.0 + 1e-6)).all()
+        assert (applied * asked >= 0.0).all()
+        switched = [joint.power_switch for joint in plant.describe().joints]
+        for joint in range(n):
+            plant.disable(joint)
+        np.testing.assert_array_equal(np.asarray(plant.write(asked))[switched], 0.0)
+
+
+def it_may_be_told_twice(make: Make) -> None:
+    """Bridges that are open already, faults that are not there, a connection that stands."""
+    with connected(make) as (plant, n):
+        for joint in range(n):
+            plant.disable(joint)
+            plant.disable(joint)
+            plant.clear_fault(joint)
+        plant.connect()
+        assert np.shape(plant.read().position) == (n,)
+
+
+def it_closes_twice_and_without_a_connection(make: Make) -> None:
+    """close() is safe at any time."""
+    plant = make()
+    plant.close()
+    plant.close()
+    with connected(make) as (other, _):
+        other.close()
+
+
+def a_board_reads_it_without_an_alarm(make: Make) -> None:
+    """Behind the guard that the node puts around it, in its thread."""
+    plant = make()
+    guarded = GuardedPlant(plant, board_for(plant.describe()), timeout=60.0, first=60.0)
+    n = len(plant.describe().joints)
+    seen = threading.Event()
+    try:
+        for _ in range(20):
+            found = guarded.read()
+            assert not found.reasons, found.reasons
+            assert np.isfinite(found.values[[Row.POSITION, Row.VELOCITY]]).all()
+            guarded.write(Actuation(np.zeros(n), np.zeros(n)))
+            seen.wait(2e-3)
+    finally:
+        guarded.close()
+
+
+CHECKS: tuple[Check, ...] = (
+    it_describes_itself_before_it_is_connected,
+    it_reads_numbers_of_all_joints,
+    it_has_a_torque_where_it_says_so,
+    it_applies_nothing_without_power,
+    it_applies_at_most_what_is_asked,
+    it_may_be_told_twice,
+    it_closes_twice_and_without_a_connection,
+    a_board_reads_it_without_an_alarm,
+)
+
+
+def board_for(description: Description) -> BoardConfig:
+    """A board that fits a plant; its numbers are those of no robot."""
+    rate = min(description.rate or 500.0, 500.0)
+    return BoardConfig(joints=tuple(map(_joint, description.joints)), control_rate=rate)
+
+
+def _joint(has: JointDescription) -> JointConfig:
+    limits = Limits(
+        lower=-3.0,
+        upper=3.0,
+        hard_lower=-3.2,
+        hard_upper=3.2,
+        velocity=3.0,
+        acceleration=10.0,
+        torque=50.0,
+        nominal_current=5.0,
+        peak_current=10.0,
+    )
+    modes = tuple(
+        mode for mode in has.control_modes if has.torque_sensor or mode is not ControlMode.TORQUE
+    )
+    both = tuple(InteractionMode) if has.torque_sensor else (InteractionMode.STIFF,)
+    return JointConfig(
+        name=has.name,
+        control_modes=tuple(dict.fromkeys((*modes, ControlMode.IDLE))),
+        interaction_modes=both,
+        torque_sensor=has.torque_sensor,
+        startup_mode=ControlMode.IDLE,
+        limits=limits,
+        position_pid=Pid(kp=100.0),
+        torque_pid=Pid(kp=1.0),
+        impedance=Impedance(stiffness=10.0, damping=1.0, max_stiffness=100.0, max_damping=10.0),
+        motor=Motor(resistance=1.0, torque_constant=0.1),
+    )

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A plant of somebody else may do what it likes: its joints fault, the loop goes on (B2, B3)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from levers import Levers, OwnClock
+
+from control_board_ros.core.board import Board
+from control_board_ros.core.faults import FaultCode
+from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.plants import Readings
+from control_board_ros.plants.guarded import GuardedPlant
+from control_board_ros.testing.plants import board_for, plant_contract
+
+TIMEOUT = 0.1
+
+
+class Bench:
+    """A board on a guarded plant; time is the test's, but for the thread's own work."""
+
+    def __init__(self, plant: Any) -> None:
+        self.plant, self.now = plant, 0.0
+        config = board_for(plant.describe())
+        self.guarded = GuardedPlant(plant, config, TIMEOUT, clock=lambda: self.now, first=30.0)
+        self.board = Board(config)
+
+    def cycle(self) -> None:
+        """One control cycle, whether the plant has answered or not."""
+        self.guarded.write(self.board.tick(self.guarded.read()))
+
+    def until(self, reached: Callable[[], bool], step: float = 0.0) -> None:
+        """Run cycles until something is so; ``step`` seconds pass in each."""
+        for _ in range(20000):
+            self.now += step
+            self.cycle()
+            if reached():
+                return
+            time.sleep(5e-4)  # lets the plant's thread run
+        raise AssertionError("it never came")
+
+    def modes(self) -> list[M]:
+        return self.board.get_control_mode()
+
+    def text(self, joint: int) -> str:
+        return self.board.get_faults([joint])[0].text
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench(Levers("left", "right"))
+    made.until(lambda: made.modes() == [M.IDLE, M.IDLE])
+    yield made
+    made.plant.trouble, made.plant.answer = None, None
+    made.plant.gate.set()
+    made.guarded.close()
+
+
+def driven(bench: Bench) -> None:
+    """Both joints in OPENLOOP, moving."""
+    assert bench.board.set_control_mode(None, "open")
+    assert bench.board.set_output(None, 20.0)
+    bench.until(lambda: bool((bench.plant.position > 0.01).all()))
+
+
+def recovers(bench: Bench) -> None:
+    """F2, F3: FORCE_IDLE works again when the plant answers again; then it moves anew."""
+    bench.until(lambda: not bench.guarded.read().reasons)
+    bench.cycle()
+    assert bench.board.set_control_mode(None, "fidl")
+    driven(bench)
+
+
+def test_a_plant_is_powered_driven_and_let_go(bench: Bench) -> None:
+    """B1, M10: power follows the modes; what was applied is known."""
+    driven(bench)
+    assert bench.plant.on == [True, True]
+    np.testing.assert_allclose(bench.guarded.applied, 20.0)
+    assert bench.board.set_control_mode("left", "idl")
+    bench.until(lambda: bench.plant.on == [False, True])
+    bench.guarded.close()
+    assert bench.plant.on == [False, False]
+    assert bench.plant.calls[-1] == "close"
+
+
+def test_a_plant_that_hangs_is_a_fault_within_its_timeout(bench: Bench) -> None:
+    """B3: the loop goes on; the text says for how long; afterwards all works again."""
+    driven(bench)
+    bench.plant.gate.clear()
+    bench.until(lambda: bench.plant.reads.acquire(blocking=False))
+    bench.until(lambda: bench.modes() == [M.HW_FAULT] * 2, step=0.01)
+    assert "no answer for" in bench.text(0)
+    assert "> 100 ms" in bench.text(1)
+    reply = bench.board.set_control_mode(None, "fidl")
+    assert not reply
+    assert "no answer" in reply.message
+    bench.plant.gate.set()
+    recovers(bench)
+
+
+def test_a_plant_that_raises_is_a_fault_with_its_words_and_connected_anew(bench: Bench) -> None:
+    """B3: no power meanwhile."""
+    driven(bench)
+    bench.plant.trouble = OSError("bus off\nsecond line")
+    bench.until(lambda: bench.modes() == [M.HW_FAULT] * 2)
+    assert bench.text(0) == "plant, OSError: bus off second line"
+    bench.until(lambda: bench.plant.calls.count("connect") > 2)
+    assert bench.plant.on == [False, False]
+    assert bench.board.get_faults([0])[0].code == FaultCode.PLANT
+    bench.plant.trouble = None
+    recovers(bench)
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (42, "read returned int; Readings are wanted"),
+        (Readings(position=np.zeros(3)), r"position has shape (3,); (2,) is wanted"),
+        (Readings(position=None), "position is None"),
+        (Readings(position=np.zeros(2), torque=["a", 1]), "torque is ['a', 1]; 2 numbers"),
+        (Readings(position=np.zeros(2), faults=["x"]), "faults has 1 entries; 2 or none"),
+    ],
+)
+def test_a_plant_that_returns_nonsense_is_a_fault_that_says_which(
+    bench: Bench, answer: object, told: str
+) -> None:
+    """B3."""
+    bench.plant.answer = answer
+    bench.until(lambda: bench.modes() == [M.HW_FAULT] * 2)
+    assert told in bench.text(0)
+    bench.plant.answer = None
+    recovers(bench)
+
+
+def test_a_reading_that_is_no_number_faults_its_joint_alone(bench: Bench) -> None:
+    """B3, F1: the other joint goes on."""
+    driven(bench)
+    bench.plant.answer = Readings(
+        position=np.array([np.nan, bench.plant.position[1]]), velocity=np.zeros(2)
+    )
+    bench.until(lambda: bench.modes()[0] is M.HW_FAULT)
+    assert "not a number" in bench.text(0)
+    assert bench.modes()[1] is M.OPENLOOP
+
+
+def test_a_fault_of_a_drive_is_told_and_reset_on_it_without_power(bench: Bench) -> None:
+    """F1, F2, F3: the drive's reason; refused while it persists; FORCE_IDLE when it is gone."""
+    driven(bench)
+    bench.plant.faults[1] = "0x3210 DC link over-voltage"
+    bench.until(lambda: bench.modes() == [M.OPENLOOP, M.HW_FAULT])
+    assert bench.text(1) == "plant, its drive: 0x3210 DC link over-voltage"
+    bench.until(lambda: "clear 1" in bench.plant.calls)
+    assert not bench.plant.on[1]
+    assert not bench.board.set_control_mode("right", "fidl")
+    bench.plant.latched.add(1)  # the cause is gone: from now on a reset helps
+    bench.until(lambda: not bench.guarded.read().reasons)
+    bench.cycle()
+    assert bench.board.set_control_mode("right", "fidl")
+    assert bench.modes() == [M.OPENLOOP, M.IDLE]
+    assert "clear 0" not in bench.plant.calls
+
+
+def test_a_pause_is_no_silence(bench: Bench) -> None:
+    """Nobody asked, so nobody owes an answer."""
+    while bench.guarded.owes_an_answer:
+        time.sleep(1e-3)
+    bench.now += 1000.0
+    bench.cycle()
+    bench.cycle()
+    assert bench.modes() == [M.IDLE, M.IDLE]
+
+
+def test_a_plant_with_a_clock_of_its_own_is_read_without_being_asked() -> None:
+    """B2: its silence is a fault all the same."""
+    bench = Bench(OwnClock("left"))
+    try:
+        bench.until(lambda: bench.modes() == [M.IDLE])
+        for _ in range(5):
+            assert bench.plant.reads.acquire(timeout=30.0)
+        bench.plant.gate.clear()
+        bench.until(lambda: bench.modes() == [M.HW_FAULT], step=0.01)
+        assert "no answer for" in bench.text(0)
+    finally:
+        bench.plant.gate.set()
+        bench.guarded.close()
+
+
+def test_a_plant_that_is_not_there_at_start_is_a_fault_and_no_end() -> None:
+    """B3: the joints wait in HW_FAULT until it is connected."""
+    plant = Levers("left")
+    plant.trouble = ConnectionError("no such interface: can0")
+    bench = Bench(plant)
+    try:
+        bench.until(lambda: bench.modes() == [M.HW_FAULT])
+        assert bench.text(0) == "plant, ConnectionError: no such interface: can0"
+        plant.trouble = None
+        bench.until(lambda: not bench.guarded.read().reasons)
+        bench.cycle()
+        assert bench.board.set_control_mode(None, "fidl")
+    finally:
+        bench.guarded.close()
+
+
+test_levers_keep_the_contract = plant_contract(lambda: Levers("left", "right"))
+
+
+class Careless(Levers):
+    """Applies outputs without power."""
+
+    def write(self, pwm):
+        super().write(pwm)
+        return pwm
+
+
+def test_the_contract_finds_what_is_wrong() -> None:
+    from control_board_ros.testing.plants import it_applies_nothing_without_power
+
+    with pytest.raises(AssertionError):
+        it_applies_nothing_without_power(lambda: Careless("left"))

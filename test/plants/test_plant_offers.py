@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A plant is found by its name, and the board offers no more than it has (B2, M5, I7)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from levers import IIWA, Levers, offer
+
+from control_board_ros.core.board import Board
+from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.plants import Description, JointDescription
+from control_board_ros.plants.entry_points import find, make
+from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.offers import within
+from control_board_ros.settings.loading import Settings, load
+
+
+@pytest.fixture
+def levers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An installed package that offers the plant of ``levers.py``."""
+    offer(tmp_path, "levers:make")
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def cut(*joints: JointDescription, **rest: float) -> Settings:
+    return within(load("iiwa"), "levers", Description(joints=joints, **rest))
+
+
+def test_a_plant_is_made_of_its_name_joints_and_arguments(levers: None) -> None:
+    made = make("levers", ["a", "b"], ["speed = 2"])
+    assert isinstance(made, Levers) or type(made).__name__ == "Levers"
+    assert [joint.name for joint in made.describe().joints] == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "told"),
+    [
+        ("lever", [], r"'lever' unknown; did you mean 'levers'\? known: .*levers"),
+        ("levers", ["speed"], r"plant_arguments: 'speed' is not allowed; use name=value"),
+        ("levers", ["=2"], r"plant_arguments: '=2' is not allowed"),
+        ("levers", ["colour=red"], r"cannot be made \(ValueError: arguments \['colour'\] are"),
+    ],
+)
+def test_what_cannot_be_had_is_one_line(
+    levers: None, name: str, arguments: list[str], told: str
+) -> None:
+    with pytest.raises(PlantSettingsError, match=told) as caught:
+        make(name, ["a"], arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_module_that_cannot_be_imported_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    offer(tmp_path, "no_such_module_of_levers:make")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(PlantSettingsError, match=r"cannot be imported .*look at no_such_module"):
+        find("levers")
+
+
+def test_the_board_offers_no_more_than_the_plant_has() -> None:
+    """B2, M5, I7: what is missing faults as with any joint that lacks it."""
+    poor = JointDescription(name=IIWA[0], control_modes=(M.POSITION, M.IDLE), torque_sensor=True)
+    blind = [JointDescription(name=name) for name in IIWA[1:]]
+    settings = cut(poor, *blind)
+    first, second = settings.board.joints[:2]
+    assert set(first.control_modes) == {M.POSITION, M.IDLE}
+    assert [mode.code for mode in first.interaction_modes] == ["stif", "comp"]
+    assert not second.torque_sensor
+    assert M.TORQUE not in second.control_modes
+    assert [mode.code for mode in second.interaction_modes] == ["stif"]
+    assert settings.values[f"{IIWA[0]}.control_modes"] == ["pos", "idl"]
+    assert settings.values[f"{IIWA[1]}.torque_sensor"] is False
+    changed = settings.changed({f"{IIWA[1]}.position_pid.kp": 50.0})  # what is cut stays cut
+    assert not changed.board.joints[1].torque_sensor
+    board = Board(settings.board)
+    board.configure()
+    reply = board.set_control_mode(IIWA[1], "torq")
+    assert not reply
+
+
+@pytest.mark.parametrize(
+    ("joints", "rest", "told"),
+    [
+        (IIWA[1:], {}, "joints: 'lbr_iiwa_joint_1' is not allowed; plant 'levers' has lbr"),
+        (IIWA, {"rate": 500.0}, "control_rate: 1000 is not allowed; .* takes 500 Hz at most"),
+    ],
+)
+def test_a_plant_that_does_not_fit_is_one_line(
+    joints: tuple[str, ...], rest: dict[str, float], told: str
+) -> None:
+    with pytest.raises(PlantSettingsError, match=told):
+        cut(*(JointDescription(name=name) for name in joints), **rest)
+
+
+def test_a_joint_must_have_the_mode_that_it_starts_in() -> None:
+    lacking = [JointDescription(name=name, control_modes=(M.OPENLOOP,)) for name in IIWA]
+    with pytest.raises(PlantSettingsError, match=r"less than is asked for: .*startup_mode"):
+        cut(*lacking)
+
+
+def test_a_plant_has_real_time() -> None:
+    faster = load("iiwa", {"real_time_factor": 0.0})
+    description = Description(joints=tuple(JointDescription(name=name) for name in IIWA))
+    with pytest.raises(PlantSettingsError, match="real_time_factor: 0 is not allowed"):
+        within(faster, "levers", description)
