@@ -41,6 +41,10 @@ def send(
         given = dict(zip(reply.joints, along, strict=True))
         standing = {str(COMMANDS[kind].along): [given[name] for name in taken]}
         board.set_reference_speed(taken, **standing)
+    if kind is CommandKind.POSITION and reply:
+        targets = board.get_target_position(reply.joints)
+        if np.array_equal(targets, values):  # slower than asked for: no news of a stream
+            return accepted(reply.joints)
     return reply
 
 

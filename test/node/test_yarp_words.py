@@ -224,6 +224,19 @@ def test_a_stream_of_one_target_is_one_move(rig: Asked) -> None:
     assert board.check_motion_done("a") == [False]
 
 
+def test_a_stream_of_small_steps_is_followed_without_a_word(rig: Asked) -> None:
+    """As of a trajectory controller; a target that a limit bounds is told."""
+    reference = 0.0
+    for k in range(100):
+        reference = 0.02 * (1.0 - math.cos(0.02 * math.pi * k))
+        rig.send("position", msg.Position(names=["a"], positions=[reference]))
+        rig.tick(5)
+    assert rig.board.state.position_reference[0] == pytest.approx(reference, abs=5e-3)
+    assert rig.warnings == []
+    rig.send("position", msg.Position(names=["a"], positions=[9.0]))
+    assert "bounded to" in rig.warnings[0]
+
+
 def test_a_repeat_in_mixed_begins_anew(rig: Asked) -> None:
     """P6: there, a move takes what the velocity added as its starting point."""
     board = rig.board
