@@ -108,6 +108,7 @@ def board_process(
     config: str | Path | None = None,
     name: str = "control_board",
     namespace: str = "",
+    robot: str = "",
     arguments: Sequence[str] = (),
     env: Mapping[str, str] | None = None,
     domain: int | None = None,
@@ -123,6 +124,8 @@ def board_process(
         config: A parameter file, given before ``params``.
         name: Of the node.
         namespace: Of the node.
+        robot: Of a robot of several parts, its ``robot_name``: what it yields has the name of
+            the robot's own node, ``/icub/robot``, and ``name`` is not used.
         arguments: Further command-line arguments, as they stand.
         env: Variables to set for the process, beside those of a test.
         domain: ROS_DOMAIN_ID; None takes a free one.
@@ -145,9 +148,10 @@ def board_process(
             domain = stack.enter_context(free_domain())
         logs = stack.enter_context(tempfile.TemporaryDirectory(prefix="control_board_log_"))
         environment = child_environment(domain) | {"ROS_LOG_DIR": logs} | dict(env or {})
-        full = f"/{namespace.strip('/')}/{name}".replace("//", "/")
+        inner = f"{robot}/robot" if robot else name
+        full = f"/{namespace.strip('/')}/{inner}".replace("//", "/")
         line = [*(command or (sys.executable, "-m", "control_board_ros.node.main"))]
-        line += [*arguments, "--ros-args", "-r", f"__node:={name}"]
+        line += [*arguments, "--ros-args", *([] if robot else ["-r", f"__node:={name}"])]
         if namespace:
             line += ["-r", f"__ns:=/{namespace.strip('/')}"]
         if config is not None:

@@ -167,10 +167,10 @@ def until(good: Callable[[], bool]) -> None:
 
 
 @contextlib.contextmanager
-def talking_to(board: BoardProcess, name: str = "talker") -> Iterator[Talker]:
-    """A talker in a node of its own."""
+def talking_to(board: BoardProcess, name: str = "talker", to: str = "") -> Iterator[Talker]:
+    """A talker in a node of its own, to the board, or to another one of the same process."""
     with ros_node(board.domain, name) as node:
-        yield Talker(node, board.name)
+        yield Talker(node, to or board.name)
 
 
 def stamp_of(message: Any) -> float:

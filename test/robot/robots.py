@@ -12,6 +12,10 @@ from control_board_ros.core.config import BoardConfig, Calibration
 from control_board_ros.core.robot import Robot
 from control_board_ros.sim.plant import SimulatedPlant
 
+#: The iiwa as two parts.
+LOWER = [f"lbr_iiwa_joint_{k}" for k in (1, 2, 3, 4)]
+UPPER = [f"lbr_iiwa_joint_{k}" for k in (7, 6, 5)]
+
 
 def parts() -> dict[str, BoardConfig]:
     """Two arms of two joints, and a hand without torque sensors."""
