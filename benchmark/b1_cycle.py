@@ -8,23 +8,30 @@ from cycles import MIXED, compare
 
 from control_board_ros.settings import loading as settings
 
+ARM, ICUB = ("iiwa", "7 joints"), ("icub", "32 joints in 6 parts")
+
 
 def run(effort: Effort) -> list[Figure]:
     """Measure with all joints in POSITION and with every joint in another mode."""
     chunks, runs = effort.of(40, 20, 3), effort.of(15, 5, 1)
     figures = []
-    for case, modes, physics, bound in (
-        ("all in POSITION", None, "pybullet", 1.5),
-        ("every joint in another mode, half compliant", MIXED, "pybullet", 1.6),
-        ("all in POSITION, in MuJoCo", None, "mujoco", None),
-        ("every joint in another mode, half compliant, in MuJoCo", MIXED, "mujoco", None),
+    for robot, case, modes, physics, bound in (
+        (ARM, "all in POSITION", None, "pybullet", 1.5),
+        (ARM, "every joint in another mode, half compliant", MIXED, "pybullet", 1.6),
+        (ARM, "all in POSITION, in MuJoCo", None, "mujoco", None),
+        (ARM, "every joint in another mode, half compliant, in MuJoCo", MIXED, "mujoco", None),
+        (ICUB, "all in POSITION", None, "pybullet", 1.5),
+        (ICUB, "all in POSITION, in MuJoCo", None, "mujoco", None),
     ):
-        arm = settings.load("iiwa", {"physics": physics})
+        name, joints = robot
+        arm = settings.load(
+            name, {"physics": physics, "joint_defaults.calibration.required": False}
+        )
         found = medians(compare(arm, modes, chunks=chunks, runs=runs))
         figures.append(
             Figure(
                 "B1",
-                f"control cycle, 7 joints, {case}",
+                f"control cycle, {joints}, {case}",
                 found["ratio"],
                 "×",
                 None if bound is None else at_most(bound),

@@ -14,7 +14,6 @@ from statistics import median
 from time import perf_counter
 from typing import Protocol
 
-from control_board_ros.core.board import Board
 from control_board_ros.core.measurement import Array
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.settings.loading import Settings
@@ -22,6 +21,7 @@ from control_board_ros.sim.bodies.bullet import BulletBody
 from control_board_ros.sim.bodies.world import bullet
 from control_board_ros.sim.config import MUJOCO
 from control_board_ros.sim.plant import Body, SimulatedPlant, make_body
+from control_board_ros.simulation import made_board
 
 M = ControlMode
 CHUNK = 100  # cycles between two commands; less than the velocity timeout (P12)
@@ -67,7 +67,7 @@ class BoardCycles:
         modes: Sequence[ControlMode] | None = None,
         body: Recorder | None = None,
     ) -> None:
-        self.board = Board(settings.board)
+        self.board = made_board(settings)
         self.plant = SimulatedPlant(settings.board, settings.simulation, body)
         self._home = [joint.home for joint in settings.simulation.joints]
         self._chunks = 0

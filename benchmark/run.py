@@ -36,6 +36,7 @@ GROUPS = {
     "B11": "b11_many",
     "B12": "b12_collector",
     "B13": "b13_by_hand",
+    "B14": "b14_whole_robot",
     "B15": "b15_command_line",
 }
 

@@ -14,25 +14,37 @@ from typing import Self
 
 from .core.board import Board
 from .core.config import BoardConfig
-from .settings.loading import load
+from .core.robot import AnyBoard, Robot
+from .settings.loading import Settings, load
 from .sim.config import SimulationConfig
 from .sim.plant import Body, SimulatedPlant
+
+
+def made_board(settings: Settings) -> AnyBoard:
+    """The board that settings describe, or the robot of several parts."""
+    if not settings.parts:
+        return Board(settings.board)
+    parts = {name: settings.part(name).board for name in settings.parts}
+    return Robot(parts, settings.levels)
 
 
 class Simulation:
     """A board that drives a simulated plant; time passes only in ``step`` and ``run``.
 
     Attributes:
-        board: The control board.
+        board: The control board, or the robot of several parts.
         plant: What it drives.
     """
 
     def __init__(
-        self, board: BoardConfig, simulation: SimulationConfig, body: Body | None = None
+        self,
+        board: BoardConfig | AnyBoard,
+        simulation: SimulationConfig,
+        body: Body | None = None,
     ) -> None:
-        self.plant = SimulatedPlant(board, simulation, body)
-        self.board = Board(board)
-        self._rate = board.control_rate
+        self.board: AnyBoard = Board(board) if isinstance(board, BoardConfig) else board
+        self.plant = SimulatedPlant(self.board.config, simulation, body)
+        self._rate = self.board.config.control_rate
 
     @classmethod
     def load(cls, config: str | None = None, **values: object) -> Self:
@@ -47,7 +59,7 @@ class Simulation:
         """
         overrides = {name.replace("__", "."): value for name, value in values.items()}
         loaded = load(config, overrides)
-        return cls(loaded.board, loaded.simulation)
+        return cls(made_board(loaded), loaded.simulation)
 
     @property
     def time(self) -> float:

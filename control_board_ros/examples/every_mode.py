@@ -46,6 +46,7 @@ Each = Callable[[Board, float], object]
 def walk(simulation: Simulation) -> Recording:
     """Every mode in turn, one after the other without a pause."""
     board, recording = simulation.board, Recording()
+    assert isinstance(board, Board)  # the iiwa has no parts
 
     def act(title: str, mode: M, seconds: float, each: Each) -> None:
         """Switch the joint to a mode and let a function act before every cycle."""

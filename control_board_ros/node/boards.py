@@ -20,6 +20,7 @@ from ..core.measurement import Plant
 from ..core.robot import AnyBoard, Robot
 from ..interface import DIAGNOSTICS
 from ..settings.loading import Settings
+from ..simulation import made_board
 from .diagnostics import Diagnostics
 from .lifecycle import make_node, manage
 from .loop import ControlLoop
@@ -204,11 +205,3 @@ class Boards:
                 f"{len(same)} nodes are called {name} on this domain, and each executes every "
                 "request; stop the others (ros2 node list), or use another name or ROS_DOMAIN_ID"
             )
-
-
-def made_board(settings: Settings) -> AnyBoard:
-    """The board that settings describe, or the robot of several parts."""
-    if not settings.parts:
-        return Board(settings.board)
-    parts = {name: settings.part(name).board for name in settings.parts}
-    return Robot(parts, settings.levels)

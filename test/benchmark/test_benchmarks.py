@@ -18,7 +18,7 @@ from control_board_ros.testing import child_environment, free_domain
 RUN = Path(__file__).resolve().parents[2] / "benchmark" / "run.py"
 #: How many figures a tiny run gives of each benchmark, and those that take seconds even so.
 FIGURES = {
-    "B1": 4,
+    "B1": 6,
     "B2": 4,
     "B3": 4,
     "B4": 6,
@@ -31,9 +31,10 @@ FIGURES = {
     "B11": 2,
     "B12": 3,
     "B13": 3,
+    "B14": 6,
     "B15": 1,
 }
-LONG = ("B4", "B7", "B10", "B11", "B12")
+LONG = ("B4", "B7", "B10", "B11", "B12", "B14")
 QUICK = [name for name in FIGURES if name not in LONG]
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]

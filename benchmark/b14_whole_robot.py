@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""B14: the whole iCub, 32 joints in six parts, at 1 kHz in one process."""
+
+from __future__ import annotations
+
+import threading
+import time
+from statistics import median
+
+from b10_footprint import COMMAND
+from common import Effort, Figure, Goal, at_most, number, percentile
+from processes import board, cpu_share, helper, resident_megabytes
+from sensor_msgs.msg import JointState
+from tap import tap
+
+from control_board_ros.testing import BoardProcess, child_environment, free_domain, ros_node
+
+ROBOT, TOPIC = "/icub/robot", "/icub/joint_states"
+#: Engine, what a case says of it, and the goals: processor %, lateness p99 ms, start s.
+ENGINES = (("pybullet", "", (45.0, 0.5, 1.5)), ("mujoco", ", in MuJoCo", (None, None, None)))
+
+
+def run(effort: Effort) -> list[Figure]:
+    """Measure start, processor and lateness of the whole iCub, with each engine."""
+    figures = []
+    for physics, where, goals in ENGINES:
+        figures += _with(physics, where, goals, effort)
+    return figures
+
+
+def _with(
+    physics: str, where: str, goals: tuple[float | None, ...], effort: Effort
+) -> list[Figure]:
+    processor, latest, soonest = (None if goal is None else at_most(goal) for goal in goals)
+    params = {"robot": "icub", "physics": physics}
+    with free_domain() as domain:
+        starts = [_start(domain, physics) for _ in range(effort.of(5, 1, 1))]
+        with helper(domain, "bare", "loop", effort.of(10.0, 1.0, 0.2)) as bare:
+            reference = bare.result()["lateness"]
+        with tap() as tapped, board(domain, params, tap=tapped, robot="icub") as running:
+            pid = running.process.pid
+            with ros_node(domain, "listening") as node:
+                node.create_subscription(JointState, TOPIC, lambda _: None, 10)
+                if effort.level == "full":
+                    tapped.window(5.0)  # until discovery and calibration are over
+                fared = tapped.window(effort.of(60.0, 2.0, 0.0))[0]
+                shares = [
+                    cpu_share([pid], effort.of(20.0, 2.0, 0.3)) for _ in range(effort.of(2, 1, 1))
+                ]
+            memory = resident_megabytes(pid)
+    late = 1e3 * percentile(fared.lateness, 99)
+    bare_late = 1e3 * percentile(reference, 99)
+    told = f"{fared.rate:.1f} Hz, {fared.overruns} overruns; bare loop: {number(bare_late)} ms"
+    return [
+        _figure(
+            "processor at 1 kHz, joint states at 100 Hz heard by one",
+            where,
+            median(shares),
+            "%",
+            processor,
+            f"of one core; memory {number(memory)} MB",
+        ),
+        _figure("lateness of the cycle start, p99, quiet", where, late, "ms", latest, told),
+        _figure(
+            "from the command to the first joint state",
+            where,
+            median(starts),
+            "s",
+            soonest,
+            f"of {len(starts)}: {', '.join(number(start) for start in sorted(starts))} s",
+        ),
+    ]
+
+
+def _figure(
+    case: str, where: str, value: float, unit: str, goal: Goal | None, reference: str
+) -> Figure:
+    return Figure(
+        "B14",
+        f"iCub, 32 joints: {case}{where}",
+        value,
+        unit,
+        goal,
+        reference,
+        headline=goal is not None,
+    )
+
+
+def _start(domain: int, physics: str) -> float:
+    """Time from the start of the process to the first state of the whole robot, s."""
+    seen = threading.Event()
+    with ros_node(domain, "waiting") as node:
+        node.create_subscription(JointState, TOPIC, lambda _: seen.set(), 10)
+        time.sleep(0.2)
+        begin = time.monotonic()
+        command = (*COMMAND, "--ros-args", "-p", "robot:=icub", "-p", f"physics:={physics}")
+        process = BoardProcess(command, ROBOT, domain, child_environment(domain))
+        try:
+            if not seen.wait(60.0):
+                raise RuntimeError(f"no joint state came:\n{process.tail()}")
+            return time.monotonic() - begin
+        finally:
+            process.stop()
