@@ -104,12 +104,11 @@ class Record:
 
 
 def chosen(made: list[Mutant], wanted: Any) -> list[Mutant]:
-    """The mutants to try, as the command line says."""
+    """The mutants to try, as the command line says; a sample in the order drawn."""
     made = [m for m in made if not wanted.only or any(word in str(m) for word in wanted.only)]
     if wanted.all or wanted.sample >= len(made):
         return made
-    picked = set(random.Random(wanted.seed).sample(range(len(made)), wanted.sample))
-    return [mutant for k, mutant in enumerate(made) if k in picked]
+    return random.Random(wanted.seed).sample(made, wanted.sample)
 
 
 def arguments(words: list[str]) -> Any:

@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 
 #: Calls of a function in one test that are looked at; of later ones each OFTEN-th.
-CALLS, OFTEN = 100, 20
+CALLS, OFTEN = 40, 50
 
 
 class Recorder:
