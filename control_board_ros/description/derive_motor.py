@@ -56,7 +56,9 @@ def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assume
         values["limits.velocity"] = min(velocity, MAX_VELOCITY)
         if joint.velocity is None:
             text = f"{velocity:.3g} {speed_unit}"
-            assumed.warn(name, text, "no speed in the URDF, assumed", "give limits.velocity")
+            assumed.warn(
+                name, text, "no speed above 0 in the URDF, assumed", "give limits.velocity"
+            )
         elif velocity > MAX_VELOCITY:
             top = f"{MAX_VELOCITY:g}"
             what = f"speeds of the URDF above {top} rad/s or m/s are taken as {top}"
@@ -67,7 +69,9 @@ def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assume
         effort = joint.effort
         if effort is None:
             text = f"{enough:.3g} {unit}"
-            assumed.warn(name, text, "no effort in the URDF, assumed", "give limits.torque")
+            assumed.warn(
+                name, text, "no effort above 0 in the URDF, assumed", "give limits.torque"
+            )
         elif effort > max(SUSPECT_EFFORT, ABSURD_RATIO * need):
             text = f"{enough:.3g} {unit} instead of {effort:.3g} {unit}"
             what = f"effort in the URDF of {ABSURD_RATIO:g} times what the load needs, not taken"

@@ -6,6 +6,7 @@ reliable, as the interface promises; when the middleware reports an incompatible
 best-effort subscription is added beside it. That one receives from all publishers, so its
 messages count from then on; for a moment, while publishers match, what arrives by both is
 recognized by its source time stamp. When the last best-effort publisher is gone, it is removed.
+The log tells once of such publishers: what they lose on the way is not sent again.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ class CommandSubscription:
     def __init__(self, node: Node, topic: Endpoint, callback: Callable[[Any], None]) -> None:
         self._node, self._topic, self._callback = node, topic, callback
         self._best_effort: Any = None
+        self._told = False
         self._handover_end = 0.0
         self._stamps: deque[int] = deque(maxlen=STAMPS_KEPT)
         self._reliable = node.create_subscription(
@@ -56,16 +58,30 @@ class CommandSubscription:
 
     def check(self) -> None:
         """Remove the best-effort subscription when it is not needed; to be called now and then."""
-        if self._best_effort is not None and not self._has_best_effort_publishers():
+        if self._best_effort is None:
+            return
+        if names := self._best_effort_publishers():
+            self._tell(names)
+        else:
             self._node.destroy_subscription(self._best_effort)
             self._best_effort = None
 
-    def _has_best_effort_publishers(self) -> bool:
-        topic = self._reliable.topic_name
-        return any(
-            info.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
-            for info in self._node.get_publishers_info_by_topic(topic)
-        )
+    def _best_effort_publishers(self) -> list[str]:
+        """The names of the nodes that publish so."""
+        return [
+            f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+            for info in self._node.get_publishers_info_by_topic(self._reliable.topic_name)
+            if info.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
+        ]
+
+    def _tell(self, names: list[str]) -> None:
+        """Warn once of those who publish with best effort."""
+        if not self._told:
+            self._told = True
+            self._node.get_logger().warning(
+                f"{', '.join(names)} publishes {self._reliable.topic_name} with best effort: it "
+                "is heard, but what is lost on the way is not sent again; publish it reliable"
+            )
 
     def _on_incompatible(self, _event: Any) -> None:
         if self._best_effort is None and self._reliable.qos_profile.reliability is not (

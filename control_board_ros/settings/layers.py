@@ -19,6 +19,9 @@ from .values import convert
 ROS_NAMES = ("use_sim_time", "start_type_description_service")
 ROS_PREFIXES = ("qos_overrides.",)
 
+#: Names that no joint may have, and whose parameters begin with them.
+RESERVED = {JOINT_DEFAULTS: "all joints", "poses": "the poses", "qos_overrides": "ROS"}
+
 Entries = dict[str, Entry]
 
 
@@ -118,9 +121,12 @@ def joints_of(
             hint = f"did you mean {near[0]!r}? " if near else ""
             reason = f"{hint}joints: {', '.join(urdf.independent)}"
         raise SettingsError(f"{at}{key}: {shown(name)} is not allowed; {reason}")
-    for reserved in (JOINT_DEFAULTS, "qos_overrides"):
+    for reserved, whose in RESERVED.items():
         if reserved in names:
-            raise SettingsError(f"{at}joints: {reserved!r} is not allowed as a joint's name")
+            raise SettingsError(
+                f"{at}joints: {reserved!r} is not allowed as a joint's name: the parameters "
+                f"{reserved}.* are those of {whose}; rename the joint in the URDF, or leave it out"
+            )
     return names
 
 

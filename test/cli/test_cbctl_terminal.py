@@ -180,6 +180,16 @@ def test_jog(cbctl: Any) -> None:
     assert asked.json["lbr_iiwa_joint_7"]["position"] > 0.005
 
 
+def test_jogging_on_a_paused_board(cbctl: Any) -> None:
+    """It says why nothing moves."""
+    assert cbctl("mode", "joint_7", "vel").code == 0
+    assert cbctl("pause").code == 0
+    with terminal(cbctl, "jog", "joint_7") as at:
+        at.see("q ends; paused? go on with: cbctl resume")
+        assert cbctl("resume").code == 0
+        at.type("q")
+
+
 def test_jog_says_what_it_needs(cbctl: Any) -> None:
     """A keyboard, and a joint that takes velocities."""
     assert "jog needs a keyboard" in cbctl("jog").err

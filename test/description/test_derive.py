@@ -107,8 +107,8 @@ def test_a_strong_effort_is_taken_and_an_absurd_one_told(tmp_path: Path) -> None
 def test_what_is_assumed_is_told(tmp_path: Path) -> None:
     made = derived(arm(tmp_path, "", kind="continuous"))
     told = "\n".join(made.warnings)
-    assert "no effort in the URDF, assumed: hinge" in told
-    assert "no speed in the URDF, assumed: hinge 3.14 rad/s; give limits.velocity" in told
+    assert "no effort above 0 in the URDF, assumed: hinge" in told
+    assert "no speed above 0 in the URDF, assumed: hinge 3.14 rad/s; give limits.velocity" in told
     assert "motors of all joints, gains of all joints" in made.notes[0]
     sliding = arm(tmp_path, '<limit lower="0" upper="1" effort="50"/>', kind="prismatic")
     assert "hinge 0.5 m/s; give limits.velocity" in derived(sliding).warnings[0]

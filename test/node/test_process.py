@@ -402,6 +402,19 @@ def test_every_publisher_is_heard_once(peer: Talker, qos: QoSProfile) -> None:
     peer.node.destroy_publisher(publisher)
 
 
+def test_a_best_effort_publisher_is_told_of_once(peer: Talker, board: BoardProcess) -> None:
+    """Who it is, on which topic, and what it risks; the topic's others are no reason."""
+    topic = f"{peer.board}/command/torque"
+    told = f"publishes {topic} with best effort"
+    for _ in range(2):
+        publisher = peer.node.create_publisher(msg.TorqueCommand, topic, BEST_EFFORT)
+        line = board.wait_for_output(told)
+        peer.node.destroy_publisher(publisher)
+        until(lambda: peer.node.count_subscribers(topic) == 1)  # that for best effort is gone
+    assert peer.node.get_fully_qualified_name() in line
+    assert board.output.count(told) == 1
+
+
 def test_qos_overrides_act_on_their_topic_only() -> None:
     """A subscription's reliability is overridden by its parameter, and no other's."""
     override = "qos_overrides./control_board/command/position.subscription.reliability"

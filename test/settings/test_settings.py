@@ -9,6 +9,7 @@ import random
 import time
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,6 +18,7 @@ from control_board_ros.core.parts import DEGREE
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.description.robots import ROBOTS
 from control_board_ros.settings import params_file, schema, yaml_tree
+from control_board_ros.settings.layers import RESERVED, joints_of
 from control_board_ros.settings.loading import Settings, SettingsError, find_config, load
 
 J2 = "lbr_iiwa_joint_2"
@@ -538,3 +540,13 @@ def test_parameters_of_the_board_change_at_run_time(iiwa: Settings) -> None:
     assert changed.board.joints == iiwa.board.joints
     with pytest.raises(SettingsError, match=r"constraints\.goal_time"):
         iiwa.changed({"constraints.goal_time": -1.0})
+
+
+@pytest.mark.parametrize("name", list(RESERVED))
+def test_a_reserved_name_says_what_it_is_reserved_for(name: str) -> None:
+    urdf: Any = SimpleNamespace(independent=(name, "elbow"), mimics={})
+    with pytest.raises(SettingsError) as raised:
+        joints_of((), urdf, "", "joints")
+    assert f"{name!r} is not allowed as a joint's name" in str(raised.value)
+    assert f"the parameters {name}.* are those of {RESERVED[name]}" in str(raised.value)
+    assert joints_of(("elbow",), urdf, "", "joints") == ("elbow",)

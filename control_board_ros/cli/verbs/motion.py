@@ -117,7 +117,8 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
     """Send velocities as the keys say until the end; the joints that were moved."""
     from rich.live import Live
 
-    line(session, names[0], keys)  # from now on it is known without waiting
+    standstill = Standstill()
+    line(session, names[0], keys, standstill)  # from now on it is known without waiting
     moving, used = "", dict[str, None]()
     screen = console(stderr=True)
     with keys_at_once() as terminal, Live(console=screen, auto_refresh=False) as live:
@@ -135,19 +136,20 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
                     if not reply:
                         complain(reply.message)
                         break
-                live.update(line(session, name, keys), refresh=True)
+                live.update(line(session, name, keys, standstill), refresh=True)
         except KeyboardInterrupt:
             return list(used)  # the end asked for, as q
     return list(used)
 
 
-def line(session: Session, name: str, keys: Jog) -> str:
+def line(session: Session, name: str, keys: Jog, standstill: Standstill) -> str:
     """The joint, where it is, how fast it goes, and the keys."""
     state = session.client.get_state(fresh=False)
     angle = session.show_angle(name, float(state.position[state.names.index(name)]))
     speed = session.show_angle(name, keys.speed)
     arrow = {-1: "←", 0: " ", 1: "→"}[keys.direction]
-    return f"{short_names([name], state.names)[name]} {angle} {arrow} {speed}/s   {KEYS}"
+    hint = standstill.hint(state.stamp, time.monotonic())
+    return f"{short_names([name], state.names)[name]} {angle} {arrow} {speed}/s   {KEYS}{hint}"
 
 
 @takes(JOINTS)
