@@ -19,7 +19,7 @@ from control_board_ros.interface import MODES
 
 from .errors import RecordingError
 from .parameters import Parameters
-from .topics import DEPTH, PARAMETER_EVENTS, Topic, topics_of
+from .topics import DEPTH, PARAMETER_EVENTS, Topic, topics_for_yarp, topics_of
 
 #: s that latched topics have to come first.
 PATIENCE = 2.0
@@ -75,7 +75,7 @@ class Recorder:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        topics = topics_of(self._boards)
+        topics = topics_of(self._boards) + topics_for_yarp(self._node, self._boards)
         self._awaited = {topic for topic in topics if topic.latched and topic.board}
         loaded = [(topic, load(topic)) for topic in topics]
         self.skipped = [topic.name for topic, kind in loaded if kind is None]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from control_board_ros.interface import COMMAND_TOPICS, PUBLISHED, Endpoint, QoS, topic
 
@@ -18,6 +19,8 @@ ROSOUT = topic("/rosout", "rcl_interfaces/msg/Log", QoS(depth=1000), "")
 PARAMETER_EVENTS = topic(
     "/parameter_events", "rcl_interfaces/msg/ParameterEvent", QoS(depth=1000), ""
 )
+#: How the types of YARP's commands begin.
+OF_YARP = "yarp_control_msgs/msg/"
 #: With a depth that outlasts a slow disk for seconds.
 DEPTH = 1000
 
@@ -56,3 +59,19 @@ def topics_of(boards: Iterable[str]) -> list[Topic]:
                 topic = replace(topic, board="")
             found[topic.name] = topic
     return list(found.values())
+
+
+def topics_for_yarp(node: Any, boards: Iterable[str]) -> list[Topic]:
+    """The commands that boards hear from YARP's clients, by any name (``yarp_msgs_name``).
+
+    Args:
+        node: That knows the boards' nodes.
+        boards: Their full names.
+    """
+    found = []
+    for board in boards:
+        namespace, _, name = board.rpartition("/")
+        heard = node.get_subscriber_names_and_types_by_node(name, namespace or "/")
+        for heard_name, types in heard:
+            found += [Topic(heard_name, kind) for kind in types if kind.startswith(OF_YARP)]
+    return found

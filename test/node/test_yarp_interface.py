@@ -19,6 +19,8 @@ from std_msgs.msg import Int8MultiArray, Int32MultiArray
 from talk import TIMEOUT, Talker, until
 from yarp_control_msgs import msg, srv
 
+from control_board_ros.recording.topics import topics_for_yarp
+
 BASE = "/icub/left_arm"
 KINDS = {
     "get_modes": srv.GetControlModes,
@@ -98,6 +100,14 @@ def test_names_and_types(talker: Talker) -> None:
         for name, row in yarp_table.items():
             kind = row if isinstance(row, str) else row[0]
             assert there[BASE + name[1:] if name[0] == "~" else f"/{name}"] == [kind]
+
+
+def test_recordings_hold_the_commands_of_yarp_s_clients(talker: Talker) -> None:
+    """Whatever they are called here."""
+    found = topics_for_yarp(talker.node, ["/control_board"])
+    assert {topic.name: topic.type for topic in found} == {
+        BASE + name[1:]: kind for name, (kind, _) in YARP_SUBSCRIBED.items()
+    }
 
 
 def test_it_is_driven_as_cb_hw_fw_pos_does(yarp: YarpClient, talker: Talker) -> None:
@@ -240,7 +250,8 @@ def test_no_message_ends_the_node(yarp: YarpClient, talker: Talker) -> None:
         ("position_direct", msg.PositionDirect(positions=[0.1] * 7)),
         ("velocity", msg.Velocity(velocities=[0.1] * 7)),
     ]
-    before = talker.state()
+    rest = pytest.approx(list(yarp.call("get_position").positions), abs=2e-3)
+    before = talker.state(lambda s: list(s.position_reference) == rest)
     for name, message in wrong:
         yarp.send(name, message)
     # Two of them name no joint of the board.
@@ -250,5 +261,5 @@ def test_no_message_ends_the_node(yarp: YarpClient, talker: Talker) -> None:
             for a, b in zip(before.rejected_commands, s.rejected_commands, strict=True)
         )
     )
-    assert list(state.position_reference) == pytest.approx(list(before.position_reference))
+    assert list(state.position_reference) == rest
     assert set(yarp.call("get_modes").modes) == {"POSITION"}
