@@ -7,14 +7,15 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
 from .. import __version__
 from .arguments import HELP, Parser, arguments_of
+from .boards import is_pattern, sessions_meant
 from .options import ARGUMENTS, Options, hoist, read_options, split_ros_arguments
-from .output import DONE, REFUSED, USAGE, ReaderGone, fail, put, put_json
+from .output import DONE, REFUSED, USAGE, ReaderGone, complain, fail, put, put_json
 from .session import Session
 from .verbs import SECTIONS, VERBS, load
 from .words import Refused, UsageError, nearest
@@ -90,8 +91,45 @@ def do(session: Session, words: Sequence[str]) -> int:
     else:
         session.options.json = options.json
     values = Parser(f"cbctl {name}", arguments_of(verb)).read(given)
+    if is_pattern(session.options.board) and not hasattr(verb, "patterns"):
+        if not hasattr(verb, "several"):
+            raise UsageError(
+                f"{name} is for one board, and --board {session.options.board} may be several; "
+                f"name one, as in --board /icub/head. For several: {', '.join(for_several())}"
+            )
+        return on_each(session, verb, values)
     code = verb(session, **values)
     return DONE if code is None else code
+
+
+def for_several() -> list[str]:
+    """The verbs that take a pattern of boards."""
+    return [
+        name for name in VERBS if hasattr(load(name), "several") or hasattr(load(name), "patterns")
+    ]
+
+
+def on_each(session: Session, verb: Callable[..., Any], values: dict[str, Any]) -> int:
+    """Run a verb on each board that is meant: a table below each name, or JSON by board."""
+    answers: dict[str, Any] = {}
+    codes = [DONE]
+    with sessions_meant(session, values.get("joints", ())) as sessions:
+        for k, (board, one) in enumerate(sessions.items()):
+            one.answers = []
+            if not session.options.json:
+                put(f"{board}" if k == 0 else f"\n{board}")
+            try:
+                codes.append(verb(one, **values) or DONE)
+            except Exception as error:  # noqa: BLE001  (explain raises what it does not know)
+                message, code = explain(error)
+                one.answers = [{"success": False, "message": message}]
+                codes.append(code)
+                if not session.options.json:
+                    complain(message)
+            answers[board] = one.answers[-1] if one.answers else None
+    if session.options.json:
+        put_json(answers)
+    return max(codes)
 
 
 def put_version(*, as_json: bool) -> None:

@@ -57,6 +57,18 @@ def takes(*arguments: Argument) -> Callable[[Verb], Verb]:
     return note_down
 
 
+def several(verb: Verb) -> Verb:
+    """Say that a verb is run for each board, where ``--board`` is a pattern."""
+    verb.several = True  # type: ignore[attr-defined]
+    return verb
+
+
+def patterns(verb: Verb) -> Verb:
+    """Say that a verb itself sees to it that ``--board`` may be a pattern."""
+    verb.patterns = True  # type: ignore[attr-defined]
+    return verb
+
+
 def arguments_of(verb: Callable[..., Any]) -> tuple[Argument, ...]:
     """What a verb takes."""
     found: tuple[Argument, ...] = getattr(verb, "arguments", ())

@@ -4,18 +4,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from control_board_ros.core.modes import REQUESTABLE, UNIMPLEMENTED
 from control_board_ros.core.vocabs import InteractionMode
 
 from .arguments import Argument, arguments_of
+from .boards import boards_meant
 from .options import ARGUMENTS, Options, hoist, read_options
 from .output import DONE, put
 from .plotting import SIGNALS
 from .session import Session
 from .tables import short_names
-from .words import UsageError
+from .words import Refused, UsageError
 
 #: s to look for a board and to wait for its answers: a Tab must not hang.
 TIMEOUT = 2.0
@@ -181,6 +183,10 @@ def at_cursor(
     Raises:
         UsageError: an option has no value yet.
     """
+    if words and words[-1] == "--board":
+        front, _ = hoist(words[:-1])
+        options, _ = read_options(front, [])
+        return [board for board in all_boards(options) if board.startswith(incomplete)]
     front, rest = hoist(words)
     options, _ = read_options(front, [])
     if incomplete.startswith("-"):
@@ -212,6 +218,15 @@ def board_words(options: Options, verb: str) -> tuple[Sequence[str], Sequence[st
             return session.names, list_poses(session) if verb == "pose" else ()
     except BoardError:
         return (), ()
+
+
+def all_boards(options: Options) -> list[str]:
+    """The names of the boards that are there."""
+    with Session(replace(options, board="/*", timeout=TIMEOUT)) as session:
+        try:
+            return boards_meant(session)
+        except Refused:
+            return []
 
 
 def list_poses(session: Session) -> Sequence[str]:

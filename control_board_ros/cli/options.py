@@ -10,7 +10,10 @@ from .arguments import Parser, argument, number
 from .words import UsageError
 
 BOARD = argument(
-    "--board", default="control_board", metavar="NAME", help="Name of the board's node."
+    "--board",
+    default="control_board",
+    metavar="NAME",
+    help="Name of the board's node; of several boards a pattern: '/icub/*'.",
 )
 NAMESPACE = argument(
     "--namespace", default="", metavar="NAMESPACE", help="Namespace of the board."
@@ -50,6 +53,11 @@ class Options:
     domain: int | None = None
     json: bool = False
     ros_arguments: list[str] = field(default_factory=list)
+
+    @property
+    def board_named(self) -> bool:
+        """Whether another board than the usual one is asked for."""
+        return bool(self.board != BOARD.settings["default"])
 
 
 def read_options(words: Sequence[str], ros_arguments: list[str]) -> tuple[Options, bool]:

@@ -94,9 +94,17 @@ def put_json(value: Any) -> None:
 def show(session: Session, value: Any, render: Callable[[], RenderableType | str]) -> None:
     """Print a result: as JSON for machines, else as ``render`` makes it."""
     if session.options.json:
-        put_json(value)
+        answer(session, value)
     else:
         put(render())
+
+
+def answer(session: Session, value: Any) -> None:
+    """Print a result as JSON, or keep it for those of other boards."""
+    if session.answers is None:
+        put_json(value)
+    else:
+        session.answers.append(value)
 
 
 def plain(value: Any) -> Any:
@@ -138,8 +146,7 @@ def conclude(session: Session, reply: Reply, text: str = "", **more: Any) -> int
     message = in_cbctl(reply.message)
     if session.options.json:
         joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}
-        value = {"success": bool(reply), "message": message, "joints": joints} | more
-        put_json(value)
+        answer(session, {"success": bool(reply), "message": message, "joints": joints} | more)
     elif not reply:
         complain(message)
     else:

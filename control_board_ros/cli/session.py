@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..startup import announce_often, leave_out_the_generator
 from .limits import FIELDS, JointLimits, check_targets, limits_of, read_parameters
@@ -25,7 +26,8 @@ class Session:
     """The options in force, and the client once a verb asks for it.
 
     Attributes: options, shared (whether several lines use it: the shell), run_line (runs another
-    line in this session, and gives its exit code; set by whatever runs a line).
+    line in this session, and gives its exit code; set by whatever runs a line), answers (takes
+    what would be printed as JSON, where several boards answer together; else None).
     """
 
     run_line: Callable[[Sequence[str]], int]
@@ -33,6 +35,7 @@ class Session:
     def __init__(self, options: Options) -> None:
         self.shared = False
         self.options = options
+        self.answers: list[Any] | None = None
         self._stack = contextlib.ExitStack()
 
     def __enter__(self) -> Session:
@@ -40,6 +43,12 @@ class Session:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def beside(self, board: str) -> Session:
+        """A session of another board over the same node; close it before this one."""
+        made = Session(replace(self.options, board=board))
+        made.__dict__["node"] = self.node
+        return made
 
     def close(self) -> None:
         """End the connection, if there is one."""

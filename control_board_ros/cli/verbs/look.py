@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from ..arguments import JOINTS, argument, takes
+from ..arguments import JOINTS, argument, several, takes
 from ..output import ENDLESS, force_text, mode_text, position_text, show
 from ..reading import (
     UNCALIBRATED,
@@ -27,6 +27,7 @@ DATES_FROM = 1e9
 REFERENCES = ("position", "direct", "velocity", "torque", "output", "speed", "accel.")
 
 
+@several
 @takes(JOINTS)
 def modes(session: Session, joints: list[str]) -> None:
     """Show the control and interaction mode of joints, and which are not calibrated."""
@@ -51,6 +52,7 @@ def modes_table(session: Session, rows: Rows) -> Any:
     return grid(columns, names=session.names)
 
 
+@several
 def info(session: Session) -> None:
     """Show the board: joints with index, kind, limits, stops and the modes they have."""
     board, rows = session.client.board_name, read_joints(session)
@@ -97,6 +99,7 @@ def range_text(low: float | None, high: float | None, prismatic: bool) -> str:
     return f"{start}…{position_text(high, prismatic)}"
 
 
+@several
 @takes(JOINTS)
 def references(session: Session, joints: list[str]) -> None:
     """Show the last accepted reference of every kind."""
@@ -122,6 +125,7 @@ def references_table(session: Session, rows: Rows) -> Any:
     return grid(columns, names=session.names, right=REFERENCES)
 
 
+@several
 @takes(
     JOINTS,
     argument(

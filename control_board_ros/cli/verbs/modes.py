@@ -8,7 +8,7 @@ from typing import Any
 
 from control_board_ros.core.vocabs import Vocab, parse_control_mode, parse_interaction_mode
 
-from ..arguments import JOINTS, JOINTS_THEN_MODE, argument, number, takes
+from ..arguments import JOINTS, JOINTS_THEN_MODE, argument, number, several, takes
 from ..completion import LAST_WORDS, MODE_CODES
 from ..output import DONE, REFUSED, conclude, show
 from ..reading import Rows, read_faults, read_impedance
@@ -20,8 +20,11 @@ from ..words import Refused, UsageError, nearest
 
 @takes(JOINTS_THEN_MODE)
 def mode(session: Session, words: list[str]) -> int:
-    """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, fidl."""
-    joints, wanted = joints_and_mode(words, "cbctl mode all pos")
+    """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, fidl.
+
+    Of a board that --board names, a mode alone is for all joints.
+    """
+    joints, wanted = joints_and_mode(of_board(session, words), "cbctl mode all pos")
     names = session.joints(joints)
     check_mode("control", wanted, parse_control_mode, MODE_CODES)
     reply = session.client.set_control_mode(names, wanted)
@@ -47,6 +50,11 @@ def check_mode(kind: str, text: str, parse: Callable[[str], Vocab], codes: Seque
         raise Refused(f"{kind} mode {text[:40]!r} unknown{hint}; one of {known}") from None
 
 
+def of_board(session: Session, words: list[str]) -> list[str]:
+    """The words, with all joints for a mode alone where the line names a board."""
+    return ["all", *words] if session.options.board_named and len(words) == 1 else words
+
+
 def joints_and_mode(words: list[str], example: str) -> tuple[list[str], str]:
     """Split ``JOINT… MODE``.
 
@@ -60,8 +68,11 @@ def joints_and_mode(words: list[str], example: str) -> tuple[list[str], str]:
 
 @takes(JOINTS_THEN_MODE)
 def interaction(session: Session, words: list[str]) -> int:
-    """Set the interaction mode of joints: stif or comp."""
-    joints, wanted = joints_and_mode(words, "cbctl interaction all comp")
+    """Set the interaction mode of joints: stif or comp.
+
+    Of a board that --board names, a mode alone is for all joints.
+    """
+    joints, wanted = joints_and_mode(of_board(session, words), "cbctl interaction all comp")
     names = session.joints(joints)
     check_mode("interaction", wanted, parse_interaction_mode, LAST_WORDS["interaction"])
     reply = session.client.set_interaction_mode(names, wanted)
@@ -108,6 +119,7 @@ def impedance_table(session: Session, rows: Rows) -> Any:
     )
 
 
+@several
 @takes(JOINTS)
 def clear(session: Session, joints: list[str]) -> int:
     """Send FORCE_IDLE to the joints in fault; tell which causes persist."""

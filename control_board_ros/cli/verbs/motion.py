@@ -8,7 +8,7 @@ import time
 from argparse import BooleanOptionalAction
 from typing import Any
 
-from ..arguments import JOINTS, VALUES, argument, takes
+from ..arguments import JOINTS, VALUES, argument, several, takes
 from ..jogging import Jog, keys_at_once, pressed
 from ..output import complain, conclude, console
 from ..progress import Bar, Standstill
@@ -152,6 +152,7 @@ def line(session: Session, name: str, keys: Jog, standstill: Standstill) -> str:
     return f"{short_names([name], state.names)[name]} {angle} {arrow} {speed}/s   {KEYS}{hint}"
 
 
+@several
 @takes(JOINTS)
 def stop(session: Session, joints: list[str]) -> int:
     """Stop joints where they are; their modes stay."""

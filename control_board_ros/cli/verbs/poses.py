@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..arguments import argument, takes
+from ..arguments import argument, several, takes
 from ..output import conclude, show
 from ..progress import Bar, Standstill
 from ..session import Session
@@ -28,6 +28,7 @@ SPEED = argument(
 Rows = dict[str, dict[str, Any]]
 
 
+@several
 def poses(session: Session) -> None:
     """Show the poses that there are: those of the configuration, then those of the user."""
     rows = read_poses(session)

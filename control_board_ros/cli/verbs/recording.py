@@ -7,7 +7,7 @@ import time as clock
 from pathlib import Path
 from typing import Any
 
-from ..arguments import FOR, argument, takes
+from ..arguments import FOR, argument, patterns, takes
 from ..output import DONE, REFUSED, complain, note, put, put_json
 from ..progress import Bar
 from ..recordings import read_boards, start
@@ -19,6 +19,7 @@ from ..words import Refused, UsageError, quantity
 LOOK, LOOK_AT_BOARDS = 0.25, 2.0
 
 
+@patterns
 @takes(
     argument(
         "-o", "--output", required=True, metavar="FOLDER", help="The folder to make, or to fill."

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ..arguments import JOINTS, argument, number, takes
+from ..arguments import JOINTS, argument, number, patterns, takes
+from ..boards import sessions_meant
+from ..dense import HEAD, dense
 from ..output import bar, console, force_text, mode_text, position_text, put, show
 from ..reading import UNCALIBRATED, Rows, lacks_calibration, read_state
 from ..session import Session
@@ -38,10 +40,13 @@ TITLES = (
 RIGHT = ("position", "reference", "torque", "output")
 #: What goes first where the terminal is narrow.
 DISPENSABLE = ("output", "reference", "its limits", "torque", "int.")
+#: Lines of faults below joints in blocks, at most.
+MOST_FAULTS = 3
 #: Characters that a fault has at least, where it has as many.
 FAULT_WIDTH = 20
 
 
+@patterns
 @takes(
     JOINTS,
     argument("--once", action="store_true", help="Show it once and end."),
@@ -50,49 +55,121 @@ FAULT_WIDTH = 20
 def watch(session: Session, joints: list[str], once: bool, rate: float) -> None:
     """Watch joints live; Ctrl-C ends it. Into a pipe or file: frame after frame, as they come.
 
-    With --json a line per time.
+    Where the joints are more than the lines of the terminal, they stand beside each other. With
+    --json a line per time.
     """
     if not 0.0 < rate <= 100.0:
         raise UsageError(f"--rate {rate:g} is not valid; give times a second, above 0 up to 100")
-    names = session.joints(joints)
-    if once:
-        rows = read_state(session, names)
-        show(
-            session,
-            rows,
-            lambda: watch_table(session, rows, session.limits(names), console().width),
-        )
-        return
-    try:
-        follow(session, names, 1.0 / rate)
-    except KeyboardInterrupt:
-        return
+    with sessions_meant(session, joints) as sessions:
+        views = [View(board, one, one.joints(joints)) for board, one in sessions.items()]
+        if once:
+            frame(session, views)
+            return
+        try:
+            follow(session, views, 1.0 / rate)
+        except KeyboardInterrupt:
+            return
 
 
-def follow(session: Session, names: list[str], period: float) -> None:
+class View:
+    """What is watched of one board: its joints, with their limits.
+
+    Attributes: board (its name), session, rows (as last read).
+    """
+
+    def __init__(self, board: str, session: Session, names: list[str]) -> None:
+        self.board, self.session, self._names = board, session, names
+        self._limits: Limits = {} if session.options.json else session.limits(names)
+        self.rows: Rows = {}
+
+    def read(self) -> None:
+        """Read the state."""
+        self.rows = read_state(self.session, self._names)
+
+    def table(self, width: int) -> Any:
+        """The table of what was read."""
+        return watch_table(self.session, self.rows, self._limits, width)
+
+    def columns(self) -> dict[str, list[Text]]:
+        """All columns of what was read, short names first."""
+        columns = columns_of(self.session, self.rows, self._limits)
+        shorts = short_names(list(self.rows), self.session.names)
+        return columns | {"joint": [text_of(shorts[name]) for name in self.rows]}
+
+    def faults(self) -> list[tuple[str, str]]:
+        """Joints in trouble, and what it is."""
+        return [(name, row["fault"]) for name, row in self.rows.items() if row["fault"]]
+
+
+def frame(session: Session, views: Sequence[View]) -> None:
+    """Read and print all boards once."""
+    for view in views:
+        view.read()
+    show(session, values_of(views), partial(stacked, views, console().width))
+
+
+def values_of(views: Sequence[View]) -> dict[str, Any]:
+    """What was read: by joint, or of several boards by board and joint."""
+    return views[0].rows if len(views) == 1 else {view.board: view.rows for view in views}
+
+
+def stacked(views: Sequence[View], width: int) -> Any:
+    """The tables of all boards below each other, as long as they are."""
+    if len(views) == 1:
+        return views[0].table(width)
+    from rich.console import Group
+
+    return Group(*(part for view in views for part in (view.board, view.table(width), "")))
+
+
+def follow(session: Session, views: Sequence[View], period: float) -> NoReturn:
     """Show the rows again and again: in place where somebody looks, else frame after frame."""
     screen = console()
-    limits: Limits = {} if session.options.json else session.limits(names)
     if session.options.json or not screen.is_terminal:
-        follow_in_lines(session, names, limits, period)
+        while True:
+            frame(session, views)
+            if not session.options.json:
+                put("")
+            time.sleep(period)
     from rich.live import Live
 
-    first = watch_table(session, read_state(session, names), limits, screen.width)
-    with Live(first, console=screen, auto_refresh=False) as live:
+    with Live(console=screen, auto_refresh=False) as live:
         while True:
-            rows = read_state(session, names)
-            live.update(watch_table(session, rows, limits, screen.width), refresh=True)
+            for view in views:
+                view.read()
+            live.update(on_screen(views, screen.width, screen.height), refresh=True)
             time.sleep(period)
 
 
-def follow_in_lines(session: Session, names: list[str], limits: Limits, period: float) -> NoReturn:
-    """Print frames, each flushed at once and followed by an empty line; JSON: a line each."""
-    while True:
-        rows = read_state(session, names)
-        show(session, rows, partial(watch_table, session, rows, limits, console().width))
-        if not session.options.json:
-            put("")
-        time.sleep(period)
+def on_screen(views: Sequence[View], width: int, height: int) -> Any:
+    """All boards within a terminal: tables as ever where they fit, else joints in blocks."""
+    heads = HEAD if len(views) == 1 else HEAD + 2
+    if sum(len(view.rows) + heads for view in views) < height:
+        return stacked(views, width)
+    from rich.console import Group
+    from rich.text import Text
+
+    columns: dict[str, list[Text]] = {title: [] for title in TITLES if title != "fault"}
+    for view in views:
+        found = view.columns()
+        for title, cells in columns.items():
+            if len(views) > 1:
+                cells.append(Text(view.board if title == "joint" else "", style="bold"))
+            cells.extend(found[title])
+    troubles = [trouble for view in views for trouble in view.faults()]
+    told = [
+        Text(f"{name}: {fault}", style="red", no_wrap=True, overflow="ellipsis")
+        for name, fault in troubles[:MOST_FAULTS]
+    ]
+    if len(troubles) > MOST_FAULTS:
+        told[-1] = Text(f"… {len(troubles) - MOST_FAULTS + 1} more in fault: cbctl faults", "red")
+    room = height - len(told) - 2  # a line below for what finds none, and one for the cursor
+    table, shown = dense(columns, RIGHT, DISPENSABLE, width, room)
+    rest = len(columns["joint"]) - shown
+    if rest:
+        text = f"… {rest} lines more: a larger terminal, or cbctl watch JOINT…"
+        told.append(Text(text, no_wrap=True, overflow="ellipsis"))
+    return Group(table, *told)
 
 
 def watch_table(session: Session, rows: Rows, limits: Limits, width: int) -> Any:
