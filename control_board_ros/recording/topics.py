@@ -69,8 +69,11 @@ def topics_for_yarp(node: Any, boards: Iterable[str]) -> list[Topic]:
         boards: Their full names.
     """
     found = []
+    nodes = set(node.get_node_names_and_namespaces())
     for board in boards:
         namespace, _, name = board.rpartition("/")
+        if (name, namespace or "/") not in nodes:  # it is about to go, or to be seen
+            continue
         heard = node.get_subscriber_names_and_types_by_node(name, namespace or "/")
         for heard_name, types in heard:
             found += [Topic(heard_name, kind) for kind in types if kind.startswith(OF_YARP)]

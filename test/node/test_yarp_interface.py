@@ -104,7 +104,7 @@ def test_names_and_types(talker: Talker) -> None:
 
 def test_recordings_hold_the_commands_of_yarp_s_clients(talker: Talker) -> None:
     """Whatever they are called here."""
-    found = topics_for_yarp(talker.node, ["/control_board"])
+    found = topics_for_yarp(talker.node, ["/control_board", "/gone/board"])
     assert {topic.name: topic.type for topic in found} == {
         BASE + name[1:]: kind for name, (kind, _) in YARP_SUBSCRIBED.items()
     }
