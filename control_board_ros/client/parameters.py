@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from difflib import get_close_matches
 from typing import Any
 
@@ -13,6 +13,7 @@ from rcl_interfaces.msg import Parameter
 from rclpy.parameter import Parameter as TypedParameter
 from rclpy.parameter import parameter_value_to_python
 
+from control_board_ros.core.parts import Pid
 from control_board_ros.core.reply import Reply, refused
 from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import service
@@ -31,7 +32,7 @@ SET_PARAMETERS = service(
 )
 #: The controllers that have gains, and the fields of each.
 CONTROLLERS = ("position", "direct", "torque", "current")
-GAINS = ("kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff")
+GAINS = tuple(field.name for field in fields(Pid))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,11 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 
-from control_board_ros.core.config import JointConfig
 from control_board_ros.core.decisions import Facts, decide_feedforward, decide_reference
 from control_board_ros.core.explanations import (
     explain_feedforward,
@@ -25,7 +23,7 @@ from control_board_ros.core.explanations import (
 from control_board_ros.core.faults import FaultRecord
 from control_board_ros.core.reply import Answer, Reply, accepted, decided
 from control_board_ros.core.selection import RequestError, Selection
-from control_board_ros.core.vocabs import CommandKind, ControlMode
+from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
 from control_board_ros.protocols import Floats
 
 from .errors import BoardError, BoardNotFound, BoardTimeout
@@ -46,11 +44,13 @@ class KnownJoint:
     Attributes:
         name: of the joint.
         control_modes: that it implements.
+        interaction_modes: unknown.
         calibration: unknown.
     """
 
     name: str
     control_modes: tuple[ControlMode, ...] = ()
+    interaction_modes: tuple[InteractionMode, ...] = ()
     calibration: None = None
 
 
@@ -142,7 +142,7 @@ class Predictor:
     def _facts(self, name: str, known: Known) -> Facts:
         joint, fault = known.get(name) or (KnownJoint(name), FaultRecord(name))
         return Facts(
-            joint=cast(JointConfig, joint),
+            joint=joint,
             mode=self._view.control_mode(name),
             interaction=self._view.interaction_mode(name),
             calibrated=True,

@@ -10,9 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import Enum, auto
+from typing import Protocol
 
 from .causes import Cause
-from .config import JointConfig
 from .faults import FaultRecord
 from .modes import (
     ACCEPTS,
@@ -29,6 +29,7 @@ from .modes import (
     Trigger,
     next_mode,
 )
+from .parts import Calibration
 from .reply import Answer
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
@@ -54,6 +55,19 @@ class Reason(Enum):
     NO_FEEDFORWARD = auto()  # K6
 
 
+class DecidedJoint(Protocol):
+    """What decisions, and the texts that explain them, need of a joint's configuration."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def control_modes(self) -> tuple[ControlMode, ...]: ...
+    @property
+    def interaction_modes(self) -> tuple[InteractionMode, ...]: ...
+    @property
+    def calibration(self) -> Calibration | None: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Facts:
     """What a decision on one joint rests on.
@@ -63,7 +77,7 @@ class Facts:
     stage (of the board).
     """
 
-    joint: JointConfig
+    joint: DecidedJoint
     mode: ControlMode
     interaction: InteractionMode
     calibrated: bool

@@ -10,6 +10,7 @@ from .modes import SELECTABLE
 from .parameter import configuration, parameter
 from .vocabs import ControlMode, InteractionMode
 
+DERIVATIVE_CUTOFF = 400.0  # Hz, unless configured otherwise
 DEGREE = math.pi / 180.0
 
 _INSIDE = "hard stop, 2 deg or 2 % of the range inside"
@@ -36,7 +37,7 @@ class Pid:
         run_time=True,
     )
     derivative_cutoff: float = parameter(
-        "low pass of the rate", "Hz", default=400.0, above=0.0, run_time=True
+        "low pass of the rate", "Hz", default=DERIVATIVE_CUTOFF, above=0.0, run_time=True
     )
 
 

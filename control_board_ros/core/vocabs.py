@@ -45,7 +45,19 @@ def decode(vocab: int) -> str:
 
 
 class Vocab(IntEnum):
-    """An enumeration whose values are vocabs."""
+    """An enumeration whose values are vocabs.
+
+    A member equals its number, so it cannot equal its code, too: what is equal has one hash
+    (docs/decisions/0022-modes-and-texts.md). Compare ``mode.code == "pos"``, or
+    ``mode is ControlMode("pos")``, which takes codes and long names.
+    """
+
+    @classmethod
+    def _missing_(cls, value: object) -> Vocab | None:
+        if not isinstance(value, str):
+            return None
+        word = value.lower()
+        return next((mode for mode in cls if word in (mode.code, mode.name.lower())), None)
 
     @property
     def code(self) -> str:

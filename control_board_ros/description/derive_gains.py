@@ -20,13 +20,14 @@ The shipped robots use the same: a gain in a parameter file is an exception with
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 from typing import Any
 
 from ..core.config import spring_damping
+from ..core.parts import DERIVATIVE_CUTOFF, Pid
 
 MAX_CROSSOVER = 600.0  # 1/s
 CROSSOVER_PHASE = 0.6  # rad
-DERIVATIVE_CUTOFF = 400.0  # Hz, low pass of the rate
 LEAST_ERROR = 8e-3  # rad, error that the torque limit is worth at least
 LEAST_SLIDE_ERROR = 2e-3  # m, likewise
 START_STIFFNESS_SHARE = 0.2  # stiffness at start, of the greatest
@@ -57,8 +58,8 @@ def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
     give("position_pid.ki", kp * min(crossover / 20.0, 0.22 * kd / greatest))
     give("position_pid.integral_limit", torque)
     give("position_pid.derivative_cutoff", DERIVATIVE_CUTOFF)
-    for name in ("kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"):
-        values.setdefault(f"direct_pid.{name}", values[f"position_pid.{name}"])
+    for gain in fields(Pid):
+        values.setdefault(f"direct_pid.{gain.name}", values[f"position_pid.{gain.name}"])
     give("torque_pid.integral_limit", torque)
     max_stiffness = give("impedance.max_stiffness", MAX_STIFFNESS_SHARE * kp)
     stiffness = give("impedance.stiffness", START_STIFFNESS_SHARE * max_stiffness)

@@ -16,6 +16,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ..core.vocabs import ControlMode
+from ..interface import GET_CONTROL_MODE, MODES, SET_CONTROL_MODE, Endpoint
 from .domains import child_environment, free_domain
 from .nodes import ros_node
 
@@ -172,23 +174,21 @@ def board_process(
 
 def _wait_until_ready(board: BoardProcess, configured: bool, timeout: float) -> None:
     """Wait for the latched modes and the services; the graph of an own node tells."""
-    from control_board_msgs.msg import JointModes
-    from control_board_msgs.srv import GetControlMode, SetControlMode
-    from rclpy.qos import DurabilityPolicy, QoSProfile
-
     ready = threading.Event()
 
     def on_modes(modes: Any) -> None:
-        if not (configured and "cfgn" in modes.control_modes):
+        if not (configured and ControlMode.NOT_CONFIGURED.code in modes.control_modes):
             ready.set()
 
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    def name_of(endpoint: Endpoint) -> str:
+        return endpoint.name.replace("~", board.name)
+
     deadline = time.monotonic() + timeout
     with ros_node(board.domain, "wait_until_ready") as node:
-        node.create_subscription(JointModes, f"{board.name}/modes", on_modes, latched)
+        node.create_subscription(MODES.load(), name_of(MODES), on_modes, MODES.qos.profile())
         clients = [
-            node.create_client(GetControlMode, f"{board.name}/get_control_mode"),
-            node.create_client(SetControlMode, f"{board.name}/set_control_mode"),
+            node.create_client(service.load(), name_of(service))
+            for service in (GET_CONTROL_MODE, SET_CONTROL_MODE)
         ]
         while not (ready.wait(0.02) and all(c.service_is_ready() for c in clients)):
             if board.process.poll() is not None:

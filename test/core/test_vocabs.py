@@ -15,6 +15,7 @@ from control_board_ros.core.vocabs import (
     CommandKind,
     ControlMode,
     InteractionMode,
+    Vocab,
     decode,
     encode,
     parse_control_mode,
@@ -121,3 +122,16 @@ def test_unknown_modes_say_what_is_known(text: object, hint: str) -> None:
 def test_command_kinds_read_well() -> None:
     names = ["position", "position direct", "velocity", "torque", "output"]
     assert [str(kind) for kind in CommandKind] == names
+
+
+@pytest.mark.parametrize("kind", [ControlMode, InteractionMode])
+def test_a_mode_of_its_code_or_name(kind: type[Vocab]) -> None:
+    """The nearest to ``mode == "pos"``: a mode equals its number, whose hash it has."""
+    for mode in kind:
+        for word in (mode.code, mode.name, mode.name.lower()):
+            assert kind(word) is mode  # type: ignore[arg-type]
+        assert mode == int(mode)
+        assert hash(mode) == hash(int(mode))
+        assert mode != mode.code
+    with pytest.raises(ValueError, match="'nope' is not a valid"):
+        kind("nope")  # type: ignore[arg-type]
