@@ -84,12 +84,12 @@ class Recorder:
         self._tests[item.nodeid] = self._lines
 
     def pytest_sessionfinish(self) -> None:
-        """Write what was found: tests by module and line."""
-        found: defaultdict[str, defaultdict[int, list[str]]]
+        """Write what was found: the numbers of tests by module and line."""
+        found: defaultdict[str, defaultdict[int, list[int]]]
         found = defaultdict(lambda: defaultdict(list))
-        for test, lines in self._tests.items():
+        for k, (test, lines) in enumerate(self._tests.items()):
             for file, line in lines | self._fixtures[test.partition("::")[0]]:
-                found[Path(file).stem][line].append(test)
+                found[Path(file).stem][line].append(k)
         imported: defaultdict[str, list[int]] = defaultdict(list)
         for file, line in self._imported:
             imported[Path(file).stem].append(line)
@@ -109,8 +109,9 @@ class Reach:
     def read(cls, path: Path) -> Reach:
         """What a Recorder has written."""
         told = json.loads(path.read_text(encoding="utf-8"))
+        tests = list(told["seconds"])
         lines = {
-            module: {int(line): tests for line, tests in by_line.items()}
+            module: {int(line): [tests[k] for k in found] for line, found in by_line.items()}
             for module, by_line in told["lines"].items()
         }
         imported = {module: frozenset(found) for module, found in told["imported"].items()}
