@@ -228,13 +228,13 @@ def meaning(endpoint: Endpoint) -> str:
 
 
 PARTS_TEXT = """\
-`robot:=icub` starts a node for each part, `/icub/head` and so on, with everything above below its own
-name; its readings are in `~/joint_states`. The node `/icub/robot` answers for all of them: all command
-topics but `~/joint_trajectory`, all services, the actions `~/calibrate`, `~/move` and `~/go_to_pose`,
-`~/modes`, `~/state` and `~/faults`, over the joints of all parts in the parts' order. A request to it is
-checked as a whole and takes effect on all parts in the same cycle. `joint_states` and
-`robot_description` are in the namespace of the robot, `/diagnostics` has one entry per part:
-[how to](howto/whole_robot.md).
+`robot:=icub` starts a node for each part, `/icub/head` and so on, with everything above below
+its own name; its readings are in `~/joint_states`. The node `/icub/robot` answers for all of
+them: all command topics but `~/joint_trajectory`, all services, the actions `~/calibrate`,
+`~/move` and `~/go_to_pose`, `~/modes`, `~/state` and `~/faults`, over the joints of all parts
+in the parts' order. A request to it is checked as a whole and takes effect on all parts in the
+same cycle. `joint_states` and `robot_description` are in the namespace of the robot,
+`/diagnostics` has one entry per part: [how to](howto/whole_robot.md).
 """
 
 

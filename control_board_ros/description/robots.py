@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 
+from .assembly import Piece, assemble
 from .meshes import package_folder, share_folders
 from .urdf import Urdf, UrdfError, load
 from .xacro_file import split_arguments
@@ -55,12 +57,25 @@ ROBOTS = {
     "icub_right_arm": NamedRobot(_ICUB, ("chest", "r_hand")),
 }
 
+#: Robots of several parts that are made of others.
+ASSEMBLIES = {
+    "panda_pair": (
+        Piece("panda", "left_", xyz=(0.0, 0.0, 0.0)),
+        Piece("panda", "right_", xyz=(1.2, 0.0, 0.0), rpy=(0.0, 0.0, math.pi)),  # face to face
+    ),
+    "iiwa_gripper": (
+        Piece("iiwa"),
+        Piece(str(SHIPPED / "gripper.urdf"), on="lbr_iiwa_link_7", xyz=(0.0, 0.0, 0.045)),
+    ),
+}
+NAMES = (*ROBOTS, *ASSEMBLIES)
+
 
 def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     """The description of a named robot, or of the URDF at a path.
 
     Args:
-        robot: A key of ROBOTS, or a path; that of a xacro file may have arguments after it, as
+        robot: One of NAMES, or a path; that of a xacro file may have arguments after it, as
             in ``arm.urdf.xacro side:=left``.
         folder: What a relative path is relative to besides the working directory (the folder
             of the configuration file that gave it).
@@ -71,16 +86,18 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     if robot in ROBOTS:
         named = ROBOTS[robot]
         return load(named.path(), named.chain)
+    if robot in ASSEMBLIES:
+        return assemble(robot, ASSEMBLIES[robot], load_robot)
     name, arguments = split_arguments(robot)
     path = Path(os.path.expanduser(name))  # as it is where there is no such user
     if looks_like_path(name):
         beside = folder / path if folder is not None else path
         found = beside if not path.is_file() and beside.is_file() else path
         return load(found, arguments=arguments)
-    near = get_close_matches(robot, list(ROBOTS), n=1)
+    near = get_close_matches(robot, NAMES, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     raise UrdfError(
-        f"robot {robot[:60]!r} unknown; {hint}known: {', '.join(ROBOTS)}, "
+        f"robot {robot[:60]!r} unknown; {hint}known: {', '.join(NAMES)}, "
         "or the path of a URDF or xacro file"
     )
 

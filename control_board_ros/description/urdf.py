@@ -11,7 +11,7 @@ from __future__ import annotations
 import copy
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from .chain import cut
@@ -95,17 +95,7 @@ class Urdf:
             element.set("name", prefix + element.get("name", ""))
             if (mimic := element.find("mimic")) is not None:
                 mimic.set("joint", prefix + mimic.get("joint", ""))
-        return replace(
-            self,
-            text=ET.tostring(root, encoding="unicode"),
-            tree=Tree(root, self.source),
-            joints=tuple(_joint(element, self.source) for element in self._in_order(root, prefix)),
-        )
-
-    def _in_order(self, root: ET.Element, prefix: str) -> list[ET.Element]:
-        """The joints that move, in the order of this robot's."""
-        by_name = {element.get("name", ""): element for element in root.findall("joint")}
-        return [by_name[prefix + joint.name] for joint in self.joints]
+        return of_tree(self.name, Tree(root, self.source), self.warnings)
 
     @property
     def description(self) -> str:
@@ -164,10 +154,19 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
     if all(joint.mimic for joint in joints):
         raise UrdfError(f"{source}: no joint moves; a board needs at least one")
     warnings = _place_meshes(root, source, MeshFinder(folder)) + tree.add_masses()
-    ET.indent(root)
-    name = root.get("name") or Path(source).stem
-    text = ET.tostring(root, encoding="unicode")
-    return Urdf(name, source, text, tree, joints, tuple(warnings))
+    return of_tree(root.get("name") or Path(source).stem, tree, warnings)
+
+
+def of_tree(name: str, tree: Tree, warnings: Sequence[str] = ()) -> Urdf:
+    """The robot of a tree that is checked and prepared.
+
+    Raises:
+        UrdfError: a joint cannot be used.
+    """
+    ET.indent(tree.root)
+    text = ET.tostring(tree.root, encoding="unicode")
+    joints = tuple(_joint(element, tree.source) for element in tree.moving())
+    return Urdf(name, tree.source, text, tree, joints, tuple(warnings))
 
 
 def _joint(element: ET.Element, source: str) -> UrdfJoint:

@@ -22,7 +22,7 @@ from ..core.bring_up import complete_levels
 from ..core.config import BoardConfig, ConfigError
 from ..core.pose import Pose
 from ..description.derive import complete
-from ..description.robots import ROBOTS, load_robot
+from ..description.robots import NAMES, load_robot
 from ..description.urdf import Urdf, UrdfError
 from ..sim.config import DEFAULT_PHYSICS, SimulationConfig
 from . import build
@@ -173,7 +173,7 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
     """Settings of layers, the last one strongest; the robot's shipped layer comes first."""
     given = list(layers)
     robot, folder, where = robot_of(given)
-    if robot in ROBOTS:
+    if robot in NAMES:
         base = find_config(robot)
         if all(layer.path != base.absolute() for layer in given):
             given.insert(0, read_file(base))
@@ -230,7 +230,7 @@ def _settings(
     poses, beyond = poses_of(entries, board, {name: values[f"{name}.home"] for name in names})
     values |= values_of(poses)
     warnings = urdf.warnings + assumed.warnings + _slow(rate) + beyond
-    notes = () if values["robot"] in ROBOTS else assumed.notes
+    notes = () if values["robot"] in NAMES else assumed.notes
     return Settings(board, simulation, urdf, values, ros, warnings, notes, where, poses, parts)
 
 

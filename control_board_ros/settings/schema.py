@@ -41,8 +41,8 @@ NODE = (
         name="robot",
         kind=Kind.STRING,
         default="iiwa",
-        text="Robot: iiwa, panda, icub, icub_left_arm, icub_right_arm, or the path of a URDF or "
-        "xacro file; of a xacro file arguments may follow, name:=value",
+        text="Robot: iiwa, panda, icub, panda_pair, iiwa_gripper, icub_left_arm, icub_right_arm, "
+        "or the path of a URDF or xacro file; of a xacro file arguments may follow, name:=value",
     ),
     Parameter(
         name="robot_name",

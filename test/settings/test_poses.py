@@ -14,7 +14,7 @@ from control_board_ros.settings.params_file import SettingsError
 from control_board_ros.settings.user_poses import MOST, UserPoses, pose_file
 
 J = [f"lbr_iiwa_joint_{k}" for k in range(1, 8)]
-ROBOTS = ("iiwa", "panda", "icub_left_arm", "icub_right_arm", "icub")
+ROBOTS = ("iiwa", "panda", "panda_pair", "iiwa_gripper", "icub_left_arm", "icub_right_arm", "icub")
 ARM = str(Path(__file__).parents[1] / "spec" / "arm.urdf")
 
 

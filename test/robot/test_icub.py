@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole iCub on ROS: start-up, requests over parts, faults, whole-body references (SPEC R)."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Iterator
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import pytest
+from control_board_msgs import action, msg, srv
+from rclpy.context import Context
+from talk import Talker, talking_to, until
+
+from control_board_ros.core.robot import Robot
+from control_board_ros.node.boards import Boards
+from control_board_ros.node.executor import KeptWaitSetExecutor
+from control_board_ros.node.parameters import settings_from_arguments
+from control_board_ros.sim.plant import SimulatedPlant
+from control_board_ros.testing import BoardProcess, board_process, free_domain, ros_node
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.physics,
+    pytest.mark.slow,
+    pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub"),
+]
+PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")
+
+
+@pytest.fixture(scope="module")
+def board() -> Iterator[BoardProcess]:
+    """The iCub, torso first; its left arm will fail in the middle of its calibration."""
+    params = {
+        "robot": "icub",
+        "startup_levels": ["torso", "head,left_arm,right_arm"],
+        "allow_fault_injection": True,
+        "publish_clock": True,
+    }
+    with board_process(params, robot="icub", configured=False) as process:
+        yield process
+
+
+@pytest.fixture(scope="module")
+def talkers(board: BoardProcess) -> Iterator[dict[str, Talker]]:
+    """Talkers to the robot, an arm and a leg."""
+    with (
+        talking_to(board) as robot,
+        talking_to(board, "left_arm_talker", "/icub/left_arm") as arm,
+        talking_to(board, "left_leg_talker", "/icub/left_leg") as leg,
+    ):
+        yield {"robot": robot, "left_arm": arm, "left_leg": leg}
+
+
+def test_it_starts_level_by_level_and_stops_where_a_part_fails(
+    board: BoardProcess, talkers: dict[str, Talker]
+) -> None:
+    """R4: the legs wait for the arms; the left wrist fails; configure goes on."""
+    robot, arm, leg = (talkers[name] for name in ("robot", "left_arm", "left_leg"))
+    arm.wait("modes", lambda m: m.control_modes[4] == "cal")
+    arm.call("inject_fault", srv.InjectFault, names=["l_wrist_prosup"], fault="overcurrent")
+    arm.wait("modes", lambda m: m.control_modes[4] == "hwfa")
+    robot.wait("modes", lambda m: "cal" not in m.control_modes)
+    assert set(leg.modes()) == {"cfgn"}
+    board.wait_for_output("start-up stopped, left_arm: l_wrist_prosup is in HW_FAULT")
+    assert arm.set_mode(["l_wrist_prosup"], "fidl").success
+    goal = arm.goal("calibrate", action.Calibrate, names=["l_wrist_prosup"])
+    result = arm.answer(goal.get_result_async()).result
+    assert result.success, result.message
+    from std_srvs.srv import Trigger
+
+    assert robot.call("configure", Trigger).success
+    robot.wait("modes", lambda m: set(m.control_modes) == {"pos"})
+    assert robot.state().calibrated == [True] * 32
+
+
+def test_a_request_over_three_parts(talkers: dict[str, Talker]) -> None:
+    """R3: whole, in one cycle, answered in the order asked."""
+    robot = talkers["robot"]
+    asked = ["l_knee", "l_elbow", "neck_yaw"]
+    reply = robot.set_mode(asked, "vel", "posd", "torq")
+    assert (list(reply.names), list(reply.modes)) == (asked, ["vel", "posd", "torq"])
+    leg = talkers["left_leg"].wait("modes", lambda m: m.control_modes[3] == "vel")
+    arm = talkers["left_arm"].wait("modes", lambda m: m.control_modes[3] == "posd")
+    assert leg.header.stamp == arm.header.stamp
+    assert robot.set_mode([], "pos").success
+
+
+def test_one_arm_faults_while_the_other_moves_on(talkers: dict[str, Talker]) -> None:
+    """R2."""
+    robot, arm = talkers["robot"], talkers["left_arm"]
+    goal = robot.goal("move", action.Move, names=["r_elbow"], positions=[1.4], speeds=[0.5])
+    robot.state(lambda s: s.velocity[s.names.index("r_elbow")] > 0.05)
+    arm.call("inject_fault", srv.InjectFault, names=[], fault="overcurrent")
+    arm.wait("modes", lambda m: set(m.control_modes) == {"hwfa"})
+    result = robot.answer(goal.get_result_async()).result
+    assert result.success, result.message
+    assert arm.set_mode([], "fidl").success
+    assert robot.set_mode([], "pos").success
+
+
+@pytest.fixture
+def in_process() -> Iterator[tuple[int, Boards]]:
+    """The iCub in this process, so that what reaches it can be counted."""
+    with free_domain() as domain:
+        words = ["robot:=icub", "joint_defaults.calibration.required:=false"]
+        start = settings_from_arguments(
+            ["--ros-args", *itertools.chain(*(("-p", word) for word in words))]
+        )
+        plant = SimulatedPlant(start.settings.board, start.settings.simulation)
+        context = Context()
+        context.init(args=start.arguments, domain_id=domain)
+        boards = Boards(start, plant, context=context)
+        executor = KeptWaitSetExecutor(boards.on_error, context=context)
+        for node in boards.nodes:
+            executor.add_node(node)
+        thread = threading.Thread(target=executor.spin, daemon=True)
+        thread.start()
+        boards.start()
+        yield domain, boards
+        assert boards.stop()
+        executor.end()
+        thread.join(10.0)
+        executor.shutdown()
+        for node in boards.nodes:
+            node.destroy_node()
+        context.try_shutdown()
+
+
+def test_whole_body_references_for_a_minute(
+    in_process: tuple[int, Boards], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """50 Hz for a minute of simulated time: every message reaches all 32 joints, in order."""
+    domain, boards = in_process
+    robot = boards.loop.whole.board
+    assert isinstance(robot, Robot)
+    taken: list[float] = []
+    command = Robot.command
+
+    def counted(self: Robot, *arguments: Any) -> Any:
+        reply = command(self, *arguments)
+        taken.append(float(arguments[2][0]) if reply else float("nan"))
+        return reply
+
+    until(lambda: "cfgn" not in [m.code for m in boards.loop.snapshots.modes.control])
+    with boards.loop.exclusive():
+        assert robot.set_control_mode(None, "posd")
+        start = robot.get_encoder()
+    monkeypatch.setattr(Robot, "command", counted)
+    with ros_node(domain, "dancer") as node:
+        topic = node.create_publisher(
+            msg.PositionDirectCommand, "/icub/robot/command/position_direct", 100
+        )
+        until(lambda: topic.get_subscription_count() == 1)
+        sent = []
+        begin = boards.loop.snapshots.latest.snapshot.time
+        for k in range(3000):
+            until(lambda k=k: boards.loop.snapshots.latest.snapshot.time >= begin + 0.02 * k)
+            positions = start + 0.03 * np.sin(0.02 * k)
+            sent.append(float(positions[0]))
+            topic.publish(
+                msg.PositionDirectCommand(names=list(robot.names), positions=positions.tolist())
+            )
+        until(lambda: len(taken) == len(sent))
+    assert taken == sent
+    assert not robot.rejected_commands.any()
+    with boards.loop.exclusive():
+        assert [fault.name for fault in robot.get_faults() if fault.active] == []
