@@ -72,8 +72,8 @@ class Settings:
     @property
     def robot_name(self) -> str:
         """What the names of the nodes of a robot of several parts begin with."""
-        name = self.values["robot_name"] or self.values["robot"]
-        return str(name) if NAME.fullmatch(name) else as_name(self.urdf.name)
+        name = str(self.values["robot_name"] or self.values["robot"])
+        return name if NAME.fullmatch(name) else as_name(self.urdf.name)
 
     @property
     def levels(self) -> tuple[tuple[str, ...], ...]:

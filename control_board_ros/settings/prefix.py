@@ -3,17 +3,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
 
 from .layers import Entries
-from .params_file import Entry, SettingsError, shown
+from .params_file import Entry
 from .poses import POSES
+from .schema import BOARD_BY_NAME
+from .values import convert
 
 #: Parameters that hold names of joints.
 LISTS, GROUPS = ("joints", "parts"), "calibration_groups"
-
-PREFIX = re.compile(r"\w*", re.ASCII)
 
 
 def prefix_of(layers: Sequence[Entries]) -> str:
@@ -22,16 +21,8 @@ def prefix_of(layers: Sequence[Entries]) -> str:
     Raises:
         SettingsError: it has other characters than names.
     """
-    given = [layer["joint_prefix"] for layer in layers if "joint_prefix" in layer]
-    if not given:
-        return ""
-    prefix = given[-1].value
-    if not isinstance(prefix, str) or not PREFIX.fullmatch(prefix):
-        raise SettingsError(
-            f"{given[-1].where}: joint_prefix: {shown(prefix)} is not allowed; use letters, "
-            "digits and _"
-        )
-    return prefix
+    name, given = "joint_prefix", [layer for layer in layers if "joint_prefix" in layer]
+    return str(convert(BOARD_BY_NAME[name], name, given[-1][name])) if given else ""
 
 
 def prefixed(entries: Entries, joints: Collection[str], prefix: str) -> Entries:

@@ -49,6 +49,8 @@ NODE = (
         kind=Kind.STRING,
         default="",
         text="What the names of a robot's nodes begin with, where it has parts; empty: as robot",
+        pattern=r"([A-Za-z][A-Za-z0-9_]*)?",
+        form="a name of letters, digits and _",
     ),
     Parameter(
         name="startup_levels",
@@ -62,6 +64,8 @@ NODE = (
         kind=Kind.STRING,
         default="",
         text="Put before the name of every joint; parameter files name joints without it",
+        pattern=r"[A-Za-z0-9_]*",
+        form="letters, digits and _",
     ),
     Parameter(
         name="frame_prefix",

@@ -77,6 +77,7 @@ def test_a_later_file_changes_the_table(tmp_path: Path) -> None:
         ({"joints": [J6]}, ["joints", "beside parts"]),
         ({"startup_levels": ["upper,legs"]}, ["startup_levels", "'legs'", "upper, lower"]),
         ({"startup_levels": ["upper", "upper"]}, ["startup_levels", "each once"]),
+        ({"robot_name": "left arm"}, ["robot_name", "'left arm'", "letters"]),
         ({"joint_prefix": "left/"}, ["joint_prefix", "'left/'", "letters"]),
     ],
 )
