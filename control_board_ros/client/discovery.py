@@ -68,5 +68,5 @@ class Discovery:
         patience = self._answer_timeout if after is None else after
         return BoardTimeout(
             f"no answer from {endpoint.of(self._name)} after {patience:g} s; "
-            "is the board stopped, or the machine overloaded? see its log"
+            "is the board stopped, the machine overloaded, or the network down? see its log"
         )

@@ -16,6 +16,7 @@ from typing import Any
 
 from rclpy.action.client import ActionClient
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.duration import Duration
 from rclpy.node import Node
 
 from control_board_ros.interface import GET_CONTROL_MODE, MODES, Endpoint
@@ -110,15 +111,24 @@ class Link:
                 self._entities[endpoint] = entity
         return entity
 
+    def _fresh(self, endpoint: Endpoint) -> Any:
+        """The QoS of what asks the board for something: after an answer's time it is void.
+
+        Else what was asked for while the network was down, and had its error, would be done when
+        the network is back.
+        """
+        profile = endpoint.qos.profile()
+        profile.lifespan = Duration(seconds=self.answer_timeout)
+        return profile
+
     def call(self, service: Endpoint, **fields: Any) -> Steps[Any]:
         """The response of a service; what was published before is in force when it answers."""
         if self._unsettled:
             yield from self.settle()
 
         def make(kind: Any, name: str) -> Any:
-            qos = service.qos.profile()
             return self._node.create_client(
-                kind, name, qos_profile=qos, callback_group=self._group
+                kind, name, qos_profile=self._fresh(service), callback_group=self._group
             )
 
         client = self._entity(service, make)
@@ -145,7 +155,7 @@ class Link:
         """Publish on a topic of the board, once it listens: the first message is not lost."""
 
         def make(kind: Any, name: str) -> Any:
-            return self._node.create_publisher(kind, name, topic.qos.profile())
+            return self._node.create_publisher(kind, name, self._fresh(topic))
 
         publisher = self._entity(topic, make)
         if publisher not in self._matched or not publisher.get_subscription_count():
@@ -167,7 +177,7 @@ class Link:
                 kind,
                 name,
                 callback_group=self._group,
-                goal_service_qos_profile=qos,
+                goal_service_qos_profile=self._fresh(action),
                 result_service_qos_profile=qos,
                 cancel_service_qos_profile=qos,
             )

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A board on one host, its operator on another, a monitor on a third.
+
+Found by multicast, or by a discovery server; with a link that is down for 5 s, and on a network
+that loses 5 % of the frames and takes 20 ms for each.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import pytest
+from hosts import Network, Process, discovery_server, why_not
+
+REASON = why_not()
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(REASON), reason=REASON),
+]
+
+#: rad/s
+VELOCITY = 0.1
+#: s without a network.
+OUTAGE = 5.0
+
+
+class Hosts(NamedTuple):
+    """The network, and who is on it."""
+
+    network: Network
+    operator: Process
+    monitor: Process
+
+
+@contextlib.contextmanager
+def hosts(network: Network) -> Iterator[Hosts]:
+    """A board, and two clients that have found it."""
+    with network.board(), network.peer("operator") as operator, network.peer("monitor") as monitor:
+        for peer in (operator, monitor):
+            assert peer.ask("find")["ok"]
+            peer.until(lambda seen: seen["states"] > 0 and seen["modes"] == ["pos"], "look")
+        yield Hosts(network, operator, monitor)
+
+
+@pytest.fixture(scope="module", params=["multicast", "discovery server"])
+def found(request: pytest.FixtureRequest) -> Iterator[Hosts]:
+    """By either way."""
+    server = request.param == "discovery server"
+    if server and not discovery_server():
+        pytest.skip("there is no fast-discovery-server")
+    with Network(multicast=not server) as network:
+        finding = network.discovery_server("monitor") if server else contextlib.nullcontext()
+        with finding, hosts(network) as all_of_them:
+            yield all_of_them
+
+
+def moving(peer: Process) -> None:
+    """Wait until a host sees the joint go at the velocity that is streamed."""
+    peer.until(lambda seen: abs(seen["velocity"] - VELOCITY) < 0.02 and seen["age"] < 0.5, "look")
+
+
+def test_operator_and_monitor_meet_the_board(found: Hosts) -> None:
+    """A mode, a move and its end, seen from a third host."""
+    assert found.operator.ask("mode", "pos")["ok"]
+    assert found.operator.ask("move", 0.3, 1.0)["ok"]
+    found.monitor.until(lambda seen: abs(seen["position"] - 0.3) < 0.01, "look")
+
+
+def test_the_operators_link_is_down_for_a_while(found: Hosts) -> None:
+    """P12: the joint stops by its timeout; a call has an error, for good; the stream goes on."""
+    network, operator, monitor = found
+    assert operator.ask("mode", "vel")["ok"]
+    operator.ask("stream", VELOCITY)
+    moving(monitor)
+    network.plug("operator", plugged=False)
+    down = time.monotonic()
+    stopped = monitor.until(lambda seen: abs(seen["velocity"]) < 0.005, "look")
+    assert stopped["age"] < 0.5, "the monitor hears the board meanwhile"
+    assert (stopped["modes"], stopped["faults"]) == (["vel"], 0)
+    lost = operator.ask("mode", "idl")
+    assert lost["error"] == "BoardTimeout", lost
+    assert "no answer from /control_board/set_control_mode after 2 s" in lost["text"]
+    time.sleep(max(OUTAGE - (time.monotonic() - down), 0.0))
+    network.plug("operator", plugged=True)
+    moving(monitor)
+    operator.until(lambda seen: seen["age"] < 0.5, "look")
+    assert operator.ask("encoder")["ok"]
+    assert monitor.ask("look")["modes"] == ["vel"], "what had its error is not done later"
+    operator.ask("stream", "off")
+    assert operator.ask("mode", "pos")["ok"]
+
+
+def test_the_boards_link_is_down_while_a_move_runs(found: Hosts) -> None:
+    """The move ends on the board, and its result arrives or an error; all hear it again."""
+    network, operator, monitor = found
+    assert operator.ask("mode", "pos")["ok"]
+    assert operator.ask("move", 0.0, 1.0)["ok"]
+    operator.tell("move", 0.5, 0.25)
+    monitor.until(lambda seen: seen["position"] > 0.05, "look")
+    network.plug("board", plugged=False)
+    time.sleep(OUTAGE)
+    assert monitor.ask("look")["age"] > OUTAGE - 1.0
+    network.plug("board", plugged=True)
+    result = operator.answer()
+    assert result["ok"] or "error" in result, result
+    for peer in (operator, monitor):
+        seen = peer.until(lambda seen: seen["age"] < 0.5, "look")
+        assert seen["position"] == pytest.approx(0.5, abs=0.01)
+        assert seen["faults"] == 0
+    assert operator.ask("mode", "vel")["ok"]
+    assert operator.ask("mode", "pos")["ok"]
+
+
+def test_a_bad_network() -> None:
+    """5 % loss, 20 ms each way: every request has its answer, the stream keeps the joint going."""
+    with Network(loss=0.05, delay=0.02) as network, hosts(network) as (_, operator, monitor):
+        for code in ("vel", "pos", "torq", "idl", "pos") * 4:
+            assert operator.ask("mode", code)["ok"]
+        assert operator.ask("move", 0.2, 0.5)["ok"]
+        assert operator.ask("mode", "vel")["ok"]
+        operator.ask("stream", VELOCITY)
+        moving(monitor)
+        begun, position = time.monotonic(), monitor.ask("look")["position"]
+        time.sleep(3.0)
+        seen = monitor.ask("look")
+        way = VELOCITY * (time.monotonic() - begun)
+        assert seen["position"] - position == pytest.approx(way, rel=0.3)
+        assert seen["modes"] == ["vel"]
