@@ -115,7 +115,8 @@ A pose is a name for positions of joints, with a speed. `home` and `park` are al
 do not say otherwise ([parameters](parameters.md#poses)). `~/save_pose` adds poses of the user's,
 also as the joints are now, in `$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml`
 (`~/.config` where that is not set; `<robot>` is the name in the URDF). The file may be edited;
-it is read anew for every request.
+it is read anew for every request. Of a pose with joints of several boards, each board takes and
+saves its own part.
 
 - `~/go_to_pose` moves the pose's joints along minimum-jerk profiles; other joints go on with
   what they do. The slowest joint has the mean speed asked for, or the pose's, or (both 0) its

@@ -28,12 +28,22 @@ class Pose:
 
     def of(self, names: Collection[str]) -> Pose | None:
         """The part of it that is of these joints; None where nothing is left."""
-        kept = [
-            (joint, position)
-            for joint, position in zip(self.joints, self.positions, strict=True)
-            if joint in names
-        ]
-        if not kept:
-            return None
-        joints, positions = zip(*kept, strict=True)
-        return replace(self, joints=joints, positions=positions)
+        kept = self.besides([joint for joint in self.joints if joint not in names])
+        return kept if kept.joints else None
+
+    def besides(self, names: Collection[str]) -> Pose:
+        """What is left of it without these joints."""
+        kept = [k for k, joint in enumerate(self.joints) if joint not in names]
+        return replace(
+            self,
+            joints=tuple(self.joints[k] for k in kept),
+            positions=tuple(self.positions[k] for k in kept),
+        )
+
+    def joined(self, other: Pose) -> Pose:
+        """The joints of both; name and speed are the other's."""
+        return replace(
+            other,
+            joints=(*self.joints, *other.joints),
+            positions=(*self.positions, *other.positions),
+        )

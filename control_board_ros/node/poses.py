@@ -26,7 +26,7 @@ class Poses:
         member: whose board they are of.
         names: of the board's joints.
         configured: those of the configuration, by name.
-        user: the user's, for this robot; those with a joint that is not the board's are not its.
+        user: the user's, for this robot; a board takes its part of each.
     """
 
     def __init__(
@@ -71,13 +71,7 @@ class Poses:
                 pose = made_pose(board, request.name, joints, positions, request.speed)
             else:
                 pose = pose_now(board, request.name, joints, request.speed)
-        old = self._user.read().get(pose.name)
-        if old is not None and not self._names >= set(old.joints):
-            others = ", ".join(joint for joint in old.joints if joint not in self._names)
-            raise RequestError(
-                f"pose {pose.name!r} is one of other joints ({others}); use another name"
-            )
-        self._user.save(pose)
+        self._user.save(pose, self._names)
         response.poses = list(self._all())
         response.message = f"saved in {self._user.path}"
         response.success = True
@@ -110,10 +104,10 @@ class Poses:
         if name in poses:
             return poses[name]
         if (foreign := self._user.read().get(name)) is not None:
-            others = ", ".join(joint for joint in foreign.joints if joint not in self._names)
+            others = ", ".join(foreign.joints)
             raise RequestError(
-                f"pose {name!r} of {self._user.path}: the board has no {others}; "
-                "mend the names, or ask the board that has these joints"
+                f"pose {name!r} of {self._user.path} is of other joints, {others}; "
+                "mend the names, or ask the board that has them"
             )
         near = get_close_matches(name[:64], list(poses), n=1)
         hint = f"did you mean {near[0]!r}? " if near else ""
@@ -126,8 +120,8 @@ class Poses:
             RequestError: the user's file is broken.
         """
         own = {
-            name: pose
+            name: part
             for name, pose in self._user.read().items()
-            if name not in self._configured and self._names >= set(pose.joints)
+            if name not in self._configured and (part := pose.of(self._names)) is not None
         }
         return {**self._configured, **own}

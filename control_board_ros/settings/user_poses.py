@@ -15,7 +15,7 @@ import fcntl
 import os
 import re
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -74,15 +74,21 @@ class UserPoses:
         except SettingsError as error:
             raise RequestError(str(error)) from None
 
-    def save(self, pose: Pose) -> dict[str, Pose]:
+    def save(self, pose: Pose, names: Collection[str] = ()) -> dict[str, Pose]:
         """Add a pose, or replace one; all poses.
+
+        Args:
+            pose: of some joints of a board.
+            names: of all joints of that board; what the pose says of others stays.
 
         Raises:
             RequestError: the file cannot be read or written, or is full; nothing has changed.
         """
         try:
             with self._locked():
-                poses = self.read() | {pose.name: pose}
+                poses = self.read()
+                old = poses.get(pose.name, Pose(pose.name, (), ()))
+                poses[pose.name] = old.besides({*names, *pose.joints}).joined(pose)
                 if len(poses) > MOST:
                     raise RequestError(f"{self.path}: holds {MOST} poses already; delete some")
                 self._write(text_of(self.robot, poses))

@@ -109,6 +109,18 @@ def test_poses_are_saved_below_the_users_folder(user: UserPoses, tmp_path: Path)
     assert user.path.read_text().startswith("# Poses of arm")
 
 
+def test_boards_of_one_robot_share_a_pose(user: UserPoses) -> None:
+    """R1: each saves its own joints, all of them; those of the others stay."""
+    left, right = ("l_a", "l_b"), ("r_a", "r_b")
+    user.save(Pose("ready", left, (0.1, 0.2), 0.3), left)
+    user.save(Pose("ready", right, (0.3, 0.4), 0.5), right)
+    assert user.read()["ready"] == Pose("ready", left + right, (0.1, 0.2, 0.3, 0.4), 0.5)
+    user.save(Pose("ready", ("l_b",), (0.7,)), left)
+    both = user.read()["ready"]
+    assert both == Pose("ready", (*right, "l_b"), (0.3, 0.4, 0.7))
+    assert both.of(left) == Pose("ready", ("l_b",), (0.7,))
+
+
 def test_a_robots_name_is_no_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     assert pose_file("../../x y").parent == tmp_path / "control_board_ros" / "poses"
