@@ -68,7 +68,7 @@ class GuardedPlant:
         self._sample: tuple[float, int, Sample] | None = None  # when, of which cycle, what
         self._error = ""
         self._wanted: tuple[int, Array, Array] = 0, np.zeros(n), np.zeros(n)
-        self._waiting = clock()  # since when outputs wait for their answer
+        self._waiting = self._looked = clock()  # since when an answer is owed; the last reading
         self._turn, self._answered = threading.Event(), threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="plant", daemon=True)
@@ -116,13 +116,19 @@ class GuardedPlant:
         self._thread.join(timeout=1.0)
 
     def _silent(self, sample: tuple[float, int, Sample] | None) -> float:
-        """For how long the plant owes an answer, s; none to outputs that nobody gave (a pause)."""
+        """For how long the plant owes an answer, s.
+
+        None is owed to outputs that nobody gave, nor for the time in which the control loop stood
+        still itself: paused, or kept from running.
+        """
         now = self._clock()
-        if sample is None:
-            return now - self._waiting
-        if self._owns_clock:
-            return now - sample[0]
-        return now - self._waiting if sample[1] < self._cycle else 0.0
+        self._waiting += max(0.0, now - self._looked - 2.0 * self._period)
+        self._looked = now
+        if self._owns_clock and sample is not None:
+            self._waiting = max(self._waiting, sample[0])
+        elif not self.owes_an_answer:
+            return 0.0
+        return now - self._waiting
 
     def _run(self) -> None:
         """The plant's thread: connect, exchange until something fails, and again."""

@@ -33,12 +33,14 @@ class JointDescription:
         name: Of the board's joint.
         control_modes: That it can be driven in; the board offers no other (M5).
         torque_sensor: Without one the joint has no TORQUE and no COMPLIANT (I7).
+        current_sensor: Without one nothing checks the encoder against the motor's own travel.
         power_switch: ``enable`` and ``disable`` act; else IDLE is an output of 0.
     """
 
     name: str
     control_modes: tuple[ControlMode, ...] = SELECTABLE
     torque_sensor: bool = False
+    current_sensor: bool = False
     power_switch: bool = True
 
 

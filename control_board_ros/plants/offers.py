@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from ..core.config import BoardConfig, ConfigError, JointConfig
@@ -47,6 +48,7 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
     values = dict(settings.values)
     for made in board.joints:
         values[f"{made.name}.torque_sensor"] = made.torque_sensor
+        values[f"{made.name}.max_travel_error"] = made.max_travel_error
         values[f"{made.name}.control_modes"] = [mode.code for mode in made.control_modes]
         values[f"{made.name}.interaction_modes"] = [m.code for m in made.interaction_modes]
     return replace(settings, board=board, values=values)
@@ -73,5 +75,9 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
         mode for mode in joint.interaction_modes if senses or mode is not InteractionMode.COMPLIANT
     )
     return replace(
-        joint, torque_sensor=senses, control_modes=control, interaction_modes=interaction
+        joint,
+        torque_sensor=senses,
+        control_modes=control,
+        interaction_modes=interaction,
+        max_travel_error=joint.max_travel_error if has.current_sensor else math.inf,
     )

@@ -82,11 +82,12 @@ def it_reads_numbers_of_all_joints(make: Make) -> None:
         assert len(found.faults) in (0, n)
 
 
-def it_has_a_torque_where_it_says_so(make: Make) -> None:
-    """A joint with a torque sensor is read."""
+def it_has_the_sensors_that_it_says(make: Make) -> None:
+    """A joint with a sensor of torque or current is read."""
     with connected(make) as (plant, _):
-        if any(joint.torque_sensor for joint in plant.describe().joints):
-            assert plant.read().torque is not None
+        joints, found = plant.describe().joints, plant.read()
+        assert found.torque is not None or not any(joint.torque_sensor for joint in joints)
+        assert found.current is not None or not any(joint.current_sensor for joint in joints)
 
 
 def it_applies_nothing_without_power(make: Make) -> None:
@@ -155,7 +156,7 @@ def a_board_reads_it_without_an_alarm(make: Make) -> None:
 CHECKS: tuple[Check, ...] = (
     it_describes_itself_before_it_is_connected,
     it_reads_numbers_of_all_joints,
-    it_has_a_torque_where_it_says_so,
+    it_has_the_sensors_that_it_says,
     it_applies_nothing_without_power,
     it_applies_at_most_what_is_asked,
     it_may_be_told_twice,
@@ -191,6 +192,7 @@ def _joint(has: JointDescription) -> JointConfig:
         control_modes=tuple(dict.fromkeys((*modes, ControlMode.IDLE))),
         interaction_modes=both,
         torque_sensor=has.torque_sensor,
+        max_travel_error=0.1 if has.current_sensor else math.inf,
         startup_mode=ControlMode.IDLE,
         limits=limits,
         position_pid=Pid(kp=100.0),

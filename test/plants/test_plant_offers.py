@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,7 @@ def test_the_board_offers_no_more_than_the_plant_has() -> None:
     assert [mode.code for mode in second.interaction_modes] == ["stif"]
     assert settings.values[f"{IIWA[0]}.control_modes"] == ["pos", "idl"]
     assert settings.values[f"{IIWA[1]}.torque_sensor"] is False
+    assert first.max_travel_error == math.inf  # no current sensor: nothing to check it against
     changed = settings.changed({f"{IIWA[1]}.position_pid.kp": 50.0})  # what is cut stays cut
     assert not changed.board.joints[1].torque_sensor
     board = Board(settings.board)
