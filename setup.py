@@ -322,6 +322,7 @@ PANEL = ["starlette>=1.0", "uvicorn>=0.50", "websockets>=15"]
 RECORD = ["matplotlib>=3.8", "rosbags>=0.11"]
 TUNE = ["optuna>=4.0"]
 TEST = [
+    "canopen>=2.3",
     "control>=0.10",
     "hypothesis>=6.100",
     "matplotlib>=3.8",
