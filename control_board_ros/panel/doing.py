@@ -107,6 +107,37 @@ async def configure(board: Board, _: Given, __: Progress) -> dict[str, Any]:
     return told(await board.client.aio.configure())
 
 
+async def poses(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    """The names of all poses; of one that is named, its joints and positions, too."""
+    aio = board.client.aio
+    found: dict[str, Any] = {"ok": True, "message": "", "poses": await aio.list_poses()}
+    if "pose" in given:
+        pose = await aio.get_pose(given["pose"])
+        found |= {"names": list(pose.joints), "positions": [finite(q) for q in pose.positions]}
+    return found
+
+
+async def pose(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
+    """Going to a pose; cancelled, it stops the joints."""
+    farthest = 0.0
+
+    def feedback(sent: Any) -> None:
+        nonlocal farthest
+        left = float(abs(sent.remaining).max()) if len(sent.remaining) else 0.0
+        farthest = max(farthest, left)
+        progress(1.0 - left / farthest if farthest > 0.0 else 1.0, given["pose"])
+
+    aio = board.client.aio
+    return told(await aio.go_to_pose(given["pose"], given.get("speed"), feedback=feedback))
+
+
+async def save_pose(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    """Save the joints as they are."""
+    aio = board.client.aio
+    answer = told(await aio.save_pose(given["pose"], speed=given.get("speed", 0.0)))
+    return answer | {"poses": await aio.list_poses()} if answer["ok"] else answer
+
+
 async def details(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     """What the page shows of one joint beside its state: impedance, speeds, gains."""
     aio, joint = board.client.aio, given["joint"]
@@ -144,4 +175,7 @@ DOERS: dict[str, Doer] = {
     "calibrate": calibrate,
     "configure": configure,
     "details": details,
+    "poses": poses,
+    "pose": pose,
+    "save_pose": save_pose,
 }

@@ -12,10 +12,12 @@ from typing import Any
 from control_board_ros.interface import (
     CALIBRATE,
     CONFIGURE,
+    GO_TO_POSE,
     MOVE,
     OUTPUT_COMMAND,
     POSITION_COMMAND,
     POSITION_DIRECT_COMMAND,
+    SAVE_POSE,
     SET_CONTROL_MODE,
     SET_IMPEDANCE,
     SET_INTERACTION_MODE,
@@ -220,6 +222,25 @@ def of_calibrate(board: str, joints: list[str], _: Mapping[str, Any]) -> Lines:
     )
 
 
+def of_pose(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+    name, speed = given["pose"], given.get("speed")
+    option = [] if speed is None else [f"--speed={speed:.6g}"]
+    return Lines(
+        cbctl(board, "pose", name, *option),
+        sent(board, GO_TO_POSE, {"pose": name, "speed": speed or 0.0}),
+        python("go_to_pose", name, *([speed] if speed else [])),
+    )
+
+
+def of_save_pose(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+    name = given["pose"]
+    return Lines(
+        cbctl(board, "pose", "save", name),
+        called(board, SAVE_POSE, {"name": name}),
+        python("save_pose", name),
+    )
+
+
 def of_configure(board: str, *_: Any) -> Lines:
     return Lines(cbctl(board, "configure"), called(board, CONFIGURE, {}), python("configure"))
 
@@ -243,4 +264,6 @@ WRITERS = {
     "stop": of_stop,
     "calibrate": of_calibrate,
     "configure": of_configure,
+    "pose": of_pose,
+    "save_pose": of_save_pose,
 }

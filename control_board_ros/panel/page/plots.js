@@ -9,6 +9,15 @@ const HEIGHT = 150;
 const MOST = 12; // signals
 const COLOURS = ["#4c9be8", "#e8964c", "#5cba7d", "#d8636f", "#a884e0", "#c9b23e", "#45b5bd", "#d77fb8", "#8f9aa8", "#b08357", "#6f86f0", "#7fae3c"];
 
+// The span that a chart has at least, by unit: noise stays small.
+const LEAST = { "°": 2, rad: 0.02, "°/s": 2, "rad/s": 0.05, mm: 2, "mm/s": 2, "N·m": 1, N: 1, "%": 2, A: 0.2, "°C": 2 };
+
+function wide(low, high, least) {
+  if (low === null || high === null) return [0, least];
+  const more = Math.max(least - (high - low), 0.1 * (high - low)) / 2;
+  return [low - more, high + more];
+}
+
 export class Plots {
   constructor(element, panel) {
     Object.assign(this, { panel, element, signals: [], charts: [], paused: false, window: 20, dirty: false });
@@ -106,7 +115,7 @@ export class Plots {
     return new window.uPlot({
       width: Math.max(this.body.clientWidth, 200), height: HEIGHT, legend: { show: false }, pxAlign: 0,
       cursor: { sync: { key: "panel" }, drag: { x: false, y: false }, points: { size: 6 } },
-      scales: { x: { time: false } },
+      scales: { x: { time: false }, y: { range: (_, low, high) => wide(low, high, LEAST[unit] ?? 1) } },
       axes: [{ ...axis, size: 26, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} s`.replace("-", "−"))) },
         { ...axis, size: 54, label: unit, labelSize: 14, labelFont: "11px system-ui, sans-serif", labelGap: 0 }],
       series: [{}, ...signals.map((s) => ({ label: `${s.joint.short} ${s.signal}`, stroke: s.colour, width: 1.6, points: { show: false }, spanGaps: true }))],

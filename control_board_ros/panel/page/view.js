@@ -9,8 +9,15 @@ import { h, icon } from "./dom.js";
 import { OrbitControls } from "./vendor/OrbitControls.js";
 import URDFLoader from "./vendor/URDFLoader.js";
 
-const HIDDEN = 0.004; // rad or m: a ghost nearer than this to the robot is not drawn
+const HIDDEN = 0.015; // rad or m: a ghost nearer than this to the robot is not drawn
 const EVERY = 30; // ms between drawings
+
+/** The joints that move a part. */
+function jointsAbove(part) {
+  const names = [];
+  for (let above = part.parent; above; above = above.parent) if (above.isURDFJoint) names.push(above.name);
+  return names;
+}
 
 export class View {
   constructor(element, panel) {
@@ -44,7 +51,6 @@ export class View {
     const line = getComputedStyle(document.documentElement).getPropertyValue("--line").trim();
     const grid = new THREE.GridHelper(3, 12, line, line);
     grid.rotation.x = Math.PI / 2;
-    this.grid.replaceChildren?.();
     this.grid.clear();
     this.grid.add(grid);
     this.drawn = 0;
@@ -89,12 +95,17 @@ export class View {
     };
     const robot = parse((mesh) => mesh.clone(true));
     const ghost = parse((mesh) => mesh.clone(true));
-    this.own(robot, () => new THREE.MeshStandardMaterial({ color: 0xc9ced6, roughness: 0.62, metalness: 0.08 }));
     await Promise.all(loaded);
     if (key !== this.key) return;
     const pale = new THREE.MeshStandardMaterial({ color: 0x4c9be8, transparent: true, opacity: 0.28, depthWrite: false });
     this.paint(robot);
-    ghost.traverse((part) => { if (part.isMesh) { part.material = pale; part.renderOrder = 1; } });
+    this.ghostParts = [];
+    ghost.traverse((part) => {
+      if (!part.isMesh) return;
+      part.material = pale;
+      part.renderOrder = 1;
+      this.ghostParts.push([part, jointsAbove(part)]);
+    });
     this.robot = robot;
     this.ghost = ghost;
     this.scene.add(robot, ghost);
@@ -103,10 +114,9 @@ export class View {
     this.fit();
   }
 
-  own() { this.colours.clear(); }
-
   /** A material for each link of a joint, which its torque colours. */
   paint(robot) {
+    this.colours.clear();
     for (const [name, joint] of Object.entries(robot.joints)) {
       if (joint.jointType === "fixed") continue;
       const material = new THREE.MeshStandardMaterial({ color: 0xc9ced6, roughness: 0.6, metalness: 0.1 });
@@ -151,18 +161,19 @@ export class View {
     const time = performance.now();
     if (!this.robot || (!now && (time - this.drawn < EVERY || document.hidden))) return;
     this.drawn = time;
-    let apart = false;
+    const apart = new Set();
     for (const board of boards) {
       for (const joint of board.joints) {
         const { state } = joint;
         if (!state || !this.robot.joints[joint.name]) continue;
         this.robot.setJointValue(joint.name, state.position);
         this.ghost.setJointValue(joint.name, state.position_reference);
-        apart ||= Math.abs(state.position - state.position_reference) > HIDDEN;
+        if (Math.abs(state.position - state.position_reference) > HIDDEN) apart.add(joint.name);
         this.colour(joint);
       }
     }
-    this.ghost.visible = this.showGhost && apart;
+    this.ghost.visible = this.showGhost && apart.size > 0;
+    for (const [part, above] of this.ghostParts) part.visible = above.some((name) => apart.has(name));
     this.controls.update();
     this.renderer.render(this.scene, this.camera);
   }
