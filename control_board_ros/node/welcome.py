@@ -43,7 +43,7 @@ def welcome(
         "",
         f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(present)}. {when}:",
         *(f"  cbctl{option} {line}" for line in (*words, "watch")),
-        "or, where ROS itself is installed:",
+        "in a browser: cbctl panel (make panel); or, where ROS itself is installed:",
         *ros2_lines(name, config.joints[0]),
         "Park and stop with Ctrl-C; a second one stops at once." if parks else "Stop with Ctrl-C.",
         "",

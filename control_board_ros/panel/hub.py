@@ -57,6 +57,7 @@ class Hub:
         self._numbers, self._board_numbers = itertools.count(1), itertools.count()
         self._asked: dict[str, float] = {}
         self._known = set[str]()
+        self._complaint = ""
 
     # Browsers
 
@@ -192,10 +193,16 @@ class Hub:
         while True:
             try:
                 await look()
-            except (BoardError, RequestError) as error:
-                self._report(str(error))
+            except Exception as error:  # noqa: BLE001  (whoever speaks ROS can send nonsense)
+                self._complain(f"{type(error).__name__}: {error}")
             due = max(due + period(), time.monotonic())
             await asyncio.sleep(due - time.monotonic())
+
+    def _complain(self, text: str) -> None:
+        """Report it, unless it was the last thing reported."""
+        if text != self._complaint:
+            self._complaint = text
+            self._report(text)
 
     def _rate(self) -> float:
         watched = {name for browser in self.browsers.values() for name in browser.watched}
@@ -236,17 +243,22 @@ class Hub:
 
     async def _targets(self) -> None:
         """Ask boards that are watched for their targets, and now and then for their limits."""
-        watched = {name for browser in self.browsers.values() for name in browser.watched}
-        for board in list(self.boards.values()):
-            now = time.monotonic()
+        await asyncio.gather(*(self._ask(board) for board in list(self.boards.values())))
+
+    async def _ask(self, board: Board) -> None:
+        now = time.monotonic()
+        try:
             if board.names and now - self._asked.get(board.name, -INFO) >= INFO:
                 self._asked[board.name] = now
                 before = board.info
                 await board.ask_info()
                 if board.info != before:
                     self.tell_all("info", board=board.name, **board.info)
-            if board.name in watched and await board.ask_targets():
+            watched = any(board.name in browser.watched for browser in self.browsers.values())
+            if watched and await board.ask_targets():
                 self.tell_targets(board)
+        except (BoardError, RequestError) as error:
+            self._complain(f"{board.name}: {error}")
 
     def tell_targets(self, board: Board) -> None:
         """Tell where the joints of a board are going."""

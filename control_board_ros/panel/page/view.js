@@ -10,7 +10,9 @@ import { OrbitControls } from "./vendor/OrbitControls.js";
 import URDFLoader from "./vendor/URDFLoader.js";
 
 const HIDDEN = 0.015; // rad or m: a ghost nearer than this to the robot is not drawn
-const EVERY = 30; // ms between drawings
+const FOLLOWING = ["pos", "posd", "mix", "vel"]; // modes with a position reference
+const EVERY = 30; // ms between drawings, at least
+const SHARE = 4; // a machine that draws slowly spends one part of so many on it
 
 /** The joints that move a part. */
 function jointsAbove(part) {
@@ -21,7 +23,7 @@ function jointsAbove(part) {
 
 export class View {
   constructor(element, panel) {
-    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, colours: new Map() });
+    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, colours: new Map(), cost: 0 });
     this.canvas = h("canvas", { "aria-label": "The robot in 3D: drag to turn it", tabindex: "0" });
     this.note = h("p", { class: "hint" });
     this.showGhost = true;
@@ -159,16 +161,19 @@ export class View {
 
   draw(boards, now = false) {
     const time = performance.now();
-    if (!this.robot || (!now && (time - this.drawn < EVERY || document.hidden))) return;
+    if (this.cost === null) this.cost = Math.min(time - this.drawn, 500); // to the frame after it
+    if (!this.robot || (!now && (time - this.drawn < Math.max(EVERY, SHARE * this.cost - 60) || document.hidden))) return;
     this.drawn = time;
+    this.cost = null;
     const apart = new Set();
     for (const board of boards) {
       for (const joint of board.joints) {
         const { state } = joint;
         if (!state || !this.robot.joints[joint.name]) continue;
         this.robot.setJointValue(joint.name, state.position);
-        this.ghost.setJointValue(joint.name, state.position_reference);
-        if (Math.abs(state.position - state.position_reference) > HIDDEN) apart.add(joint.name);
+        const wanted = FOLLOWING.includes(joint.mode) ? state.position_reference : state.position;
+        this.ghost.setJointValue(joint.name, wanted);
+        if (Math.abs(state.position - wanted) > HIDDEN) apart.add(joint.name);
         this.colour(joint);
       }
     }
