@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A real board, the panel beside it as people start it, and a real browser."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from cbctl_process import GUARD, Cbctl
+
+from control_board_ros.client import ControlBoardClient
+from control_board_ros.testing import BoardProcess, board_process, ros_node
+
+ARGUMENTS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+#: Notes down which controls are used, by what a screen reader calls them.
+USED = """
+window.used = new Set();
+window.seen = new Set();
+window.nameOf = (e) => (e.getAttribute("aria-label") || e.textContent || "").trim()
+ .replace(/joint_\\d/g, "joint");
+const note = (event) => {
+  const control = event.target.closest?.("button, select, input, summary");
+  if (control) window.used.add(window.nameOf(control));
+};
+for (const kind of ["pointerdown", "change", "keydown", "click"]) {
+  addEventListener(kind, note, true);
+}
+setInterval(() => {
+  for (const e of document.querySelectorAll("button, select, input, summary")) {
+    if (e.checkVisibility({visibilityProperty: true})) window.seen.add(window.nameOf(e));
+  }
+}, 50);
+"""
+
+
+@pytest.fixture(scope="module")
+def process(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BoardProcess]:
+    """The iiwa, with fault injection and a folder for poses of its own."""
+    if CHROMIUM is None:
+        pytest.skip("there is no chromium; on Debian: sudo apt-get install chromium")
+    home = {"XDG_CONFIG_HOME": str(tmp_path_factory.mktemp("config"))}
+    with board_process({"allow_fault_injection": True}, env=home) as board:
+        yield board
+
+
+@pytest.fixture(scope="module")
+def client(process: BoardProcess) -> Iterator[ControlBoardClient]:
+    """What the board itself says."""
+    with (
+        ros_node(process.domain, "user", spin=False) as node,
+        ControlBoardClient(node, find_timeout=GUARD, answer_timeout=GUARD) as client,
+    ):
+        yield client
+
+
+@pytest.fixture(scope="module")
+def address(process: BoardProcess) -> Iterator[str]:
+    """Where the panel is, with its token."""
+    panel = Cbctl(process.environment).start("panel", "--port", "0", "--json")
+    try:
+        assert panel.stdout is not None
+        yield json.loads(panel.stdout.readline())["addresses"][0]
+    finally:
+        panel.send_signal(signal.SIGTERM)
+        out, err = panel.communicate(timeout=GUARD)
+    assert (panel.returncode, err) == (0, ""), out + err
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Chromium, without a screen."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def page(browser: Any, address: str) -> Iterator[Any]:
+    """The panel on a desk, of the one who operates."""
+    size = {"width": 1440, "height": 900}
+    context = browser.new_context(viewport=size, color_scheme="dark")
+    context.set_default_timeout(GUARD * 1000.0)
+    context.add_init_script(USED)
+    page = context.new_page()
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.on("console", lambda m: errors.append(m.text) if m.type == "error" else None)
+    page.on(
+        "response", lambda r: errors.append(f"{r.status} {r.url}") if r.status >= 400 else None
+    )
+    page.goto(address)
+    page.get_by_label("More of joint_7").wait_for()
+    page.get_by_text("You operate", exact=True).wait_for()
+    yield page
+    assert not errors, errors
+    context.close()

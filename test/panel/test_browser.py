@@ -1,0 +1,393 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page in a real browser, every control of it, against a real board; the board judges."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cbctl_process import GUARD, Cbctl, until
+
+from control_board_ros.client import ControlBoardClient
+from control_board_ros.testing import BoardProcess
+
+pytestmark = [pytest.mark.slow, pytest.mark.ros]
+FRONT = "lbr_iiwa_"
+
+
+def mode_of(client: ControlBoardClient, joint: str) -> str:
+    return client.get_control_mode(FRONT + joint)[0].code
+
+
+def choose(page: Any, client: ControlBoardClient, joint: str, mode: str) -> None:
+    """Choose a mode in the page; the board then has it, and the page knows."""
+    page.get_by_label(f"Control mode of {joint}", exact=True).select_option(mode)
+    until(lambda: mode_of(client, joint) == mode)
+    page.locator(f"article[aria-label='Joint {FRONT}{joint}'][data-mode='{mode}']").wait_for()
+
+
+def target(client: ControlBoardClient, joint: str) -> float:
+    return math.degrees(client.get_target_position(FRONT + joint)[0])
+
+
+def place(locator: Any, share: float = 0.5) -> tuple[float, float]:
+    """Where a control is on the screen, at a share of its width."""
+    locator.scroll_into_view_if_needed()
+    box = locator.bounding_box()
+    return box["x"] + share * box["width"], box["y"] + box["height"] / 2.0
+
+
+def test_modes_and_interaction(page: Any, client: ControlBoardClient) -> None:
+    """The menu has what the joint has, and no more."""
+    menu = page.get_by_label("Control mode of joint_3", exact=True)
+    offered = menu.locator("option").evaluate_all("all => all.map(o => o.value)")
+    assert offered == [mode.code for mode in client.get_available_modes(f"{FRONT}joint_3")[0][0]]
+    for mode in offered:
+        choose(page, client, "joint_3", mode)
+    choose(page, client, "joint_3", "pos")
+    for label, code in (("Compliant", "comp"), ("Stiff", "stif")):
+        page.get_by_label(f"Interaction of joint_3: {label}").click()
+        until(lambda code=code: client.get_interaction_mode("lbr_iiwa_joint_3")[0].code == code)
+
+
+def test_positions(page: Any, client: ControlBoardClient) -> None:
+    """A slider sends when it is let go; typed numbers with Enter; arrow keys; live at once."""
+    typed = page.get_by_label("Position reference of joint_1, typed; Enter sends")
+    typed.fill("12")
+    assert abs(target(client, "joint_1")) < 0.01
+    typed.press("Enter")
+    until(lambda: abs(target(client, "joint_1") - 12.0) < 0.01)
+    typed.fill("0.1 rad")
+    typed.press("Enter")
+    until(lambda: abs(target(client, "joint_1") - math.degrees(0.1)) < 0.01)
+    slider = page.get_by_label("Position reference of joint_3", exact=True)
+    before = target(client, "joint_3")
+    page.mouse.move(*place(slider, 0.5))
+    page.mouse.down()
+    page.mouse.move(*place(slider, 0.53), steps=5)
+    page.wait_for_timeout(300)
+    assert target(client, "joint_3") == pytest.approx(before)  # nothing is sent while it moves
+    page.mouse.up()
+    until(lambda: abs(target(client, "joint_3") - before) > 5.0)
+    slider.focus()
+    held = target(client, "joint_3")
+    page.keyboard.press("ArrowLeft")
+    until(lambda: target(client, "joint_3") != held)
+    live = page.get_by_label("Live: send while a slider moves")
+    live.click()
+    held = target(client, "joint_3")
+    page.mouse.move(*place(slider, 0.53))
+    page.mouse.down()
+    page.mouse.move(*place(slider, 0.5), steps=5)
+    until(lambda: abs(target(client, "joint_3") - held) > 3.0)
+    page.mouse.up()
+    live.click()
+    choose(page, client, "joint_3", "posd")
+    page.get_by_label("Position reference of joint_3, typed; Enter sends").fill("1")
+    page.keyboard.press("Enter")
+    until(lambda: abs(client.get_ref_position("lbr_iiwa_joint_3")[0] - math.radians(1.0)) < 1e-6)
+    choose(page, client, "joint_3", "pos")
+
+
+def moves(client: ControlBoardClient, joint: int, signal: str, least: float) -> None:
+    client.wait_for_state(lambda s: bool(abs(getattr(s, signal)[joint]) > least), GUARD)
+
+
+def rests(client: ControlBoardClient, joint: int, signal: str) -> None:
+    client.wait_for_state(lambda s: bool(abs(getattr(s, signal)[joint]) < 1e-3), GUARD)
+
+
+def test_velocity_acts_while_it_is_held(page: Any, client: ControlBoardClient) -> None:
+    """By slider, by button, by key; and it ends when the window loses its focus."""
+    choose(page, client, "joint_5", "vel")
+    page.get_by_text("Velocity is zero. Hold the slider to move.").first.wait_for()
+    for name in ("up", "down"):
+        page.mouse.move(*place(page.get_by_label(f"Velocity of joint_5 {name}, while held")))
+        page.mouse.down()
+        moves(client, 4, "velocity_reference", 0.005)
+        page.mouse.up()
+        rests(client, 4, "velocity_reference")
+    slider = page.get_by_label("Velocity of joint_5, acts while held")
+    page.mouse.move(*place(slider, 0.6))
+    page.mouse.down()
+    page.mouse.move(*place(slider, 0.62))
+    moves(client, 4, "velocity_reference", 0.005)
+    page.evaluate("window.dispatchEvent(new Event('blur'))")
+    rests(client, 4, "velocity_reference")
+    page.mouse.up()
+    page.get_by_label("Velocity that the buttons of joint_5 give").fill("5")
+    slider.focus()
+    page.keyboard.down("ArrowRight")
+    moves(client, 4, "velocity_reference", 0.005)
+    page.keyboard.up("ArrowRight")
+    rests(client, 4, "velocity_reference")
+    choose(page, client, "joint_5", "pos")
+
+
+@pytest.mark.parametrize(
+    ("mode", "kind", "label"), [("open", "output", "Output"), ("torq", "torque", "Torque")]
+)
+def test_output_and_torque_act_while_held(
+    page: Any, client: ControlBoardClient, mode: str, kind: str, label: str
+) -> None:
+    choose(page, client, "joint_7", mode)
+    reference = {"output": client.get_output, "torque": client.get_ref_torque}[kind]
+    before = reference("lbr_iiwa_joint_7")[0]
+    page.get_by_label(f"{label} that the buttons of joint_7 give").fill("0.5")
+    for name in ("up", "down"):
+        button = page.get_by_label(f"{label} of joint_7 {name}, while held")
+        button.focus()
+        page.keyboard.down("Space")
+        until(lambda: abs(reference("lbr_iiwa_joint_7")[0] - before) > 0.3)
+        page.keyboard.up("Space")
+        until(lambda: abs(reference("lbr_iiwa_joint_7")[0] - before) < 0.2)
+    slider = page.get_by_label(f"{label} of joint_7, acts while held")
+    slider.focus()
+    page.keyboard.down("ArrowLeft")
+    until(lambda: abs(reference("lbr_iiwa_joint_7")[0] - before) > 0.3)
+    page.keyboard.up("ArrowLeft")
+    until(lambda: abs(reference("lbr_iiwa_joint_7")[0] - before) < 0.2)
+    choose(page, client, "joint_7", "pos")
+
+
+def test_details(page: Any, client: ControlBoardClient) -> None:
+    """Speeds, impedance and gains: wanted, reverted, applied; calibrate; force idle."""
+    page.get_by_label("More of joint_6").click()
+    joint = "lbr_iiwa_joint_6"
+    groups: list[tuple[str, dict[str, str]]] = [
+        ("Speeds", {"Reference speed": "12", "Reference acceleration": "20"}),
+        ("Impedance", {"Stiffness": "150", "Damping": "6"}),
+    ]
+    page.locator("summary", has_text="Gains").click()
+    for gain in ("kp", "ki", "kd", "kff", "integral limit", "derivative cutoff"):
+        for pid in ("Position", "Direct", "Torque", "Current"):
+            page.get_by_label(f"{pid} PID: {gain}, wanted").click()
+    for group, fields in groups:
+        for field, value in fields.items():
+            page.get_by_label(f"{group}: {field}, wanted").fill(value)
+        page.get_by_label(f"Revert {group}").click()
+        assert page.get_by_label(f"{group}: {field}, wanted").input_value() != value
+        for field, value in fields.items():
+            page.get_by_label(f"{group}: {field}, wanted").fill(value)
+        page.get_by_label(f"Apply {group}").click()
+    until(lambda: abs(client.get_ref_speed(joint)[0] - math.radians(12.0)) < 1e-6)
+    until(lambda: abs(client.get_ref_acceleration(joint)[0] - math.radians(20.0)) < 1e-6)
+    until(lambda: abs(client.get_impedance(joint)[0][0] - 150.0) < 1e-6)
+    assert client.get_impedance(joint)[1][0] == pytest.approx(6.0)
+    for pid in ("Position", "Direct", "Torque"):
+        wanted = page.get_by_label(f"{pid} PID: kff, wanted")
+        wanted.fill("0.5")
+        page.get_by_label(f"Revert {pid} PID").click()
+        wanted.fill("0.25")
+        page.get_by_label(f"Apply {pid} PID").click()
+        until(lambda pid=pid: client.get_gains(joint, pid.lower()).kff[0] == 0.25)
+    current = page.get_by_label("Current PID: kp, wanted")
+    current.fill(str(float(current.input_value()) * 1.01))
+    page.get_by_label("Revert Current PID").click()
+    current.fill("nonsense")
+    assert page.get_by_label("Apply Current PID").is_disabled()
+    page.get_by_label("Revert Current PID").click()
+    current.fill("2.5")
+    page.get_by_label("Apply Current PID").click()
+    page.get_by_label("Force joint_6 to idle: no power").click()
+    until(lambda: mode_of(client, "joint_6") == "idl")
+    page.get_by_label("Calibrate joint_6").click()
+    page.locator(".phase").filter(has_text="calibrat").wait_for()
+    choose(page, client, "joint_6", "pos")
+    page.get_by_label("More of joint_6").click()
+
+
+def test_a_fault_is_shown_with_its_way_out(page: Any, client: ControlBoardClient) -> None:
+    client.inject_fault("lbr_iiwa_joint_2", "external")
+    banner = page.get_by_role("alert")
+    banner.get_by_text("joint_2").wait_for()
+    assert "emergency stop" in banner.inner_text()
+    client.clear_injected_faults()
+    page.get_by_label("Clear faults: the joints go to idle, without power").click()
+    until(lambda: mode_of(client, "joint_2") == "idl")
+    banner.wait_for(state="detached")
+    choose(page, client, "joint_2", "pos")
+
+
+def test_all_joints(page: Any, client: ControlBoardClient) -> None:
+    page.get_by_label("All joints shown to idle: no power").click()
+    until(lambda: all(mode.code == "idl" for mode in client.get_control_mode()))
+    page.get_by_label("Control mode of all joints shown").select_option("pos")
+    until(lambda: all(mode.code == "pos" for mode in client.get_control_mode()))
+    page.get_by_label("Calibrate all joints shown").click()
+    page.locator("code", has_text="cbctl calibrate").first.wait_for()
+    until(lambda: all(mode.code == "pos" for mode in client.get_control_mode()))
+
+
+@pytest.mark.parametrize("how", ["button", "key"])
+def test_stop(page: Any, client: ControlBoardClient, how: str) -> None:
+    goal = 100.0 if how == "button" else -100.0
+    page.get_by_label("Position reference of joint_1, typed; Enter sends").fill(str(goal))
+    page.keyboard.press("Enter")
+    until(lambda: not client.check_motion_done("lbr_iiwa_joint_1")[0])
+    if how == "button":
+        page.locator("#stop").click()
+    else:
+        page.keyboard.press("Escape")
+    until(lambda: client.check_motion_done("lbr_iiwa_joint_1")[0])
+    assert abs(math.degrees(client.get_encoder("lbr_iiwa_joint_1")[0]) - goal) > 10.0
+
+
+def test_plots(page: Any, tmp_path: Path) -> None:
+    for signal in ("position", "velocity", "torque", "reference", "output", "current"):
+        page.get_by_label(f"Plot {signal} of joint_1", exact=True).dblclick()
+    page.get_by_label("Plot temperature of joint_1").focus()
+    page.keyboard.press("Enter")
+    charts = page.locator("#plots canvas")
+    until(lambda: charts.count() == 6)
+    page.wait_for_function("panel.plots.signals.every((s) => s.times.length > 30)")
+    for seconds in (5, 60, 20):
+        page.get_by_label(f"Time shown: {seconds} s").click()
+    page.get_by_label("Pause the plots").click()
+    count = page.evaluate("panel.plots.signals[0].times.length")
+    page.wait_for_timeout(300)
+    assert page.evaluate("panel.plots.signals[0].times.length") == count
+    page.locator("#plots .u-over").first.hover()
+    page.locator(".readout-box").first.wait_for()
+    with page.expect_download() as csv:
+        page.get_by_label("Save the plots as CSV").click()
+    lines = Path(csv.value.path()).read_text().splitlines()
+    assert lines[0].startswith("time,lbr_iiwa_joint_1.position,lbr_iiwa_joint_1.velocity")
+    assert len(lines) > 30
+    assert all(len(line.split(",")) == 8 for line in lines[1:])
+    with page.expect_download() as png:
+        page.get_by_label("Save the plots as PNG").click()
+    assert Path(png.value.path()).read_bytes().startswith(b"\x89PNG")
+    page.get_by_label("Go on plotting").click()
+    for signal in ("position", "velocity", "torque", "reference", "output", "current"):
+        page.get_by_label(f"Remove joint_1 {signal} from the plots").click()
+    page.get_by_label("Remove joint_1 temperature from the plots").click()
+    page.get_by_label("Add a signal of all joints shown").select_option("torque")
+    until(lambda: page.locator("#plots .legend li").count() == 7)
+    page.get_by_label("Remove all plots").click()
+    assert charts.count() == 0
+
+
+def test_the_robot_is_drawn(page: Any) -> None:
+    page.wait_for_function("panel.view && panel.view.robot")
+    assert page.evaluate("panel.view.renderer.info.render.triangles") > 1000
+    drawn = page.evaluate("panel.view.robot.joints.lbr_iiwa_joint_4.angle")
+    known = page.evaluate("panel.cards[3].joint.state.position")
+    assert drawn == pytest.approx(known, abs=0.01)
+    ghost = page.get_by_label("Show the reference as a ghost")
+    ghost.click()
+    assert ghost.get_attribute("aria-pressed") == "false"
+    ghost.click()
+    page.get_by_label("Show the whole robot").click()
+
+
+def test_poses(page: Any, client: ControlBoardClient, tmp_path: Path) -> None:
+    page.get_by_label("Control mode of all joints shown").select_option("pos")
+    until(lambda: all(mode.code == "pos" for mode in client.get_control_mode()))
+    page.get_by_label("Name of the pose to save").fill("here")
+    page.get_by_label("Save the joints as they are as a pose").click()
+    page.get_by_label("Go to here").wait_for()
+    assert "here" in client.list_poses()
+    for pose in ("home", "park", "here"):
+        page.get_by_label(f"Add {pose} to the sequence").click()
+    page.locator("summary", has_text="Sequence").click()
+    page.locator("summary", has_text="Sequence").click()
+    page.get_by_label("Remove step 1").click()
+    page.get_by_label("Step 1: speed, or time with s").fill("40deg/s")
+    page.get_by_label("Step 1: speed, or time with s").press("Tab")
+    page.get_by_label("Step 2: speed, or time with s").fill("1.5s")
+    page.get_by_label("Step 2: speed, or time with s").press("Tab")
+    page.get_by_label("Run the sequence once").click()
+    until(lambda: not all(client.check_motion_done()))
+    page.get_by_label("Run the sequence again and again").wait_for()  # it has ended
+    until(lambda: all(client.check_motion_done()))
+    here = client.get_pose("here")
+    assert client.get_encoder(here.joints) == pytest.approx(here.positions, abs=0.02)
+    with page.expect_download() as saved:
+        page.get_by_label("Save the sequence to a file").click()
+    steps = json.loads(Path(saved.value.path()).read_text())
+    assert steps == [{"pose": "park", "how": "40deg/s"}, {"pose": "here", "how": "1.5s"}]
+    (tmp_path / "other.json").write_text(json.dumps(steps[::-1]))
+    with page.expect_file_chooser() as chooser:
+        page.get_by_label("Load a sequence from a file").click()
+    chooser.value.set_files(tmp_path / "other.json")
+    page.locator(".sequence li").first.filter(has_text="here").wait_for()
+    page.get_by_label("Run the sequence again and again").click()
+    until(lambda: not all(client.check_motion_done()))
+    page.get_by_label("End the sequence").click()
+    until(lambda: all(client.check_motion_done()))
+    for pose in ("home", "park", "here"):
+        page.get_by_label(f"Go to {pose}").click()
+        page.locator("code", has_text=f"cbctl pose {pose}").first.wait_for()
+    page.get_by_label("Remove step 2").click()
+    page.get_by_label("Remove step 1").click()
+
+
+def test_lines_to_copy_and_what_others_do(page: Any, process: BoardProcess) -> None:
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    choose_world = {"ros2": "ros2 service call", "Python": "board.", "cbctl": "cbctl "}
+    page.get_by_label("Position reference of joint_1, typed; Enter sends").fill("3")
+    page.keyboard.press("Enter")
+    page.locator("code", has_text="cbctl move lbr_iiwa_joint_1").first.wait_for()
+    for world in choose_world:
+        page.get_by_label(f"Lines as: {world}").click()
+    page.locator("#log .entry button").first.click()
+    copied = page.evaluate("navigator.clipboard.readText()")
+    assert copied.startswith("cbctl ")
+    page.get_by_label("Commands, newest first").focus()
+    Cbctl(process.environment)("move", "joint_2=31deg", "--no-wait")
+    page.locator("#log .from", has_text="another program").first.wait_for()
+
+
+def test_units_theme_and_tabs(page: Any) -> None:
+    value = page.get_by_label("Plot position of joint_4", exact=True)
+    page.get_by_label("Angles in: rad").click()
+    until(lambda: "rad" in value.inner_text())
+    page.get_by_label("Angles in: deg").click()
+    until(lambda: "°" in value.inner_text())
+    page.get_by_label("Light colours").click()
+    assert page.evaluate("document.documentElement.dataset.theme") == "light"
+    page.get_by_label("Dark colours").click()
+    page.get_by_role("tab", name="control_board").click()
+
+
+def test_one_operates(page: Any, address: str, browser: Any) -> None:
+    """A phone asks to take over; STOP is in reach of its thumb; nothing is wider than it."""
+    size = {"width": 390, "height": 844}
+    context = browser.new_context(viewport=size, is_mobile=True, has_touch=True)
+    context.set_default_timeout(GUARD * 1000.0)
+    phone = context.new_page()
+    phone.goto(address)
+    phone.get_by_label("More of joint_7").wait_for()
+    assert phone.evaluate("document.documentElement.scrollWidth") <= 390
+    assert phone.get_by_label("Control mode of joint_1", exact=True).is_disabled()
+    stop = phone.locator("#stop").bounding_box()
+    assert stop["y"] + stop["height"] <= 844.5
+    assert stop["height"] >= 44
+    for answer, holds in (("Keep operating", page), ("Hand over", phone)):
+        phone.get_by_label("Ask to take over").click()
+        page.get_by_text(answer).click()
+        holds.get_by_text("You operate", exact=True).wait_for()
+        page.locator(".banner.ask").wait_for(state="detached")
+    assert page.get_by_label("Control mode of joint_1", exact=True).is_disabled()
+    phone.get_by_label("Step back: let others operate").click()
+    page.get_by_label("Operate", exact=True).click()
+    page.get_by_text("You operate", exact=True).wait_for()
+    page.get_by_label("Step back: let others operate").click()
+    page.get_by_label("Operate", exact=True).click()
+    page.get_by_text("You operate", exact=True).wait_for()
+    context.close()
+
+
+def test_every_control_has_a_name_and_was_used(page: Any) -> None:
+    """The last of this file: what no test has used is named here."""
+    nameless = page.evaluate(
+        "[...document.querySelectorAll('button, select, input, summary')]"
+        ".filter((e) => !nameOf(e)).map((e) => e.outerHTML)"
+    )
+    assert not nameless
+    left = set(page.evaluate("[...seen].filter((name) => !used.has(name))"))
+    assert not {name for name in left if not name.startswith("Copy: ")}
