@@ -64,17 +64,23 @@ def page(source: str, recordings: Sequence[BoardRecording], extra: str = "") -> 
         extra: A section of its own, before the others.
     """
     boards = "".join(board_section(recording) for recording in recordings)
-    title = escape(Path(source).name)
+    note = (
+        f"Made from {source} by cbctl report. Rise: 10 to 90 %. Settling: until within 2 % of the "
+        "step. Lag: the time by which the position is best explained as the reference of before. "
+        "Steady: mean error over the last quarter of the time after the reference has come to "
+        "rest. Saturated: time at the limit of output or torque."
+    )
+    return document(f"{Path(source).name}: report", f"{extra}{boards}", note)
+
+
+def document(title: str, body: str, note: str) -> str:
+    """An HTML file around sections, with a note below them."""
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{title}: report</title><style>{STYLE}</style></head><body><main>"
-        f"<h1>{title}</h1>{extra}{boards}"
-        f"<footer>Made from {escape(source)} by cbctl report, control_board_ros {__version__}. "
-        "Rise: 10 to 90 %. Settling: until within 2 % of the step. Lag: the time by which the "
-        "position is best explained as the reference of before. Steady: mean error over the "
-        "last quarter of the time after the reference has come to rest. Saturated: time at the "
-        f"limit of output or torque.</footer></main><script>{SCRIPT}</script></body></html>"
+        f"<title>{escape(title)}</title><style>{STYLE}</style></head><body><main>"
+        f"<h1>{escape(title)}</h1>{body}<footer>{escape(note)} "
+        f"control_board_ros {__version__}.</footer></main><script>{SCRIPT}</script></body></html>"
     )
 
 

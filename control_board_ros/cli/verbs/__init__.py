@@ -38,11 +38,12 @@ SECTIONS = {
         "speed": "motion",
         "feedforward": "streams",
     },
-    "Record": {
+    "Measure": {
         "record": "recording",
         "report": "recording",
         "step": "responses",
         "chirp": "responses",
+        "tune": "tuning",
     },
     "Board": {
         "calibrate": "board",

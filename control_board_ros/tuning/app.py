@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line of a search for gains."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..core.vocabs import InteractionMode
+from ..settings.loading import Settings, SettingsError
+from ..tuning_options import OPTIONS
+from .errors import TuningError
+from .files import summary, write_parameters, write_report
+from .outcome import judge
+from .scenes import usual_payload
+from .search import Found, Plan, optuna, run_all, settings_of, storage_of
+from .space import COMPLIANT, POSITION
+
+DONE, REFUSED, USAGE = 0, 1, 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Search, and write what was found; the exit code."""
+    parser = argparse.ArgumentParser(prog="cbctl tune", allow_abbrev=False)
+    for names, options in OPTIONS:
+        parser.add_argument(*names, **options)
+    given = parser.parse_args(arguments)
+    signal.signal(signal.SIGTERM, interrupt)  # as Ctrl-C: the processes end, too
+    try:
+        tune(given)
+    except (TuningError, SettingsError) as error:
+        say(f"cbctl: {error}")
+        return REFUSED
+    except KeyboardInterrupt:
+        say("cbctl: interrupted; the same command goes on where it ended")
+        return REFUSED
+    return DONE
+
+
+def interrupt(*_: object) -> None:
+    """Handle a signal as Ctrl-C."""
+    raise KeyboardInterrupt
+
+
+def say(text: str) -> None:
+    """A line for people."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def tune(given: argparse.Namespace) -> None:
+    """Search for the gains of a robot.
+
+    Raises:
+        TuningError: a value is not allowed, or something fails.
+        SettingsError: the robot cannot be loaded.
+    """
+    optuna()
+    if given.trials < 1 or (given.jobs is not None and given.jobs < 1):
+        raise TuningError("--trials and --jobs are whole numbers from 1")
+    output = Path(given.output)
+    if not output.absolute().parent.is_dir():
+        raise TuningError(f"{output.parent} is no folder; make it first")
+    settings = settings_of(given.robot)
+    payload = payload_of(given.payload, settings)
+    storage = given.storage or str(output.with_suffix(".journal"))
+    storage_of(storage)
+    plan = Plan(given.robot, payload, given.trials, given.seed, storage)
+    tasks = tasks_of(settings, given.joints)
+    jobs = given.jobs or os.cpu_count() or 1
+    say(
+        f"{len(tasks)} controllers, {plan.trials} trials each, payload up to {payload:.3g} kg, "
+        f"{min(jobs, len(tasks))} processes; trials are kept in {storage}"
+    )
+    begun = time.monotonic()
+
+    def tell(found: Found, done: int, whole: int) -> None:
+        say(
+            f"{done}/{whole}  {found.joint}, {found.stage}: cost {found.cost:.2f} of before, "
+            f"{found.trials} trials, {time.monotonic() - begun:.0f} s"
+        )
+
+    outcomes = judge(plan, run_all(plan, tasks, jobs, tell))
+    report = output.with_suffix(".html")
+    write_parameters(output, outcomes, plan)
+    write_report(report, outcomes, plan)
+    for line in summary(outcomes, plan):
+        print(line)
+    print(f"parameters: {output}")
+    print(f"report: {report}")
+
+
+def payload_of(text: str | None, settings: Settings) -> float:
+    """The payload asked for, or the usual one, kg.
+
+    Raises:
+        TuningError: none.
+    """
+    if text is None:
+        return usual_payload(settings)
+    try:
+        value = float(text.removesuffix("kg"))
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1e6:
+        raise TuningError(f"--payload {text} is not valid; give a mass of at least 0, e.g. 2kg")
+    return value
+
+
+def tasks_of(settings: Settings, joints: str | None) -> list[tuple[str, str]]:
+    """What is searched for: joint and stage.
+
+    Raises:
+        TuningError: a joint that the robot does not have.
+    """
+    known = {joint.name: joint for joint in settings.board.joints}
+    names = list(known) if joints is None else joints.split(",")
+    if unknown := [name for name in names if name not in known]:
+        raise TuningError(f"joint {unknown[0]!r} unknown; joints: {', '.join(known)}")
+    tasks = [(name, POSITION) for name in names]
+    return tasks + [
+        (name, COMPLIANT)
+        for name in names
+        if InteractionMode.COMPLIANT in known[name].interaction_modes
+    ]

@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motions of one joint, played on the board without ROS with some gains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.config import BoardConfig, JointConfig
+from ..core.measurement import Array
+from ..core.vocabs import ControlMode, InteractionMode
+from ..settings.loading import Settings
+from ..sim.errors import PlantGone
+from ..simulation import Simulation
+from .scenes import Scene, simulation_of
+from .space import POSITION
+
+#: s of rest before, of a look after each motion, and for which a joint is pushed.
+REST, AFTER, PUSHED = 0.3, 0.4, 0.3
+#: Travel of a move (rad, m), of a step, and the part of the range that a move takes at most.
+TRAVEL, TRAVEL_SLIDING, STEP, STEP_SLIDING, PART = 0.4, 0.1, 0.02, 0.002, 0.2
+#: Mean speed of a move and torque of a push, in parts of the limits.
+SPEED, PUSH = 0.4, 0.1
+#: Cycles between two samples.
+EVERY = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Take:
+    """What a joint did in one motion; arrays of shape (m,), time in s from its start.
+
+    Attributes: what (``move``, ``step``, ``push`` or ``release``), time, reference and position
+    (rad), torque and torque_reference (N·m), output (%).
+    """
+
+    what: str
+    time: Array
+    reference: Array
+    position: Array
+    torque: Array
+    torque_reference: Array
+    output: Array
+
+
+class Faulted(Exception):  # noqa: N818
+    """A joint faulted, or the plant is gone: gains that no robot should have."""
+
+
+class Bench:
+    """A robot in some scenes, whose joints are moved with other gains again and again.
+
+    Args:
+        settings: Of the robot.
+        scenes: Where to play; each has a simulation of its own.
+    """
+
+    def __init__(self, settings: Settings, scenes: Sequence[Scene]) -> None:
+        self._settings, self._scenes = settings, scenes
+        self._simulations = [
+            Simulation(settings.board, simulation_of(settings, scene)) for scene in scenes
+        ]
+
+    def close(self) -> None:
+        for simulation in self._simulations:
+            simulation.close()
+
+    def play(
+        self, joint: str, stage: str, changes: Mapping[str, float], first: int | None = None
+    ) -> list[list[Take]]:
+        """The motions of a stage, in each scene, or in so many first ones.
+
+        Raises:
+            Faulted: a joint faulted on the way.
+        """
+        board = with_gains(self._settings, changes)
+        j = board.names.index(joint)
+        return [
+            self._play(simulation, scene, board, j, stage)
+            for simulation, scene in list(zip(self._simulations, self._scenes, strict=True))[
+                :first
+            ]
+        ]
+
+    def _play(
+        self, simulation: Simulation, scene: Scene, config: BoardConfig, j: int, stage: str
+    ) -> list[Take]:
+        stand = Stand(simulation, config, j)
+        try:
+            stand.start()
+            motions = position_motions if stage == POSITION else compliant_motions
+            return motions(stand, float(scene.pose[j]))
+        except PlantGone as error:
+            raise Faulted(str(error)) from error
+
+
+class Stand:
+    """One joint of a simulation that is up, in its pose, with the gains to try."""
+
+    def __init__(self, simulation: Simulation, config: BoardConfig, j: int) -> None:
+        self.simulation, self.board, self.j = simulation, simulation.board, j
+        self.config: JointConfig = config.joints[j]
+        self._whole = config
+
+    def start(self) -> None:
+        """From power-on: every joint holds in POSITION, STIFF."""
+        self.board.reconfigure(self._whole)
+        self.simulation.plant.reset()
+        self.board.power_cycle()
+        self.simulation.step(2)
+        for k, joint in enumerate(self._whole.joints):
+            own = joint.impedance
+            self.board.set_impedance(k, own.stiffness, own.damping)
+        self.board.set_interaction_mode(None, InteractionMode.STIFF)
+        self.board.set_control_mode(None, ControlMode.POSITION)
+        self.take("rest", REST)
+
+    def mode(self, control: ControlMode, interaction: InteractionMode) -> None:
+        """Set both modes of the joint."""
+        self.board.set_interaction_mode(self.j, interaction)
+        self.board.set_control_mode(self.j, control)
+
+    def push(self, torque: float) -> None:
+        """Push the joint from outside, N·m."""
+        self.simulation.plant.push(self.j, torque)
+
+    def take(self, what: str, seconds: float) -> Take:
+        """Let time pass, and keep what the joint does.
+
+        Raises:
+            Faulted: a joint faulted.
+        """
+        count = max(round(seconds * self._whole.control_rate / EVERY), 2)
+        rows = np.empty((5, count))
+        for k in range(count):
+            self.simulation.step(EVERY)
+            now, j = self.board.snapshot(), self.j
+            rows[:, k] = (
+                now.position_reference[j],
+                now.position[j],
+                now.torque[j],
+                now.torque_reference[j],
+                now.output[j],
+            )
+        for fault in self.board.get_faults():
+            if fault.active:
+                raise Faulted(f"{fault.name}: {fault.text}")
+        return Take(what, np.arange(1, count + 1) * EVERY / self._whole.control_rate, *rows)
+
+
+def position_motions(stand: Stand, start: float) -> list[Take]:
+    """A quick move, a step, a push: STIFF."""
+    slides = stand.config.kind == "prismatic"
+    takes = [move(stand, start, SPEED)]
+    stand.mode(ControlMode.POSITION_DIRECT, InteractionMode.STIFF)
+    place = float(stand.board.snapshot().position_reference[stand.j])
+    way = 1.0 if place < stand.config.limits.upper - 2.0 * STEP else -1.0
+    stand.board.set_position(stand.j, place + way * (STEP_SLIDING if slides else STEP))
+    takes.append(stand.take("step", AFTER))
+    stand.push(PUSH * stand.config.limits.torque)
+    takes.append(stand.take("push", PUSHED))
+    stand.push(0.0)
+    return takes
+
+
+def compliant_motions(stand: Stand, start: float) -> list[Take]:
+    """A push, its release, a slow move: COMPLIANT."""
+    stand.mode(ControlMode.POSITION, InteractionMode.COMPLIANT)
+    stand.take("rest", REST)
+    stand.push(PUSH * stand.config.limits.torque)
+    takes = [stand.take("push", PUSHED)]
+    stand.push(0.0)
+    return [*takes, stand.take("release", 2.0 * AFTER), move(stand, start, 0.5 * SPEED)]
+
+
+def move(stand: Stand, start: float, speed: float) -> Take:
+    """A minimum-jerk move away from the nearer limit."""
+    limits, slides = stand.config.limits, stand.config.kind == "prismatic"
+    size = min(TRAVEL_SLIDING if slides else TRAVEL, PART * (limits.upper - limits.lower))
+    way = 1.0 if limits.upper - start > start - limits.lower else -1.0
+    stand.board.position_move(stand.j, start + way * size, speed * limits.velocity)
+    return stand.take("move", float(stand.board.get_remaining_time(stand.j)[0]) + AFTER)
+
+
+def with_gains(settings: Settings, changes: Mapping[str, float]) -> BoardConfig:
+    """The configuration of the board with other gains.
+
+    Raises:
+        SettingsError: a gain is not allowed.
+    """
+    fixed = {n: v for n, v in changes.items() if n.endswith(".impedance.damping")}
+    board = settings.changed({n: v for n, v in changes.items() if n not in fixed}).board
+    return with_damping(board, fixed)
+
+
+def with_damping(board: BoardConfig, damping: Mapping[str, float]) -> BoardConfig:
+    """The same with other dampings, which a board takes by a request and not by a parameter."""
+    if not damping:
+        return board
+    joints = []
+    for joint in board.joints:
+        value = damping.get(f"{joint.name}.impedance.damping", joint.impedance.damping)
+        value = min(value, joint.impedance.max_damping)
+        joints.append(replace(joint, impedance=replace(joint.impedance, damping=value)))
+    return replace(board, joints=tuple(joints))

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a search leaves: a parameter file, and a report of before and after."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from .. import __version__
+from ..core.config import JointConfig
+from ..recording.charts import Chart, Trace, Unit, unit_of
+from ..recording.page import chart_section, document, number
+from .bench import Take
+from .cost import WEIGHTS
+from .errors import TuningError
+from .outcome import Outcome
+from .search import Plan, settings_of
+from .space import POSITION
+
+#: What the stages are called.
+TITLES = {POSITION: "position", "compliant": "impedance and torque"}
+#: The figures as they are shown, with the factor to their unit.
+SHOWN = {
+    "tracking": "RMS tracking error",
+    "push": "RMS error under a push",
+    "settling": "settling",
+    "chatter": "chatter of the output",
+    "torque": "RMS torque error",
+}
+
+
+def parameters(outcomes: Sequence[Outcome], robot: str) -> dict[str, Any]:
+    """The file's contents: the name of a shipped robot, and the parameters of its joints."""
+    joints: dict[str, Any] = {}
+    for outcome in outcomes:
+        for name, value in outcome.changes.items():
+            joint, group, gain = name.rsplit(".", 2)
+            joints.setdefault(joint, {}).setdefault(group, {})[gain] = value
+    named = {} if Path(robot).is_file() else {"robot": robot}
+    return {"/**": {"ros__parameters": named | joints}}
+
+
+def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
+    """Write the parameter file, with the figures as comments.
+
+    Raises:
+        TuningError: it cannot be written.
+    """
+    lines = [
+        f"# Gains found by cbctl tune (control_board_ros {__version__}) for {plan.robot}:",
+        f"# {plan.trials} trials for each controller, payload up to {plan.payload:.3g} kg, "
+        f"seed {plan.seed}.",
+        "# In poses that the search did not see, mean figures before -> after:",
+        *(f"#   {line}" for line in summary(outcomes, plan)),
+    ]
+    if Path(plan.robot).is_file():
+        lines.append(f"# Use it on top: --params-file {plan.robot} --params-file {path.name}")
+    body = yaml.safe_dump(parameters(outcomes, plan.robot), sort_keys=False)
+    try:
+        path.write_text("\n".join(lines) + "\n" + body, "utf-8")
+    except OSError as error:
+        raise TuningError(f"cannot write {path}: {error.strerror}") from error
+
+
+def summary(outcomes: Sequence[Outcome], plan: Plan) -> list[str]:
+    """A line for each controller."""
+    units = units_of(plan.robot)
+    lines = []
+    for outcome in outcomes:
+        head = f"{outcome.joint}, {TITLES[outcome.stage]}: "
+        if outcome.why:
+            lines.append(f"{head}as before, {outcome.why}")
+            continue
+        told = []
+        for name in ("tracking", "torque") if outcome.stage != POSITION else ("tracking", "push"):
+            then, now = (
+                shown(name, outcome.mean(name, after=a), units[outcome.joint])
+                for a in (False, True)
+            )
+            told.append(f"{SHOWN[name]} {then} -> {now}")
+        lines.append(head + ", ".join(told))
+    return lines
+
+
+def units_of(robot: str) -> Mapping[str, Unit]:
+    """How each joint's positions are shown."""
+    joints: Sequence[JointConfig] = settings_of(robot).board.joints
+    return {joint.name: unit_of(joint.kind == "prismatic") for joint in joints}
+
+
+def shown(name: str, value: float, unit: Unit) -> str:
+    """A figure with its unit."""
+    if not math.isfinite(value):
+        return "–"
+    if name in ("tracking", "push"):
+        return number(unit.factor * value, 4) + (
+            "°" if unit.position == "°" else f" {unit.position}"
+        )
+    return f"{number(value)} " + {"settling": "s", "chatter": "%", "torque": unit.torque}[name]
+
+
+def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
+    """Write the report: figures of each controller before and after, and how its joint moved.
+
+    Raises:
+        TuningError: it cannot be written.
+    """
+    units = units_of(plan.robot)
+    sections = [section(outcome, units[outcome.joint]) for outcome in outcomes]
+    note = (
+        f"Gains for {plan.robot}: {plan.trials} trials for each controller, payload up to "
+        f"{plan.payload:.3g} kg, seed {plan.seed}. Grey: before. All figures are from poses that "
+        "the search did not see, with the gains of all joints together; mean over them."
+    )
+    try:
+        path.write_text(
+            document(f"{Path(plan.robot).stem}: gains", "".join(sections), note), "utf-8"
+        )
+    except OSError as error:
+        raise TuningError(f"cannot write {path}: {error.strerror}") from error
+
+
+def section(outcome: Outcome, unit: Unit) -> str:
+    """One controller."""
+    facts = [
+        (
+            SHOWN[name],
+            f"{shown(name, outcome.mean(name, after=False), unit)} → "
+            f"{shown(name, outcome.mean(name, after=True), unit)}",
+        )
+        for name in WEIGHTS[outcome.stage]
+    ]
+    facts += [
+        (name.partition(".")[2], f"{value:g}")
+        for name, value in outcome.changes.items()
+        if ".direct_pid." not in name
+    ]
+    title = f"{outcome.joint}: {TITLES[outcome.stage]}"
+    if outcome.why:
+        return chart_section(f"{title}, as before", [("kept, because", outcome.why)], [])
+    return chart_section(title, facts, charts(outcome, unit))
+
+
+def charts(outcome: Outcome, unit: Unit) -> list[Chart]:
+    """The motions of the first fresh scene, before and after."""
+    found = []
+    then = {take.what: take for take in outcome.takes_before}
+    for now in outcome.takes_after:
+        old = then.get(now.what)
+        if now.what == "step":
+            traces = [end_trace("after", now, unit, "measured")]
+            traces[:0] = [end_trace("before", old, unit, "before")] if old else []
+            found.append(Chart("Step: position from its end", unit.position, traces))
+            continue
+        traces = [error_trace("after", now, unit, "error")]
+        traces[:0] = [error_trace("before", old, unit, "before")] if old else []
+        names = {
+            "move": "Error of the move",
+            "push": "Error under a push",
+            "release": "Error after its release",
+        }
+        found.append(Chart(names[now.what], unit.position, traces))
+        if outcome.stage != POSITION and now.what == "move":
+            torques = [Trace("after", now.time, now.torque_reference - now.torque, "error")]
+            if old:
+                error = old.torque_reference - old.torque
+                torques.insert(0, Trace("before", old.time, error, "before"))
+            found.append(Chart("Torque error of the move", unit.torque, torques))
+    return found
+
+
+def end_trace(label: str, take: Take, unit: Unit, kind: str) -> Trace:
+    """Position from where the reference ends."""
+    return Trace(label, take.time, unit.factor * (take.position - take.reference[-1]), kind)
+
+
+def error_trace(label: str, take: Take, unit: Unit, kind: str) -> Trace:
+    """Reference − position of a motion."""
+    return Trace(label, take.time, unit.factor * (take.reference - take.position), kind)

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where gains are tried: poses of the robot, with and without a payload."""
+
+from __future__ import annotations
+
+import copy
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.measurement import Array
+from ..description.geometry import origin_of
+from ..description.urdf import Urdf
+from ..description.urdf_tree import Tree
+from ..settings.loading import Settings
+from ..sim.config import SimulationConfig
+
+#: Part of the torque limits that a payload takes at most, where none is given.
+PAYLOAD_SHARE = 0.1
+#: Least lever of a payload, m; gravity, m/s².
+LEAST_LEVER, GRAVITY = 0.1, 9.81
+#: Half an edge of the payload, a cube, m.
+HALF_EDGE = 0.04
+#: Part of each joint's range in which the poses lie, around its middle.
+INNER = 0.5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """A pose (rad or m, shape (n,)) and a payload (kg), by name."""
+
+    name: str
+    pose: Array
+    payload: float
+
+
+def scenes(settings: Settings, payload: float, seed: int, *, fresh: bool) -> list[Scene]:
+    """Home and two poses, one of them with the payload, to search in; or two fresh poses."""
+    joints = settings.board.joints
+    home = np.array([joint.home for joint in settings.simulation.joints])
+    low = np.array([max(j.limits.lower, -math.pi) for j in joints])
+    high = np.array([min(j.limits.upper, math.pi) for j in joints])
+    share = np.random.default_rng([seed, int(fresh)]).uniform(-0.5, 0.5, (2, len(joints)))
+    places = 0.5 * (low + high) + INNER * share * (high - low)
+    if fresh:
+        return [Scene("fresh pose", places[0], 0.0), Scene("fresh, payload", places[1], payload)]
+    return [
+        Scene("home", home, 0.0),
+        Scene("pose, payload", places[0], payload),
+        Scene("pose", places[1], 0.0),
+    ]
+
+
+def simulation_of(settings: Settings, scene: Scene) -> SimulationConfig:
+    """The plant of a scene: it starts in the pose, and carries the payload."""
+    whole = settings.simulation
+    joints = tuple(
+        replace(joint, home=float(place))
+        for joint, place in zip(whole.joints, scene.pose, strict=True)
+    )
+    urdf = whole.urdf
+    if urdf is not None and scene.payload > 0.0:
+        urdf = with_payload(urdf, settings.board.names, scene.payload)
+    return replace(whole, joints=joints, urdf=urdf, gui=False)
+
+
+def last_link(urdf: Urdf, names: Sequence[str]) -> str:
+    """The link that the last turning joint moves: with a hand, that of the wrist."""
+    joints = [joint for joint in urdf.joints if joint.name in names]
+    turning = [joint for joint in joints if joint.kind != "prismatic"]
+    return (turning or joints)[-1].child
+
+
+def with_payload(urdf: Urdf, names: Sequence[str], mass: float) -> Urdf:
+    """The robot with a cube of so many kg at its last link."""
+    root = copy.deepcopy(urdf.tree.root)
+    link = ET.SubElement(root, "link", name="_payload")
+    inertial = ET.SubElement(link, "inertial")
+    ET.SubElement(inertial, "mass", value=f"{mass:.9g}")
+    moment = f"{mass * (2.0 * HALF_EDGE) ** 2 / 6.0:.9g}"
+    moments = dict.fromkeys(("ixx", "iyy", "izz"), moment)
+    moments |= dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+    ET.SubElement(inertial, "inertia", moments)
+    joint = ET.SubElement(root, "joint", name="_payload_joint", type="fixed")
+    ET.SubElement(joint, "parent", link=last_link(urdf, names))
+    ET.SubElement(joint, "child", link="_payload")
+    return replace(urdf, text=ET.tostring(root, encoding="unicode"), tree=Tree(root, urdf.source))
+
+
+def usual_payload(settings: Settings) -> float:
+    """The mass at the last link that takes no joint more than PAYLOAD_SHARE of its torque, kg."""
+    urdf = settings.simulation.urdf
+    if urdf is None:
+        return 0.0
+    torques = {j.name: j.limits.torque for j in settings.board.joints if j.kind != "prismatic"}
+    tree = urdf.tree
+    most, lever, link = math.inf, 0.0, last_link(urdf, settings.board.names)
+    while (element := tree.parent_joint.get(link)) is not None:
+        name = element.get("name", "")
+        if name in torques:
+            most = min(most, PAYLOAD_SHARE * torques[name] / (GRAVITY * max(lever, LEAST_LEVER)))
+        lever += float(np.linalg.norm(origin_of(element)[0]))
+        link = parent_of(element)
+    return most if math.isfinite(most) else 0.0
+
+
+def parent_of(joint: ET.Element) -> str:
+    """The link that a joint hangs on."""
+    parent = joint.find("parent")
+    return "" if parent is None else parent.get("link", "")

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is varied: for each controller of a joint a few numbers, as powers of two of its gains.
+
+A trial's numbers are exponents, 0 where a gain stays as derived: so one range fits every robot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..core.config import JointConfig
+from ..description.derive_gains import gains
+from ..settings.loading import Settings
+
+POSITION, COMPLIANT = STAGES = ("position", "compliant")
+
+#: Exponents by stage: name -> from, to. Upwards they keep near the derived gains, which leave a
+#: phase margin of 40 degrees and are worth the torque limit at a few mrad: beyond, a simulation is
+#: no proof.
+RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = {
+    POSITION: {"kp": (-3.0, 1.0), "ki": (-4.0, 2.0), "kd": (-3.0, 1.0)},
+    COMPLIANT: {"ki": (-4.0, 2.0), "damping": (-2.0, 2.0)},
+}
+#: The gains that a search for positions sets, in both modes that follow positions.
+PIDS, GAINS = ("position_pid", "direct_pid"), ("kp", "ki", "kd")
+#: An exponent is a gain where the derived one is 0.
+LEAST = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Space:
+    """The search for one controller of one joint.
+
+    Attributes: joint, stage, derived (gains that exponents count from, by name), given (those of
+    the file).
+    """
+
+    joint: str
+    stage: str
+    derived: Mapping[str, float]
+    given: Mapping[str, float]
+
+    @property
+    def ranges(self) -> Mapping[str, tuple[float, float]]:
+        return RANGES[self.stage]
+
+    def changes(self, exponents: Mapping[str, float]) -> dict[str, float]:
+        """Parameters of the board, by full name."""
+        values = {name: self.derived[name] * 2.0**e for name, e in exponents.items()}
+        return named(self.joint, self.stage, values)
+
+    def exponents(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The exponents nearest to some gains."""
+        return {
+            name: min(max(math.log2(max(values[name], LEAST) / self.derived[name]), low), high)
+            for name, (low, high) in self.ranges.items()
+        }
+
+
+def named(joint: str, stage: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Gains by their parameters' full names, with four digits: as they are written."""
+    short = {name: float(f"{value:.4g}") for name, value in values.items()}
+    if stage == POSITION:
+        return {f"{joint}.{pid}.{name}": value for pid in PIDS for name, value in short.items()}
+    return {
+        f"{joint}.torque_pid.ki": short["ki"],
+        f"{joint}.impedance.damping": short["damping"],
+    }
+
+
+def space_of(settings: Settings, joint: str, stage: str) -> Space:
+    """The search for a joint, around the gains that its URDF and limits imply."""
+    (config,) = [one for one in settings.board.joints if one.name == joint]
+    given = gains_of(config, stage)
+    own = {
+        name.removeprefix(f"{joint}."): value
+        for name, value in settings.values.items()
+        if name.startswith(f"{joint}.")
+    }
+    for name in (*(f"{pid}.{gain}" for pid in PIDS for gain in GAINS), "impedance.damping"):
+        own.pop(name, None)
+    own |= {"inertia_min": config.inertia_min, "inertia_max": config.inertia_max}
+    gains(own, settings.board.period, sliding=config.kind == "prismatic")
+    if stage == POSITION:
+        derived = {name: own[f"position_pid.{name}"] for name in GAINS}
+    else:
+        derived = {"ki": TORQUE_KI, "damping": own["impedance.damping"]}
+    return Space(joint, stage, {n: max(v, LEAST) for n, v in derived.items()}, given)
+
+
+#: Integral gain of the torque loop where none is given, 1/s.
+TORQUE_KI = 30.0
+
+
+def gains_of(config: JointConfig, stage: str) -> dict[str, float]:
+    """The gains of a joint that a stage searches for."""
+    if stage == POSITION:
+        return {name: getattr(config.position_pid, name) for name in GAINS}
+    return {"ki": config.torque_pid.ki, "damping": config.impedance.damping}

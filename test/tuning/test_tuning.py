@@ -1,0 +1,295 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search for gains: its parts, and a robot that it makes better."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from control_board_ros.description.urdf import Urdf
+from control_board_ros.settings.loading import load
+from control_board_ros.tuning.bench import Bench, Faulted, Take, with_gains
+from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
+from control_board_ros.tuning.files import parameters
+from control_board_ros.tuning.outcome import Played, judge, objection
+from control_board_ros.tuning.scenes import scenes, usual_payload, with_payload
+from control_board_ros.tuning.search import Found, Plan, run, settings_of, storage_of, study_name
+from control_board_ros.tuning.space import COMPLIANT, POSITION, STAGES, space_of
+
+CRANE = Path(__file__).with_name("crane.yaml")
+pytestmark = pytest.mark.physics
+
+
+@pytest.fixture(scope="module")
+def crane() -> str:
+    return str(CRANE)
+
+
+@pytest.fixture(scope="module")
+def bench(crane: str) -> Iterator[Bench]:
+    """The crane in its home pose."""
+    settings = settings_of(crane)
+    bench = Bench(settings, scenes(settings, 1.0, 1, fresh=False)[:1])
+    yield bench
+    bench.close()
+
+
+def urdf_of(robot: str) -> Urdf:
+    urdf = settings_of(robot).simulation.urdf
+    assert urdf is not None
+    return urdf
+
+
+def test_a_payload_hangs_at_the_last_turning_link(crane: str) -> None:
+    """A cube of 2 kg; the robot itself is as it was."""
+    urdf = urdf_of(crane)
+    loaded = with_payload(urdf, ("turn", "lift", "slide"), 2.0)
+    element = loaded.tree.parent_joint["_payload"]
+    assert element.find("parent").attrib == {"link": "boom"}  # type: ignore[union-attr]
+    assert loaded.tree.links["_payload"].find("inertial/mass").attrib == {"value": "2"}  # type: ignore[union-attr]
+    assert "_payload" not in urdf.text
+
+
+def test_the_usual_payload_takes_little_of_the_torque(crane: str) -> None:
+    """Held at full reach, a tenth of the weakest joint's limit at most."""
+    settings = settings_of(crane)
+    payload = usual_payload(settings)
+    assert payload > 0.0
+    levers = {"turn": 0.6, "lift": 0.1}  # of the boom's origin: m; 0.1 at least
+    torques = {j.name: j.limits.torque for j in settings.board.joints}
+    for name, lever in levers.items():
+        assert 9.81 * payload * lever <= 0.1001 * torques[name]
+
+
+def test_scenes_lie_within_the_limits_and_differ(crane: str) -> None:
+    settings = settings_of(crane)
+    searched = scenes(settings, 1.0, 1, fresh=False)
+    fresh = scenes(settings, 1.0, 1, fresh=True)
+    assert [scene.payload for scene in searched] == [0.0, 1.0, 0.0]
+    poses = [scene.pose for scene in (*searched, *fresh)]
+    for pose in poses:
+        for joint, place in zip(settings.board.joints, pose, strict=True):
+            assert joint.limits.lower <= place <= joint.limits.upper
+    assert len({tuple(pose) for pose in poses}) == 5
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_exponents_of_zero_are_the_derived_gains(stage: str) -> None:
+    """The iiwa has the gains that its URDF implies; a power of two is one."""
+    settings = load("iiwa")
+    space = space_of(settings, settings.board.names[1], stage)
+    none = dict.fromkeys(space.ranges, 0.0)
+    assert space.exponents(space.given) == pytest.approx(none, abs=0.01)
+    twice = space.changes(none | {next(iter(none)): 1.0})
+    name = f"{settings.board.names[1]}." + (
+        "position_pid.kp" if stage == POSITION else "torque_pid.ki"
+    )
+    assert twice[name] == pytest.approx(2.0 * space.derived[next(iter(none))], rel=1e-3)
+
+
+def test_poor_gains_are_far_from_the_derived_ones(crane: str) -> None:
+    exponents = space_of(settings_of(crane), "lift", POSITION)
+    assert exponents.exponents(exponents.given)["kp"] == -3.0
+
+
+def test_gains_of_a_trial_are_those_of_the_board(crane: str) -> None:
+    """Those that change at run time, and the damping, within its limit."""
+    settings = settings_of(crane)
+    board = with_gains(settings, {"lift.position_pid.kp": 77.0, "lift.impedance.damping": 1e9})
+    lift = board.joints[1]
+    assert lift.position_pid.kp == 77.0
+    assert lift.impedance.damping == lift.impedance.max_damping
+    assert board.joints[0].position_pid.kp == 300.0
+
+
+def take(what: str, error: float, count: int = 200) -> Take:
+    """A motion at rest, with a constant error."""
+    time = np.arange(1, count + 1) * 2e-3
+    zero = np.zeros(count)
+    return Take(what, time, zero + error, zero, zero, zero + error, zero)
+
+
+def test_the_cost_of_the_same_figures_is_one() -> None:
+    for stage in STAGES:
+        same = [Figures(dict.fromkeys(WEIGHTS[stage], 0.5), 3.0)] * 2
+        assert cost(stage, same, same) == pytest.approx(1.0)
+
+
+def test_the_cost_counts_overshoot_beyond_a_tenth() -> None:
+    before = [Figures(dict.fromkeys(WEIGHTS[POSITION], 0.5), 3.0)]
+    after = [Figures(dict.fromkeys(WEIGHTS[POSITION], 0.5), 15.0)]
+    assert cost(POSITION, after, before) == pytest.approx(1.1)
+
+
+def test_figures_of_motions() -> None:
+    found = figures(POSITION, [take("move", 0.1), take("step", 0.0), take("push", 0.2)])
+    assert found.values["tracking"] == pytest.approx(0.1)
+    assert found.values["push"] == pytest.approx(0.2)
+    assert found.values["chatter"] == 0.0
+    found = figures(COMPLIANT, [take("push", 0.3), take("release", 0.3), take("move", 0.3)])
+    assert found.values["torque"] == pytest.approx(0.3)
+
+
+def test_motions_repeat(bench: Bench) -> None:
+    """The same gains give the same motion, whatever was played before."""
+    first = bench.play("lift", POSITION, {})
+    bench.play("lift", COMPLIANT, {})
+    again = bench.play("lift", POSITION, {})
+    for one, other in zip(first[0], again[0], strict=True):
+        assert np.max(np.abs(one.position - other.position)) < 1e-5
+
+
+def test_gains_that_shake_cost_most(bench: Bench) -> None:
+    """A thousand times the derivative gain is no motion that anybody wants."""
+    before = [figures(POSITION, takes) for takes in bench.play("lift", POSITION, {})]
+    wild = {"lift.position_pid.kd": 60e3, "lift.direct_pid.kd": 60e3}
+    try:
+        after = [figures(POSITION, takes) for takes in bench.play("lift", POSITION, wild)]
+    except Faulted:
+        return
+    assert cost(POSITION, after, before) > 1.0
+
+
+def plan_of(robot: str, folder: Path, trials: int = 6) -> Plan:
+    return Plan(robot, 1.0, trials, 1, str(folder / "crane.journal"))
+
+
+@pytest.mark.slow
+def test_a_search_makes_poor_gains_better_and_goes_on(crane: str, tmp_path: Path) -> None:
+    """Tracking in unseen poses at least halved; the same again adds no trial; more add more."""
+    found = run(plan_of(crane, tmp_path), "lift", POSITION)
+    assert found.cost < 0.5
+    assert found.trials == 6
+    assert run(plan_of(crane, tmp_path), "lift", POSITION) == found
+    assert run(plan_of(crane, tmp_path, trials=8), "lift", POSITION).trials == 8
+    (outcome,) = judge(plan_of(crane, tmp_path), [found])
+    assert outcome.why == ""
+    assert outcome.mean("tracking", after=True) < 0.5 * outcome.mean("tracking", after=False)
+    assert parameters([outcome], crane)["/**"]["ros__parameters"]["lift"]["position_pid"]["kp"] > 0
+
+
+@pytest.mark.slow
+def test_what_is_worse_is_not_taken(crane: str, tmp_path: Path) -> None:
+    """Gains that a search would have praised, and that are worse elsewhere, are left out."""
+    bad = {f"lift.{pid}.kp": 100.0 for pid in ("position_pid", "direct_pid")}
+    (outcome,) = judge(plan_of(crane, tmp_path), [Found("lift", POSITION, bad, 0.1, 6)])
+    assert outcome.why
+    assert outcome.changes == {}
+    assert parameters([outcome], crane) == {"/**": {"ros__parameters": {}}}
+    assert outcome.mean("tracking", after=True) == outcome.mean("tracking", after=False)
+
+
+def test_objections() -> None:
+    """No better, worse in what counts, faulted; a joint that faulted before takes what it gets."""
+    good, bad = (Figures(dict.fromkeys(WEIGHTS[POSITION], v), 0.0) for v in (0.1, 1.0))
+    mixed = Figures(dict(good.values) | {"tracking": 1.1, "push": 0.01}, 0.0)
+    assert objection(POSITION, Played([bad], []), Played([good], [])) == ""
+    assert "no better" in objection(POSITION, Played([good], []), Played([bad], []))
+    assert "no better" in objection(POSITION, Played([bad], []), Played([bad], []))
+    assert objection(POSITION, Played([bad], []), Played([mixed], [])) == "tracking would be worse"
+    assert objection(POSITION, Played([bad], []), Played([good], [], "a: hot")) == "a: hot"
+    assert objection(POSITION, Played([], [], "a: hot"), Played([good], [])) == ""
+
+
+def count(plan: Plan, stage: str) -> int:
+    """Finished trials of a study so far."""
+    import optuna
+
+    try:
+        study = optuna.load_study(
+            study_name=study_name(plan, "lift", stage), storage=storage_of(plan.storage)
+        )
+    except KeyError:
+        return 0
+    return sum(trial.state.name == "COMPLETE" for trial in study.trials)
+
+
+WORKER = """
+import sys
+from control_board_ros.tuning.search import Plan, run
+run(Plan(sys.argv[1], 1.0, int(sys.argv[3]), 1, sys.argv[2]), "lift", "position")
+"""
+
+
+@pytest.mark.slow
+def test_of_two_workers_one_is_killed(crane: str, tmp_path: Path) -> None:
+    """The other one finishes what both began; no trial is lost or counted twice."""
+    plan = plan_of(crane, tmp_path, trials=30)
+    words = [sys.executable, "-c", WORKER, crane, plan.storage, "30"]
+    workers = [subprocess.Popen(words) for _ in range(2)]
+    while count(plan, POSITION) < 4:
+        assert workers[0].poll() is None
+        time.sleep(0.05)
+    workers[0].send_signal(signal.SIGKILL)
+    workers[0].wait()
+    assert workers[1].wait(timeout=250) == 0
+    assert 30 <= count(plan, POSITION) <= 31
+
+
+def program(*words: str, cwd: Path) -> Any:
+    return subprocess.run(
+        [sys.executable, "-m", "control_board_ros.tuning", *words],
+        cwd=cwd,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.mark.slow
+def test_the_program_writes_files_that_a_board_reads(crane: str, tmp_path: Path) -> None:
+    """A parameter file to put on top, and a report that shows before and after."""
+    words = [crane, "-o", "tuned.yaml", "--joints", "lift", "--trials", "6", "--jobs", "1"]
+    done = program(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "lift, position: RMS tracking error" in done.stdout
+    values = yaml.safe_load((tmp_path / "tuned.yaml").read_text("utf-8"))
+    gains = values["/**"]["ros__parameters"]["lift"]["position_pid"]
+    settings = load(crane, {f"lift.position_pid.{k}": v for k, v in gains.items()})
+    assert settings.board.joints[1].position_pid.kp == gains["kp"] > 400.0
+    page = (tmp_path / "tuned.html").read_text("utf-8")
+    assert "Error of the move" in page
+    assert 'class="line before"' in page
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("nobody.yaml", "-o", "x.yaml"), "nobody.yaml"),
+        (("iiwa", "-o", "no/folder/x.yaml"), "no/folder is no folder; make it first"),
+        (("iiwa", "-o", "x.yaml", "--joints", "elbow"), "joint 'elbow' unknown; joints: "),
+        (("iiwa", "-o", "x.yaml", "--payload", "much"), "--payload much is not valid"),
+        (("iiwa", "-o", "x.yaml", "--trials", "0"), "whole numbers from 1"),
+        (("iiwa", "-o", "x.yaml", "--storage", "nosql://x/y"), "cannot open the storage"),
+    ],
+)
+def test_what_is_refused(
+    words: tuple[str, ...],
+    text: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """One line, exit code 1."""
+    from control_board_ros.tuning.app import main
+
+    monkeypatch.chdir(tmp_path)
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        assert main(words) == 1
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    printed = capsys.readouterr().err
+    assert text in printed
+    assert printed.count("\n") == 1
