@@ -29,6 +29,7 @@ OPTIONAL = {
     "icub_models",
     "matplotlib",
     "mujoco",
+    "optuna",
     "pytest",
     "hypothesis",
     "PIL",
