@@ -109,15 +109,16 @@ def run(
     check_name(start.name, start.namespace)
     with contextlib.ExitStack() as locks:
         for name in start.names:
-            locks.enter_context(lock_of(f"{start.namespace.rstrip('/')}/{name}"))
+            other = "-p robot_name:=name" if start.settings.parts else "-r __node:=name"
+            locks.enter_context(lock_of(f"{start.namespace.rstrip('/')}/{name}", other))
         return run_alone(start, ended, at_once or threading.Event())
 
 
 @contextlib.contextmanager
-def lock_of(full_name: str) -> Iterator[None]:
-    """Hold the lock of a node's name."""
+def lock_of(full_name: str, other: str) -> Iterator[None]:
+    """Hold the lock of a node's name; ``other`` gives it another one."""
     try:
-        lock = lock_name(full_name, os.environ.get("ROS_DOMAIN_ID") or "0")
+        lock = lock_name(full_name, os.environ.get("ROS_DOMAIN_ID") or "0", other)
     except NameTakenError as error:
         raise KnownError(3, str(error)) from None
     except OSError as error:

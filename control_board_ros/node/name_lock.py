@@ -49,8 +49,8 @@ class NameLock:
         os.close(self.file)
 
 
-def lock_name(full_name: str, domain: str) -> NameLock:
-    """Take the lock of a node's full name on a ROS domain.
+def lock_name(full_name: str, domain: str, other: str = "-r __node:=name") -> NameLock:
+    """Take the lock of a node's full name on a ROS domain; ``other`` gives another name.
 
     Raises:
         NameTakenError: with the other's pid.
@@ -66,7 +66,7 @@ def lock_name(full_name: str, domain: str) -> NameLock:
             os.close(file)
             raise NameTakenError(
                 f"{full_name} is already running on domain {domain}, pid {pid}; stop it first, "
-                f"or start this one under another name: --ros-args -r __node:=name"
+                f"or start this one under another name: --ros-args {other}"
             ) from None
         if is_at(file, path):
             break

@@ -28,7 +28,8 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub"),
 ]
-PARTS = ("head", "torso", "left_arm", "right_arm", "left_leg", "right_leg")
+#: Messages on their way at most, half of what the subscription keeps.
+QUEUE = 5
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +75,7 @@ def test_it_starts_level_by_level_and_stops_where_a_part_fails(
 
     assert robot.call("configure", Trigger).success
     robot.wait("modes", lambda m: set(m.control_modes) == {"pos"})
-    assert robot.state().calibrated == [True] * 32
+    robot.state(lambda s: len(s.calibrated) == 32 and all(s.calibrated))
 
 
 def test_a_request_over_three_parts(talkers: dict[str, Talker]) -> None:
@@ -158,7 +159,9 @@ def test_whole_body_references_for_a_minute(
         sent = []
         begin = boards.loop.snapshots.latest.snapshot.time
         for k in range(3000):
-            until(lambda k=k: boards.loop.snapshots.latest.snapshot.time >= begin + 0.02 * k)
+            due = begin + 0.02 * k
+            until(lambda due=due: boards.loop.snapshots.latest.snapshot.time >= due)
+            until(lambda: len(taken) > len(sent) - QUEUE)  # or a busy machine overruns a queue
             positions = start + 0.03 * np.sin(0.02 * k)
             sent.append(float(positions[0]))
             topic.publish(
