@@ -14,7 +14,7 @@ r₀ and r₀ ⊗ (a, 0) are constants, so that a few operations serve all joint
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,35 +37,29 @@ class Edge:
 
 
 class Frames:
-    """The frames of a robot's links, parent by parent, for the joints of one board.
+    """The frames of a robot's links, parent by parent.
 
     Args:
         urdf: the robot.
         names: joints whose positions are given, in this order.
-        elsewhere: joints that another board moves: it tells their frames, and those of the
-            joints that follow them.
 
     Attributes: moving (edges whose pose depends on the positions), standing (all others: fixed
     joints, and joints that nothing moves, which stand at zero), standing_poses (shape
     (len(standing), 7); see POSE).
     """
 
-    def __init__(self, urdf: Urdf, names: Sequence[str], elsewhere: Collection[str] = ()) -> None:
+    def __init__(self, urdf: Urdf, names: Sequence[str]) -> None:
         index = {name: j for j, name in enumerate(names)}
         followed = {
             name: mimic
             for name, mimic in urdf.mimics.items()
             if name not in index and mimic.leader in index
         }
-        left_out = set(elsewhere) - set(names)
-        left_out |= {name for name, mimic in urdf.mimics.items() if mimic.leader in left_out}
-        moving, standing = [], []
+        moving: list[ET.Element] = []
+        standing: list[ET.Element] = []
         for joint in urdf.tree.walk(urdf.tree.base):
             name = joint.get("name", "")
-            if name in index or name in followed:
-                moving.append(joint)
-            elif name not in left_out:
-                standing.append(joint)
+            (moving if name in index or name in followed else standing).append(joint)
         self.moving = tuple(map(_edge, moving))
         self.standing = tuple(map(_edge, standing))
         self.standing_poses = np.array([_origin(joint) for joint in standing]).reshape(-1, POSE)

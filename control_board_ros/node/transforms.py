@@ -7,7 +7,7 @@ numbers are written where they were found, and its bytes go out.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -35,11 +35,7 @@ FIRST_MARK = 0x01020304
 
 
 def offer_transforms(
-    node: Node,
-    loop: ControlLoop[Any],
-    states: StatePublisher,
-    settings: Settings,
-    elsewhere: Collection[str] = (),
+    node: Node, loop: ControlLoop[Any], states: StatePublisher, settings: Settings
 ) -> None:
     """Publish /tf with every state and /tf_static at once, where ``publish_tf`` is set.
 
@@ -47,12 +43,11 @@ def offer_transforms(
         node: to publish from.
         loop: whose time the stamps are.
         states: whose states the frames go with.
-        settings: of the board.
-        elsewhere: joints that another board moves, and tells of.
+        settings: of the board, or of the whole robot.
     """
     if not settings.values["publish_tf"]:
         return
-    frames = Frames(settings.urdf, settings.board.names, elsewhere)
+    frames = Frames(settings.urdf, settings.board.names)
     prefix = str(settings.values.get("frame_prefix", ""))
     moving, standing = publisher(node, TF), publisher(node, TF_STATIC)
     message = TransformMessage(frames.moving, prefix)

@@ -115,12 +115,6 @@ def test_what_moves_and_what_stands() -> None:
     assert moved == pytest.approx(np.concatenate([along, np.zeros(4)]), abs=1e-12)
 
 
-def test_frames_of_another_board_are_left_to_it() -> None:
-    frames = Frames(slanted(), ["shoulder"], elsewhere=["rail"])
-    assert [edge.child for edge in frames.moving] == ["arm"]
-    assert [edge.child for edge in frames.standing] == ["plate", "thumb"]
-
-
 def test_a_joint_that_follows_and_is_driven_is_its_own() -> None:
     """As in the plant: what the board drives follows none."""
     frames = Frames(slanted(), ["rail", "claw"])
