@@ -332,7 +332,7 @@ def test_what_is_done_in_place_of_what_was_asked(
     capsys: pytest.CaptureFixture[str], message: str, told: str
 ) -> None:
     """P1: a reply that succeeds may still say something; it is shown, and stdout stays clean."""
-    session: Any = SimpleNamespace(options=SimpleNamespace(json=False))
+    session: Any = SimpleNamespace(options=SimpleNamespace(json=False), answers=None)
     reply = Reply(("a",), (Answer.ACCEPTED,), message)
     assert conclude(session, reply, "under way: a") == 0
     shown = capsys.readouterr()

@@ -6,8 +6,6 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..arguments import argument, several, takes
 from ..output import conclude, show
 from ..progress import Bar, Standstill
@@ -119,8 +117,9 @@ def go(session: Session, name: str, speed: str | None) -> int:
             def feedback(sent: PoseFeedback) -> None:
                 nonlocal whole, names
                 names = sent.names
-                k = int(np.argmax(np.abs(sent.remaining)))
-                left = float(abs(sent.remaining[k]))
+                ways = [abs(way) for way in sent.remaining.tolist()]
+                left = max(ways)
+                k = ways.index(left)
                 whole = max(whole, left)
                 short = short_names([names[k]], session.names)[names[k]]
                 togo = session.show_angle(names[k], left)
