@@ -13,6 +13,7 @@ EXTRAS = frozenset(
     {
         "clear_injected_faults",
         "external_torque",
+        "follow_joint_trajectory",
         "inject_fault",
         "joint_trajectory",
         "pause",
