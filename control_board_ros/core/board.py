@@ -31,7 +31,7 @@ from .faults import FaultRecord
 from .limits import BoardLimits
 from .machine import Machine
 from .measurement import Actuation, Measurement, Row
-from .modes import CALIBRATES, CONFIGURED, Event, Stage
+from .modes import CONFIGURED, POWER_OFF, Event, Stage
 from .references import References
 from .reply import Reply, accepted, refused
 from .selection import RequestError, Selector, all_within, control_modes, interaction_modes
@@ -42,7 +42,6 @@ from .vocabs import CommandKind, ControlMode, InteractionMode
 __all__ = ["Board", "BoardEvent", "CommandKind"]
 
 K = CommandKind
-M = ControlMode
 T = TypeVar("T")
 
 
@@ -224,8 +223,7 @@ class Board(ModeShortcuts):
     def power_off(self) -> None:
         """Take the power of every joint; a calibration is aborted (K2), a fault stays shown."""
         for name, mode in zip(self.names, self.get_control_mode(), strict=True):
-            calibrating = mode in CALIBRATES  # refuses IDLE
-            self.set_control_mode(name, M.FORCE_IDLE if calibrating else M.IDLE)
+            self.set_control_mode(name, POWER_OFF[mode])
 
     def reconfigure(self, config: BoardConfig) -> None:
         """Take new gains, limits and timeouts while running, without a jump.

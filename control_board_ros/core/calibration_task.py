@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 from ..protocols import Joints
 from .arrival import Outcome
 from .calibration import CalibrationStatus
-from .modes import CALIBRATES
+from .modes import CALIBRATES, POWER_OFF
 from .reply import Answer, joints_of
 from .selection import RequestError
-from .vocabs import ControlMode
 
 if TYPE_CHECKING:
     from .robot import AnyBoard
@@ -59,9 +58,11 @@ class CalibrationTask:
     def cancel(self) -> str:
         """Abort what is running (K2); what the joints do now."""
         modes = self._board.get_control_mode(self._started)
-        running = [
-            name for name, mode in zip(self._started, modes, strict=True) if mode in CALIBRATES
-        ]
+        running = {
+            name: POWER_OFF[mode]
+            for name, mode in zip(self._started, modes, strict=True)
+            if mode in CALIBRATES
+        }
         if running:
-            self._board.set_control_mode(running, ControlMode.FORCE_IDLE)
+            self._board.set_control_mode(list(running), list(running.values()))
         return f"cancelled; {', '.join(running)} in IDLE, not calibrated"

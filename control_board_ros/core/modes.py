@@ -142,6 +142,15 @@ UNCALIBRATED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 UNPOWERED = M.IDLE
 UNPOWERED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 
+#: The mode at power-on (N1).
+INITIAL = M.NOT_CONFIGURED
+
+#: What to ask for in a mode that takes the power from the joint; it aborts a calibration (K2).
+POWER_OFF: dict[ControlMode, ControlMode] = {
+    **dict.fromkeys(STATES, M.IDLE),
+    **dict.fromkeys(CALIBRATES, M.FORCE_IDLE),
+}
+
 #: Modes in which an interaction mode can be asked for and is stored (I1, I2).
 STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from .config import BoardConfig
 from .faults import FaultRecord
 from .measurement import ROWS, Array, Row
-from .modes import Stage
-from .vocabs import CommandKind, ControlMode, InteractionMode
+from .modes import INITIAL, Stage
+from .vocabs import CommandKind, InteractionMode
 
 Indices = NDArray[np.intp]
 
@@ -158,7 +158,7 @@ class State:
         self.calibrated: NDArray[np.bool_] = np.zeros(n, dtype=np.bool_)
         self.done: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)
         self.accepts: NDArray[np.bool_] = np.zeros((len(CommandKind), n), dtype=np.bool_)
-        self.control_modes = [ControlMode.NOT_CONFIGURED] * n
+        self.control_modes = [INITIAL] * n
         self.interaction_modes = [InteractionMode.STIFF] * n
         self.faults = [FaultRecord(name) for name in config.names]
         self.time = 0.0

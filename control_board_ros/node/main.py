@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 from .. import __version__
 from ..compiled import describe
+from ..core.modes import CONFIGURED
 from ..core.pose import PARK
-from ..core.vocabs import ControlMode
 from ..startup import announce_often, leave_out_the_generator
 from .name_lock import NameTakenError, lock_name, temporary_folder
 from .scheduling import take_priority
@@ -254,7 +254,7 @@ def await_first_cycles(boards: Boards, ended: threading.Event) -> None:
     waiting = all if boards.parts else any
     deadline = time.monotonic() + FIRST_CYCLES
     while (
-        waiting(m is ControlMode.NOT_CONFIGURED for m in boards.loop.snapshots.modes.control)
+        waiting(m not in CONFIGURED for m in boards.loop.snapshots.modes.control)
         and time.monotonic() < deadline
         and not ended.wait(0.005)
     ):

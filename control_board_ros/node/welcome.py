@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from ..core.arrival import unit
 from ..core.config import BoardConfig, JointConfig
-from ..core.modes import ACCEPTS
+from ..core.modes import ACCEPTS, CALIBRATES, CONFIGURED
 from ..core.vocabs import CommandKind, ControlMode
 from ..interface import POSITION_COMMAND, SET_CONTROL_MODE
 
@@ -113,9 +113,9 @@ def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
         f"{target * 1e3:.3g}mm" if unit(joint.kind) == "m" else f"{math.degrees(target):.3g}deg"
     )
     words = [f"mode {joint.name} pos", f"move {joint.name}={value}"]
-    if mode is ControlMode.CALIBRATING:
+    if mode in CALIBRATES:
         return "When they have calibrated, try", words
-    if mode is ControlMode.NOT_CONFIGURED:
+    if mode not in CONFIGURED:
         return "When they are configured (service configure), try", words
     if CommandKind.POSITION in ACCEPTS.get(mode, ()):
         return "Try", words[1:]
