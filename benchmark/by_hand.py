@@ -17,6 +17,7 @@ from cycles import CHUNK
 from control_board_ros.settings.loading import Settings
 from control_board_ros.sim.bodies.bullet import BulletBody
 from control_board_ros.sim.bodies.world import bullet
+from control_board_ros.sim.motor import reflected_inertia
 
 
 class Loop(Protocol):
@@ -138,6 +139,8 @@ class MujocoByHand:
         spec.option.timestep = settings.board.period
         self._mujoco, self._model = mujoco, spec.compile()
         self._data = mujoco.MjData(self._model)
+        rotors = reflected_inertia(settings.board, simulation)  # without them the arm flies apart
+        self._model.dof_armature[: rotors.size] = rotors
         self._home = np.array([joint.home for joint in simulation.joints])
         self._data.qpos[: self._home.size] = self._home
         torque = np.array([joint.limits.torque for joint in settings.board.joints])
