@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import threading
 import time
+from importlib.util import find_spec
 from statistics import median
 
 from b10_footprint import COMMAND
@@ -21,8 +22,10 @@ ENGINES = (("pybullet", "", (45.0, 0.5, 1.5)), ("mujoco", ", in MuJoCo", (None, 
 
 
 def run(effort: Effort) -> list[Figure]:
-    """Measure start, processor and lateness of the whole iCub, with each engine."""
-    figures = []
+    """Measure start, processor and lateness of the whole iCub (extra icub), with each engine."""
+    figures: list[Figure] = []
+    if find_spec("icub_models") is None:
+        return figures
     for physics, where, goals in ENGINES:
         figures += _with(physics, where, goals, effort)
     return figures

@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 from common import Effort, Figure, at_most, medians, number
 from cycles import MIXED, compare
 
 from control_board_ros.settings import loading as settings
 
 ARM, ICUB = ("iiwa", "7 joints"), ("icub", "32 joints in 6 parts")
+HAS_ICUB = find_spec("icub_models") is not None
 
 
 def run(effort: Effort) -> list[Figure]:
@@ -24,6 +27,8 @@ def run(effort: Effort) -> list[Figure]:
         (ICUB, "all in POSITION, in MuJoCo", None, "mujoco", None),
     ):
         name, joints = robot
+        if robot is ICUB and not HAS_ICUB:
+            continue
         arm = settings.load(
             name, {"physics": physics, "joint_defaults.calibration.required": False}
         )
