@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..core.board import Board
 from ..core.config import BoardConfig, JointConfig
 from ..core.measurement import Array
 from ..core.vocabs import ControlMode, InteractionMode
@@ -99,6 +100,7 @@ class Stand:
     """One joint of a simulation that is up, in its pose, with the gains to try."""
 
     def __init__(self, simulation: Simulation, config: BoardConfig, j: int) -> None:
+        assert isinstance(simulation.board, Board)  # made of one configuration, without parts
         self.simulation, self.board, self.j = simulation, simulation.board, j
         self.config: JointConfig = config.joints[j]
         self._whole = config
