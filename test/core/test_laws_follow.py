@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from joints import OneJoint, gains
 from pure import load_python
@@ -35,10 +35,12 @@ def keeps_its_limits(one: OneJoint, rows: np.ndarray, lower: float, upper: float
     position, velocity, acceleration = rows.T
     period = one.joint.period
     assert np.abs(velocity).max() <= SPEED + 1e-9
-    # A joint counts as at rest from a millionth of the speed that a cycle can change.
+    # A joint counts as at rest from a millionth of the speed that a cycle can change: its speed
+    # reads zero in the cycle that goes this last part of the way.
     assert np.abs(np.diff(velocity)).max() <= ACCELERATION * period * (1.0 + 1e-6) + 1e-9
     assert np.all((position >= lower - 1e-9) & (position <= upper + 1e-9))
-    assert np.abs(np.diff(position) - velocity[1:] * period).max() < 1e-11
+    last_part = 1e-6 * ACCELERATION * period**2
+    assert np.abs(np.diff(position) - velocity[1:] * period).max() < 1e-11 + last_part
     told = np.abs(np.diff(velocity) - acceleration[1:] * period) < 1e-9
     assert np.all(told | (velocity[1:] == 0.0))  # not in the cycle that comes to rest
 
@@ -138,6 +140,7 @@ def tell(one: OneJoint, kind: str, position: float, velocity: float) -> None:
 
 
 @given(COMMANDS, st.sampled_from([0.001, 0.004]))
+@example([("step_with", 1e-9, -1.0, 4)], 0.004)
 def test_no_sequence_of_references_passes_a_limit(
     commands: list[tuple[str, float, float, int]], period: float
 ) -> None:
