@@ -206,6 +206,8 @@ class Hub:
 
     def _rate(self) -> float:
         watched = {name for browser in self.browsers.values() for name in browser.watched}
+        if not watched:
+            return 1.0 / HEAR
         joints = sum(len(self.boards[name].names) for name in watched if name in self.boards)
         return FAST if joints <= MANY else SLOW
 

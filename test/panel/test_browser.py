@@ -5,14 +5,14 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from cbctl_process import GUARD, Cbctl, until
+from cbctl_process import GUARD, until
 
 from control_board_ros.client import ControlBoardClient
-from control_board_ros.testing import BoardProcess
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]
 FRONT = "lbr_iiwa_"
@@ -43,8 +43,9 @@ def place(locator: Any, share: float = 0.5) -> tuple[float, float]:
 def test_modes_and_interaction(page: Any, client: ControlBoardClient) -> None:
     """The menu has what the joint has, and no more."""
     menu = page.get_by_label("Control mode of joint_3", exact=True)
-    offered = menu.locator("option").evaluate_all("all => all.map(o => o.value)")
-    assert offered == [mode.code for mode in client.get_available_modes(f"{FRONT}joint_3")[0][0]]
+    offered = [mode.code for mode in client.get_available_modes(f"{FRONT}joint_3")[0][0]]
+    shown = menu.locator("option")
+    until(lambda: shown.evaluate_all("all => all.map(o => o.value)") == offered)
     for mode in offered:
         choose(page, client, "joint_3", mode)
     choose(page, client, "joint_3", "pos")
@@ -127,6 +128,12 @@ def test_velocity_acts_while_it_is_held(page: Any, client: ControlBoardClient) -
     choose(page, client, "joint_5", "pos")
 
 
+def leaves(read: Callable[[], float], value: float) -> float:
+    """Wait until what is read is another value; that one."""
+    until(lambda: abs(read() - value) > 0.3)
+    return read()
+
+
 @pytest.mark.parametrize(
     ("mode", "kind", "label"), [("open", "output", "Output"), ("torq", "torque", "Torque")]
 )
@@ -141,15 +148,15 @@ def test_output_and_torque_act_while_held(
         button = page.get_by_label(f"{label} of joint_7 {name}, while held")
         button.focus()
         page.keyboard.down("Space")
-        until(lambda: abs(reference("lbr_iiwa_joint_7")[0] - before) > 0.3)
+        held = leaves(lambda: reference("lbr_iiwa_joint_7")[0], before)
         page.keyboard.up("Space")
-        until(lambda: abs(reference("lbr_iiwa_joint_7")[0] - before) < 0.2)
+        before = leaves(lambda: reference("lbr_iiwa_joint_7")[0], held)
     slider = page.get_by_label(f"{label} of joint_7, acts while held")
     slider.focus()
     page.keyboard.down("ArrowLeft")
-    until(lambda: abs(reference("lbr_iiwa_joint_7")[0] - before) > 0.3)
+    held = leaves(lambda: reference("lbr_iiwa_joint_7")[0], before)
     page.keyboard.up("ArrowLeft")
-    until(lambda: abs(reference("lbr_iiwa_joint_7")[0] - before) < 0.2)
+    leaves(lambda: reference("lbr_iiwa_joint_7")[0], held)
     choose(page, client, "joint_7", "pos")
 
 
@@ -243,7 +250,7 @@ def test_plots(page: Any, tmp_path: Path) -> None:
     page.keyboard.press("Enter")
     charts = page.locator("#plots canvas")
     until(lambda: charts.count() == 6)
-    page.wait_for_function("panel.plots.signals.every((s) => s.times.length > 30)")
+    until(lambda: page.evaluate("panel.plots.signals.every((s) => s.times.length > 30)"))
     for seconds in (5, 60, 20):
         page.get_by_label(f"Time shown: {seconds} s").click()
     page.get_by_label("Pause the plots").click()
@@ -272,7 +279,7 @@ def test_plots(page: Any, tmp_path: Path) -> None:
 
 
 def test_the_robot_is_drawn(page: Any) -> None:
-    page.wait_for_function("panel.view && panel.view.robot")
+    until(lambda: page.evaluate("Boolean(panel.view && panel.view.robot)"))
     assert page.evaluate("panel.view.renderer.info.render.triangles") > 1000
     drawn = page.evaluate("panel.view.robot.joints.lbr_iiwa_joint_4.angle")
     known = page.evaluate("panel.cards[3].joint.state.position")
@@ -295,6 +302,9 @@ def test_poses(page: Any, client: ControlBoardClient, tmp_path: Path) -> None:
         page.get_by_label(f"Add {pose} to the sequence").click()
     page.locator("summary", has_text="Sequence").click()
     page.locator("summary", has_text="Sequence").click()
+    page.get_by_label("Step 3: speed, or time with s").fill("9s")
+    page.get_by_label("Remove step 3").click()
+    page.get_by_label("Add here to the sequence").click()
     page.get_by_label("Remove step 1").click()
     page.get_by_label("Step 1: speed, or time with s").fill("40deg/s")
     page.get_by_label("Step 1: speed, or time with s").press("Tab")
@@ -326,7 +336,7 @@ def test_poses(page: Any, client: ControlBoardClient, tmp_path: Path) -> None:
     page.get_by_label("Remove step 1").click()
 
 
-def test_lines_to_copy_and_what_others_do(page: Any, process: BoardProcess) -> None:
+def test_lines_to_copy_and_what_others_do(page: Any, client: ControlBoardClient) -> None:
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     choose_world = {"ros2": "ros2 service call", "Python": "board.", "cbctl": "cbctl "}
     page.get_by_label("Position reference of joint_1, typed; Enter sends").fill("3")
@@ -338,8 +348,8 @@ def test_lines_to_copy_and_what_others_do(page: Any, process: BoardProcess) -> N
     copied = page.evaluate("navigator.clipboard.readText()")
     assert copied.startswith("cbctl ")
     page.get_by_label("Commands, newest first").focus()
-    Cbctl(process.environment)("move", "joint_2=31deg", "--no-wait")
-    page.locator("#log .from", has_text="another program").first.wait_for()
+    others = page.locator("#log .from", has_text="another program")
+    until(lambda: bool(client.position_move("lbr_iiwa_joint_2", 0.54)) and others.count() > 0)
 
 
 def test_units_theme_and_tabs(page: Any) -> None:
@@ -373,8 +383,8 @@ def test_one_operates(page: Any, address: str, browser: Any) -> None:
         holds.get_by_text("You operate", exact=True).wait_for()
         page.locator(".banner.ask").wait_for(state="detached")
     assert page.get_by_label("Control mode of joint_1", exact=True).is_disabled()
-    phone.get_by_label("Step back: let others operate").click()
-    page.get_by_label("Operate", exact=True).click()
+    page.get_by_label("Ask to take over").click()
+    phone.get_by_text("Hand over").click()
     page.get_by_text("You operate", exact=True).wait_for()
     page.get_by_label("Step back: let others operate").click()
     page.get_by_label("Operate", exact=True).click()

@@ -26,12 +26,15 @@ class Group {
     this.element = h("fieldset", { class: "group" }, h("legend", {}, title), ...this.rows.map((row) => row.element), h("div", { class: "buttons" }, this.apply, this.revert));
   }
 
+  /** Values in force; what somebody has typed meanwhile stays. */
   fill(values) {
     for (const row of this.rows) {
+      const typed = row.input.value !== (row.value === null ? "" : row.field.show(row.value));
       row.value = values[row.field.name] ?? null;
       setText(row.now, row.field.show(row.value));
+      if (!typed) row.input.value = row.value === null ? "" : row.field.show(row.value);
     }
-    this.reset();
+    this.changed();
   }
 
   reset() {

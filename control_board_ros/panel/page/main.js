@@ -44,7 +44,11 @@ class Panel {
     connection.on("notice", ({ message }) => toast(message));
     connection.on("error", ({ message }) => toast(message, true));
     model.on("boards", () => this.drawTabs());
-    model.on("info", () => this.refresh());
+    model.on("info", () => {
+      this.refresh();
+      this.view?.load(this.shownBoards());
+      if (!this.poses.offered) this.poses.load();
+    });
     model.on("modes", () => this.refresh());
     model.on("faults", () => this.refresh());
     model.on("operator", () => { if (!model.mayOperate) this.setLive(false); this.refresh(); });

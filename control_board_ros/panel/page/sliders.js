@@ -102,10 +102,10 @@ export class HoldSlider {
     this.element = h("div", { class: "slider hold" }, this.minus,
       h("div", { class: "track" }, this.zero, this.measured, this.input), this.plus, this.box, this.unit);
     this.input.addEventListener("pointerdown", () => { this.pressed = true; });
-    this.input.addEventListener("input", () => { if (this.pressed) this.begin(Number(this.input.value)); });
+    this.input.addEventListener("input", () => { if (this.pressed) this.begin(Number(this.input.value), this.input); });
     this.input.addEventListener("keydown", (event) => this.key(event));
     for (const name of ["pointerup", "pointercancel", "lostpointercapture", "keyup", "blur", "change"]) {
-      this.input.addEventListener(name, () => this.end());
+      this.input.addEventListener(name, () => this.end(this.input));
     }
     this.ends = () => this.end();
     document.addEventListener("visibilitychange", this.ends);
@@ -134,13 +134,13 @@ export class HoldSlider {
 
   button(direction, label, shape) {
     const button = h("button", { type: "button", class: "jog command", "aria-label": label, title: "acts while held" }, icon(shape));
-    const start = () => this.begin(this.rest() + direction * this.typed());
+    const start = () => this.begin(this.rest() + direction * this.typed(), button);
     button.addEventListener("pointerdown", (event) => { button.setPointerCapture(event.pointerId); start(); });
     button.addEventListener("keydown", (event) => {
       if ((event.key === " " || event.key === "Enter") && !event.repeat) start();
     });
     for (const name of ["pointerup", "pointercancel", "lostpointercapture", "keyup", "blur"]) {
-      button.addEventListener(name, () => this.end());
+      button.addEventListener(name, () => this.end(button));
     }
     button.addEventListener("contextmenu", (event) => event.preventDefault());
     return button;
@@ -157,10 +157,12 @@ export class HoldSlider {
       return;
     }
     event.preventDefault();
-    if (!event.repeat) this.begin(this.rest() + direction * this.typed());
+    if (!event.repeat) this.begin(this.rest() + direction * this.typed(), this.input);
   }
 
-  begin(value) {
+  /** A control is held; it is the one that lets go, too: another one only loses its focus. */
+  begin(value, control) {
+    this.control = control;
     this.value = Math.min(Math.max(value, -this.limit), this.limit);
     this.input.value = String(this.value);
     this.element.classList.add("held");
@@ -169,8 +171,10 @@ export class HoldSlider {
     this.timer = setInterval(() => this.hold(this.value), CONFIRM_EVERY);
   }
 
-  end() {
-    this.pressed = false;
+  /** The control lets go; without one, whatever is held does. */
+  end(control = this.control) {
+    if (control === this.input || control === this.control) this.pressed = false;
+    if (control !== this.control) return;
     if (!this.timer) return;
     clearInterval(this.timer);
     this.timer = 0;
