@@ -99,7 +99,9 @@ def settings_from_arguments(argv: Sequence[str], name: str = NODE) -> Start:
                 "the names of its parts, and robot_name is what they begin with"
             )
             settings = replace(settings, warnings=(*settings.warnings, warning))
-        remapped, namespace = ROBOT, f"{namespace.rstrip('/')}/{settings.robot_name}"
+        remapped = ROBOT
+        if namespace.rpartition("/")[2] != settings.robot_name:
+            namespace = f"{namespace.rstrip('/')}/{settings.robot_name}"
     return Start(settings, rest, overrides, remapped, namespace)
 
 

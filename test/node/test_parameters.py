@@ -271,3 +271,20 @@ def test_parameters_cannot_be_removed(node: Any) -> None:
     result = node.set_parameters([Parameter(f"{J2}.position_pid.kp", Parameter.Type.NOT_SET)])[0]
     assert not result.successful
     assert node.has_parameter(f"{J2}.position_pid.kp")
+
+
+# Robots of several parts ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("namespace", "found"),
+    [("", "/pair"), ("/lab", "/lab/pair"), ("/pair", "/pair"), ("/lab/pair", "/lab/pair")],
+)
+def test_names_of_the_nodes_of_a_robot(namespace: str, found: str) -> None:
+    """Below its name, in any namespace; no rule of the command line gives them one name."""
+    words = ["-p", "robot_name:=pair", "-p", "parts.one:=[lbr_iiwa_joint_1]"]
+    words += ["-r", f"__ns:={namespace}"] if namespace else []
+    start = settings_from_arguments(arguments(*words, "-r", "__node:=x", "-r", "a:=b"))
+    assert (start.namespace, start.names) == (found, ["one", "robot"])
+    assert start.arguments == ["--ros-args", "-r", "a:=b"]
+    assert "-r __node:=x: is not used" in start.settings.warnings[-1]
