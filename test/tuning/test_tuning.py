@@ -179,6 +179,15 @@ def test_a_search_makes_poor_gains_better_and_goes_on(crane: str, tmp_path: Path
 
 
 @pytest.mark.slow
+def test_a_database_keeps_the_trials(crane: str, tmp_path: Path) -> None:
+    """By its URL; who comes next goes on there."""
+    url = f"sqlite:///{tmp_path}/gains.db"
+    assert run(Plan(crane, 1.0, 2, 1, url), "lift", POSITION).trials == 2
+    assert run(Plan(crane, 1.0, 3, 1, url), "lift", POSITION).trials == 3
+    assert count(Plan(crane, 1.0, 3, 1, url), POSITION) == 3
+
+
+@pytest.mark.slow
 def test_what_is_worse_is_not_taken(crane: str, tmp_path: Path) -> None:
     """Gains that a search would have praised, and that are worse elsewhere, are left out."""
     bad = {f"lift.{pid}.kp": 100.0 for pid in ("position_pid", "direct_pid")}
