@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,15 +24,19 @@ FIRST, LAST = "lbr_iiwa_joint_1", "lbr_iiwa_joint_7"
 @pytest.fixture(scope="module")
 def cbctl() -> Iterator[Cbctl]:
     with board_process({"allow_fault_injection": True}) as board:
-        yield Cbctl(board.environment)
+        # Some lines run in this process, whose message definitions are found by this.
+        prefix = {"AMENT_PREFIX_PATH": os.environ["AMENT_PREFIX_PATH"]}
+        cbctl = Cbctl(board.environment | prefix)
+        yield cbctl
+        cbctl.close()
 
 
 @pytest.fixture(autouse=True)
 def ready(cbctl: Cbctl) -> None:
     """Every joint holds, whatever the test before left."""
     assert cbctl("inject", "--clear").code == 0
-    until(lambda: cbctl("clear").code == 0)  # a cause may last for some cycles
-    assert cbctl("mode", "all", "pos").code == 0
+    # A cause may last for some cycles, and make a fault anew.
+    until(lambda: cbctl("clear").code == 0 and cbctl("mode", "all", "pos").code == 0)
 
 
 def interrupt(process: Any) -> tuple[int, str, str]:
@@ -49,7 +54,7 @@ def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
     assert cbctl("velocity", "0=5deg", "--for", "1s").code == 1  # ignored: mode is POSITION
     assert cbctl("param", "set", f"{FIRST}.position_pid.kp=901.0").code == 0
     assert cbctl("inject", LAST, "encoder").code == 0
-    until(lambda: cbctl("faults", "--json").json[LAST]["active"])
+    until(lambda: cbctl("faults", "--json").json.get(LAST, {}).get("active"))
     code, out, _ = interrupt(recorder)
     assert code == 0
     (recording,) = read(folder)
@@ -81,8 +86,7 @@ def test_the_black_box(cbctl: Cbctl, tmp_path: Path) -> None:
     until(folder.is_dir)
     while not any(folder.glob("*/metadata.yaml")):
         assert cbctl("inject", LAST, "encoder").code == 0
-        until(lambda: cbctl("clear", LAST).code == 0)
-        assert cbctl("mode", LAST, "pos").code == 0
+        until(lambda: cbctl("clear", LAST).code == 0 and cbctl("mode", LAST, "pos").code == 0)
     code, out, _ = interrupt(recorder)
     assert code == 0
     path = next(iter(folder.iterdir()))
