@@ -108,8 +108,6 @@ def save(session: Session, name: str, words: list[str], speed: str | None) -> in
 
 def go(session: Session, name: str, speed: str | None) -> int:
     """Go to a pose and wait for the end; the exit code."""
-    import numpy as np  # not for the help of cbctl
-
     mean = None if speed is None else speed_above_zero(speed)
     names = session.names
     whole, standstill = 0.0, Standstill()
