@@ -28,7 +28,7 @@ FAST, SLOW, MANY = 60.0, 30.0, 16
 #: s between looks at modes and faults, at other programs' commands, at targets, at the graph.
 HEAR, OVERHEAR, TARGETS, DISCOVER = 0.05, 0.5, 1.0, 1.0
 #: s between questions for the limits of a board.
-INFO = 10.0
+INFO = 30.0
 NOBODY = "you only watch; ask to operate first"
 
 

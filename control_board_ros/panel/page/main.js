@@ -109,12 +109,14 @@ class Panel {
 
   drawTabs() {
     const names = [...model.boards.keys()];
-    const tabs = names.length > 1 ? [...names, ALL] : names;
+    const tabs = names.length > 1 ? [ALL, ...names] : names;
+    const spaces = new Set(names.map((name) => name.slice(0, name.lastIndexOf("/") + 1)));
+    const title = (name) => (names.length > 1 && spaces.size === 1 ? name.slice(name.lastIndexOf("/") + 1) : model.boards.get(name).title);
     if (!tabs.includes(this.tab)) this.tab = names.length > 1 ? ALL : names[0] ?? null;
     $("tabs").replaceChildren(...tabs.map((name) => h("button", {
       type: "button", role: "tab", "aria-selected": String(name === this.tab), "data-name": name,
       onclick: () => { this.tab = name; this.setLive(false); this.drawTabs(); },
-    }, name === ALL ? "All joints" : model.boards.get(name).title)));
+    }, name === ALL ? "All joints" : title(name))));
     this.drawCards();
     this.watch();
   }

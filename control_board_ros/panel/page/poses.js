@@ -10,14 +10,20 @@ export class Poses {
     element.hidden = true;
   }
 
-  get board() { return this.panel.shownBoards()[0]; }
+  /** The board shown; of all joints, the robot's own node, where there is one. */
+  get board() {
+    const shown = this.panel.shownBoards();
+    if (shown.length === 1) return shown[0];
+    const { model } = this.panel;
+    return [...model.boards.values()].find((board) => !model.parts.includes(board));
+  }
 
   async load() {
     this.end();
     const { board } = this;
     this.offered = false;
     this.element.hidden = true;
-    if (!board || this.panel.shownBoards().length > 1) return;
+    if (!board) return;
     const answer = await this.panel.ask("poses", { board: board.name });
     if (board !== this.board) return;
     this.offered = answer.ok;
@@ -109,8 +115,8 @@ export class Poses {
     if (time) {
       const told = await this.panel.ask("poses", { board, pose });
       if (!told.ok) { toast(told.message, true); return told; }
-      const joints = this.panel.model.boards.get(board);
-      const ways = told.names.map((name, k) => Math.abs(told.positions[k] - (joints.joint(name)?.state?.position ?? 0)));
+      const joints = new Map(this.panel.cards.map(({ joint }) => [joint.name, joint]));
+      const ways = told.names.map((name, k) => Math.abs(told.positions[k] - (joints.get(name)?.state?.position ?? 0)));
       const speeds = ways.map((way) => Math.max(way / Number(time[1]), 1e-3));
       asked = this.panel.request("move", { board, joints: told.names, positions: told.positions, speeds });
     } else {

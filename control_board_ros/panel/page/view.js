@@ -150,6 +150,7 @@ export class View {
   fit() {
     if (!this.robot) return;
     const box = new THREE.Box3().setFromObject(this.robot);
+    this.grid.position.z = Math.min(box.min.z, 0);
     const centre = box.getCenter(new THREE.Vector3());
     const radius = Math.max(box.getSize(new THREE.Vector3()).length() / 2, 0.2);
     const angle = Math.min(this.camera.fov, this.camera.fov * this.camera.aspect) * Math.PI / 360;
