@@ -52,6 +52,30 @@ def test_the_weight_of_a_cycle_s_first_current() -> None:
     assert weights == pytest.approx([0.5, 0.49992, 0.41802, 1e-3], abs=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("row", "value", "limits", "code"),
+    [
+        (Row.CURRENT, 12.0, {"nominal_current": 5.0, "peak_current": 11.0}, "OVERCURRENT"),
+        (Row.TEMPERATURE, 60.0, {"temperature": 50.0}, "OVERHEATING"),
+    ],
+)
+def test_new_limits_are_watched_at_once(
+    row: Row, value: float, limits: dict[str, float], code: str
+) -> None:
+    """F1, N2: what was allowed before a reconfiguration is a fault after it."""
+    rig = held(joint("left"))
+    rig.enter("pos")
+    rig.plant.values[row] = value
+    rig.tick(10)
+    assert rig.modes() == [M.POSITION]
+    one = rig.board.config.joints[0]
+    changed = replace(one, limits=replace(one.limits, **limits))
+    rig.board.reconfigure(replace(rig.board.config, joints=(changed,)))
+    rig.tick(10)
+    assert rig.modes() == [M.HW_FAULT]
+    assert rig.board.get_faults("left")[0].code == FaultCode[code]
+
+
 # Heat (F6) -----------------------------------------------------------------------------------
 
 HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}

@@ -17,6 +17,7 @@ from control_board_ros.core.trajectory import (
     PEAK_ACCELERATION,
     duration,
     durations,
+    durations_within,
 )
 
 PERIOD = 0.01
@@ -126,6 +127,29 @@ def test_a_velocity_that_ends_at_the_target_goes_on() -> None:
     assert brake >= 1.5 * 1.0 / 50.0
     time, brake = durations(0.001, 0.5, 3.0, 6.0, 50.0)  # too near to stop before it
     assert brake >= 1.5 * 3.0 / 50.0
+
+
+def test_a_braked_move_lasts_no_longer_than_its_limits_ask() -> None:
+    """P1: T_b = 1.5|v0|/a_max, T as from rest over Δ − v0·T_b/2; 5 % more per try."""
+    time, brake = durations(-1.0, 6.0, 0.2, VELOCITY, ACCELERATION)
+    assert 1.0 <= brake / (1.5 * 0.2 / ACCELERATION) <= 1.2
+    rest = duration(-1.0 - 0.5 * 0.2 * brake, 6.0, VELOCITY, ACCELERATION)
+    assert 1.0 <= time / rest <= 1.2
+
+
+def test_a_move_of_given_duration_goes_on_or_brakes() -> None:
+    """P1: T is what was asked for; v0 goes on into it, unless it overshoots or passes a limit."""
+    limits = VELOCITY, ACCELERATION
+    shortest = 1.5 * 1.0 / ACCELERATION
+    assert durations_within(1.0, 2.0, 0.0, *limits) == (2.0, 0.0)  # from rest
+    assert durations_within(1.0, 2.0, 1.0, *limits) == (2.0, 0.0)
+    # Away from the target, beyond it, at it already, and too hard.
+    for distance, lasting in ((-1.0, 2.0), (0.5, 2.0), (0.0, 2.0), (0.35, 0.15)):
+        time, brake = durations_within(distance, lasting, 1.0, *limits)
+        assert time == lasting
+        assert brake >= shortest
+    time, brake = durations_within(-1.0, 2.0, 1.0, *limits)
+    assert shortest < brake <= 1.2 * shortest  # the move turns in the same direction meanwhile
 
 
 def test_a_move_of_no_distance_ends_in_one_cycle() -> None:

@@ -226,6 +226,65 @@ def test_a_motor_with_its_current_is() -> None:
         assert hand.position == pytest.approx(STOP.start)
 
 
+class NoisyHand(FakeHand):
+    """The same, with a current that is there in each second cycle only, of twice the mean."""
+
+    first = 0
+
+    @property
+    def current(self) -> float:
+        self.first = 1 - self.first
+        return 2.0 * self.first * self.amperes * self.output
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_a_ripple_of_the_current_is_averaged(first: int) -> None:
+    """K6: the current that counts is filtered, whatever the last reading is."""
+    hand = NoisyHand(joint("left"), 0.48)
+    hand.first = first
+    run(HardStop(STOP, hand, 0.002))
+    assert hand.position == pytest.approx(STOP.start)
+
+
+class ShiftedHand(FakeHand):
+    """The same, whose place is another one each time it is driven after it went back."""
+
+    shift = 0.0
+
+    def __init__(self, one: JointConfig, amperes: float) -> None:
+        super().__init__(one, amperes)
+        self.went: list[float] = []
+
+    def drive(self, output: float) -> None:
+        self.output, self.reading = output, self.shift if self.went else 0.0
+
+    def move(self, target: float, speed: float) -> None:
+        self.went.append(target - self.position)
+        super().move(target, speed)
+
+
+@pytest.mark.parametrize(
+    ("kind", "half", "back"),
+    [("revolute", 2.2, 0.1), ("revolute", 0.06, 0.03), ("prismatic", 0.02, 0.005)],
+)
+def test_the_way_back_and_what_is_the_same_place(kind: str, half: float, back: float) -> None:
+    """K6: back by 0.1 rad (5 mm) or a quarter of the range; 0.01 rad or 1/4 of that apart."""
+    limits = {"lower": -0.9 * half, "upper": 0.9 * half, "hard_margin": 0.05 * half}
+    limits |= {"hard_lower": -half, "hard_upper": half}
+    one = joint("left", kind=kind, limits=limits)
+    stop = replace(STOP, stop=-half, start=0.0)
+    same = min({"revolute": 0.01, "prismatic": 0.0005}[kind], 0.25 * back)
+    for shift, fails in ((0.9 * same, False), (1.1 * same, True)):
+        hand = ShiftedHand(one, 0.48)
+        hand.shift = shift
+        if fails:
+            with pytest.raises(CalibrationError, match="when it came again"):
+                run(HardStop(stop, hand, 0.002))
+        else:
+            run(HardStop(stop, hand, 0.002))
+        assert hand.went[0] == pytest.approx(back)
+
+
 def run(calibrator: HardStop) -> None:
     """Step a calibrator until it is done."""
     while not calibrator.step():
