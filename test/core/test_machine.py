@@ -122,6 +122,28 @@ def test_entering_a_mode(board: Board, mode: ControlMode, interaction: Interacti
     assert checked is (mode in CONFIGURED)
 
 
+@pytest.mark.parametrize("mode", SELECTABLE)
+def test_each_mode_leads_to_each_that_is_asked_for(board: Board, mode: ControlMode) -> None:
+    """M1: from every mode to every other one, and nowhere else."""
+    for wanted in SELECTABLE:
+        board.machine.enter([0], mode)
+        assert board.set_control_mode("a", wanted)
+        assert board.get_control_mode("a") == [wanted]
+
+
+def test_a_velocity_that_times_out_is_told_of(board: Board) -> None:
+    """P12: one event of the joint, with the time that passed; it stays in its mode."""
+    timeout = board.config.joints[0].timeouts.velocity
+    assert board.set_control_mode("a", M.VELOCITY)
+    assert board.velocity_move("a", 0.2)
+    board.take_events()
+    for _ in range(round(1.5 * timeout * board.config.control_rate)):
+        board.tick(measured())
+    (event,) = board.take_events()
+    assert event.text == f"a: no velocity reference for {timeout:g} s; it stops and holds"
+    assert (event.level, board.get_control_mode("a")) == ("info", [M.VELOCITY])
+
+
 def test_direct_gains_are_those_of_the_mode(board: Board) -> None:
     """P4: the second set of gains, where a joint has one, in POSITION_DIRECT only."""
     pid = replace(CONFIG.joints[0].position_pid, kp=123.0)

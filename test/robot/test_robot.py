@@ -16,7 +16,7 @@ from control_board_ros.core.board import Board
 from control_board_ros.core.config import BoardConfig, ConfigError
 from control_board_ros.core.move_task import MoveTask
 from control_board_ros.core.reply import Answer
-from control_board_ros.core.robot import Robot
+from control_board_ros.core.robot import Robot, reasons_of
 from control_board_ros.core.state import Snapshot
 from control_board_ros.core.vocabs import CommandKind, ControlMode
 
@@ -265,3 +265,11 @@ def test_it_has_every_method_of_a_board() -> None:
     own = {"reconfigure", "await_configure"}
     methods = {name for name in dir(Board) if not name.startswith("_")} - own
     assert methods <= set(dir(Robot))
+
+
+def test_the_reasons_of_a_part_have_its_own_numbers() -> None:
+    """R1: column j of all is j − start of the part; those of other parts are none of its."""
+    reasons = {1: "before", 2: "first", 4: "last", 5: "behind"}
+    assert reasons_of(reasons, slice(2, 5)) == {0: "first", 2: "last"}
+    assert not reasons_of(reasons, slice(6, 9))
+    assert reasons_of(None, slice(2, 5)) is None

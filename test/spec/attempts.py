@@ -26,7 +26,7 @@ LONG = 7200.0
 #: Where the tests of the core are.
 FOLDERS = ("test/core", "test/robot", "test/spec")
 #: Tests that prove nothing of the core.
-ASIDE = ("test_conformance_table", "test_vocabs", "test_reach")
+ASIDE = ("test_conformance_table", "test_reach")
 #: Exit code of a run in which no test was found.
 NOTHING = 5
 

@@ -120,10 +120,15 @@ class Reach:
     def tests_for(self, module: str, line: int) -> list[str]:
         """The tests that can tell a line broken, those that take least first.
 
+        One that no test was seen to reach counts as the line before it: of the calls of a
+        function only some are looked at.
+
         Args:
             module: of the core.
             line: its number; 0: a row added at the end.
         """
+        seen = {*self.lines.get(module, ()), *self.imported.get(module, ())}
+        line = max((one for one in seen if one <= line), default=line)
         near = sorted(self.lines.get(module, {}).get(line, ()), key=self._place)
         if line and line not in self.imported.get(module, ()):
             return near

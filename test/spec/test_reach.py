@@ -57,16 +57,17 @@ def test_a_run_records_what_its_tests_reach(tmp_path: Path) -> None:
     assert reach.tests_for(name, 7) == [large]
     assert set(reach.tests_for(name, 8)) == both  # by the fixture, which they may share
     assert set(reach.tests_for(name, 3)) == both  # when the module is imported
-    assert reach.tests_for(name, 99) == []
+    assert reach.tests_for("no_module", 99) == []
 
 
 def test_the_quick_ones_come_first() -> None:
-    lines = {"laws": {5: ["slow", "quick"], 6: ["other"]}}
-    reach = Reach(lines, {"laws": frozenset({6})}, {"slow": 2.0, "quick": 1.0, "other": 0.1})
+    lines = {"laws": {5: ["slow", "quick"], 8: ["other"]}}
+    reach = Reach(lines, {"laws": frozenset({8})}, {"slow": 2.0, "quick": 1.0, "other": 0.1})
     assert reach.tests_for("laws", 5) == ["quick", "slow"]
-    assert reach.tests_for("laws", 6) == ["other", "quick", "slow"]
+    assert reach.tests_for("laws", 6) == ["quick", "slow"]  # not seen: as the one before
+    assert reach.tests_for("laws", 8) == ["other", "quick", "slow"]
     assert reach.tests_for("laws", 0) == ["other", "quick", "slow"]  # a row at the end
-    assert reach.tests_for("laws", 7) == []
+    assert reach.tests_for("laws", 4) == []
 
 
 def test_the_interval_of_a_rate() -> None:
