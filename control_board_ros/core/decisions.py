@@ -161,7 +161,11 @@ def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
         return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, trigger)
     if facts.cause is not None:
         return Verdict(Answer.REFUSED, Reason.CAUSE_PERSISTS)
-    return FINE if target is facts.mode else Verdict(Answer.ACCEPTED, effect=trigger)
+    if target is facts.mode:
+        return FINE
+    if trigger is wanted and isinstance(target, ControlMode):
+        return Verdict(Answer.ACCEPTED, effect=target)
+    return Verdict(Answer.ACCEPTED, effect=trigger)
 
 
 def _decide_interaction(facts: Facts, wanted: InteractionMode) -> Verdict:

@@ -198,3 +198,14 @@ def test_check_number_says_the_range(
 
 def test_the_limits_of_the_tests_are_good() -> None:
     assert joint("j").limits == LIMITS
+
+
+def test_an_impedance_may_be_none_and_not_less() -> None:
+    """I6: 0 is a stiffness and a damping, and so is any number up to the largest."""
+    for value in (0.0, 0.5):
+        one = Impedance(stiffness=value, damping=value, max_stiffness=value, max_damping=value)
+        assert joint("j", impedance=one).impedance == one
+    for name in ("stiffness", "damping"):
+        values = {"stiffness": 0.5, "damping": 0.5, "max_stiffness": 1.0, "max_damping": 1.0}
+        with pytest.raises(ConfigError, match=f"j.impedance.{name}: -0.5"):
+            joint("j", impedance=Impedance(**(values | {name: -0.5})))

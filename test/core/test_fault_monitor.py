@@ -76,6 +76,12 @@ def test_new_limits_are_watched_at_once(
     assert rig.board.get_faults("left")[0].code == FaultCode[code]
 
 
+def test_a_reading_without_a_cause_is_healthy() -> None:
+    """F1: the quick answer of a cycle, by which the causes are not looked for."""
+    rig = held(joint("left"))
+    assert rig.board.monitor.monitor.step()
+
+
 # Heat (F6) -----------------------------------------------------------------------------------
 
 HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}

@@ -200,3 +200,12 @@ def test_the_part_of_a_pose() -> None:
     """R1: of a board that has some of its joints."""
     assert READY.of({"c", "a"}) == Pose("ready", ("a", "c"), (0.5, 0.01), 0.4)
     assert READY.of({"elsewhere"}) is None
+
+
+def test_a_plan_tells_what_makes_it_slower(rig: Rig) -> None:
+    """R5, P1: nothing where the speed asked for counts; the limit where that does."""
+    pose = Pose("p", ("a",), (0.2,))
+    assert tuple(plan_move(rig.board, pose, 0.1)) == (pytest.approx(2.0), "")
+    time, why = plan_move(rig.board, pose, 3.0)
+    assert time > 1.5 * 0.2 / 3.0
+    assert why

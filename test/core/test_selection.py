@@ -97,3 +97,10 @@ def test_spread_refuses(values: Any, message: str) -> None:
     with pytest.raises(RequestError) as error:
         spread(values, 3, "speeds")
     assert message in str(error.value)
+
+
+def test_a_long_unknown_name_is_cut() -> None:
+    """64 characters are shown, of a longer one the first 64."""
+    for length, shown in ((64, "x" * 64), (65, "x" * 64 + "…")):
+        with pytest.raises(RequestError, match=f"joint '{shown}' unknown"):
+            Selector(NAMES).select("x" * length)

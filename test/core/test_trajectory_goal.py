@@ -341,7 +341,9 @@ def test_cancelling_brakes_within_the_acceleration_limit(rig: Goals) -> None:
     """test_cancel_decelerate_to_hold_position: SUCCESSFUL as code; q₀ + v²/2a, no way back."""
     goal = rig.send(points((1.0, [0.5, -0.5])))
     before = rig.cycles(0.5)
+    assert not goal.cancelled
     goal.cancel()
+    assert goal.cancelled
     assert goal.outcome is not None
     assert goal.outcome.code is Code.SUCCESSFUL
     assert goal.outcome.text == "cancelled; a, b stopped"

@@ -149,6 +149,7 @@ def test_power_off_ends_the_start_up() -> None:
     robot.robot.power_off()
     robot.tick(100)
     assert robot.codes()["left"] == {"cfgn"}
+    assert not [event for event in robot.robot.take_events() if event.key == "start-up"]
 
 
 def test_a_managed_robot_starts_level_after_level_when_it_is_activated() -> None:
