@@ -221,3 +221,11 @@ def test_stiffness_and_damping_outlive_a_reconfiguration() -> None:
     made.joints[0].stiffness = 90.0
     made.reconfigure(config)
     assert made.joints[0].stiffness == 90.0
+
+
+def test_at_power_on_no_reference_is_taken() -> None:
+    """N1, M3: whatever a joint took before."""
+    state = State(board_config(joint("a"), joint("b")))
+    state.accepts[:] = True
+    state.power_on()
+    assert not state.accepts.any()
