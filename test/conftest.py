@@ -30,7 +30,7 @@ def ros_logs(tmp_path_factory: pytest.TempPathFactory) -> None:
     os.environ.setdefault("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_logs")))
 
 
-@pytest.fixture(scope="session", autouse=True)
+@pytest.fixture(scope="module", autouse=True)
 def user_files(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """The poses of whoever runs the tests stay as they are, and decide no test."""
+    """No poses of whoever runs the tests, nor of another file's tests, decide a test."""
     os.environ["XDG_CONFIG_HOME"] = str(tmp_path_factory.mktemp("config"))

@@ -78,6 +78,7 @@ def long(tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     return figures_of(LONG, tmp_path_factory.mktemp("long"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
 def test_yields_numbers(name: str, quick: list[Any]) -> None:
     """The figures of a tiny run are finite, of the right number, and not negative."""

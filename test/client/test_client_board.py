@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import os
 import signal
 import threading
 import time
@@ -456,6 +457,7 @@ def test_a_board_that_does_not_answer(process: BoardProcess, node: Any) -> None:
     with ControlBoardClient(node, process.name, answer_timeout=0.5) as client:
         assert client.get_control_mode(0)
         process.process.send_signal(signal.SIGSTOP)
+        os.waitid(os.P_PID, process.process.pid, os.WSTOPPED)
         try:
             start = time.monotonic()
             with pytest.raises(BoardTimeout, match=r"no answer from .*get_control_mode after 0.5"):

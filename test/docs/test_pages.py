@@ -23,26 +23,15 @@ FOLLOWED = [
 ]
 
 
-#: The shortest of them is followed by `make test`, all others by `make test-long`.
-SHORTEST = "own_urdf"
-
-
+@pytest.mark.slow
 @pytest.mark.ros
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(page, marks=[] if page.stem == SHORTEST else [pytest.mark.slow])
-        for page in FOLLOWED
-    ],
-    ids=[page.stem for page in FOLLOWED],
-)
+@pytest.mark.parametrize("page", FOLLOWED, ids=[page.stem for page in FOLLOWED])
 def test_what_a_page_tells_to_do_works(page: Path, reader: Reader) -> None:
     reader.follow(page)
 
 
 def test_there_are_pages_to_follow() -> None:
     assert ROOT / "README.md" in FOLLOWED
-    assert SHORTEST in [page.stem for page in FOLLOWED]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)

@@ -106,6 +106,7 @@ def call(talker: Talker, times: int) -> None:
         talker.modes()
 
 
+@pytest.mark.slow
 def test_a_flood_of_references(talker: Talker, board: BoardProcess) -> None:
     """Promises P1, P8: 10 kHz on one topic; services are answered; it goes on."""
     assert talker.set_mode([J7], "posd").success

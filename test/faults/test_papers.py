@@ -134,7 +134,7 @@ def test_the_policy_obeys_its_schema() -> None:
 
 def test_the_board_may_do_what_it_does_and_no_more() -> None:
     """Every topic and service of the node, as interface.py has them."""
-    from control_board_ros.interface import COMMAND_TOPICS, SERVICES
+    from control_board_ros.interface import ACTIONS, COMMAND_TOPICS, SERVICES
 
     board = "/control_board"
     standard = {
@@ -165,8 +165,9 @@ def test_the_board_may_do_what_it_does_and_no_more() -> None:
         f"{board}/modes",
         f"{board}/state",
         f"{board}/faults",
+        f"{board}/controller_state",
     }
-    assert granted(board, "actions", "execute") == {f"{board}/move", f"{board}/calibrate"}
+    assert granted(board, "actions", "execute") == {action.of(board) for action in ACTIONS}
 
 
 @pytest.mark.parametrize("profile", ["operator", "monitor"])

@@ -222,9 +222,11 @@ def test_a_mode_set_while_time_stands_still_aborts_the_goal(
 def test_controller_state_for_plotting_tools(talker: Talker, names: list[str]) -> None:
     """Reference, feedback, error and output of all joints, as often as ~/state."""
     talker.hear("controller", JointTrajectoryControllerState, f"{talker.board}/controller_state")
+    talker.wait("controller", lambda _: True)
     handle = send(talker, trajectory=trajectory(names, (1.0, [0.2, 0.1])))
-    under_way = talker.wait(
-        "controller", lambda m: 0.02 < m.reference.positions[5] < 0.18, fresh=True
+    assert end(talker, handle)[1] == Result.SUCCESSFUL
+    under_way = next(
+        m for m in talker.seen["controller"] if 0.02 < m.reference.positions[5] < 0.18
     )
     assert list(under_way.joint_names) == talker.names
     assert under_way.speed_scaling_factor == 1.0
@@ -235,7 +237,6 @@ def test_controller_state_for_plotting_tools(talker: Talker, names: list[str]) -
     ]
     assert list(under_way.error.positions) == pytest.approx(differences)
     assert under_way.output.positions == under_way.reference.positions
-    assert end(talker, handle)[1] == Result.SUCCESSFUL
 
 
 def test_tolerances_of_parameters_change_while_the_board_runs(

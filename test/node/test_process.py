@@ -98,6 +98,7 @@ def test_a_second_node_of_the_name_is_refused() -> None:
             assert other.name == "/left/control_board"
 
 
+@pytest.mark.slow
 def test_a_namesake_of_another_user_is_told(tmp_path: Path) -> None:
     """Where the lock cannot see the other one, the graph does, and both are warned."""
     with board_process() as board:
