@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 from cbctl_process import GUARD
 
-pytestmark = [pytest.mark.ros, pytest.mark.physics]
+pytestmark = [pytest.mark.ros, pytest.mark.physics, pytest.mark.slow]
 
 
 class Terminal:

@@ -469,6 +469,7 @@ def test_a_board_that_does_not_answer(process: BoardProcess, node: Any) -> None:
         assert client.get_control_mode(0)
 
 
+@pytest.mark.slow
 def test_a_hundred_clients_at_once(process: BoardProcess) -> None:
     """100 calls in flight lose none."""
     with ros_node(process.domain, "many", spin=False) as node:

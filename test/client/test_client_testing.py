@@ -20,6 +20,8 @@ from control_board_ros.testing import (
 )
 from control_board_ros.testing.process import flatten, yaml_text
 
+pytestmark = pytest.mark.slow
+
 pytest_plugins = ["pytester"]
 
 FAKE = [sys.executable, "-c"]

@@ -16,7 +16,7 @@ from talk import Talker
 
 from control_board_ros.testing import BoardProcess, board_process, ros_node
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 J7 = "lbr_iiwa_joint_7"
 #: All but idl, in which the arm falls: with 0 % of PWM, open brakes a fast fall with overcurrent.

@@ -87,6 +87,7 @@ def test_signal_while_paused_and_calibrating() -> None:
         talker.wait("modes", lambda m: set(m.control_modes) == {"idl"})
 
 
+@pytest.mark.slow
 def test_a_second_node_of_the_name_is_refused() -> None:
     """Exit code 3 and the other's pid, in one line; another namespace is welcome."""
     with board_process({"real_time_factor": 0.5}) as board:
@@ -107,6 +108,7 @@ def test_a_namesake_of_another_user_is_told(tmp_path: Path) -> None:
         assert "2 nodes" in line
 
 
+@pytest.mark.slow
 def test_it_restarts_after_being_killed() -> None:
     """P11: after SIGKILL a restart takes the name at once."""
     with free_domain() as domain:
@@ -117,6 +119,7 @@ def test_it_restarts_after_being_killed() -> None:
             assert board.process.poll() is None
 
 
+@pytest.mark.slow
 def test_two_boards_in_two_namespaces() -> None:
     """Everything is relative: what one board is told, the other does not hear."""
     with (
@@ -268,6 +271,7 @@ def set_double(talker: Talker, name: str, value: float) -> Any:
     return talker.call("set_parameters", SetParameters, parameters=[one]).results[0]
 
 
+@pytest.mark.slow
 def test_a_change_of_pace_keeps_the_time(board: BoardProcess) -> None:
     """real_time_factor set live: no stamp goes back, and diagnostics have the same clock."""
     with talking_to(board) as talker:
@@ -309,6 +313,7 @@ def test_the_first_screen_says_what_to_do(board: BoardProcess) -> None:
     board.wait_for_output("ros2 topic pub --once /control_board/command/position")
 
 
+@pytest.mark.slow
 def test_closed_output_and_full_disks_do_not_end_it(tmp_path: Path) -> None:
     """Nobody reading, no room for logs, no home: the board runs all the same."""
     for stdout in ("closed", "/dev/full"):
@@ -349,6 +354,7 @@ def ros_peer(domain: int):  # type: ignore[no-untyped-def]
     return make()
 
 
+@pytest.mark.slow
 def test_ignored_commands_are_logged_once_a_second_with_their_count() -> None:
     """P2 of the promises: what was ignored, why, how often, and what to do."""
     with board_process() as board, talking_to(board) as talker:
