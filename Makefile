@@ -41,7 +41,7 @@ test: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests; ARGS="-k M4" go to p
 	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "not slow and not soak" $(ARGS)
 
 test-long: setup $(STAMPS)/test $(STAMPS)/icub ## Run the tests that take more than 5 s each
-	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m slow $(ARGS)
+	@$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder -m "slow and not soak" $(ARGS)
 
 check: setup $(STAMPS)/test $(STAMPS)/dev ## Run ruff, mypy --strict and import-linter
 	$(BIN)/ruff check .
