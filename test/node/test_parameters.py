@@ -92,9 +92,9 @@ def test_values_are_typed_and_layers_in_order(tmp_path: Path) -> None:
     words = ("-p", "state_rate:=10", "--params-file", str(path), "-p", "control_rate:=250")
     values = settings_from_arguments(arguments(*words)).settings.values
     assert (values["state_rate"], values["control_rate"]) == (20.0, 250.0)
-    words = ("--param", "gui:=true", "-p", f"joints:=[{J2}]", "-p", "output:=current")
+    words = ("--param", "autoconfigure:=false", "-p", f"joints:=[{J2}]", "-p", "output:=current")
     values = settings_from_arguments(arguments(*words)).settings.values
-    assert (values["gui"], values["joints"], values["output"]) == (True, [J2], "current")
+    assert (values["autoconfigure"], values["joints"], values["output"]) == (False, [J2], "current")
 
 
 def test_rclpy_gets_the_rest_of_the_arguments(tmp_path: Path) -> None:
