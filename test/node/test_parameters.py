@@ -94,7 +94,11 @@ def test_values_are_typed_and_layers_in_order(tmp_path: Path) -> None:
     assert (values["state_rate"], values["control_rate"]) == (20.0, 250.0)
     words = ("--param", "autoconfigure:=false", "-p", f"joints:=[{J2}]", "-p", "output:=current")
     values = settings_from_arguments(arguments(*words)).settings.values
-    assert (values["autoconfigure"], values["joints"], values["output"]) == (False, [J2], "current")
+    assert (values["autoconfigure"], values["joints"], values["output"]) == (
+        False,
+        [J2],
+        "current",
+    )
 
 
 def test_rclpy_gets_the_rest_of_the_arguments(tmp_path: Path) -> None:
