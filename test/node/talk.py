@@ -31,6 +31,7 @@ class Talker:
         self._clients: dict[str, Any] = {}
         self._changed = threading.Condition()
         self.seen: dict[str, list[Any]] = {}
+        self._sent: dict[str, list[int]] = {}  # when each was sent, ns
         self.hear("state", msg.BoardState, f"{board}/state", STREAM)
         self.hear("modes", msg.JointModes, f"{board}/modes", LATCHED)
         self.hear("faults", msg.JointFaults, f"{board}/faults", LATCHED)
@@ -39,11 +40,12 @@ class Talker:
 
     def hear(self, key: str, kind: Any, topic: str, qos: QoSProfile = STREAM) -> None:
         """Keep what comes on a topic in ``seen[key]``."""
-        self.seen[key] = []
+        self.seen[key], self._sent[key] = [], []
 
-        def keep(message: Any) -> None:
+        def keep(message: Any, info: dict[str, int]) -> None:
             with self._changed:
                 self.seen[key].append(message)
+                self._sent[key].append(info["source_timestamp"])
                 self._changed.notify_all()
 
         self.node.create_subscription(kind, topic, keep, qos)
@@ -56,12 +58,21 @@ class Talker:
         *,
         fresh: bool = False,
     ) -> Any:
-        """The newest message that is good; with ``fresh``, one that comes from now on."""
+        """The newest message that is good; with ``fresh``, one that tells of now or later.
+
+        On a busy machine, messages of the last second may still be on their way when a service
+        has answered. So a fresh one was sent from now on; and the first of those is left out, for
+        what it tells may have been read before.
+        """
+        asked = time.time_ns()
         with self._changed:
             start = len(self.seen[key]) if fresh else max(0, len(self.seen[key]) - 1)
             deadline = time.monotonic() + timeout
             while True:
-                for message in reversed(self.seen[key][start:]):
+                sent = self._sent[key]
+                while fresh and start < len(sent) and sent[start] < asked:
+                    start += 1
+                for message in reversed(self.seen[key][start + fresh :]):
                     if good(message):
                         return message
                 left = deadline - time.monotonic()
