@@ -48,7 +48,8 @@ class ControlLoop(Generic[B_co]):
 
     Attributes: whole (the board that is run, as a member), snapshots (its), parts (members, too),
     hooks (called in every cycle before the tick), exclusive_hooks (called at the end of each use
-    of ``exclusive``, of any member); both are called with the lock held.
+    of ``exclusive``, of any member); both are called with the lock held. between_cycles (called
+    by the control thread after each cycle, without the lock).
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class ControlLoop(Generic[B_co]):
         self._pacer = Pacer(0.0)
         self.hooks: list[Hook] = []
         self.exclusive_hooks: list[Callable[[], None]] = []
+        self.between_cycles: Callable[[], None] = lambda: None
         self.time_base = TimeBase(
             simulated=simulated_stamps or real_time_factor != 1.0,
             shrinkage=round(0.5 * board.period * NANOSECONDS),
@@ -149,6 +151,14 @@ class ControlLoop(Generic[B_co]):
     def real_time_factor(self) -> float:
         """Simulated seconds per second; 0 = as fast as possible."""
         return self._real_time_factor
+
+    def runs_freely(self) -> bool:
+        """Whether this is the control thread, and no cycle that it runs now is ever due."""
+        return (
+            self._pacer.period <= 0.0
+            and not (self._paused or self._stopping)
+            and threading.get_ident() == self._thread.ident
+        )
 
     def set_real_time_factor(self, factor: float) -> None:
         """Run at this many simulated seconds per second; 0 = as fast as possible.
@@ -239,6 +249,7 @@ class ControlLoop(Generic[B_co]):
                 else:
                     self._pacer.wait()
                     self._cycle()
+                    self.between_cycles()
             self._unpower()
         except Exception as error:  # noqa: BLE001 - main tells, and chooses the exit code
             self.failure = error

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The thread that publishes: it keeps the middleware out of the control thread.
 
-A slow network delays a message, not a control cycle.
+A slow network delays a message, not a control cycle. Where no cycle is due at any time, as with
+``real_time_factor`` 0, the control thread publishes itself: every state goes out, and the
+simulation waits for the network instead of losing states to it, and the two threads do not take
+the interpreter from each other a hundred times a simulated second.
 """
 
 from __future__ import annotations
@@ -26,11 +29,14 @@ class StateThread:
     """
 
     def __init__(self, loop: ControlLoop[Any], rounds: Sequence[Round]) -> None:
-        self._rounds = rounds
+        self._rounds, self._loop = rounds, loop
         self._due = threading.Event()
+        self._catch_up = False  # of the control thread alone
+        self._publishing = threading.Lock()
         self._running = True
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
-        loop.snapshots.on_change = self.wake
+        loop.snapshots.on_change = self._note
+        loop.between_cycles = self._publish_what_is_due
 
     def start(self) -> None:
         """Start to publish."""
@@ -48,6 +54,19 @@ class StateThread:
         if self._thread.is_alive():
             self._thread.join(timeout)
 
+    def _note(self) -> None:
+        """A board has noted something; called by whichever thread holds the loop's lock."""
+        if self._loop.runs_freely():
+            self._catch_up = True
+        else:
+            self.wake()
+
+    def _publish_what_is_due(self) -> None:
+        """Called by the control thread after each cycle."""
+        if self._catch_up:
+            self._catch_up = False
+            self._round()
+
     def _run(self) -> None:
         sharpen_timers()
         while self._running:
@@ -57,8 +76,9 @@ class StateThread:
         self._round()
 
     def _round(self) -> None:
-        for publish, on_error in self._rounds:
-            try:
-                publish()
-            except Exception as error:  # noqa: BLE001 - the next state may pass
-                on_error(error, "state publisher")
+        with self._publishing:
+            for publish, on_error in self._rounds:
+                try:
+                    publish()
+                except Exception as error:  # noqa: BLE001 - the next state may pass
+                    on_error(error, "state publisher")

@@ -25,6 +25,7 @@ from control_board_ros.node import pacing
 from control_board_ros.node.fair_lock import FairLock
 from control_board_ros.node.loop import ControlLoop
 from control_board_ros.node.pacing import MAX_LAG, Pacer
+from control_board_ros.node.state_thread import StateThread
 from control_board_ros.sim.config import JointSimulation, SimulationConfig
 from control_board_ros.sim.errors import PlantGone
 from control_board_ros.sim.plant import SimulatedPlant
@@ -367,6 +368,40 @@ def test_any_state_rate_is_kept_on_average(fast: Rig) -> None:
     gaps = [b - a for a, b in itertools.pairwise(shown)]
     assert set(gaps) <= {3, 4}
     assert len(gaps) / (shown[-1] - shown[0]) == pytest.approx(0.333, abs=1e-3)
+
+
+def test_running_freely_every_state_is_published(fast: Rig) -> None:
+    """With real_time_factor 0 the simulation waits for a slow network and loses no state to it."""
+    fast.loop.set_state_rate(500.0)
+    snapshots = fast.loop.snapshots
+    published: list[int] = []
+
+    def publish() -> None:
+        while snapshots.states:
+            published.append(snapshots.states.popleft().snapshot.cycle)
+        if len(published) % 10 == 0 and fast.loop.real_time_factor == 0.0:
+            time.sleep(0.01)  # hundreds of cycles
+
+    def fail(error: Exception, _: str) -> None:
+        raise error
+
+    thread = StateThread(fast.loop, [(publish, fail)])
+    thread.start()
+    fast.loop.start()
+    fast.run_to(1000)
+    fast.loop.set_real_time_factor(1.0)
+    paced = fast.board.cycle
+    fast.run_to(paced + 50)
+    fast.loop.set_real_time_factor(0.0)
+    free = fast.board.cycle + 2
+    fast.run_to(free + 500)
+    fast.loop.stop()
+    thread.stop()
+    assert not snapshots.states
+    # The first was made before the loop began, the last as it ended.
+    for stretch in ([c for c in published[1:] if c <= paced], [c for c in published if c > free]):
+        assert {b - a for a, b in itertools.pairwise(stretch[:-1])} == {2}
+    assert any(paced < cycle <= free for cycle in published)
 
 
 def test_states_lie_on_whole_cycles(fast: Rig) -> None:
