@@ -89,17 +89,29 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     if robot in ASSEMBLIES:
         return assemble(robot, ASSEMBLIES[robot], load_robot)
     name, arguments = split_arguments(robot)
-    path = Path(os.path.expanduser(name))  # as it is where there is no such user
     if looks_like_path(name):
-        beside = folder / path if folder is not None else path
-        found = beside if not path.is_file() and beside.is_file() else path
-        return load(found, arguments=arguments)
+        return load(_find(name, folder), arguments=arguments)
     near = get_close_matches(robot, NAMES, n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     raise UrdfError(
         f"robot {robot[:60]!r} unknown; {hint}known: {', '.join(NAMES)}, "
         "or the path of a URDF or xacro file"
     )
+
+
+def located(robot: str, folder: Path | None = None) -> str:
+    """The same robot for a reader in any folder: its path, if it is one, in full."""
+    name, arguments = split_arguments(robot)
+    if robot in NAMES or not looks_like_path(name):
+        return robot
+    return " ".join((str(_find(name, folder).absolute()), *arguments))
+
+
+def _find(name: str, folder: Path | None) -> Path:
+    """A path as it is, or where there is no such file, beside the file that gave it."""
+    path = Path(os.path.expanduser(name))  # as it is where there is no such user
+    beside = folder / path if folder is not None else path
+    return beside if not path.is_file() and beside.is_file() else path
 
 
 def looks_like_path(robot: str) -> bool:

@@ -234,8 +234,9 @@ class Parameters:
             name = f"{JOINT_DEFAULTS}.{row.name}"
             if name in values:
                 found.append((name, values[name], descriptor(row, fixed=True)))
-        for part, joints in self.settings.parts.items():
-            found.append((f"{PARTS}.{part}", list(joints), descriptor(PARTS_ROW, fixed=True)))
+        for name, value in values.items():  # also of parts that are left out
+            if name.startswith(f"{PARTS}."):
+                found.append((name, value, descriptor(PARTS_ROW, fixed=True)))
         for name, value in values_of(self.settings.poses).items():
             row = SPEED_ROW if name.endswith(f".{SPEED}") else POSITION_ROW
             found.append((name, value, descriptor(row, fixed=True)))

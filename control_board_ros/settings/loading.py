@@ -22,13 +22,13 @@ from ..core.bring_up import complete_levels
 from ..core.config import BoardConfig, ConfigError
 from ..core.pose import Pose
 from ..description.derive import complete
-from ..description.robots import NAMES, load_robot
+from ..description.robots import NAMES, load_robot, located
 from ..description.urdf import Urdf, UrdfError
 from ..sim.config import DEFAULT_PHYSICS, SimulationConfig
 from . import build
 from .layers import Entries, joints_of, merged, robot_of, typed, unknown, without_ros
 from .params_file import Entry, Layer, SettingsError, read_file
-from .parts import NAME, Table, as_name, check_parts, groups_of, levels_of, take_parts
+from .parts import NAME, PARTS, Table, as_name, check_parts, groups_of, levels_of, take_parts
 from .poses import POSES, poses_of, values_of
 from .prefix import prefix_of, prefixed
 from .schema import BOARD, JOINT, JOINT_DEFAULTS, Parameter, find_row
@@ -98,7 +98,7 @@ class Settings:
             "calibration_groups": [",".join(group) for group in groups],
         }
         poses = {n: own for n, pose in self.poses.items() if (own := pose.of(names)) is not None}
-        values = {key: v for key, v in values.items() if not key.startswith(f"{POSES}.")}
+        values = {k: v for k, v in values.items() if not k.startswith((f"{POSES}.", f"{PARTS}."))}
         values |= values_of(poses)
         return replace(
             self, board=board, values=values, warnings=(), notes=(), poses=poses, parts={}
@@ -187,6 +187,8 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
     urdf = urdf.with_prefix(prefix)
     ours, table = take_parts(ours)
     entries = merged([typed(one, urdf.independent) for one in ours], urdf)
+    if "robot" in entries:
+        entries["robot"] = Entry(located(robot, folder), where)
     return _settings(entries, urdf, ros, table)
 
 
@@ -229,6 +231,7 @@ def _settings(
     values |= {name: entries[name].value for name in defaults}
     poses, beyond = poses_of(entries, board, {name: values[f"{name}.home"] for name in names})
     values |= values_of(poses)
+    values |= {f"{PARTS}.{part}": list(entry.value) for part, entry in table.items()}
     warnings = urdf.warnings + assumed.warnings + _slow(rate) + beyond
     notes = () if values["robot"] in NAMES else assumed.notes
     return Settings(board, simulation, urdf, values, ros, warnings, notes, where, poses, parts)

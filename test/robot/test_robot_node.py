@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
+from cbctl_process import Cbctl
 from control_board_msgs import action, msg, srv
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
@@ -17,6 +19,8 @@ from std_srvs.srv import Trigger
 from talk import LATCHED, Talker, stamp_of, until
 
 from control_board_ros.interface import ACTIONS, COMMAND_TOPICS, SERVICES
+from control_board_ros.settings.loading import load
+from control_board_ros.testing import BoardProcess
 
 pytestmark = pytest.mark.ros
 NAMES = [*UPPER, *LOWER]
@@ -208,6 +212,21 @@ def test_a_parameter_is_the_same_at_every_node(talkers: Talkers) -> None:
     assert change(robot, state_rate=50.0).successful
     assert change(robot, state_rate=100.0).successful
     assert not change(lower, state_rate=50.0).successful
+
+
+def test_a_saved_robot_starts_again(board: BoardProcess, tmp_path: Path) -> None:
+    """R1: cbctl param save at the robot holds all of its parts; at a part, what is the part's."""
+    cbctl = Cbctl(board.environment)
+    for node, others in (("robot", True), ("lower", False)):
+        path = tmp_path / f"{node}.yaml"
+        saved = cbctl("--board", f"/pair/{node}", "param", "save", str(path))
+        assert saved.out.endswith(f"control_board --ros-args --params-file {path}\n"), saved.err
+        settings = load(path)
+        assert settings.parts == {"upper": tuple(UPPER), "lower": tuple(LOWER)}
+        assert settings.robot_name == "pair"
+        assert f"{LOWER[0]}.position_pid.kp" in settings.where
+        assert (f"{UPPER[0]}.position_pid.kp" in settings.where) is others
+        assert ("physics" in settings.where) is others
 
 
 def test_a_part_alone_is_a_board(talkers: Talkers) -> None:

@@ -49,7 +49,7 @@ SECTIONS = {
         "calibrate": "board",
         "configure": "board",
         "power-cycle": "board",
-        "param": "board",
+        "param": "param",
         "conformance": "conformance",
     },
     "Simulation": dict.fromkeys(("pause", "resume", "reset", "inject"), "simulation"),
