@@ -8,29 +8,20 @@ same command are served.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..protocols import Floats, Joints, Values
 from .config import BoardConfig
-from .decisions import decide_feedforward, decide_reference, decide_stop
-from .explanations import (
-    explain_bound,
-    explain_feedforward,
-    explain_reference,
-    explain_slower,
-    explain_stop,
-    range_text,
-)
-from .laws import Joint
+from .decisions import decide_reference
+from .explanations import explain_bound, explain_reference, explain_slower, range_text
 from .limits import BoardLimits
 from .machine import Machine
 from .measurement import Array
-from .modes import DIRECT_GAINS, STOPPABLE, Law, law_of
 from .references import References
 from .reply import Answer, Reply, accepted, decided, refused
 from .selection import RequestError, Selection, Selector, spread
@@ -38,8 +29,6 @@ from .state import Indices
 from .vocabs import CommandKind
 
 K = CommandKind
-#: Shorter moves are slower than asked for without a word: rad, and m where the joint slides.
-WORTH_A_WORD = {"revolute": 5e-4, "continuous": 5e-4, "prismatic": 5e-5}
 #: What will be done instead of what was asked for, by joint.
 Notes = dict[int, str]
 Start = Callable[[References, Indices, Floats, Any], Any]
@@ -165,7 +154,7 @@ class Commands:
                 verdicts[k] = (Answer.ACCEPTED, notes[j])
         return decided(selection.names, verdicts)
 
-    def move_times(self, joints: Joints, positions: Floats, speeds: Floats) -> Floats:
+    def get_move_time(self, joints: Joints, positions: Floats, speeds: Floats) -> Floats:
         """How long position moves would take from now on (P1), s, shape (k,).
 
         Args:
@@ -176,13 +165,13 @@ class Commands:
         chosen = self._selector.select(joints).joints
         return self._references.move_times(chosen, self._taken(chosen, positions), speeds)
 
-    def move_within(self, joints: Joints, positions: Floats, time: float) -> Reply:
+    def position_move_within(self, joints: Joints, positions: Floats, time: float) -> Reply:
         """Start position moves that all arrive after so many s, or none (R5).
 
         Args:
             joints: as in every request.
             positions: targets, shape (k,).
-            time: s, no less than ``move_times`` says.
+            time: s, no less than ``get_move_time`` says.
         """
         selection = self._selector.select(joints)
         chosen = selection.joints
@@ -200,67 +189,9 @@ class Commands:
         """Targets within the software limits (P9)."""
         return np.clip(positions, self._low[K.POSITION][chosen], self._high[K.POSITION][chosen])
 
-    def feedforward(
-        self, joints: Joints, outputs: Values | None = None, torques: Values | None = None
-    ) -> Reply:
-        """Set u_ff (percent), τ_ff (N·m), or both; they act as P11."""
-        try:
-            selection = self._selector.select(joints)
-            count = len(selection.names)
-            given = [
-                (feed, spread(values, count, what), limit)
-                for feed, values, what, limit in (
-                    (feed_output, outputs, "outputs", self._limits.output),
-                    (feed_torque, torques, "torques", self._limits.torque),
-                )
-                if values is not None
-            ]
-            if not given:
-                raise RequestError("neither outputs nor torques given")
-        except RequestError as error:
-            return self.reject(joints, f"feedforward ignored: {error}")
-        verdicts = []
-        for k, j in enumerate(selection.joints.tolist()):
-            values = tuple(float(array[k]) for _, array, _ in given)
-            facts = self._machine.facts(j)
-            verdict = decide_feedforward(facts, values)
-            verdicts.append((verdict.answer, explain_feedforward(verdict.reason, facts, values)))
-            if verdict.answer is not Answer.ACCEPTED:
-                self._state.rejected[j] += np.uint64(1)
-                continue
-            for (feed, _, limit), value in zip(given, values, strict=True):
-                feed(self._machine.controller.joints[j], min(max(value, -limit[j]), limit[j]))
-        return decided(selection.names, verdicts)
-
-    def stop(self, joints: Joints) -> Reply:
-        """Set the position reference to the measured position; the mode stays (P3)."""
-        try:
-            selection = self._selector.select(joints)
-        except RequestError as error:
-            return refused(str(error))
-        verdicts = []
-        for j in selection.joints.tolist():
-            facts = self._machine.facts(j)
-            verdict = decide_stop(facts)
-            reason = "" if verdict.answer is Answer.ACCEPTED else explain_stop(facts)
-            verdicts.append((verdict.answer, reason))
-        modes = self._state.control_modes
-        chosen = [j for j in selection.joints.tolist() if modes[j] in STOPPABLE]
-        if chosen:
-            self._hold(np.array(chosen))
-        return decided(selection.names, verdicts)
-
     def reject(self, joints: Joints, message: str) -> Reply:
         """Refuse a command that is wrong as a whole; the joints it does name count it (P13)."""
-        many = isinstance(joints, Iterable) and not isinstance(joints, str)
-        named: list[Any] = list(cast(Any, joints)) if many else [joints]
-        known: list[int] = []
-        for joint in named or [None]:  # none named: all are meant
-            try:
-                known.extend(self._selector.select(joint).joints.tolist())
-            except RequestError:
-                continue  # the message already tells of it
-        self._state.rejected[sorted(set(known))] += np.uint64(1)
+        self._state.rejected[self._selector.known(joints)] += np.uint64(1)
         return refused(message)
 
     def _along(self, row: Command, selection: Selection, along: Values | None) -> Floats | None:
@@ -315,9 +246,8 @@ class Commands:
         for j, way, speed, time in zip(
             chosen.tolist(), ways.tolist(), speeds.tolist(), times, strict=True
         ):
-            joint = self._machine.config.joints[j]
-            if way < 0.99 * speed * time and way > WORTH_A_WORD[joint.kind]:
-                notes[j] = explain_slower(joint, way, speed, time)
+            if text := explain_slower(self._machine.config.joints[j], way, speed, time):
+                notes[j] = text
         return notes
 
     def _ignored_references(
@@ -341,30 +271,7 @@ class Commands:
             answers.append((verdict.answer, reason))
         return answers
 
-    def _hold(self, chosen: Indices) -> None:
-        """Hold joints where they are; where the law is the impedance, take the load over (I10)."""
-        machine, state = self._machine, self._state
-        bounds = [machine.controller.joints[j] for j in chosen]
-        position = state.position[chosen]
-        inside = np.clip(position, [b.lower for b in bounds], [b.upper for b in bounds])
-        self._references.hold(chosen, inside)
-        machine.timeouts.cancel(chosen)
-        for j in chosen.tolist():
-            mode = state.control_modes[j]
-            if (law := law_of(mode, state.interaction_modes[j])) is Law.IMPEDANCE:
-                machine.set_law(slice(j, j + 1), law, direct=mode in DIRECT_GAINS)
-
 
 def same(one: Floats, other: Floats) -> bool:
     """Whether two arrays of numbers are equal to the bit; a tenth of the time of numpy's ==."""
     return one.tobytes() == other.tobytes()
-
-
-def feed_output(joint: Joint, output: float) -> None:
-    """Set u_ff, percent (P11)."""
-    joint.output_offset = output
-
-
-def feed_torque(joint: Joint, torque: float) -> None:
-    """Set τ_ff, N·m (P11)."""
-    joint.offer_torque(torque)

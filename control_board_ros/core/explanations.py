@@ -127,8 +127,21 @@ def explain_limit(joint: JointConfig, position: float) -> str:
     return f"at {at}, {where} its software limits, {low} to {high}; the protection pushes it back"
 
 
+#: Moves shorter than this are slower than asked for without a word: rad, m where a joint slides.
+WORTH_A_WORD = {"revolute": 5e-4, "continuous": 5e-4, "prismatic": 5e-5}
+
+
 def explain_slower(joint: JointConfig, way: float, speed: float, time: float) -> str:
-    """What limits make of a move: how long it takes (P1); rad, rad/s, s."""
+    """What limits make of a move (P1): how long it takes; empty where that is as asked for.
+
+    Args:
+        joint: that moves.
+        way: rad.
+        speed: asked for, rad/s.
+        time: of the move, s.
+    """
+    if way >= 0.99 * speed * time or way <= WORTH_A_WORD[joint.kind]:
+        return ""
     sliding = joint.kind == "prismatic"
     mean = quantity(CommandKind.VELOCITY, way / time, sliding)
     return (

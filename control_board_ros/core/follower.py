@@ -304,4 +304,5 @@ def cuts(board: Board, run: Run) -> dict[str, str]:
 
 def send(board: Board, joints: list[int], sample: Sample) -> Reply:
     """Give the board the references of a cycle."""
-    return board.set_position(joints, sample.positions, sample.velocities)
+    kind = CommandKind.POSITION_DIRECT
+    return board.command(kind, joints, sample.positions, sample.velocities)

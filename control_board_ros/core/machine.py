@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mode machine of all joints: the one engine that looks TRANSITIONS up (SPEC M, F, N).
 
-It answers requests (facts, verdict, effect), and owns what belongs to being in a mode: entering
-one, faults and their records, the configuration. Calibrations run in ``calibrations``.
+It owns what belongs to being in a mode: entering one, and faults with their records. Requests are
+decided in ``requests``, calibrations run in ``calibrations``, ``start_up`` begins.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from .calibrations import Calibrations
 from .causes import Cause
 from .config import BoardConfig
 from .control import Controller
-from .decisions import Facts, Verdict, Wanted, decide
+from .decisions import Facts
 from .events import Events
-from .explanations import LEFT_AS_IT_IS, explain
+from .explanations import explain_limit
 from .fault_monitor import FaultMonitor
 from .faults import FaultCode, FaultRecord
-from .measurement import Array
+from .measurement import Array, Row
 from .modes import (
     ACCEPTS,
     CALIBRATES,
@@ -37,11 +37,9 @@ from .modes import (
     next_mode,
 )
 from .references import References
-from .reply import Answer, Reply, accepted, decided
-from .selection import Selection
 from .state import Joints, State, span
 from .timeouts import ReferenceTimeouts
-from .vocabs import CommandKind, ControlMode, InteractionMode
+from .vocabs import CommandKind, ControlMode
 
 #: ACCEPTS as columns over the kinds of command, shape (kinds, 1).
 ACCEPTED = {
@@ -58,7 +56,7 @@ class Machine:
         controller, references, timeouts, monitor: what a change of mode starts afresh.
         events: takes what belongs in a log.
 
-    Attributes: calibrations, configure_next (the configuration completes in the next cycle).
+    Attributes: calibrations, and what it is made of.
     """
 
     def __init__(
@@ -76,7 +74,7 @@ class Machine:
         self.timeouts, self.monitor = timeouts, monitor
         self.events = events
         self.calibrations = Calibrations(self)
-        self.configure_next = config.autoconfigure and state.stage is not Stage.UNCONFIGURED
+        self._on_limit = [False] * state.n
         for j in range(state.n):
             self.go(j, Event.POWER_ON)
 
@@ -92,113 +90,6 @@ class Machine:
                 self.monitor.let_cool(j, FaultCode(state.faults[j].code))
             if j not in self.calibrations and state.powered[j]:
                 self.references.bound(joint)
-
-    # --- requests: decided for every joint, then written --------------------------------------
-
-    def request(self, selection: Selection, wanted: Sequence[Wanted]) -> Reply:
-        """Decide a request joint by joint, then carry it out and answer (M7).
-
-        Args:
-            selection: The joints, shape (k,).
-            wanted: What is asked of each: a key of REQUESTS, an interaction mode, or
-                Event.CALIBRATE.
-        """
-        joints = selection.joints.tolist()
-        facts = [self.facts(j) for j in joints]
-        verdicts = [decide(known, what) for known, what in zip(facts, wanted, strict=True)]
-        reasons = [
-            explain(verdict.reason, known, what)
-            for verdict, known, what in zip(verdicts, facts, wanted, strict=True)
-        ]
-        self._carry_out(joints, verdicts, wanted)
-        answers = [verdict.answer for verdict in verdicts]
-        return decided(selection.names, list(zip(answers, reasons, strict=True)))
-
-    def request_together(self, selection: Selection, wanted: Sequence[Sequence[Wanted]]) -> Reply:
-        """Carry out all that is asked of all joints, or, where one cannot, nothing.
-
-        A joint that does not implement what is asked of it is in HW_FAULT all the same (M5, I7).
-
-        Args:
-            selection: The joints, shape (k,).
-            wanted: What is asked of each, in order, as of :meth:`request`.
-        """
-        joints = selection.joints.tolist()
-        facts = [self.facts(j) for j in joints]
-        verdicts = [
-            [decide(known, what) for what in whats]
-            for known, whats in zip(facts, wanted, strict=True)
-        ]
-        refusals = [
-            next((pair for pair in zip(found, whats, strict=True) if not pair[0].accepts), None)
-            for found, whats in zip(verdicts, wanted, strict=True)
-        ]
-        if not any(refusals):
-            for j, found, whats in zip(joints, verdicts, wanted, strict=True):
-                self._carry_out([j] * len(whats), found, whats)
-            return accepted(selection.names)
-        answers = []
-        for j, known, refusal in zip(joints, facts, refusals, strict=True):
-            if refusal is None:
-                answers.append((Answer.REFUSED, LEFT_AS_IT_IS))
-                continue
-            verdict, what = refusal
-            answers.append((verdict.answer, explain(verdict.reason, known, what)))
-            self._carry_out([j], [verdict], [what])
-        return decided(selection.names, answers)
-
-    def facts(self, j: int) -> Facts:
-        """What a decision on a joint rests on."""
-        state = self.state
-        fault = state.faults[j]
-        return Facts(
-            joint=self.config.joints[j],
-            mode=state.control_modes[j],
-            interaction=state.interaction_modes[j],
-            calibrated=bool(state.calibrated[j]),
-            fault=fault,
-            cause=self.monitor.cause(j) if fault.active else None,
-            time=state.time,
-            stage=state.stage,
-        )
-
-    def _carry_out(
-        self, joints: list[int], verdicts: list[Verdict], wanted: Sequence[Wanted]
-    ) -> None:
-        """Write what was decided; plain changes into one mode for all their joints at once."""
-        entering: dict[ControlMode, list[int]] = {}
-        for j, verdict, what in zip(joints, verdicts, wanted, strict=True):
-            effect = verdict.effect
-            if isinstance(effect, InteractionMode):
-                self._store_interaction(j, effect)
-            elif isinstance(effect, ControlMode):
-                entering.setdefault(effect, []).append(j)
-            elif effect is Event.UNSUPPORTED:
-                assert not isinstance(what, Event)
-                text = f"{what.code} ({what.name}) was asked for"
-                self.raise_fault(j, FaultCode.UNSUPPORTED, text)
-            elif effect is Event.CALIBRATE:
-                self.calibrations.start(j)
-            elif effect is not None:
-                self._force_idle(j)
-        for mode, chosen in entering.items():
-            self.enter(chosen, mode)
-
-    def _store_interaction(self, j: int, wanted: InteractionMode) -> None:
-        """Store an interaction mode; where the law changes with it the joint stops (I3, I4)."""
-        mode, before = self.state.control_modes[j], self.state.interaction_modes[j]
-        self.state.interaction_modes[j] = wanted
-        self.state.modes_version += 1
-        if law_of(mode, before) is not law_of(mode, wanted):
-            self.enter([j], mode)
-
-    def _force_idle(self, j: int) -> None:
-        """FORCE_IDLE (F4, K2); on a fault whose cause is gone it clears it (F2)."""
-        self.go(j, Event.FORCE_IDLE)
-        if self.state.faults[j].active:
-            self.monitor.forget(j)
-            self.state.faults[j] = self.state.faults[j].cleared()
-            self.state.faults_version += 1
 
     # --- the engine -----------------------------------------------------------------------
 
@@ -251,6 +142,21 @@ class Machine:
         name = self.config.names[j]
         self.events.add(level, key, name, f"{name}: {text}")
 
+    def facts(self, j: int) -> Facts:
+        """What a decision on a joint rests on."""
+        state = self.state
+        fault = state.faults[j]
+        return Facts(
+            joint=self.config.joints[j],
+            mode=state.control_modes[j],
+            interaction=state.interaction_modes[j],
+            calibrated=bool(state.calibrated[j]),
+            fault=fault,
+            cause=self.monitor.cause(j) if fault.active else None,
+            time=state.time,
+            stage=state.stage,
+        )
+
     def is_configured(self, j: int) -> bool:
         """Whether a joint has left NOT_CONFIGURED."""
         return self.state.control_modes[j] in CONFIGURED
@@ -273,6 +179,14 @@ class Machine:
         self.monitor.let_cool(j, code)
         self.monitor.forget(j)
         self.tell("error", f"fault {int(code)}", j, f"fault, {code.title}: {text}")
+
+    def force_idle(self, j: int) -> None:
+        """FORCE_IDLE (F4, K2); on a fault whose cause is gone it clears it (F2)."""
+        self.go(j, Event.FORCE_IDLE)
+        if self.state.faults[j].active:
+            self.monitor.forget(j)
+            self.state.faults[j] = self.state.faults[j].cleared()
+            self.state.faults_version += 1
 
     def check_faults(self, last: Array) -> None:
         """Raise the faults that the last reading shows (F1).
@@ -298,6 +212,16 @@ class Machine:
                 if not self.state.faults[j].active:
                     self.tell("warning", key, j, text)
 
+    def warn_of_limits(self) -> None:
+        """Tell which joints are beyond their software limits that were not before (P9)."""
+        on_limit = [joint.on_limit for joint in self.controller.joints]
+        for j, (now, before) in enumerate(zip(on_limit, self._on_limit, strict=True)):
+            if now and not before:
+                position = float(self.state.measured[Row.POSITION, j])
+                text = explain_limit(self.config.joints[j], position)
+                self.tell("warning", "limit", j, text)
+        self._on_limit = on_limit
+
     def expire(self) -> None:
         """Reference timeouts (P12): a velocity stops and holds, a torque or output faults."""
         late = self.timeouts.expired(self.state.cycle)
@@ -312,40 +236,3 @@ class Machine:
                 timeout = self.config.joints[j].timeouts.velocity
                 text = f"no velocity reference for {timeout:g} s; it stops and holds"
                 self.tell("info", "velocity timeout", j, text)
-
-    # --- configuration ----------------------------------------------------------------------
-
-    def complete_configuration(self, *, blind: bool) -> None:
-        """The whole configuration is in: every joint leaves NOT_CONFIGURED (N2, N3).
-
-        Args:
-            blind: there is no reading yet, so it waits for one: a joint holds where it is, not
-                where it was.
-        """
-        self.configure_next = blind
-        if blind:
-            return
-        for j, joint in enumerate(self.config.joints):
-            if self.is_configured(j):
-                continue
-            calibration = joint.calibration
-            if calibration is None or not calibration.required:
-                self.calibrations.set_offset(j, calibration.zero if calibration else 0.0)
-                self.calibrations.know_angle(j)
-            elif self.state.stage is Stage.ACTIVE:
-                self.calibrations.start(j)
-                continue
-            self.go(j, Event.CONFIGURED)
-
-    def activate(self) -> None:
-        """Power is allowed: each joint that has none calibrates or starts, as at N3."""
-        for j, joint in enumerate(self.config.joints):
-            calibration = joint.calibration
-            if self.state.control_modes[j] is not UNPOWERED:
-                continue  # in fault (F2), or not configured yet
-            if calibration is None or not calibration.required:
-                self.go(j, joint.startup_mode)
-            elif self.state.calibrated[j]:
-                self.go(j, calibration.control_mode)
-            else:
-                self.calibrations.start(j)

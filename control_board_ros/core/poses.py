@@ -18,7 +18,6 @@ import numpy as np
 
 from ..protocols import Floats
 from .arrival import TOLERANCES, Outcome, unit
-from .commands import WORTH_A_WORD
 from .explanations import explain_slower
 from .modes import SELECTABLE
 from .move_task import MoveTask, takes_moves
@@ -126,8 +125,7 @@ def plan_move(board: AnyBoard, pose: Pose, speed: float = 0.0) -> Plan:
     start = float(board.snapshot().position_reference[board.names.index(joint.name)])
     target = min(max(pose.positions[k], joint.limits.lower), joint.limits.upper)
     way, rate = abs(target - start), float(speeds[k])
-    slow = way < 0.99 * rate * time and way > WORTH_A_WORD[joint.kind]
-    return Plan(time, explain_slower(joint, way, rate, time) if slow else "")
+    return Plan(time, explain_slower(joint, way, rate, time))
 
 
 def require_moves(board: AnyBoard, pose: Pose) -> None:

@@ -3,15 +3,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from .measurement import Array
 from .modes import REQUESTABLE, REQUESTS
+from .reply import Reply, refused
 from .state import Indices
 from .vocabs import (
     ControlMode,
@@ -68,6 +69,26 @@ class Selector:
             if len(self._known) < REMEMBERED:
                 self._known[key] = found
         return found
+
+    def refuse(self, joints: Any, error: ValueError) -> Reply:
+        """Refuse a whole request; the reply names its joints where they exist (M6, M7)."""
+        try:
+            names = self.select(joints).names
+        except RequestError:
+            names = ()
+        return refused(str(error), names)
+
+    def known(self, joints: Any) -> list[int]:
+        """Those that exist of what a wrong request calls joints; all where it names none."""
+        many = isinstance(joints, Iterable) and not isinstance(joints, str)
+        named: list[Any] = list(cast(Any, joints)) if many else [joints]
+        found: set[int] = set()
+        for joint in named or [None]:
+            try:
+                found |= set(self.select(joint).joints.tolist())
+            except RequestError:
+                continue  # the message of the request already tells of it
+        return sorted(found)
 
     def _resolve(self, joints: tuple[int | str, ...]) -> Selection:
         seen: dict[int, None] = {}

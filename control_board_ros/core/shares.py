@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from .selection import REMEMBERED, Selection
 from .state import Indices
 
 T = TypeVar("T")
+P = ParamSpec("P")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +31,15 @@ class Share:
     board: Board
     joints: list[int]
     places: Indices
+
+    @property
+    def selection(self) -> Selection:
+        """Its joints as the board's own methods take them."""
+        return self.board.selector.select(self.joints)
+
+    def of(self, values: Floats | None) -> Floats | None:
+        """What of a request's values, shape (k,), is the board's."""
+        return None if values is None else values[self.places]
 
 
 class Shares:
@@ -84,3 +95,38 @@ class Shares:
         for share in self.of(selection):
             values[share.places] = read(share)
         return values
+
+
+def values_of(
+    read: Callable[Concatenate[Any, P], list[T]],
+) -> Callable[Concatenate[Any, P], list[T]]:
+    """A get method of a board, as one of what has ``shares`` of several: a value per joint."""
+    method: Callable[Concatenate[Any, P], list[T]] = _shared(read, Shares.read)
+    return method
+
+
+def floats_of(
+    read: Callable[Concatenate[Any, P], Floats],
+) -> Callable[Concatenate[Any, P], Floats]:
+    """As :func:`values_of`, for arrays of shape (k,)."""
+    method: Callable[Concatenate[Any, P], Floats] = _shared(read, Shares.floats)
+    return method
+
+
+def _shared(read: Any, join: Any) -> Any:
+    @wraps(read)
+    def method(self: Any, joints: Any = None) -> Any:
+        return join(
+            self.shares,
+            self.selector.select(joints),
+            lambda share: read(share.board, share.joints),
+        )
+
+    return method
+
+
+def reasons_of(reasons: Mapping[int, str] | None, columns: slice) -> Mapping[int, str] | None:
+    """The reasons of a part, whose joints are these columns, by the part's own numbers."""
+    if not reasons:
+        return None
+    return {j - columns.start: reasons[j] for j in reasons if columns.start <= j < columns.stop}

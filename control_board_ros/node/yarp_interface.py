@@ -180,7 +180,7 @@ class YarpInterface:
         with self._member.exclusive() as board:
             joints = chosen(board, request.names, INVALID)
             asked = wanted(request.modes, len(joints.names))
-            reply = board.machine.request_together(joints, asked)
+            reply = board.requests.request_together(joints, asked)
         if not reply:
             raise RefusedError(SET_ERROR, reply.message)
         return reply.message

@@ -83,17 +83,17 @@ def names_for_codes() -> None:
 
 @breaks("M1")
 def one_for_all() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.requests import Requests
 
-    def request(old: Any, self: Machine, selection: Any, wanted: Any) -> Any:
+    def request(old: Any, self: Requests, selection: Any, wanted: Any) -> Any:
         if len(selection.names) == 1 and isinstance(wanted[0], ControlMode):
-            for j in range(self.state.n):
+            for j in range(self._machine.state.n):
                 if j not in selection.joints:
                     other = dataclasses.replace(selection, joints=np.array([j]))
                     old(self, other, wanted)
         return old(self, selection, wanted)
 
-    around(Machine, "request", request)
+    around(Requests, "request", request)
 
 
 @breaks("M2")
@@ -222,19 +222,19 @@ def moves_of_twice_the_time() -> None:
 
 @breaks("P2")
 def a_speed_of_zero() -> None:
-    from control_board_ros.core import board
+    from control_board_ros.core import setting_requests
 
     def all_within(old: Any, *args: Any, **_: Any) -> Any:
         return old(*args, zero=True)
 
-    around(board, "all_within", all_within)
+    around(setting_requests, "all_within", all_within)
 
 
 @breaks("P3")
 def stop_does_nothing() -> None:
-    from control_board_ros.core.commands import Commands
+    from control_board_ros.core.stops import Stops
 
-    around(Commands, "_hold", lambda _, *__: None)
+    around(Stops, "_hold", lambda _, *__: None)
 
 
 @breaks("P4")
@@ -306,9 +306,9 @@ def no_limits_for_moves() -> None:
 
 @breaks("P11")
 def no_feed_forward() -> None:
-    from control_board_ros.core import commands
+    from control_board_ros.core import feedforward
 
-    around(commands, "feed_output", lambda *_: None)
+    around(feedforward, "feed_output", lambda *_: None)
 
 
 @breaks("P12")
@@ -338,50 +338,52 @@ def nothing_is_stored_in_a_fault() -> None:
 
 @breaks("I3")
 def compliant_takes_direct_positions() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.requests import Requests
 
-    def store(old: Any, self: Machine, j: int, wanted: InteractionMode) -> None:
+    def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
         old(self, j, wanted)
-        if wanted is InteractionMode.COMPLIANT and self.state.control_modes[j] is M.POSITION:
-            self.state.accepts[K.POSITION_DIRECT, j] = True
+        state = self._machine.state
+        if wanted is InteractionMode.COMPLIANT and state.control_modes[j] is M.POSITION:
+            state.accepts[K.POSITION_DIRECT, j] = True
 
-    around(Machine, "_store_interaction", store)
+    around(Requests, "_store_interaction", store)
 
 
 @breaks("I4")
 def a_move_survives_the_interaction_mode() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.requests import Requests
 
-    def store(old: Any, self: Machine, j: int, wanted: InteractionMode) -> None:
-        self.references.reset = lambda *_, **__: None  # type: ignore[method-assign]
+    def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
+        references = self._machine.references
+        references.reset = lambda *_, **__: None  # type: ignore[method-assign]
         old(self, j, wanted)
-        del self.references.reset
+        del references.reset
 
-    around(Machine, "_store_interaction", store)
+    around(Requests, "_store_interaction", store)
 
 
 @breaks("I6")
 def any_stiffness() -> None:
-    from control_board_ros.core import board
+    from control_board_ros.core import setting_requests
 
     def all_within(old: Any, chosen: Any, what: str, values: Any, most: Any, **more: Any) -> Any:
         return old(chosen, what, values, most * (2.0 if what == "stiffness" else 1.0), **more)
 
-    around(board, "all_within", all_within)
+    around(setting_requests, "all_within", all_within)
 
 
 @breaks("I10")
 def a_compliant_stop_pushes() -> None:
-    from control_board_ros.core.commands import Commands
+    from control_board_ros.core.stops import Stops
 
-    def hold(old: Any, self: Commands, chosen: Any) -> None:
+    def hold(old: Any, self: Stops, chosen: Any) -> None:
         old(self, chosen)
         state = self._state
         for j in chosen.tolist():
             if state.interaction_modes[j] is InteractionMode.COMPLIANT:
                 self._references.hold(np.array([j]), state.position[[j]] + 0.1)
 
-    around(Commands, "_hold", hold)
+    around(Stops, "_hold", hold)
 
 
 @breaks("F1")

@@ -85,13 +85,13 @@ def test_a_path_is_followed_from_now_on_time(rig: Following) -> None:
 def test_the_velocity_goes_along_and_ends_at_zero(rig: Following, monkeypatch: Any) -> None:
     """P4: the reference's own velocity is fed in every cycle; after the end it is 0."""
     fed = []
-    original = rig.board.set_position
+    original = rig.board.command
 
-    def spy(joints: Any, positions: Any, velocities: Any = None) -> Any:
+    def spy(kind: Any, joints: Any, positions: Any, velocities: Any = None) -> Any:
         fed.append(np.array(velocities))
-        return original(joints, positions, velocities)
+        return original(kind, joints, positions, velocities)
 
-    monkeypatch.setattr(rig.board, "set_position", spy)
+    monkeypatch.setattr(rig.board, "command", spy)
     rig.follower.follow("a", line(("a",), (0.1, 0.05)), rig.board.time)
     rig.track(0.2)
     rates = np.concatenate(fed)

@@ -192,7 +192,7 @@ def modes_of(board: Board) -> list[tuple[ControlMode, InteractionMode]]:
 def test_a_request_together_sets_both_modes_of_all(board: Board) -> None:
     """In the order asked: the interaction mode is stored, then the control mode is entered."""
     assert modes_of(board) == [(M.POSITION, COMPLIANT), (M.IDLE, STIFF)]
-    reply = board.machine.request_together(
+    reply = board.requests.request_together(
         board.selector.everyone, [[STIFF, M.VELOCITY], [COMPLIANT, M.POSITION]]
     )
     assert reply
@@ -205,7 +205,7 @@ def test_a_request_together_changes_nothing_where_one_refuses(board: Board) -> N
     """F2: joint b is in a fault; joint a could, and stays as it is."""
     board.machine.raise_fault(1, FaultCode.EXTERNAL, "for the test")
     before = [everything(board.machine, j) for j in range(2)]
-    reply = board.machine.request_together(
+    reply = board.requests.request_together(
         board.selector.everyone, [[STIFF, M.VELOCITY], [STIFF, M.VELOCITY]]
     )
     assert reply.answers == (Answer.REFUSED, Answer.REFUSED)
@@ -219,7 +219,7 @@ def test_a_request_together_faults_who_does_not_implement_it() -> None:
     poor = joint("b", interaction_modes=(STIFF,))
     board = Board(board_config(joint("a", startup_mode=M.POSITION), poor))
     board.tick(measured())
-    reply = board.machine.request_together(board.selector.everyone, [[COMPLIANT, M.VELOCITY]] * 2)
+    reply = board.requests.request_together(board.selector.everyone, [[COMPLIANT, M.VELOCITY]] * 2)
     assert reply.answers == (Answer.REFUSED, Answer.UNSUPPORTED)
     assert modes_of(board) == [(M.POSITION, STIFF), (M.HW_FAULT, STIFF)]
     assert board.get_faults("b")[0].code == FaultCode.UNSUPPORTED

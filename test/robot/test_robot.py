@@ -16,7 +16,8 @@ from control_board_ros.core.board import Board
 from control_board_ros.core.config import BoardConfig, ConfigError
 from control_board_ros.core.move_task import MoveTask
 from control_board_ros.core.reply import Answer
-from control_board_ros.core.robot import Robot, reasons_of
+from control_board_ros.core.robot import Robot
+from control_board_ros.core.shares import reasons_of
 from control_board_ros.core.state import Snapshot
 from control_board_ros.core.vocabs import CommandKind, ControlMode
 
