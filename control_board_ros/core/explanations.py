@@ -7,7 +7,7 @@ The only place where the texts of replies about single joints are made.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from .config import JointConfig
 from .decisions import Facts, Reason, Wanted
@@ -148,6 +148,19 @@ def explain_slower(joint: JointConfig, way: float, speed: float, time: float) ->
         f"{joint.name}: takes {time:.3g} s, at a mean speed of {mean} "
         f"({quantity(CommandKind.VELOCITY, speed, sliding)} was asked for), "
         "by its limits of speed and acceleration"
+    )
+
+
+def explain_cut(joint: JointConfig, positions: Sequence[float]) -> str:
+    """What the software limits cut of a path, from its first point beyond; empty: nothing (P9)."""
+    low, high = joint.limits.lower, joint.limits.upper
+    beyond = next((i for i, q in enumerate(positions) if q < low or q > high), None)
+    if beyond is None:
+        return ""
+    shown = [position_text(joint.kind, q) for q in (low, high, positions[beyond])]
+    return (
+        f"{joint.name} stays within {shown[0]} to {shown[1]} "
+        f"(point {beyond} asks for {shown[2]}): software limit"
     )
 
 

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from ..protocols import Joints
 from .board import Board
+from .explanations import explain_cut
 from .path import SAME_TIME, Path, Sample, Spline, braking
-from .reply import Answer, Reply, decided, joints_of, position_text
+from .reply import Answer, Reply, decided, joints_of
 from .vocabs import CommandKind, InteractionMode
 
 Bools = NDArray[np.bool_]
@@ -285,21 +286,11 @@ class Follower:
 
 def cuts(board: Board, run: Run) -> dict[str, str]:
     """What the limits cut of a path, by joint."""
-    found = {}
-    for k, j in enumerate(run.joints):
-        joint, name = board.config.joints[j], board.names[j]
-        limits, column = joint.limits, run.path.positions[:, k]
-        beyond = (column < limits.lower) | (column > limits.upper)
-        if beyond.any():
-            i = int(np.argmax(beyond))
-            low, high, asked = (
-                position_text(joint.kind, value)
-                for value in (limits.lower, limits.upper, column[i])
-            )
-            found[name] = (
-                f"{name} stays within {low} to {high} (point {i} asks for {asked}): software limit"
-            )
-    return found
+    texts = {
+        board.names[j]: explain_cut(board.config.joints[j], run.path.positions[:, k].tolist())
+        for k, j in enumerate(run.joints)
+    }
+    return {name: text for name, text in texts.items() if text}
 
 
 def send(board: Board, joints: list[int], sample: Sample) -> Reply:
