@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from control_board_ros.core.modes import FAULTED, STEPS, STOPPABLE
+
 from .limits import JointLimits
 from .output import note
 from .progress import Bar
@@ -18,8 +20,6 @@ from .recordings import read_boards, start
 from .session import Session
 from .words import Refused
 
-#: Modes in which a joint holds, and from which a measurement may begin.
-HOLDING = ("pos", "posd", "vel", "mix")
 #: States a second while it is measured, where the board's control rate allows it.
 STATE_RATE = 500.0
 #: s of rest before and after, and between looks.
@@ -48,8 +48,8 @@ def prepare(session: Session, word: str) -> Experiment:
         raise Refused(f"{word!r} means {len(names)} joints; name one")
     (joint,) = names
     (mode,) = session.client.get_control_mode(names)
-    if mode.code not in HOLDING:
-        step = f"cbctl clear {joint}" if mode.code == "hwfa" else f"cbctl mode {joint} pos"
+    if mode not in STOPPABLE:
+        step = f"cbctl clear {joint}" if mode in FAULTED else f"cbctl mode {joint} pos"
         raise Refused(f"{joint} is in {mode.name} and does not hold its position; first: {step}")
     limits = session.limits(names)[joint]
     if limits is None:
@@ -143,7 +143,7 @@ def faster_states(session: Session) -> Iterator[None]:
 def in_position_direct(session: Session, experiment: Experiment) -> Iterator[None]:
     """The joint in POSITION_DIRECT; stopped and back in its mode in the end, whatever happens."""
     client, joint = session.client, experiment.joint
-    reply = client.set_control_mode(joint, "posd")
+    reply = client.set_control_mode(joint, STEPS)
     if not reply:
         raise Refused(reply.message)
     try:
@@ -153,7 +153,7 @@ def in_position_direct(session: Session, experiment: Experiment) -> Iterator[Non
         raise
     finally:
         (mode,) = client.get_control_mode([joint])
-        if mode.code == "posd":
+        if mode is STEPS:
             client.set_control_mode(joint, experiment.mode)
 
 

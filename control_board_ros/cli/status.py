@@ -6,6 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from control_board_ros.core.modes import NOT_HOLDING
+
 from .output import REFUSED, fail, note
 
 if TYPE_CHECKING:
@@ -26,8 +28,6 @@ DOING = {
 }
 #: Modes without power, and the next step.
 NEXT_STEP = {"idl": "hold with: cbctl mode {} pos", "hwfa": "clear with: cbctl clear {}"}
-#: Modes that keep no position once the reference is zero.
-NOT_HOLDING = ("torq", "open")
 
 
 def what_they_do(session: Session, names: list[str]) -> str:
@@ -78,7 +78,7 @@ def warn_without_power(session: Session, names: Sequence[str]) -> None:
 def warn_not_holding(session: Session, names: list[str]) -> None:
     """Say which joints nothing holds, now that their torque or output is zero."""
     modes = session.client.get_control_mode(names)
-    loose = [name for name, mode in zip(names, modes, strict=True) if mode.code in NOT_HOLDING]
+    loose = [name for name, mode in zip(names, modes, strict=True) if mode in NOT_HOLDING]
     if loose:
         words = " ".join(loose)
         note(session, f"nothing holds {words} now; hold with: cbctl mode {words} pos")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from control_board_ros.core.calibration import CalibrationStatus
+from control_board_ros.core.modes import CALIBRATES
 from control_board_ros.core.reply import Reply, refused
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.vocabs import ControlMode
@@ -140,7 +141,7 @@ class Goals:
         link, view, statuses = self._services.link, self._calibrations, []
         response = yield from self._modes.ask((yield from self._services.select(joints)))
         for name, code in zip(response.names, response.modes, strict=True):
-            if code != ControlMode.CALIBRATING.code:  # then the result is on its way
+            if ControlMode(code) not in CALIBRATES:  # then the result is on its way
                 yield from link.thread.until(
                     lambda name=name: not view.status(name).running,  # type: ignore[misc]
                     link.answer_timeout,

@@ -12,7 +12,7 @@ import math
 
 from .checks import ConfigError, check_number, check_parameters
 from .constraints import Constraints, JointConstraints
-from .modes import SELECTABLE
+from .modes import INITIAL_INTERACTION, MOVES, SELECTABLE, SENSE_TORQUE, STARTUP_MODES, UNPOWERED
 from .parameter import configuration, parameter, parameters_of, part
 from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Pid, Timeouts
 from .vocabs import ControlMode, InteractionMode
@@ -31,7 +31,6 @@ __all__ = [
     "check_number",
 ]
 
-STARTUP_MODES = (ControlMode.IDLE, ControlMode.POSITION)
 JOINT_KINDS = ("revolute", "continuous", "prismatic")
 OUTPUTS = ("pwm", "current")
 #: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
@@ -129,12 +128,12 @@ class JointConfig:
     )
     startup_mode: ControlMode = parameter(
         "Control mode without calibration",
-        default=ControlMode.POSITION,
+        default=MOVES,
         choices=STARTUP_MODES,
     )
     startup_interaction: InteractionMode = parameter(
         "Interaction mode without calibration",
-        default=InteractionMode.STIFF,
+        default=INITIAL_INTERACTION,
         choices=InteractionMode,
     )
     calibration: Calibration | None = part(default=None)
@@ -183,18 +182,17 @@ class JointConfig:
             self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)
 
     def _check_modes(self, key: str) -> None:
-        if ControlMode.IDLE not in self.control_modes:
-            raise ConfigError(f"{key}.control_modes", self._codes(), "a list that holds idl")
+        if UNPOWERED not in self.control_modes:
+            allowed = f"a list that holds {UNPOWERED.code}"
+            raise ConfigError(f"{key}.control_modes", self._codes(), allowed)
         for mode in self.control_modes:
             if mode not in SELECTABLE:
                 allowed = ", ".join(m.code for m in SELECTABLE)
                 raise ConfigError(f"{key}.control_modes", mode.code, f"one of {allowed}")
         if InteractionMode.STIFF not in self.interaction_modes:
             raise ConfigError(f"{key}.interaction_modes", "without stif", "a list that holds stif")
-        if not self.torque_sensor and (
-            ControlMode.TORQUE in self.control_modes
-            or InteractionMode.COMPLIANT in self.interaction_modes
-        ):
+        sense = SENSE_TORQUE.intersection((*self.control_modes, *self.interaction_modes))
+        if sense and not self.torque_sensor:
             raise ConfigError(
                 f"{key}.torque_sensor",
                 False,

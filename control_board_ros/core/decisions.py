@@ -19,10 +19,12 @@ from .modes import (
     AT_REST,
     CALIBRATES,
     CONFIGURED,
+    FAULTED,
     REQUESTS,
     STOPPABLE,
     STORES_INTERACTION,
     UNCALIBRATED_MODES,
+    UNCONFIGURED,
     UNPOWERED_MODES,
     Event,
     Stage,
@@ -127,9 +129,9 @@ FINE = Verdict(Answer.ACCEPTED)
 #: Why a joint in such a mode takes no request; absent: it does, unless it is inactive or lacks a
 #: calibration.
 UNAVAILABLE = {
-    ControlMode.HW_FAULT: Reason.IN_FAULT,
-    ControlMode.CALIBRATING: Reason.CALIBRATING,
-    ControlMode.NOT_CONFIGURED: Reason.NOT_CONFIGURED,
+    **dict.fromkeys(FAULTED, Reason.IN_FAULT),
+    **dict.fromkeys(CALIBRATES, Reason.CALIBRATING),
+    **dict.fromkeys(UNCONFIGURED, Reason.NOT_CONFIGURED),
 }
 
 

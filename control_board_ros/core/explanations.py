@@ -7,11 +7,11 @@ The only place where the texts of replies about single joints are made.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from .config import JointConfig
 from .decisions import Facts, Reason, Wanted
-from .modes import Event, Stage, modes_accepting
+from .modes import CALIBRATES, FAULTED, MOVES, UNCONFIGURED, Event, Stage, modes_accepting
 from .reply import position_text, quantity
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
@@ -59,8 +59,8 @@ LEFT_AS_IT_IS = "the others of the request stay as they are"
 
 #: What to do where a stop does nothing to a joint.
 STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
-    ControlMode.CALIBRATING: lambda _: "abort it with FORCE_IDLE, or wait until it is done",
-    ControlMode.NOT_CONFIGURED: how_to_configure,
+    **dict.fromkeys(CALIBRATES, lambda _: "abort it with FORCE_IDLE, or wait until it is done"),
+    **dict.fromkeys(UNCONFIGURED, how_to_configure),
 }
 STOP_OTHERWISE = "set idl to take its power"
 
@@ -194,6 +194,26 @@ def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
     if not codes:
         return f"mode is {mode}, and the joint has no mode for it"
     return f"mode is {mode}; switch with: cbctl mode {name} {codes[0]}"
+
+
+def way_to_move(modes: Mapping[str, ControlMode], everyone: Sequence[str]) -> str:
+    """What to type so that joints take position moves.
+
+    Args:
+        modes: of those that take none, by name.
+        everyone: the names of all joints of the board.
+    """
+    words = "all" if len(modes) == len(everyone) else " ".join(modes)
+    faulty = [name for name, mode in modes.items() if mode in FAULTED]
+    if faulty:
+        first = f"clear with: cbctl clear {' '.join(faulty)}, then "
+    elif not CALIBRATES.isdisjoint(modes.values()):
+        first = "wait until they have calibrated, then "
+    elif not UNCONFIGURED.isdisjoint(modes.values()):
+        first = "configure with: cbctl configure, then "
+    else:
+        first = ""
+    return f"{first}switch with: cbctl mode {words} {MOVES.code}"
 
 
 def persisting(facts: Facts) -> str:

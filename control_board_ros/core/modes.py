@@ -123,14 +123,24 @@ LAWS: dict[ControlMode, dict[InteractionMode, Law]] = {
     M.CALIBRATING: dict.fromkeys(InteractionMode, Law.CALIBRATOR),  # K1, I8
 }
 
-#: Modes of a joint whose configuration is in (N2): checks are in force, references are counted.
-CONFIGURED = frozenset({*SELECTABLE, M.HW_FAULT, M.CALIBRATING})
+#: The modes whose references are position moves, or position steps, and nothing else.
+MOVES, STEPS = M.POSITION, M.POSITION_DIRECT
+
+#: Modes that a joint without a torque sensor does not implement (I7).
+SENSE_TORQUE = frozenset({M.TORQUE, InteractionMode.COMPLIANT})
+
+#: Modes in fault (F1).
+FAULTED = frozenset({M.HW_FAULT})
+
+#: Modes that wait for the configuration (N1); in all others checks are in force, references count.
+UNCONFIGURED = frozenset({M.NOT_CONFIGURED})
+CONFIGURED = frozenset(STATES) - UNCONFIGURED
 
 #: Modes in which a calibrator has its joint (K1): no limits are known, no feed-forward acts (K6).
 CALIBRATES = frozenset({M.CALIBRATING})
 
 #: Modes that use the second set of position gains, where a joint has one.
-DIRECT_GAINS = frozenset({M.POSITION_DIRECT})
+DIRECT_GAINS = frozenset({STEPS})
 
 #: Laws in which the protection at the limits watches the output (P9).
 GUARDED = frozenset({Law.IMPEDANCE, Law.TORQUE, Law.OUTPUT})
@@ -142,8 +152,15 @@ UNCALIBRATED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 UNPOWERED = M.IDLE
 UNPOWERED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 
+#: Modes in which a joint has power, and takes another mode.
+POWERED = frozenset(SELECTABLE) - {UNPOWERED}
+
+#: What a joint can be configured to start in (N3).
+STARTUP_MODES = (UNPOWERED, MOVES)
+
 #: The mode at power-on (N1).
 INITIAL = M.NOT_CONFIGURED
+INITIAL_INTERACTION = InteractionMode.STIFF
 
 #: What to ask for in a mode that takes the power from the joint; it aborts a calibration (K2).
 POWER_OFF: dict[ControlMode, ControlMode] = {
@@ -157,6 +174,9 @@ STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})
 #: Modes in which a stop does something, and those that are at rest by themselves (P3).
 STOPPABLE = frozenset({M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED})
 AT_REST = frozenset({M.IDLE, M.HW_FAULT})
+
+#: Modes that drive a joint and hold no position.
+NOT_HOLDING = frozenset(ACCEPTS) - STOPPABLE
 
 
 def law_of(mode: ControlMode, interaction: InteractionMode) -> Law:

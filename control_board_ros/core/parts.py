@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 from .checks import ConfigError, check_number
-from .modes import SELECTABLE
+from .modes import INITIAL_INTERACTION, MOVES, SELECTABLE
 from .parameter import configuration, parameter
 from .vocabs import ControlMode, InteractionMode
 
@@ -254,10 +254,10 @@ class Calibration:
     )
     timeout: float = parameter("Time for a calibration", "s", default=30.0, above=0.0)
     control_mode: ControlMode = parameter(
-        "Control mode when calibrated", default=ControlMode.POSITION, choices=SELECTABLE
+        "Control mode when calibrated", default=MOVES, choices=SELECTABLE
     )
     interaction_mode: InteractionMode = parameter(
-        "Interaction mode when calibrated", default=InteractionMode.STIFF, choices=InteractionMode
+        "Interaction mode when calibrated", default=INITIAL_INTERACTION, choices=InteractionMode
     )
 
     def push(self, limits: Limits, motor: Motor) -> float:

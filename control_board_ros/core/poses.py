@@ -18,8 +18,8 @@ import numpy as np
 
 from ..protocols import Floats
 from .arrival import TOLERANCES, Outcome, unit
-from .explanations import explain_slower
-from .modes import SELECTABLE
+from .explanations import explain_slower, way_to_move
+from .modes import FAULTED, MOVES, POWERED
 from .move_task import MoveTask, takes_moves
 from .pose import NAME, Pose
 from .reply import position_text
@@ -28,8 +28,6 @@ from .vocabs import ControlMode
 
 if TYPE_CHECKING:
     from .robot import AnyBoard
-#: Modes in which a joint has power, and takes another mode.
-POWERED = frozenset(SELECTABLE) - {ControlMode.IDLE}
 
 
 class Plan(NamedTuple):
@@ -92,13 +90,13 @@ def start_parking(board: AnyBoard, pose: Pose) -> PoseTask:
     stuck = {name: mode for name, mode in modes.items() if mode not in POWERED}
     if stuck:
         raise RequestError(told_by_mode(board, stuck))
-    others = [name for name, mode in modes.items() if mode is not ControlMode.POSITION]
+    others = [name for name, mode in modes.items() if mode is not MOVES]
     available = board.get_available_modes(others) if others else []
     for name, (control, _) in zip(others, available, strict=True):
-        if ControlMode.POSITION not in control:
-            raise RequestError(f"{name} has no POSITION mode")
+        if MOVES not in control:
+            raise RequestError(f"{name} has no {MOVES.name} mode")
     if others:
-        reply = board.set_control_mode(others, ControlMode.POSITION)
+        reply = board.set_control_mode(others, MOVES)
         if not reply:
             raise RequestError(reply.message)
     return PoseTask(board, pose)
@@ -139,8 +137,8 @@ def require_moves(board: AnyBoard, pose: Pose) -> None:
     others = {name: mode for name, mode in pairs if not takes_moves(mode)}
     if others:
         where = told_by_mode(board, others)
-        step = way_out(others, board.names)
-        raise RequestError(f"{pose.name} is a POSITION move, and {where}; {step}")
+        step = way_to_move(others, board.names)
+        raise RequestError(f"{pose.name} is a {MOVES.name} move, and {where}; {step}")
 
 
 def told_by_mode(board: AnyBoard, modes: dict[str, ControlMode]) -> str:
@@ -149,24 +147,9 @@ def told_by_mode(board: AnyBoard, modes: dict[str, ControlMode]) -> str:
     for mode in dict.fromkeys(modes.values()):
         names = [name for name, its in modes.items() if its is mode]
         active = [fault.text for fault in board.get_faults(names) if fault.active]
-        why = f" ({'; '.join(dict.fromkeys(active))})" if mode is ControlMode.HW_FAULT else ""
+        why = f" ({'; '.join(dict.fromkeys(active))})" if mode in FAULTED else ""
         texts.append(f"{', '.join(names)} {'are' if len(names) > 1 else 'is'} in {mode.name}{why}")
     return ", ".join(texts)
-
-
-def way_out(modes: dict[str, ControlMode], everyone: Sequence[str]) -> str:
-    """What to type so that these joints take position moves."""
-    words = "all" if len(modes) == len(everyone) else " ".join(modes)
-    faulty = [name for name, mode in modes.items() if mode is ControlMode.HW_FAULT]
-    if faulty:
-        first = f"clear with: cbctl clear {' '.join(faulty)}, then "
-    elif ControlMode.CALIBRATING in modes.values():
-        first = "wait until they have calibrated, then "
-    elif ControlMode.NOT_CONFIGURED in modes.values():
-        first = "configure with: cbctl configure, then "
-    else:
-        first = ""
-    return f"{first}switch with: cbctl mode {words} pos"
 
 
 def pose_now(board: AnyBoard, name: str, joints: Sequence[str], speed: float = 0.0) -> Pose:

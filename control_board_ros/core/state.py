@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from .config import BoardConfig
 from .faults import FaultRecord
 from .measurement import ROWS, Array, Row
-from .modes import INITIAL, Stage
-from .vocabs import CommandKind, InteractionMode
+from .modes import INITIAL, INITIAL_INTERACTION, Stage
+from .vocabs import CommandKind
 
 Indices = NDArray[np.intp]
 
@@ -159,7 +159,7 @@ class State:
         self.done: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)
         self.accepts: NDArray[np.bool_] = np.zeros((len(CommandKind), n), dtype=np.bool_)
         self.control_modes = [INITIAL] * n
-        self.interaction_modes = [InteractionMode.STIFF] * n
+        self.interaction_modes = [INITIAL_INTERACTION] * n
         self.faults = [FaultRecord(name) for name in config.names]
         self.time = 0.0
         self.cycle = 0
@@ -172,7 +172,7 @@ class State:
         self.offset[:] = 0.0
         self.calibrated[:] = False
         self.accepts[:] = False
-        self.interaction_modes[:] = [InteractionMode.STIFF] * self.n
+        self.interaction_modes[:] = [INITIAL_INTERACTION] * self.n
         self.faults[:] = [fault.cleared() for fault in self.faults]
         self.faults_version += 1
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from ..core.arrival import unit
 from ..core.config import BoardConfig, JointConfig
-from ..core.modes import ACCEPTS, CALIBRATES, CONFIGURED
+from ..core.modes import ACCEPTS, CALIBRATES, CONFIGURED, MOVES
 from ..core.vocabs import CommandKind, ControlMode
 from ..interface import POSITION_COMMAND, SET_CONTROL_MODE
 
@@ -106,13 +106,13 @@ def speed(joint: JointConfig) -> str:
 
 def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
     """When to try what with cbctl, such that the joint takes it."""
-    if ControlMode.POSITION not in joint.control_modes:
+    if MOVES not in joint.control_modes:
         return "Try", [f"modes {joint.name}"]
     target = first_target(joint)
     value = (
         f"{target * 1e3:.3g}mm" if unit(joint.kind) == "m" else f"{math.degrees(target):.3g}deg"
     )
-    words = [f"mode {joint.name} pos", f"move {joint.name}={value}"]
+    words = [f"mode {joint.name} {MOVES.code}", f"move {joint.name}={value}"]
     if mode in CALIBRATES:
         return "When they have calibrated, try", words
     if mode not in CONFIGURED:

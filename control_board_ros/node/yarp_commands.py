@@ -13,9 +13,10 @@ import numpy as np
 
 from ..core.board import Board
 from ..core.commands import COMMANDS
+from ..core.modes import MOVES
 from ..core.reply import Answer, Reply, accepted, joints_of
 from ..core.selection import RequestError
-from ..core.vocabs import CommandKind, ControlMode
+from ..core.vocabs import CommandKind
 
 
 def send(
@@ -67,7 +68,7 @@ def without_repeats(
     moving = ~np.array(board.check_motion_done(joints))
     known = moving | (board.state.position_reference[chosen.joints] == positions)
     known &= board.get_target_position(joints) == positions
-    known &= [mode is ControlMode.POSITION for mode in board.get_control_mode(joints)]
+    known &= [mode is MOVES for mode in board.get_control_mode(joints)]
     if speeds is not None:
         known &= board.get_ref_speed(joints) == speeds
     new = np.flatnonzero(~known)

@@ -7,7 +7,7 @@ import math
 from dataclasses import replace
 
 from ..core.config import BoardConfig, ConfigError, JointConfig
-from ..core.vocabs import ControlMode, InteractionMode
+from ..core.modes import SENSE_TORQUE, UNPOWERED
 from ..settings.loading import Settings
 from .errors import PlantSettingsError
 from .interface import Description, JointDescription
@@ -68,11 +68,11 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
     control = tuple(
         mode
         for mode in joint.control_modes
-        if (mode in has.control_modes or mode is ControlMode.IDLE)
-        and (senses or mode is not ControlMode.TORQUE)
+        if (mode in has.control_modes or mode is UNPOWERED)
+        and (senses or mode not in SENSE_TORQUE)
     )
     interaction = tuple(
-        mode for mode in joint.interaction_modes if senses or mode is not InteractionMode.COMPLIANT
+        mode for mode in joint.interaction_modes if senses or mode not in SENSE_TORQUE
     )
     return replace(
         joint,

@@ -20,6 +20,7 @@ from typing import Any
 
 from ..core.bring_up import complete_levels
 from ..core.config import BoardConfig, ConfigError
+from ..core.modes import SENSE_TORQUE
 from ..core.pose import Pose
 from ..description.derive import complete
 from ..description.robots import NAMES, load_robot, located
@@ -39,6 +40,8 @@ __all__ = ["Settings", "SettingsError", "find_config", "load", "load_layers"]
 
 LEAST_PHYSICS_RATE = 1000.0  # Hz, where nobody gives one
 LEAST_CONTROL_RATE = 200.0  # Hz, for which gains are made
+#: Modes, as parameters have them, that need a torque sensor (I7).
+SENSING = tuple(mode.code for mode in SENSE_TORQUE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,8 +215,10 @@ def _settings(
         assumed = complete(joints, urdf, (x, y, z), rate)
         for name, found in joints.items():
             if not found["torque_sensor"]:  # I7
-                found["control_modes"] = [m for m in found["control_modes"] if m != "torq"]
-                found["interaction_modes"] = [m for m in found["interaction_modes"] if m != "comp"]
+                found["control_modes"] = [m for m in found["control_modes"] if m not in SENSING]
+                found["interaction_modes"] = [
+                    m for m in found["interaction_modes"] if m not in SENSING
+                ]
             values |= {f"{name}.{key}": value for key, value in found.items()}
         if parts:
             values["calibration_groups"] = groups_of(

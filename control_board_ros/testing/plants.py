@@ -21,7 +21,8 @@ import pytest
 
 from ..core.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
 from ..core.measurement import Actuation, Row
-from ..core.vocabs import ControlMode, InteractionMode
+from ..core.modes import SENSE_TORQUE, UNPOWERED
+from ..core.vocabs import InteractionMode
 from ..plants.guarded import GuardedPlant
 from ..plants.interface import Description, JointDescription, Readings, RobotPlant
 
@@ -184,16 +185,18 @@ def _joint(has: JointDescription) -> JointConfig:
         peak_current=10.0,
     )
     modes = tuple(
-        mode for mode in has.control_modes if has.torque_sensor or mode is not ControlMode.TORQUE
+        mode for mode in has.control_modes if has.torque_sensor or mode not in SENSE_TORQUE
     )
-    both = tuple(InteractionMode) if has.torque_sensor else (InteractionMode.STIFF,)
+    interactions = tuple(
+        mode for mode in InteractionMode if has.torque_sensor or mode not in SENSE_TORQUE
+    )
     return JointConfig(
         name=has.name,
-        control_modes=tuple(dict.fromkeys((*modes, ControlMode.IDLE))),
-        interaction_modes=both,
+        control_modes=tuple(dict.fromkeys((*modes, UNPOWERED))),
+        interaction_modes=interactions,
         torque_sensor=has.torque_sensor,
         max_travel_error=0.1 if has.current_sensor else math.inf,
-        startup_mode=ControlMode.IDLE,
+        startup_mode=UNPOWERED,
         limits=limits,
         position_pid=Pid(kp=100.0),
         torque_pid=Pid(kp=1.0),

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..core.vocabs import ControlMode
+from ..core.modes import INITIAL
 from ..interface import GET_CONTROL_MODE, MODES, SET_CONTROL_MODE, Endpoint
 from .domains import child_environment, free_domain
 from .nodes import ros_node
@@ -177,7 +177,7 @@ def _wait_until_ready(board: BoardProcess, configured: bool, timeout: float) -> 
     ready = threading.Event()
 
     def on_modes(modes: Any) -> None:
-        if not (configured and ControlMode.NOT_CONFIGURED.code in modes.control_modes):
+        if not (configured and INITIAL.code in modes.control_modes):
             ready.set()
 
     def name_of(endpoint: Endpoint) -> str:

@@ -6,6 +6,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from control_board_ros.core.modes import STEPS
+
 from ..arguments import argument, takes
 from ..experiments import Experiment, check_reach, measured, prepare, wait
 from ..output import DONE, conclude, put, put_json
@@ -85,7 +87,9 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
     from control_board_ros.recording.page import chart_section, number, position_text
 
     joint, unit = experiment.joint, unit_of(experiment.slides)
-    moves = [m for m in moves_of(recording, joint, slides=experiment.slides) if m.mode == "posd"]
+    moves = [
+        m for m in moves_of(recording, joint, slides=experiment.slides) if m.mode == STEPS.code
+    ]
     if not moves:
         raise Refused(f"{joint} was asked to step, and its reference did not move; is it paused?")
     names = ("rise", "settling", "overshoot", "steady-state error", "RMS error", "saturated")
