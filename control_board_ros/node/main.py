@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .. import __version__
@@ -23,7 +21,16 @@ from ..compiled import describe
 from ..core.modes import CONFIGURED
 from ..core.pose import PARK
 from ..startup import announce_often, leave_out_the_generator
-from .name_lock import NameTakenError, lock_name, temporary_folder
+from .console import (
+    KnownError,
+    check_arguments,
+    check_name,
+    complain,
+    provide_log_folder,
+    say,
+    settle_stdout,
+)
+from .name_lock import NameTakenError, lock_name
 from .scheduling import take_priority
 from .welcome import welcome
 
@@ -75,14 +82,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return error.code
     finally:
         settle_stdout()
-
-
-class KnownError(Exception):
-    """An error whose text says it all; ends the process with ``code``."""
-
-    def __init__(self, code: int, text: str) -> None:
-        super().__init__(text.partition("\n")[0])
-        self.code = code
 
 
 def run(
@@ -156,31 +155,6 @@ def run_alone(start: Start, ended: threading.Event, at_once: threading.Event) ->
             5, f"not parked: {unparked}; the joints are without power where they were"
         )
     return 0
-
-
-def check_arguments(arguments: Sequence[str]) -> None:
-    """Refuse what stands outside of --ros-args, which ROS passes over in silence."""
-    among_ros = False
-    for argument in arguments:
-        if argument in {"--ros-args", "--"}:
-            among_ros = argument == "--ros-args"
-        elif not among_ros:
-            raise KnownError(
-                2,
-                f"argument {argument!r} is not known; --help, --version and ROS arguments are, "
-                "as in: control_board --ros-args -p robot:=panda",
-            )
-
-
-def check_name(name: str, namespace: str) -> None:
-    """Refuse names that ROS refuses, before rcl does so with half a page."""
-    word = r"[A-Za-z_][A-Za-z0-9_]*"
-    if not re.fullmatch(word, name):
-        raise KnownError(2, f"node name {name!r} is not allowed; letters, digits and _ are")
-    if not re.fullmatch(rf"/|(/{word})+", namespace):
-        raise KnownError(
-            2, f"namespace {namespace!r} is not allowed; words after slashes are, as in /left/arm"
-        )
 
 
 def serve(
@@ -259,43 +233,6 @@ def await_first_cycles(boards: Boards, ended: threading.Event) -> None:
         and not ended.wait(0.005)
     ):
         pass
-
-
-def say(text: str) -> None:
-    """Print, also when nobody listens any more."""
-    with contextlib.suppress(OSError, ValueError):
-        print(text, end="", flush=True)
-
-
-def complain(text: str) -> None:
-    """One line on standard error, also when nobody listens any more."""
-    with contextlib.suppress(OSError, ValueError):
-        print(f"control_board: {text}", file=sys.stderr, flush=True)
-
-
-def settle_stdout() -> None:
-    """Flush standard output; where that fails, keep Python from failing on it at exit."""
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.flush()
-        except (OSError, ValueError):
-            with contextlib.suppress(OSError, ValueError):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def provide_log_folder() -> None:
-    """Give rcl a folder for its logs where it would find none and refuse to start."""
-    home = os.environ.get("ROS_HOME") or os.path.expanduser("~/.ros")
-    folder = Path(os.environ.get("ROS_LOG_DIR") or Path(home, "log"))
-    with contextlib.suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return
-    instead = temporary_folder() / f"control_board_ros-{os.getuid()}-log"
-    with contextlib.suppress(OSError):
-        instead.mkdir(mode=0o700, exist_ok=True)
-    complain(f"logs go to {instead}, since {folder} cannot be written; set ROS_LOG_DIR")
-    os.environ["ROS_LOG_DIR"] = str(instead)
 
 
 if __name__ == "__main__":
