@@ -41,8 +41,8 @@ class Board:
         number: of the board, as frames and meshes bear it.
         answer_timeout: s to wait for an answer.
 
-    Attributes: name, number, client, state (of Newest), robot (its description), info (for the
-    page; empty until it is known), modes and faults (for the page).
+    Attributes: name, number, client, state (heard while somebody watches; else None), robot (its
+    description), info (for the page; empty until it is known), modes and faults (for the page).
     """
 
     def __init__(self, node: Node, name: str, number: int, answer_timeout: float) -> None:
@@ -50,7 +50,8 @@ class Board:
         self.client = ControlBoardClient(
             node, name, find_timeout=answer_timeout, answer_timeout=answer_timeout
         )
-        self.state = Newest(node, STATE, name)
+        self.state: Newest | None = None
+        self._node = node
         self.robot = robot.NO_ROBOT
         self.info: dict[str, Any] = {}
         self.modes: dict[str, Any] = {}
@@ -65,11 +66,20 @@ class Board:
 
     def close(self) -> None:
         """Let go of it."""
-        for heard in (self.state, self._modes, self._faults, self._description):
+        self.watch(on=False)
+        for heard in (self._modes, self._faults, self._description):
             heard.close()
         for heard in self._commands.values():
             heard.close()
         self.client.close()
+
+    def watch(self, *, on: bool) -> None:
+        """Hear its state from now on, or no more: a hundred messages a second cost something."""
+        if on and self.state is None:
+            self.state = Newest(self._node, STATE, self.name)
+        elif not on and self.state is not None:
+            self.state.close()
+            self.state = None
 
     @property
     def names(self) -> list[str]:
@@ -182,12 +192,12 @@ class Board:
         changed, self.targets = targets != self.targets, targets
         return changed
 
-    def torque_reference(self, joint: str) -> float:
-        """The torque in force for a joint, N·m, as of the last frame; 0 where none was heard."""
-        state = self.state.take_read() or self.state.read()
+    def torque_reference(self, joint: str) -> float | None:
+        """The torque in force for a joint, N·m; None where its state is not heard."""
+        state = None if self.state is None else self.state.take_read() or self.state.read()
         if state is None or joint not in state.names:
-            return 0.0
-        return finite(state.torque_reference[list(state.names).index(joint)]) or 0.0
+            return None
+        return finite(state.torque_reference[list(state.names).index(joint)])
 
 
 def finite(value: Any) -> float | None:

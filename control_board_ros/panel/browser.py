@@ -49,12 +49,12 @@ class Browser:
         self._news.set()
 
     def show(self, board: int, frame: bytes) -> None:
-        """Send it a frame; one of the same board that still waits is older, and goes."""
+        """Send it a board's frame; one of the same board that still waits is older, and goes."""
         self._frames[board] = frame
         self._news.set()
 
     async def write(self, websocket: Any) -> None:
-        """Send what waits, for ever; frames give way to texts.
+        """Send what waits, for ever; frames give way to texts, and go in one message.
 
         Raises:
             ConnectionError: it reads too slowly.
@@ -65,6 +65,6 @@ class Browser:
             while self._texts:
                 await websocket.send_text(self._texts.popleft())
             frames, self._frames = self._frames, {}
-            for frame in frames.values():
-                await websocket.send_bytes(frame)
+            if frames:
+                await websocket.send_bytes(b"".join(frames.values()))
         raise ConnectionError("the browser reads too slowly")

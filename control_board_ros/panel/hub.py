@@ -57,6 +57,7 @@ class Hub:
         self._numbers, self._board_numbers = itertools.count(1), itertools.count()
         self._asked: dict[str, float] = {}
         self._known = set[str]()
+        self._heard = 0.0
         self._complaint = ""
 
     # Browsers
@@ -79,6 +80,7 @@ class Hub:
         self.browsers.pop(browser.number, None)
         for task in browser.running.values():
             task.cancel()
+        self._watch()
         await self.operating.let_go(self.operating.holds.of_browser(browser.number))
         if self.lease.leave(browser.number):
             self.tell_operator()
@@ -128,6 +130,7 @@ class Hub:
             return
         if request.do == "watch":
             browser.watched = frozenset(request.given["boards"])
+            self._watch()
             browser.tell("answer", id=request.id, ok=True, message="")
         elif request.do in ("operate", "hand_over", "step_back"):
             self._settle(browser, request)
@@ -177,8 +180,7 @@ class Hub:
         """Serve for ever."""
         try:
             async with asyncio.TaskGroup() as group:
-                group.create_task(self._every(lambda: 1.0 / self._rate(), self._frames))
-                group.create_task(self._every(lambda: HEAR, self._hear))
+                group.create_task(self._every(lambda: 1.0 / self._rate(), self._look))
                 group.create_task(self._every(lambda: OVERHEAR, self._overhear))
                 group.create_task(self._every(lambda: TARGETS, self._targets))
                 group.create_task(self._every(lambda: DISCOVER, self._discover))
@@ -204,25 +206,42 @@ class Hub:
             self._complaint = text
             self._report(text)
 
+    def _watched(self) -> set[str]:
+        return {name for browser in self.browsers.values() for name in browser.watched}
+
+    def _watch(self) -> None:
+        """Hear the state of the boards that somebody watches, and of no others."""
+        watched = self._watched()
+        for board in self.boards.values():
+            board.watch(on=board.name in watched)
+
     def _rate(self) -> float:
-        watched = {name for browser in self.browsers.values() for name in browser.watched}
+        watched = self._watched()
         if not watched:
             return 1.0 / HEAR
         joints = sum(len(self.boards[name].names) for name in watched if name in self.boards)
         return FAST if joints <= MANY else SLOW
 
-    async def _frames(self) -> None:
-        """Send the newest state of each board that somebody watches."""
-        browsers = list(self.browsers.values())
-        for board in list(self.boards.values()):
-            watchers = [browser for browser in browsers if board.name in browser.watched]
-            raw = board.state.take() if watchers else None
-            if raw is not None:
-                frame = board.number.to_bytes(4, "little") + raw
-                for browser in watchers:
-                    browser.show(board.number, frame)
+    async def _look(self) -> None:
+        """Send frames; at every few of them pass on what else is new: one waking for both."""
+        self._frames()
+        if time.monotonic() - self._heard >= HEAR:
+            self._heard = time.monotonic()
+            self._hear()
 
-    async def _hear(self) -> None:
+    def _frames(self) -> None:
+        """Send the newest state of each board that somebody watches: number, length, message."""
+        for board in self.boards.values():
+            raw = None if board.state is None else board.state.take()
+            if raw is not None:
+                frame = b"".join(
+                    (board.number.to_bytes(4, "little"), len(raw).to_bytes(4, "little"), raw)
+                )
+                for browser in self.browsers.values():
+                    if board.name in browser.watched:
+                        browser.show(board.number, frame)
+
+    def _hear(self) -> None:
         """Pass on modes, faults and descriptions; let the lease see the time."""
         for board in list(self.boards.values()):
             news = board.hear()
@@ -278,6 +297,7 @@ class Hub:
             self._asked.pop(name, None)
             await asyncio.to_thread(board.close)
             self.log("", f"{name} is gone")
+        self._watch()
         if found != self._known:
             self._known = found
             self.tell_boards()

@@ -36,6 +36,7 @@ class Operating:
     def __init__(self, hub: Hub) -> None:
         self._hub = hub
         self.holds = Holds()
+        self._holding = asyncio.Event()
 
     def start(self, browser: Browser, request: Request) -> None:
         """Run a request; its answer goes to the browser, its line to all."""
@@ -101,15 +102,29 @@ class Operating:
         held = self.holds.get(board.name, joint)
         fresh = held is None or held.kind != kind
         if fresh or held is None:
-            rest = board.torque_reference(joint) if kind == "torque" else 0.0
+            rest = self._torque_reference(board, joint) if kind == "torque" else 0.0
         else:
             rest = held.rest
+        if rest is None:
+            message = f"the torque that holds {joint} is not known yet; hold again"
+            return {"ok": False, "message": message}
         hold = Hold(browser.number, board.name, joint, kind, value, rest, 0.0)
         self.holds.hold(hold, time.monotonic())
+        self._holding.set()
         reply = await doing.send_held(board, kind, joint, value)
         if not reply:
             self.holds.release(board.name, joint)
         return doing.told(reply) | {"quiet": not fresh}
+
+    def _torque_reference(self, board: Board, joint: str) -> float | None:
+        """The torque in force, from the board's own state, or from that of its whole robot."""
+        space = board.name.rpartition("/")[0]
+        for other in (board, *self._hub.boards.values()):
+            if other.name.rpartition("/")[0] == space:
+                torque = other.torque_reference(joint)
+                if torque is not None:
+                    return torque
+        return None
 
     async def let_go(self, holds: list[Hold]) -> None:
         """Give joints what they had before."""
@@ -133,6 +148,9 @@ class Operating:
         """Repeat what is held, and let go of what nobody confirms; in the end of everything."""
         try:
             while True:
+                if not self.holds:
+                    self._holding.clear()
+                    await self._holding.wait()
                 await self.let_go(self.holds.expired(time.monotonic()))
                 for hold in self.holds:
                     board = self._hub.boards.get(hold.board)

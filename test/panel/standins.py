@@ -77,6 +77,7 @@ class StandIn:
         self.faults: dict[str, Any] = {"faults": []}
         self.targets: list[float] = []
         self.heard: list[str] = []
+        self.watched = False
 
     @property
     def calls(self) -> Calls:
@@ -88,6 +89,9 @@ class StandIn:
     def overhear(self) -> list[str]:
         heard, self.heard = self.heard, []
         return heard
+
+    def watch(self, *, on: bool) -> None:
+        self.watched = on
 
     def asking(self) -> None:
         pass

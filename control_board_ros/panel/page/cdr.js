@@ -45,10 +45,18 @@ class Reader {
   }
 }
 
-/** A frame: the number of the board (4 bytes), then the message. */
-export function readFrame(buffer) {
-  const number = new DataView(buffer).getUint32(0, true);
-  const reader = new Reader(buffer, 4);
+/** Frames of boards, one behind the other: number and length (4 bytes each), then the message. */
+export function readFrames(buffer) {
+  const view = new DataView(buffer);
+  const frames = [];
+  for (let at = 0; at < buffer.byteLength; at += 8 + view.getUint32(at + 4, true)) {
+    frames.push({ number: view.getUint32(at, true), state: readState(buffer, at + 8) });
+  }
+  return frames;
+}
+
+function readState(buffer, start) {
+  const reader = new Reader(buffer, start);
   const state = { stamp: reader.int32() + 1e-9 * reader.uint32() };
   reader.string(); // frame_id
   state.names = reader.strings();
@@ -57,5 +65,5 @@ export function readFrame(buffer) {
   state.rejected_commands = reader.counts();
   state.calibrated = reader.bools();
   state.temperature = reader.floats();
-  return { number, state };
+  return state;
 }

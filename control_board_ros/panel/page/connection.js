@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The WebSocket: requests with numbers and their answers, messages, frames; it comes back by itself.
 
-import { readFrame } from "./cdr.js";
+import { readFrames } from "./cdr.js";
 
 const AGAIN = 1000; // ms until the next try
 
@@ -28,7 +28,7 @@ export class Connection extends EventTarget {
       setTimeout(() => this.connect(), AGAIN);
     };
     this.socket.onmessage = ({ data }) => {
-      if (data instanceof ArrayBuffer) this.emit("frame", readFrame(data));
+      if (data instanceof ArrayBuffer) for (const frame of readFrames(data)) this.emit("frame", frame);
       else this.receive(JSON.parse(data));
     };
   }

@@ -39,7 +39,7 @@ class Panel {
     document.addEventListener("keydown", (event) => {
       if (event.key === "Escape") { event.preventDefault(); this.stop(); }
     });
-    connection.on("open", () => this.watch());
+    connection.on("open", () => { this.watched = null; this.watch(); });
     connection.on("log", (entry) => this.log.add(entry));
     connection.on("notice", ({ message }) => toast(message));
     connection.on("error", ({ message }) => toast(message, true));
@@ -103,7 +103,9 @@ class Panel {
   }
 
   watch() {
-    const names = [...model.boards.keys()].filter((name) => this.shownBoards().some((board) => board.name === name));
+    const names = model.sources(this.shownBoards()).map((board) => board.name).sort();
+    if (names.join() === this.watched) return;
+    this.watched = names.join();
     connection.ask("watch", { boards: names });
   }
 

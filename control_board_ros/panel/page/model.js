@@ -22,6 +22,7 @@ class Board {
   constructor(name, number) {
     Object.assign(this, { name, number, joints: [], info: null, stamp: 0, faults: [], heard: 0 });
   }
+  get space() { return this.name.slice(0, this.name.lastIndexOf("/")); }
   get title() { return this.name.replace(/^\//, ""); }
   rename(names) {
     if (names.length === this.joints.length && names.every((n, k) => n === this.joints[k].name)) return false;
@@ -111,14 +112,40 @@ export class Model extends EventTarget {
     const board = [...this.boards.values()].find((b) => b.number === number);
     if (!board) return;
     if (board.rename(state.names)) this.emit("boards");
-    board.stamp = state.stamp;
-    board.heard = performance.now();
-    board.joints.forEach((joint, k) => {
+    const states = state.names.map((_, k) => {
       const one = { motion_done: state.motion_done[k], rejected: state.rejected_commands[k], calibrated: state.calibrated[k] };
       for (const signal of SIGNALS) one[signal] = state[signal][k];
-      joint.state = one;
+      return one;
     });
-    this.emit("state", board);
+    const places = new Map(state.names.map((name, k) => [name, k]));
+    for (const shown of [board, ...this.partsOf(board)]) {
+      shown.stamp = state.stamp;
+      shown.heard = performance.now();
+      for (const joint of shown.joints) joint.state = states[places.get(joint.name)];
+      this.emit("state", shown);
+    }
+  }
+
+  /** The boards that a robot's own board repeats, all of them; none of any other board. */
+  partsOf(whole) {
+    if (whole.joints.length < 2) return [];
+    const names = new Set(whole.joints.map((joint) => joint.name));
+    const parts = [...this.boards.values()].filter((board) => board !== whole && board.space === whole.space
+      && board.joints.length && board.joints.every((joint) => names.has(joint.name)));
+    return parts.reduce((sum, part) => sum + part.joints.length, 0) === names.size ? parts : [];
+  }
+
+  /** The boards to watch in order to see these: a robot's own, where all its parts are among them. */
+  sources(boards) {
+    let left = [...boards];
+    const found = [];
+    for (const whole of this.boards.values()) {
+      const parts = this.partsOf(whole);
+      if (!parts.length || !parts.every((part) => left.includes(part))) continue;
+      found.push(whole);
+      left = left.filter((board) => !parts.includes(board));
+    }
+    return [...found, ...left];
   }
 
   /** Boards that are no sum of others: a robot's own node repeats its parts. */
