@@ -3,11 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 from rclpy.node import Node
 
 from control_board_ros.interface import MODES, Endpoint
 
 from .errors import BoardError, BoardNotFound, BoardTimeout
+
+#: What the graph calls a node whose endpoints were found before its name.
+NOT_KNOWN_YET = "_NODE_NAME_UNKNOWN_"
 
 
 class Discovery:
@@ -30,6 +36,13 @@ class Discovery:
     def is_there(self) -> bool:
         """Whether the board publishes its modes."""
         return bool(self._node.count_publishers(self._modes_topic))
+
+    def listens(self, topic: str) -> bool:
+        """Whether the board, the node that publishes its modes, subscribes to a topic."""
+        return bool(
+            nodes_of(self._node.get_publishers_info_by_topic(self._modes_topic))
+            & nodes_of(self._node.get_subscriptions_info_by_topic(topic))
+        )
 
     def boards(self) -> list[str]:
         """Names of the boards that this host sees, from their ~/modes topics."""
@@ -70,3 +83,12 @@ class Discovery:
             f"no answer from {endpoint.of(self._name)} after {patience:g} s; "
             "is the board stopped, the machine overloaded, or the network down? see its log"
         )
+
+
+def nodes_of(endpoints: Iterable[Any]) -> set[tuple[str, str]]:
+    """The nodes that have these endpoints: namespace and name, of those that are known by now."""
+    return {
+        (endpoint.node_namespace, endpoint.node_name)
+        for endpoint in endpoints
+        if endpoint.node_name != NOT_KNOWN_YET
+    }

@@ -63,7 +63,7 @@ class Link:
         self._node.destroy_publisher(self._node._parameter_event_publisher)
         self._group = ReentrantCallbackGroup()
         self._entities: dict[Endpoint, Any] = {}
-        self._matched: set[Any] = set()
+        self._matched: dict[Any, int] = {}
         self._unsettled = False
         self._lock = threading.Lock()
         self.discovery = Discovery(
@@ -152,18 +152,28 @@ class Link:
             yield from self.call(GET_CONTROL_MODE)
 
     def publish(self, topic: Endpoint, **fields: Any) -> Steps[None]:
-        """Publish on a topic of the board, once it listens: the first message is not lost."""
+        """Publish on a topic of the board, once it listens: the first message is not lost.
+
+        Others may listen, too (a recorder, a panel): the board's own subscription is waited for,
+        and looked for anew whenever the number of subscriptions is another.
+        """
 
         def make(kind: Any, name: str) -> Any:
             return self._node.create_publisher(kind, name, self._fresh(topic))
 
         publisher = self._entity(topic, make)
-        if publisher not in self._matched or not publisher.get_subscription_count():
-            listens = publisher.get_subscription_count
-            if not (yield from self.thread.until(listens, self.find_timeout)):
-                raise self.discovery.not_found()
-            yield self.thread.wait(MATCHING)
-            self._matched.add(publisher)
+        count = publisher.get_subscription_count()
+        if not count or count != self._matched.get(publisher):
+
+            def listens() -> bool:
+                there: bool = publisher.get_subscription_count() > 0
+                return there and self.discovery.listens(publisher.topic_name)
+
+            if publisher not in self._matched or not listens():
+                if not (yield from self.thread.until(listens, self.find_timeout)):
+                    raise self.discovery.not_found()
+                yield self.thread.wait(MATCHING)
+            self._matched[publisher] = publisher.get_subscription_count()
         publisher.publish(publisher.msg_type(**fields))
         self._unsettled = True
 

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is published goes to the board, whoever else listens."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import pytest
+from control_board_msgs.msg import JointModes, PositionCommand
+from rclpy.qos import QoSProfile
+
+from control_board_ros.client import BoardNotFound
+from control_board_ros.client.link import Link
+from control_board_ros.client.waiting import run
+from control_board_ros.interface import POSITION_COMMAND
+from control_board_ros.testing import ros_node
+from control_board_ros.testing.domains import free_domain
+
+pytestmark = pytest.mark.ros
+GUARD = 60.0
+TOPIC = "/board/command/position"
+
+
+class Ear:
+    """Notes down what a node hears on the topic of position commands."""
+
+    def __init__(self, node: Any) -> None:
+        self.heard: list[float] = []
+        self._changed = threading.Condition()
+        node.create_subscription(PositionCommand, TOPIC, self._take, QoSProfile(depth=10))
+
+    def _take(self, message: PositionCommand) -> None:
+        with self._changed:
+            self.heard += message.positions
+            self._changed.notify_all()
+
+    def hears(self, *values: float) -> bool:
+        """Wait until it has heard this, and nothing else."""
+        with self._changed:
+            return self._changed.wait_for(lambda: self.heard == list(values), GUARD)
+
+
+def test_a_command_waits_for_the_board_itself() -> None:
+    """Not for a panel or a recorder, which subscribes to the same topic."""
+    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
+        link = Link(user, "board", find_timeout=0.5, answer_timeout=GUARD)
+        try:
+            with ros_node(domain, "panel") as panel:
+                other = Ear(panel)
+                with pytest.raises(BoardNotFound):
+                    run(link.publish(POSITION_COMMAND, positions=[1.0]))
+                link.find_timeout = GUARD
+                for value in (2.0, 3.0):  # and again of a board that was started anew
+                    with ros_node(domain, "board") as node:
+                        node.create_publisher(JointModes, "~/modes", 1)
+                        own = Ear(node)
+                        run(link.publish(POSITION_COMMAND, positions=[value]))
+                        assert own.hears(value)
+                assert other.hears(2.0, 3.0)
+        finally:
+            link.close()
