@@ -30,26 +30,29 @@ class CalibrationView:
                 self._statuses[name] = CalibrationStatus(name, running=True, phase="waiting")
 
     def on_feedback(self, feedback: Any) -> None:
-        """Take a Calibrate feedback; one that comes after the result says nothing new."""
+        """Take a Calibrate feedback; taken after the result, it tells only who came to the end."""
         with self._lock:
             for name, progress in zip(feedback.names, feedback.progress, strict=True):
-                if not self._statuses[name].running:
-                    continue
-                self._statuses[name] = CalibrationStatus(
-                    name, running=True, progress=progress, phase=feedback.phase
-                )
+                if self._statuses[name].running:
+                    self._statuses[name] = CalibrationStatus(
+                        name, running=True, progress=progress, phase=feedback.phase
+                    )
+                elif progress >= 1.0:
+                    self._statuses[name] = done(name)
 
     def ended(self, names: Sequence[str], success: bool, message: str) -> None:
         """Take a result; of many joints, those that came to the end are done all the same."""
         with self._lock:
             for name in names:
                 status = self._statuses[name]
-                done = success or status.progress >= 1.0
-                self._statuses[name] = replace(
-                    status,
-                    running=False,
-                    done=done,
-                    progress=1.0 if done else status.progress,
-                    phase="done" if done else "failed",
-                    message="" if done else message,
-                )
+                if success or status.progress >= 1.0:
+                    self._statuses[name] = done(name)
+                else:
+                    self._statuses[name] = replace(
+                        status, running=False, phase="failed", message=message
+                    )
+
+
+def done(name: str) -> CalibrationStatus:
+    """The status of a joint that is calibrated."""
+    return CalibrationStatus(name, done=True, progress=1.0, phase="done")

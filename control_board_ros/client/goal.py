@@ -55,6 +55,7 @@ class Goal:
         self._sending: Any = None  # the future of rclpy's handle
         self._result: Any = None  # the future of the result
         self._feedback: deque[Any] = deque(maxlen=FEEDBACK_KEPT)  # that nobody took yet
+        self._heard = 0  # feedback so far
         self._wait: Wait | None = None
 
     def run(
@@ -94,7 +95,7 @@ class Goal:
             yield from self._cancel()
             self._changed()
             raise
-        yield from self._thread.run(lambda: None)  # the thread takes a result before feedback
+        yield from self._take_feedback()
         while self._feedback:
             show(self._feedback.popleft())
         self._changed()
@@ -139,6 +140,17 @@ class Goal:
                 f"{self._link.name} went away during {self._name}; is it still running?"
             )
 
+    def _take_feedback(self) -> Steps[None]:
+        """Let the thread take the feedback of before the result: rclpy takes it later, one by one.
+
+        The thread looks for messages between two tasks.
+        """
+        heard = -1
+        while heard != self._heard:
+            heard = self._heard
+            for _ in range(2):
+                yield from self._thread.run(lambda: None)
+
     def _ask_to_cancel(self) -> None:
         if self._sending is not None and self._sending.done() and self._sending.result().accepted:
             self._thread.later(self._sending.result().cancel_goal_async)
@@ -166,6 +178,7 @@ class Goal:
     def _hear(self, message: Any) -> None:
         self._on_feedback(message.feedback)
         self._feedback.append(message.feedback)
+        self._heard += 1
         self._wake()
 
     def _end(self, future: Any) -> None:

@@ -118,19 +118,22 @@ class Goals:
             selection = yield from self._services.select(joints)
         except RequestError as error:
             return refused(str(error))
-        names, view = selection.names, self._calibrations
+        names, view, services = selection.names, self._calibrations, self._services
         view.started(names)
-        self._services.modes.doubt()
 
         def show(message: Any) -> None:
             if feedback is not None:
                 progress = np.array(message.progress)
                 feedback(CalibrationFeedback(tuple(message.names), progress, message.phase))
 
+        def changed() -> None:
+            services.states.changed()
+            services.modes.doubt()
+
         goal = Goal(
-            self._services.link,
+            services.link,
             CALIBRATE,
-            self._services.states.changed,
+            changed,
             view.on_feedback,
             lambda result: view.ended(names, result.success, result.message),
         )

@@ -198,8 +198,11 @@ class Link:
         yield from self.settle()
         return client
 
-    def subscribe(self, topic: Endpoint, callback: Callable[[Any], None]) -> None:
-        """Hear a topic of the board from now on; the callback runs in the link's thread."""
+    def subscribe(self, topic: Endpoint, callback: Callable[..., None]) -> None:
+        """Hear a topic of the board from now on; the callback runs in the link's thread.
+
+        It is called with the message, and with rclpy's information on it where it takes two.
+        """
 
         def make(kind: Any, name: str) -> Any:
             return self._node.create_subscription(

@@ -104,7 +104,7 @@ class Predictor:
         if along and not all((name, along) in self._limits for name in names):
             yield from self._ask_limits(along, names)
         first = verdicts({})
-        if self._view.certain and all(answer is Answer.ACCEPTED for answer, _ in first):
+        if self._view.certain(names) and all(answer is Answer.ACCEPTED for answer, _ in first):
             return accepted(names)
         yield from self._modes.ask(selection)
         if along:

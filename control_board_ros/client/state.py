@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -15,8 +16,8 @@ from control_board_ros.protocols import Floats
 from .link import Link
 from .waiting import Steps
 
-#: State messages to let pass after a request before one surely shows what it did: the first may
-#: have been taken before.
+#: State messages that must have arrived since a request before the newest surely shows what it
+#: did: the first may have been read before.
 SETTLING = 2
 
 
@@ -84,29 +85,38 @@ def seconds(stamp: Any) -> float:
 
 
 class StateView:
-    """The last state heard, and whether it shows what was asked for before."""
+    """The last state heard, and whether it shows what was asked for before.
+
+    What counts is when a message arrived, not when it was taken: on a busy machine, states of
+    before a request wait in line when its answer is taken.
+    """
 
     def __init__(self, link: Link) -> None:
         self._link = link
         self._message: Any = None
         self._heard = 0  # messages so far
-        self._wanted = 1  # the number of the message that will do
+        self._arrived = (0,) * SETTLING  # the last ones, ns of the system's clock, oldest first
+        self._wanted = 0  # when the oldest of these must have arrived, ns
 
     def changed(self) -> None:
         """A request was made: states from before it do not count any more."""
-        self._wanted = self._heard + SETTLING
+        self._wanted = time.time_ns()
 
     def latest(self, *, fresh: bool = True) -> Steps[State]:
         """The last state; a fresh one shows what was asked for before."""
         link = self._link
-        link.subscribe(STATE, self._on_message)
+        link.subscribe(STATE, self.on_message)
         if fresh or self._message is None:
             yield from link.settle()
-            yield from link.thread.until(lambda: self._heard >= self._wanted, link.answer_timeout)
-        self._wanted = min(self._wanted, self._heard)
+            yield from link.thread.until(self.shown, link.answer_timeout)
+        self._wanted = min(self._wanted, self._arrived[0])
         if self._message is None:
             raise link.discovery.timed_out(STATE)
         return State.of(self._message)
+
+    def shown(self) -> bool:
+        """Whether the last state shows what was asked for before."""
+        return self._message is not None and self._arrived[0] >= self._wanted
 
     def following(self, timeout: float) -> Steps[State | None]:
         """The state after the last one; None when none came within so many s."""
@@ -114,6 +124,8 @@ class StateView:
         came = yield from self._link.thread.until(lambda: self._heard != heard, timeout)
         return State.of(self._message) if came else None
 
-    def _on_message(self, message: Any) -> None:
+    def on_message(self, message: Any, info: dict[str, int]) -> None:
+        """Take a BoardState message; middlewares that do not tell when it arrived say 0."""
         self._message = message
+        self._arrived = (*self._arrived[1:], info["received_timestamp"] or time.time_ns())
         self._heard += 1

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,6 +11,9 @@ import pytest
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, board_process, ros_node
+
+#: s; a guard against what never comes, on the busiest machine: no test is decided by it.
+GUARD = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +33,7 @@ def node(process: BoardProcess) -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def shared(process: BoardProcess, node: Any) -> Iterator[ControlBoardClient]:
     """One client for the module."""
-    with ControlBoardClient(node, process.name, find_timeout=10.0, answer_timeout=5.0) as client:
+    with ControlBoardClient(node, process.name, find_timeout=GUARD, answer_timeout=GUARD) as client:
         yield client
 
 
@@ -39,6 +43,7 @@ def client(shared: ControlBoardClient) -> ControlBoardClient:
     assert shared.pause(False)
     assert shared.clear_injected_faults()
     assert shared.reset()
+    deadline = time.monotonic() + GUARD
     while any(mode.code != "pos" for mode in shared.get_control_mode()):
-        pass  # the next cycle configures it
+        assert time.monotonic() < deadline, shared.get_faults()  # a cycle configures it
     return shared

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of the client that need no ROS: waiting, what it knows of modes and calibrations."""
+"""The parts of the client that need no board: waiting, what it knows of modes and calibrations."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from control_board_msgs.msg import BoardState
 
 from control_board_ros.client.calibrations import CalibrationView
 from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTimeout
+from control_board_ros.client.link import Link
 from control_board_ros.client.modes import mode_texts
 from control_board_ros.client.modes_view import ANSWER_HOLDS, ModesView
 from control_board_ros.client.operations import Aio, operation
 from control_board_ros.client.prediction import KnownJoint, predict
 from control_board_ros.client.services import reply_of
+from control_board_ros.client.state import StateView
 from control_board_ros.client.values import as_given
 from control_board_ros.client.waiting import Steps, Wait, run
 from control_board_ros.core.config import JointConfig
@@ -170,25 +173,87 @@ def test_an_answer_outweighs_an_older_message() -> None:
     assert view.control_mode("a") is ControlMode.HW_FAULT
 
 
-def test_an_answer_does_not_hold_for_ever() -> None:
-    """Messages win in the end."""
-    view = ModesView()
-    view.on_message(modes_message(a="idl"))
-    view.on_answer(["a"], ["vel"])
-    time.sleep(ANSWER_HOLDS + 0.01)
+def test_what_answer_and_message_disagree_on_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Either may be the older one when the answer's time is over; the next answer tells."""
+    view, now = ModesView(), at_time(monkeypatch)
+    view.on_message(modes_message(a="idl", b="idl"))
+    view.on_answer(["a", "b"], ["vel", "idl"])
+    assert view.certain(["a", "b"])
+    now[0] += ANSWER_HOLDS
+    assert not view.certain(["a", "b"])
+    assert view.certain(["b"])
+    view.on_answer(["a"], ["vel"])  # the message is on its way still
+    assert view.certain(["a"])
+    assert view.control_mode("a") is ControlMode.VELOCITY
+    now[0] += ANSWER_HOLDS
+    view.on_answer(["a"], ["idl"])  # it was of after the answer
+    assert view.certain(["a"])
     assert view.control_mode("a") is ControlMode.IDLE
 
 
-def test_doubt_passes() -> None:
-    """After what may change all modes the board is to be asked, for a while."""
-    view = ModesView()
-    view.on_message(modes_message(a="idl"))
+def test_doubt_ends_with_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After what may change all modes the board is asked: for a while, and once afterwards."""
+    view, now = ModesView(), at_time(monkeypatch)
+    view.on_message(modes_message(a="idl", b="idl"))
     view.on_answer(["a"], ["vel"])
     view.doubt()
-    assert not view.certain
     assert view.control_mode("a") is ControlMode.IDLE
-    time.sleep(ANSWER_HOLDS + 0.01)
-    assert view.certain
+    view.on_answer(["a"], ["cfgn"])
+    assert not view.certain(["a"])  # that may pass
+    now[0] += ANSWER_HOLDS
+    assert not view.certain(["a"])
+    view.on_answer(["a"], ["idl"])
+    assert view.certain(["a"])
+    assert not view.certain(["a", "b"])
+
+
+def at_time(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time that the view of modes reads, s: the one entry of this list."""
+    now = [100.0]
+    clock = SimpleNamespace(monotonic=lambda: now[0])
+    monkeypatch.setattr("control_board_ros.client.modes_view.time", clock)
+    return now
+
+
+class NoLink:
+    """A connection over which nothing comes, and time does not pass."""
+
+    answer_timeout = 1.0
+
+    def __init__(self) -> None:
+        self.thread = self
+        self.asked: list[bool] = []
+
+    def subscribe(self, *_: object) -> None:
+        """What is heard, the test tells."""
+
+    def settle(self) -> Steps[None]:
+        yield from ()
+
+    def until(self, condition: Any, _: float) -> Steps[bool]:
+        """Note whether the condition held at once."""
+        self.asked.append(condition())
+        yield from ()
+        return self.asked[-1]
+
+
+def test_states_that_waited_in_line_are_no_fresh_ones() -> None:
+    """On a busy machine, states of before a request are taken after its answer."""
+    link = NoLink()
+    states = StateView(cast(Link, link))
+    early = time.time_ns()
+    states.on_message(BoardState(), {"received_timestamp": early})
+    assert run(states.latest()) is not None
+    states.changed()
+    for _ in range(5):
+        states.on_message(BoardState(), {"received_timestamp": early})
+    assert not states.shown()
+    states.on_message(BoardState(), {"received_timestamp": time.time_ns()})
+    assert not states.shown()  # it may have been read before
+    states.on_message(BoardState(), {"received_timestamp": 0})  # of now, for all that is known
+    assert states.shown()
+    run(states.latest())
+    assert link.asked == [True, True]
 
 
 def test_other_joints_on_another_board() -> None:
@@ -308,6 +373,10 @@ def test_calibrations() -> None:
     assert view.status("b").message == "b is not calibrated: no stop"
     view.on_feedback(feedback)
     assert not view.status("b").running
+    assert not view.status("b").done
+    view.on_feedback(SimpleNamespace(names=["a", "b"], progress=[1.0, 1.0], phase=""))
+    assert view.status("b").done  # it waited in line when the result was taken
+    assert view.status("b").message == ""
 
 
 def test_one_kind_of_error() -> None:
