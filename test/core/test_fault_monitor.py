@@ -82,6 +82,22 @@ def test_a_reading_without_a_cause_is_healthy() -> None:
     assert rig.board.monitor.monitor.step()
 
 
+@pytest.mark.parametrize(
+    ("position", "mode"), [(1.0, M.IDLE), (3.0, M.IDLE), (0.8, M.HW_FAULT), (3.2, M.HW_FAULT)]
+)
+def test_hard_limits_need_not_lie_about_zero(position: float, mode: ControlMode) -> None:
+    """F1: up to hard_margin beyond either."""
+    limits = {"lower": 1.2, "upper": 2.8, "hard_lower": 1.0, "hard_upper": 3.0}
+    config = board_config(joint("left", limits=limits | {"hard_margin": 0.1}))
+    plant = Held(config)
+    plant.values[Row.POSITION] = position
+    rig = ready(config, plant)
+    rig.tick(10)
+    assert rig.modes() == [mode]
+    if mode is M.HW_FAULT:
+        assert rig.board.get_faults("left")[0].code == FaultCode.HARD_LIMIT
+
+
 # Heat (F6) -----------------------------------------------------------------------------------
 
 HEATED = {"nominal_current": 5.0, "peak_current": 10.0, "overload_time": 1.0}

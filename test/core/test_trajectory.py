@@ -15,6 +15,7 @@ from control_board_ros.core.trajectory import (
     NO_OVERSHOOT,
     PEAK,
     PEAK_ACCELERATION,
+    _fits,
     duration,
     durations,
     durations_within,
@@ -150,6 +151,47 @@ def test_a_move_of_given_duration_goes_on_or_brakes() -> None:
         assert brake >= shortest
     time, brake = durations_within(-1.0, 2.0, 1.0, *limits)
     assert shortest < brake <= 1.2 * shortest  # the move turns in the same direction meanwhile
+
+
+@pytest.mark.parametrize(
+    ("distance", "time", "velocity", "brake"),
+    [
+        (1.0, 2.0, 0.0, 0.0),
+        (-1.0, 2.0, -0.9, 0.0),
+        (1.0, 1.3, 1.5, 0.0),
+        (1.0, 2.0, 0.2, 0.0),
+        (1.0, 2.0, 0.5, 0.5),
+        (-1.0, 1.0, 0.6, 0.3),
+        (0.25, 5.0, 1.0, 0.5),  # all of the way is that of braking
+    ],
+)
+def test_what_fits_is_within_both_limits(
+    distance: float, time: float, velocity: float, brake: float
+) -> None:
+    """P1: speed and acceleration of the whole curve, as its ends determine it."""
+    t = np.linspace(0.0, max(time, brake), 2001)
+    going_on = 0.0 if brake else velocity
+    powers = np.arange(6)
+    slopes, bends = powers[1:], powers[2:] * powers[1:-1]
+    ends = np.zeros((6, 6))
+    ends[0, 0] = ends[1, 1] = ends[2, 2] = 1.0  # position, velocity, ½ acceleration at the start
+    ends[3] = time**powers
+    ends[4, 1:] = slopes * time ** powers[:-1]
+    ends[5, 2:] = bends * time ** powers[:-2]
+    way = distance - 0.5 * velocity * brake
+    quintic = np.polynomial.Polynomial(np.linalg.solve(ends, [0.0, going_on, 0.0, way, 0.0, 0.0]))
+    speed = np.where(t < time, quintic.deriv()(t), 0.0)
+    acceleration = np.where(t < time, quintic.deriv(2)(t), 0.0)
+    if brake:
+        u = np.minimum(t / brake, 1.0)
+        speed += velocity * (1.0 - 3.0 * u**2 + 2.0 * u**3)
+        acceleration += velocity * (6.0 * u**2 - 6.0 * u) / brake
+    fastest, hardest = np.abs(speed).max(), np.abs(acceleration).max()
+    move = distance, time, velocity, brake
+    assert _fits(*move, 1.001 * fastest, 1.001 * hardest)
+    assert not _fits(*move, 1.001 * fastest, 0.99 * hardest)
+    if fastest > 1.01 * abs(velocity):  # its own speed is allowed to it
+        assert not _fits(*move, 0.99 * fastest, 1.001 * hardest)
 
 
 def test_a_move_of_no_distance_ends_in_one_cycle() -> None:
