@@ -8,12 +8,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from talk import TIMEOUT, patient
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, board_process, ros_node
-
-#: s; a guard against what never comes, on the busiest machine: no test is decided by it.
-GUARD = 60.0
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +31,7 @@ def node(process: BoardProcess) -> Iterator[Any]:
 @pytest.fixture(scope="module")
 def shared(process: BoardProcess, node: Any) -> Iterator[ControlBoardClient]:
     """One client for the module."""
-    with ControlBoardClient(node, process.name, find_timeout=GUARD, answer_timeout=GUARD) as client:
+    with patient(node, process.name) as client:
         yield client
 
 
@@ -43,7 +41,7 @@ def client(shared: ControlBoardClient) -> ControlBoardClient:
     assert shared.pause(False)
     assert shared.clear_injected_faults()
     assert shared.reset()
-    deadline = time.monotonic() + GUARD
+    deadline = time.monotonic() + TIMEOUT
     while any(mode.code != "pos" for mode in shared.get_control_mode()):
         assert time.monotonic() < deadline, shared.get_faults()  # a cycle configures it
     return shared

@@ -4,15 +4,18 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import os
 import signal
 import threading
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from talk import TIMEOUT, patient
 
 from control_board_ros import protocols
 from control_board_ros.client import BoardNotFound, BoardTimeout, ControlBoardClient
@@ -271,7 +274,7 @@ def test_measured_state(client: ControlBoardClient) -> None:
     assert client.get_encoder_speed().shape == (7,)
     assert abs(client.get_torque(1)[0]) > 1.0  # the arm leans forward
     assert client.position_move(6, 0.2, 1.0)
-    reached = client.wait_for_state(lambda s: abs(s.position[6] - 0.2) < 0.01, 5.0)
+    reached = client.wait_for_state(lambda s: abs(s.position[6] - 0.2) < 0.01, TIMEOUT)
     assert reached.position[6] == pytest.approx(0.2, abs=0.01)
     with pytest.raises(BoardTimeout, match=r"after 0\.2 s"):
         client.wait_for_state(lambda s: bool(s.position[6] > 9.0), 0.2)
@@ -288,7 +291,7 @@ def test_move_waits_and_tells(client: ControlBoardClient) -> None:
     assert client.get_encoder([0, 1]) == pytest.approx([0.5, 0.7], abs=math.radians(1.0))
     assert {thread for thread, _ in told} == {caller}
     remaining = [f.remaining_time for _, f in told]
-    assert remaining[0] > 0.5
+    assert remaining[0] > 0.0
     assert remaining == sorted(remaining, reverse=True)
     assert told[0][1].names == NAMES[:2]
 
@@ -317,15 +320,15 @@ def test_an_interrupted_move_stops_the_joints(client: ControlBoardClient) -> Non
     interruptions = iter([threading.Timer(0.05, signal.raise_signal, [signal.SIGINT])])
 
     def interrupt(feedback: Any) -> None:
-        if feedback.positions[0] > 0.02:
+        if feedback.positions[0] > 0.005:
             for timer in interruptions:  # once
                 timer.start()
 
     with pytest.raises(KeyboardInterrupt):
-        client.move(0, 1.5, 0.3, interrupt)
+        client.move(0, 1.5, 0.1, interrupt)
     assert client.check_motion_done(0) == [True]
     position = client.get_encoder(0)[0]
-    assert 0.01 < position < 1.4
+    assert 0.004 < position < 1.4
     assert client.get_target_position(0) == pytest.approx([1.5])
 
 
@@ -335,7 +338,7 @@ def test_calibrate(client: ControlBoardClient) -> None:
     reply = client.calibrate([0, 1], feedback=told.append)
     assert reply, reply.message
     assert told[-1].names == NAMES[:2]
-    assert told[-1].progress.min() > 0.9  # the last feedback may come after the result
+    assert told[-1].progress.tolist() == [1.0, 1.0]
     assert all(status.done for status in client.get_calibration([0, 1]))
     assert not client.get_calibration(2)[0].done
     assert client.calibrate(2, wait=False)
@@ -390,7 +393,7 @@ def test_answers_that_come_at_once_are_not_lost(client: ControlBoardClient) -> N
 def test_faults_of_the_hardware(client: ControlBoardClient) -> None:
     """F1 to F3: injected, latched, refused while the cause persists."""
     assert client.inject_fault(3, "encoder", persistent=True)
-    client.wait_for_state(lambda s: not s.output[3], 2.0)
+    client.wait_for_state(lambda s: not s.output[3], TIMEOUT)
     assert client.get_control_mode(3) == [M.HW_FAULT]
     reply = client.set_control_mode(3, "fidl")
     assert reply.answers == (Answer.REFUSED,)
@@ -454,8 +457,10 @@ def test_no_board_of_this_name(process: BoardProcess, node: Any) -> None:
 
 def test_a_board_that_does_not_answer(process: BoardProcess, node: Any) -> None:
     """Found, but silent: BoardTimeout after the answer timeout, and fine again later."""
-    with ControlBoardClient(node, process.name, answer_timeout=0.5) as client:
-        assert client.get_control_mode(0)
+    with ControlBoardClient(
+        node, process.name, find_timeout=TIMEOUT, answer_timeout=0.5
+    ) as client:
+        answered(lambda: client.get_control_mode(0))
         process.process.send_signal(signal.SIGSTOP)
         os.waitid(os.P_PID, process.process.pid, os.WSTOPPED)
         try:
@@ -465,15 +470,24 @@ def test_a_board_that_does_not_answer(process: BoardProcess, node: Any) -> None:
             assert time.monotonic() - start > 0.45
         finally:
             process.process.send_signal(signal.SIGCONT)
-        client.wait_for_state(lambda _: True, 5.0)
-        assert client.get_control_mode(0)
+        answered(lambda: client.get_control_mode(0))
+
+
+def answered(ask: Callable[[], Any]) -> None:
+    """Ask until there is an answer in time: half a second is short on a busy machine."""
+    deadline = time.monotonic() + TIMEOUT
+    while True:
+        with contextlib.suppress(BoardTimeout):
+            assert ask()
+            return
+        assert time.monotonic() < deadline, "no answer in time"
 
 
 @pytest.mark.slow
 def test_a_hundred_clients_at_once(process: BoardProcess) -> None:
     """100 calls in flight lose none."""
     with ros_node(process.domain, "many", spin=False) as node:
-        clients = [ControlBoardClient(node, process.name, answer_timeout=20.0) for _ in range(10)]
+        clients = [patient(node, process.name) for _ in range(10)]
         answers: list[Any] = []
         lock = threading.Lock()
 

@@ -6,20 +6,17 @@ from __future__ import annotations
 import asyncio
 import threading
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import pytest
 from rclpy.executors import SingleThreadedExecutor
+from talk import TIMEOUT, patient
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.vocabs import ControlMode as M
 from control_board_ros.testing import BoardProcess, board_process, free_domain, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
-
-#: A client that waits long enough on the busiest machine.
-patient = partial(ControlBoardClient, find_timeout=60.0, answer_timeout=60.0)
 
 
 @pytest.fixture
@@ -47,7 +44,7 @@ def test_within_a_callback(process: BoardProcess, spinning: Any) -> None:
             done.set()
 
         timer = spinning.create_timer(0.01, once)
-        assert done.wait(10.0)
+        assert done.wait(TIMEOUT)
         spinning.destroy_timer(timer)
     assert answers == [[M.POSITION]]
 
@@ -65,7 +62,7 @@ def test_in_a_coroutine_of_rclpy(process: BoardProcess, spinning: Any) -> None:
             done.set()
 
         spinning.executor.create_task(ask)
-        assert done.wait(15.0)
+        assert done.wait(TIMEOUT)
         assert answers[0] == [M.POSITION]
         assert answers[1], answers[1].message
         assert answers[2] == [True]
@@ -89,7 +86,7 @@ def test_in_asyncio(process: BoardProcess, node: Any) -> None:
         while not move.done():
             await asyncio.sleep(0.01)
             ticks += 1
-        assert ticks > 10  # the loop was free
+        assert ticks > 2  # the loop was free
         assert move.result()
 
     with patient(node, process.name) as client:
@@ -145,12 +142,14 @@ def test_a_board_that_comes_back() -> None:
     with (
         free_domain() as domain,
         ros_node(domain, "long", spin=False) as node,
-        ControlBoardClient(node, "control_board") as client,
+        ControlBoardClient(
+            node, "control_board", find_timeout=10.0, answer_timeout=TIMEOUT
+        ) as client,
     ):
         for limit in (0.5, 1.0):
             parameters = {"joint_defaults.limits.velocity": limit}
             with board_process(parameters, domain=domain):
-                client.wait_until_found(20.0)
+                client.wait_until_found(TIMEOUT)
                 assert bool(client.position_move(0, 0.1, 0.8)) == (limit > 0.8)
                 assert client.set_control_mode(0, "vel")
                 assert client.velocity_move(0, 0.01)

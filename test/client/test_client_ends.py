@@ -8,12 +8,12 @@ import subprocess
 import sys
 import threading
 import time
-from functools import partial
 from typing import Any
 
 import pytest
 from control_board_msgs.msg import JointModes
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from talk import TIMEOUT, patient
 
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.vocabs import ControlMode as M
@@ -21,9 +21,6 @@ from control_board_ros.core.vocabs import InteractionMode
 from control_board_ros.testing import BoardProcess, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
-
-#: A client that waits long enough on the busiest machine.
-patient = partial(ControlBoardClient, find_timeout=60.0, answer_timeout=60.0)
 
 
 def test_a_closed_client_says_so(process: BoardProcess, node: Any) -> None:
@@ -34,7 +31,7 @@ def test_a_closed_client_says_so(process: BoardProcess, node: Any) -> None:
 
     def wait() -> None:
         try:
-            client.wait_for_state(lambda _: False, 30.0)
+            client.wait_for_state(lambda _: False, TIMEOUT)
         except BoardError as error:
             ended.append(str(error))
 
@@ -42,7 +39,7 @@ def test_a_closed_client_says_so(process: BoardProcess, node: Any) -> None:
     thread.start()
     time.sleep(0.3)
     client.close()
-    thread.join(timeout=5.0)
+    thread.join()
     assert ended == ["the client was closed"]
     with pytest.raises(BoardError, match="closed"):
         client.get_control_mode()
@@ -56,7 +53,7 @@ def test_a_context_that_is_shut_down(process: BoardProcess) -> None:
         assert client.names
         threading.Timer(0.3, node.context.shutdown).start()
         with pytest.raises(BoardError, match="context was shut down"):
-            client.wait_for_state(lambda _: False, 10.0)
+            client.wait_for_state(lambda _: False, TIMEOUT)
         client.close()
 
 
@@ -65,7 +62,7 @@ import rclpy
 from control_board_ros.client import ControlBoardClient
 rclpy.init()
 node = rclpy.create_node("program")
-client = ControlBoardClient(node, "control_board")
+client = ControlBoardClient(node, "control_board", find_timeout=60.0, answer_timeout=60.0)
 print(client.get_control_mode(0)[0].name)
 if {shut_down}:
     rclpy.shutdown()
@@ -80,7 +77,7 @@ def test_a_program_just_ends(process: BoardProcess, shut_down: bool) -> None:
         env=process.environment,
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=TIMEOUT,
         check=False,
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "POSITION\n", "")
@@ -90,7 +87,8 @@ MOVING = """
 import rclpy
 from control_board_ros.client import ControlBoardClient
 rclpy.init()
-client = ControlBoardClient(rclpy.create_node("program"), "control_board")
+node = rclpy.create_node("program")
+client = ControlBoardClient(node, "control_board", find_timeout=60.0, answer_timeout=60.0)
 client.move(0, 1.5, 0.1, lambda feedback: print("moving", flush=True))
 """
 
@@ -113,7 +111,7 @@ def test_ctrl_c_where_rclpy_handles_signals(process: BoardProcess, node: Any) ->
         _, errors = program.communicate()
         assert errors.splitlines()[-1] == "KeyboardInterrupt"
         assert "BoardError" not in errors
-        assert client.check_motion_done(0) == [True]
+        client.wait_for_state(lambda state: bool(state.motion_done[0]), TIMEOUT)
         assert client.get_encoder(0)[0] < 1.4
         assert client.get_target_position(0) == pytest.approx([1.5])
 

@@ -7,6 +7,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,14 @@ from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 
+from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, ros_node
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-STREAM = QoSProfile(depth=100)
+STREAM = QoSProfile(depth=1000)  # ten seconds of states, for a talker that is held up
 TIMEOUT = 120.0  # s; a guard against what never comes, on the busiest machine
+#: A client that waits as long.
+patient = partial(ControlBoardClient, find_timeout=TIMEOUT, answer_timeout=TIMEOUT)
 
 
 class Talker:
@@ -57,16 +61,19 @@ class Talker:
         timeout: float = TIMEOUT,
         *,
         fresh: bool = False,
+        after: int | None = None,
     ) -> Any:
         """The newest message that is good; with ``fresh``, one that tells of now or later.
 
         On a busy machine, messages of the last second may still be on their way when a service
         has answered. So a fresh one was sent from now on; and the first of those is left out, for
-        what it tells may have been read before.
+        what it tells may have been read before. With ``after`` (ns, of the system's clock) the
+        same from then on: for what may have come and gone when this is called.
         """
-        asked = time.time_ns()
+        fresh = fresh or after is not None
+        asked = time.time_ns() if after is None else after
         with self._changed:
-            start = len(self.seen[key]) if fresh else max(0, len(self.seen[key]) - 1)
+            start = 0 if fresh else max(0, len(self.seen[key]) - 1)
             deadline = time.monotonic() + timeout
             while True:
                 sent = self._sent[key]
@@ -85,12 +92,12 @@ class Talker:
         return self.wait("state", good, fresh=True, **rest)
 
     def until_state(self, send: Callable[[], None], good: Callable[[Any], bool]) -> None:
-        """Send until the state is good: the first best-effort messages may be lost."""
-        deadline = time.monotonic() + TIMEOUT
+        """Send until a state since then is good: the first best-effort messages may be lost."""
+        deadline, begun = time.monotonic() + TIMEOUT, time.time_ns()
         while True:
             send()
             try:
-                self.state(good, timeout=0.1)
+                self.state(good, timeout=0.1, after=begun)
                 return
             except AssertionError:
                 if time.monotonic() > deadline:
@@ -142,6 +149,14 @@ class Talker:
                 time.sleep(0.01)
         self._publishers[key].publish(message)
 
+    def settle(self) -> None:
+        """Let the board take what was published before.
+
+        Of what arrives together it may serve a request first; the next one comes after.
+        """
+        self.modes()
+        self.modes()
+
     def goal(self, name: str, kind: Any, feedback: list[Any] | None = None, **goal: Any) -> Any:
         """Send a goal to the action ``~/name``; returns the accepted goal's handle."""
         client = ActionClient(self.node, kind, f"{self.board}/{name}")
@@ -152,6 +167,10 @@ class Talker:
         )
         assert handle.accepted
         return handle
+
+    def result(self, handle: Any) -> Any:
+        """The status and the result of a goal, when it has ended."""
+        return self.answer(self.within(handle.get_result_async))
 
     def within(self, function: Callable[[], Any]) -> Any:
         """What a function gives in the thread that takes answers: so none comes too early."""
