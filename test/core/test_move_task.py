@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import Rig, board_config, joint
+from rig import Rig, with_a_slide
 
 from control_board_ros.core.arrival import Outcome
 from control_board_ros.core.move_task import MoveTask
@@ -18,12 +18,7 @@ from control_board_ros.core.reply import Answer, Reply
 
 @pytest.fixture
 def rig() -> Rig:
-    """Three joints in POSITION; c slides."""
-    made = Rig(board_config(joint("a"), joint("b"), joint("c", kind="prismatic")))
-    made.tick(2)
-    assert made.board.set_control_mode(None, "pos")
-    made.tick()
-    return made
+    return with_a_slide()
 
 
 def outcome(rig: Rig, move: MoveTask, seconds: float = 8.0) -> Outcome:

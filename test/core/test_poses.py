@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import Rig, board_config, joint
+from rig import Rig, with_a_slide
 
 from control_board_ros.core.arrival import Outcome
 from control_board_ros.core.pose import Pose
@@ -19,12 +19,7 @@ READY = Pose("ready", ("a", "b", "c"), (0.5, -1.0, 0.01), 0.4)
 
 @pytest.fixture
 def rig() -> Rig:
-    """Three joints in POSITION; c slides."""
-    made = Rig(board_config(joint("a"), joint("b"), joint("c", kind="prismatic")))
-    made.tick(2)
-    assert made.board.set_control_mode(None, "pos")
-    made.tick()
-    return made
+    return with_a_slide()
 
 
 def arrivals(rig: Rig, task: PoseTask) -> tuple[Outcome, np.ndarray]:

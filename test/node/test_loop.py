@@ -10,59 +10,33 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from rig import board_config, joint, simulation_config
 from talk import TIMEOUT
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import (
-    BoardConfig,
-    Impedance,
-    JointConfig,
-    Limits,
-    Pid,
-)
+from control_board_ros.core.config import BoardConfig
 from control_board_ros.core.measurement import Actuation, Measurement
+from control_board_ros.core.vocabs import ControlMode
 from control_board_ros.node import pacing
 from control_board_ros.node.fair_lock import FairLock
 from control_board_ros.node.loop import ControlLoop
 from control_board_ros.node.pacing import MAX_LAG, Pacer
 from control_board_ros.node.state_thread import StateThread
-from control_board_ros.sim.config import JointSimulation, SimulationConfig
 from control_board_ros.sim.errors import PlantGone
 from control_board_ros.sim.plant import SimulatedPlant
 
 
-def config(names: tuple[str, ...] = ("a", "b"), rate: float = 1000.0) -> BoardConfig:
-    limits = Limits(
-        lower=-2.0,
-        upper=2.0,
-        hard_lower=-2.5,
-        hard_upper=2.5,
-        velocity=5.0,
-        acceleration=50.0,
-        torque=50.0,
-        nominal_current=5.0,
-        peak_current=20.0,
-    )
-    impedance = Impedance(stiffness=50.0, damping=5.0, max_stiffness=500.0, max_damping=50.0)
-    joints = tuple(
-        JointConfig(
-            name=name,
-            limits=limits,
-            position_pid=Pid(kp=100.0, kd=20.0),
-            torque_pid=Pid(kp=0.5, kff=1.0),
-            impedance=impedance,
-        )
-        for name in names
-    )
-    return BoardConfig(joints=joints, control_rate=rate)
+def config() -> BoardConfig:
+    """Two joints that are in POSITION from the first cycle on, at 1 kHz."""
+    joints = (joint(name, startup_mode=ControlMode.POSITION) for name in ("a", "b"))
+    return board_config(*joints, control_rate=1000.0)
 
 
 class Plant:
     """An ideal plant that can be slow or fail in chosen cycles."""
 
     def __init__(self, board: BoardConfig) -> None:
-        joints = tuple(JointSimulation(name=name) for name in board.names)
-        self.simulated = SimulatedPlant(board, SimulationConfig(joints=joints))
+        self.simulated = SimulatedPlant(board, simulation_config(board))
         self.slow: dict[int, float] = {}
         self.fails: dict[int, Exception] = {}
         self.cycle = 0
@@ -137,7 +111,7 @@ def test_a_slow_cycle_is_caught_up_and_counted(rig: Rig) -> None:
     rig.run_to(300)
     found = rig.loop.statistics()
     assert time.monotonic() - begun > 0.29
-    assert found.overruns >= 20
+    assert found.overruns + found.skipped >= 20
     assert found.worst >= 0.025
 
 
@@ -327,7 +301,10 @@ def test_late_cycles_carry_stamps_that_fit(rig: Rig) -> None:
 def test_a_change_of_pace_never_turns_the_time(rig: Rig, factors: tuple[float, ...]) -> None:
     """Stamps go on from where they are, with simulated time, and are the system's no more."""
     stamps: list[int] = []
+    times: list[float] = []
     rig.loop.hooks.append(lambda _board, _time: stamps.append(rig.loop.snapshots.now()))
+    rig.loop.hooks.append(lambda _board, time: times.append(time))
+    begun = time.monotonic()
     rig.loop.start()
     rig.run_to(50)
     assert abs(stamps[-1] - time.time_ns()) < 10e9
@@ -338,7 +315,8 @@ def test_a_change_of_pace_never_turns_the_time(rig: Rig, factors: tuple[float, .
     rig.run_to(rig.board.cycle + 50)
     rig.loop.stop()
     assert all(b >= a for a, b in itertools.pairwise(stamps))
-    assert stamps[-1] - stamps[0] < 60e9
+    passed = times[-1] - times[0] + time.monotonic() - begun
+    assert 1e-9 * (stamps[-1] - stamps[0]) < passed + 1.0
     assert rig.loop.time_base.offset == offset
 
 
@@ -441,16 +419,17 @@ def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     rig.loop.start()
     rig.run_to(20)
     told.message(Time())
-    rig.plant.slow = {rig.plant.cycle + 50: 0.05}
+    with rig.loop.exclusive():
+        rig.plant.slow = {rig.plant.cycle + 50: 0.05}
     rig.run_to(rig.board.cycle + 150)
     status = told.message(Time()).status[0]
     assert status.name == "control_board: loop"
     assert status.level == DiagnosticStatus.WARN
     assert "overruns" in status.message
-    deadline = time.monotonic() + TIMEOUT
-    while told.message(Time()).status[0].level != DiagnosticStatus.OK:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    rig.loop.pause(True)  # on a busy machine, there are overruns in every second
+    told.message(Time())
+    assert told.message(Time()).status[0].level == DiagnosticStatus.OK
+    rig.loop.pause(False)
     with rig.loop.exclusive() as board:
         board.velocity_move("a", 1.0)  # in POSITION: rejected
     rig.run_to(rig.board.cycle + 50)

@@ -180,6 +180,15 @@ def ready(config: BoardConfig | None = None, plant: Any = None, **per_joint: Any
     return rig
 
 
+def with_a_slide() -> Rig:
+    """Three joints in POSITION; c slides."""
+    made = Rig(board_config(joint("a"), joint("b"), joint("c", kind="prismatic")))
+    made.tick(2)
+    assert made.board.set_control_mode(None, "pos")
+    made.tick()
+    return made
+
+
 def held(*joints: JointConfig, **changes: Any) -> Rig:
     """A configured rig whose plant stands still; nothing checks that the motor agrees, and its
     winding has no inductance for the drive to be ahead of.
