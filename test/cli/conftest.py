@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from cbctl_process import Asker, Cbctl
+from cbctl_process import Asker, Cbctl, until
 
 from control_board_ros.testing import BoardProcess, board_process, child_environment, free_domain
 
@@ -32,8 +32,7 @@ def ask(cbctl: Cbctl) -> Asker:
     ask = Asker(cbctl)
     for words in (["resume"], ["inject", "--clear"], ["reset"]):
         assert ask(*words)["success"] is True
-    while any(row["control_mode"] != "pos" for row in ask("modes").values()):
-        pass  # the next cycle configures it
+    until(lambda: {row["control_mode"] for row in ask("modes").values()} == {"pos"})
     return ask
 
 

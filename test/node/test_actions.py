@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import itertools
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +35,7 @@ def params() -> dict[str, Any]:
 
 
 def result(talker: Talker, handle: Any) -> tuple[int, Any]:
-    answer = talker.answer(talker.within(handle.get_result_async))
+    answer = talker.result(handle)
     return answer.status, answer.result
 
 
@@ -70,7 +69,7 @@ def test_cancelling_a_move_stops_the_joints(talker: Talker) -> None:
     """A cancelled move holds the joints where they are."""
     name = talker.names[3]
     start = talker.state().position[3]
-    goal = {"names": [name], "positions": [start + 1.0], "speeds": [0.3]}
+    goal = {"names": [name], "positions": [start + 1.0], "speeds": [0.1]}
     handle = talker.goal("move", Move, **goal)
     talker.state(lambda s: s.position[3] > start + 0.02)
     assert talker.answer(talker.within(handle.cancel_goal_async)).goals_canceling
@@ -86,7 +85,7 @@ def test_move_fails_when_a_joint_leaves_its_mode(talker: Talker) -> None:
     """A joint that faults during a move ends it with the reason; the others stop."""
     names = talker.names[5:7]
     start = talker.state().position[5]
-    goal = {"names": names, "positions": [start + 1.0, 1.0], "speeds": [0.3, 0.3]}
+    goal = {"names": names, "positions": [start + 1.0, 1.0], "speeds": [0.1, 0.1]}
     handle = talker.goal("move", Move, **goal)
     talker.state(lambda s: s.position[5] > start + 0.02)
     assert talker.call("inject_fault", srv.InjectFault, names=names[1:], fault="external").success
@@ -131,15 +130,15 @@ def test_go_to_pose_ends_there_with_feedback(talker: Talker) -> None:
     assert (status, answer.success) == (GoalStatus.STATUS_SUCCEEDED, True)
     assert list(talker.state().position) == pytest.approx([0.0] * 7, abs=0.02)
     assert list(feedback[0].names) == talker.names
-    assert feedback[0].remaining[1] < -0.4  # from 0.5
+    assert -0.51 < feedback[0].remaining[1] < 0.0
+    until(lambda: abs(feedback[-1].remaining[1]) < 0.02)  # it may come after the result
     left = [abs(one.remaining[1]) for one in feedback]
     assert left == sorted(left, reverse=True)
-    assert left[-1] < 0.02
 
 
 def test_cancelling_a_pose_stops_the_joints(talker: Talker) -> None:
     """R5: as a move."""
-    handle = talker.goal("go_to_pose", GoToPose, pose="park", speed=0.3)
+    handle = talker.goal("go_to_pose", GoToPose, pose="park", speed=0.1)
     talker.state(lambda s: s.position[1] < 0.48)
     assert talker.answer(talker.within(handle.cancel_goal_async)).goals_canceling
     status, answer = result(talker, handle)
@@ -305,10 +304,12 @@ def test_trajectory_is_followed(talker: Talker) -> None:
     talker.state(lambda s: s.position_reference[5:7] == pytest.approx(points[-1].positions))
     states = talker.seen["state"][first:]
     moving = [s for s in states if start[1] + 1e-6 < s.position_reference[6] < 0.1 - 1e-6]
-    rising = [s for s in moving if s.position_reference[5] < start[0] + 0.19][10:]  # at speed
+    begun = stamp_of(moving[0]) + 0.1  # at speed from then on
+    rising = [s for s in moving if s.position_reference[5] < start[0] + 0.19]
+    rising = [s for s in rising if stamp_of(s) > begun]
     times = [stamp_of(s) - stamp_of(rising[0]) for s in rising]
     moved = [s.position_reference[5] - rising[0].position_reference[5] for s in rising]
-    assert len(rising) > 20
+    assert len(rising) > 3
     assert moved == pytest.approx([0.4 * t for t in times], abs=0.004)
 
 
@@ -323,9 +324,8 @@ def test_trajectory_with_velocities_is_smooth(talker: Talker) -> None:
     first = len(talker.seen["state"])
     talker.command("joint_trajectory", message)
     talker.state(lambda s: s.position_reference[6] == pytest.approx(start + 0.4))
-    values = [s.position_reference[6] - start for s in talker.seen["state"][first:]]
-    steps = [b - a for a, b in itertools.pairwise(values) if b != a]
-    assert max(steps) > 1.8 * sum(steps[:10]) / 10
+    speeds = [s.velocity_reference[6] for s in talker.seen["state"][first:]]
+    assert max(speeds) == pytest.approx(1.5 * 0.4, abs=0.03)  # and 0.4 along a straight line
 
 
 def test_trajectory_ends_with_another_reference_or_mode(talker: Talker) -> None:
@@ -403,7 +403,7 @@ def test_stop_and_interaction_end_a_trajectory(talker: Talker, way: str) -> None
     """P3, I4: they stop the joints, and nothing goes on afterwards."""
     name = talker.names[6]
     assert talker.set_mode([name], "posd").success
-    slow = JointTrajectory(joint_names=[name], points=[point(5.0, [1.0])])
+    slow = JointTrajectory(joint_names=[name], points=[point(20.0, [1.0])])
     talker.command("joint_trajectory", slow)
     talker.state(lambda s: s.position_reference[6] > 0.02)
     if way == "stop":
@@ -431,11 +431,18 @@ def test_a_stamp_says_when_a_trajectory_begins(talker: Talker) -> None:
     assert talker.state(lambda s: s.rejected_commands[6] == count + 1).position_reference[6] == (
         pytest.approx(0.0, abs=1e-3)
     )
+    assert talker.call("pause", SetBool, data=True).success  # it is sent in time
     begin = stamp_of(talker.state()) + 0.6
     first = len(talker.seen["state"])
     send(begin, point(0.0, [0.0]), point(0.4, [0.2]))
-    end = talker.state(lambda s: s.position_reference[6] == pytest.approx(0.2, abs=1e-3))
-    waited = [s for s in talker.seen["state"][first:] if stamp_of(s) < begin]
-    assert len(waited) > 20
-    assert max(abs(s.position_reference[6]) for s in waited) < 1e-3
-    assert stamp_of(end) == pytest.approx(begin + 0.4, abs=0.02)
+    talker.settle()
+    assert talker.call("pause", SetBool, data=False).success
+    talker.state(lambda s: s.position_reference[6] == pytest.approx(0.2, abs=1e-3))
+    shown = [(stamp_of(s) - begin, s.position_reference[6]) for s in talker.seen["state"][first:]]
+    waited = [reference for passed, reference in shown if passed < 0.0]
+    assert len(waited) > 3
+    assert max(map(abs, waited)) < 1e-3
+    on_the_way = [passed for passed, reference in shown if 1e-3 < reference < 0.199]
+    assert min(on_the_way) > -0.01
+    assert max(on_the_way) < 0.42
+    assert all(reference > 0.199 for passed, reference in shown if passed > 0.42)

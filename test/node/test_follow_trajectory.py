@@ -21,7 +21,7 @@ from control_msgs.msg import (
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool
-from talk import Talker, stamp_of
+from talk import Talker, stamp_of, until
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 pytestmark = pytest.mark.ros
@@ -57,7 +57,7 @@ def send(talker: Talker, feedback: Any = None, **goal: Any) -> Any:
 
 
 def end(talker: Talker, handle: Any) -> tuple[int, int, str]:
-    answer = talker.answer(talker.within(handle.get_result_async))
+    answer = talker.result(handle)
     return answer.status, answer.result.error_code, answer.result.error_string
 
 
@@ -79,13 +79,13 @@ def names(talker: Talker) -> list[str]:
 def test_a_goal_succeeds_with_feedback(talker: Talker, names: list[str]) -> None:
     """T1: desired, actual and error of all joints, in the board's order."""
     feedback: list[Any] = []
-    goal = trajectory(names, (0.5, [0.1, 0.05]), (1.0, [0.2, 0.1]))
+    goal = trajectory(names, (1.0, [0.1, 0.05]), (2.0, [0.2, 0.1]))
     status, code, text = end(talker, send(talker, feedback, trajectory=goal))
     assert (status, code) == (GoalStatus.STATUS_SUCCEEDED, Result.SUCCESSFUL), text
     assert text == "goal reached"
     assert positions(talker, names) == pytest.approx([0.2, 0.1])
     talker.state(lambda s: s.position[5:7] == pytest.approx([0.2, 0.1], abs=0.02))
-    assert len(feedback) >= 2
+    until(lambda: len(feedback) >= 2)  # the last may come after the result
     for one in feedback:
         assert list(one.joint_names) == talker.names
         for point in (one.desired, one.actual, one.error):
@@ -95,8 +95,8 @@ def test_a_goal_succeeds_with_feedback(talker: Talker, names: list[str]) -> None
         ]
         assert list(one.error.positions) == pytest.approx(differences)
         passed = one.desired.time_from_start.sec + 1e-9 * one.desired.time_from_start.nanosec
-        if passed < 1.0:
-            assert one.desired.positions[5] == pytest.approx(0.2 * passed, abs=1e-3)
+        if passed < 2.0:
+            assert one.desired.positions[5] == pytest.approx(0.1 * passed, abs=1e-3)
     assert stamp_of(feedback[-1]) > stamp_of(feedback[0])
 
 
@@ -197,7 +197,7 @@ def test_tolerances_end_a_goal(talker: Talker, names: list[str]) -> None:
 
 def test_a_joint_that_faults_aborts_the_goal(talker: Talker, names: list[str]) -> None:
     """T2: with the reason; the other joint stops."""
-    handle = send(talker, trajectory=trajectory(names, (20.0, [1.0, 1.0])))
+    handle = send(talker, trajectory=trajectory(names, (60.0, [1.0, 1.0])))
     talker.state(lambda s: s.position_reference[5] > 0.02)
     assert talker.call("inject_fault", srv.InjectFault, names=names[1:], fault="external").success
     status, code, text = end(talker, handle)
@@ -223,14 +223,14 @@ def test_controller_state_for_plotting_tools(talker: Talker, names: list[str]) -
     """Reference, feedback, error and output of all joints, as often as ~/state."""
     talker.hear("controller", JointTrajectoryControllerState, f"{talker.board}/controller_state")
     talker.wait("controller", lambda _: True)
-    handle = send(talker, trajectory=trajectory(names, (1.0, [0.2, 0.1])))
+    handle = send(talker, trajectory=trajectory(names, (4.0, [0.2, 0.1])))
     assert end(talker, handle)[1] == Result.SUCCESSFUL
     under_way = next(
         m for m in talker.seen["controller"] if 0.02 < m.reference.positions[5] < 0.18
     )
     assert list(under_way.joint_names) == talker.names
     assert under_way.speed_scaling_factor == 1.0
-    assert under_way.reference.velocities[5] == pytest.approx(0.2, abs=1e-6)
+    assert under_way.reference.velocities[5] == pytest.approx(0.05, abs=1e-6)
     differences = [
         r - f
         for r, f in zip(under_way.reference.positions, under_way.feedback.positions, strict=True)

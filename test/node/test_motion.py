@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -28,10 +29,10 @@ def test_move_ends_at_its_target_and_follows_its_profile(talker: Talker) -> None
     name = talker.names[joint]
     start = talker.state().position_reference[joint]
     target = start + 30 * DEGREE
-    first = len(talker.seen["state"])
+    first, begun = len(talker.seen["state"]), time.time_ns()
     message = msg.PositionCommand(names=[name], positions=[target], speeds=[speed])
     talker.command("command/position", message)
-    talker.state(lambda s: not s.motion_done[joint])
+    talker.state(lambda s: not s.motion_done[joint], after=begun)
     end = talker.state(
         lambda s: s.motion_done[joint] and abs(s.position[joint] - target) < 1 * DEGREE
     )
@@ -41,9 +42,9 @@ def test_move_ends_at_its_target_and_follows_its_profile(talker: Talker) -> None
     times = np.array([stamp_of(s) for s in states[moving:]])
     # The reading tells the time, the profile began somewhere in the sample before.
     first_reference = (references[0] - start) / (target - start)
-    begun = np.interp(first_reference, *_share_of_time())
+    share = np.interp(first_reference, *_share_of_time())
     period = 30 * DEGREE / speed
-    expected = minimum_jerk(start, target, speed, times - times[0] + begun * period)
+    expected = minimum_jerk(start, target, speed, times - times[0] + share * period)
     assert np.abs(references - expected).max() < 0.5 * DEGREE
     assert np.abs(np.array([s.position[joint] for s in states[moving:]]) - references).max() < (
         3 * DEGREE
@@ -86,8 +87,9 @@ def test_torque_and_output_act(talker: Talker) -> None:
     talker.command("command/torque", msg.TorqueCommand(names=[talker.names[6]], torques=[0.25]))
     talker.state(lambda s: s.torque_reference[6] == pytest.approx(0.25))
     assert talker.set_mode([talker.names[5]], "open").success
+    begun = time.time_ns()
     talker.command("command/output", msg.OutputCommand(names=[talker.names[5]], outputs=[3.0]))
-    talker.state(lambda s: s.output[5] == pytest.approx(3.0))
+    talker.state(lambda s: s.output[5] == pytest.approx(3.0), after=begun)
 
 
 def test_idle_lets_go(talker: Talker) -> None:
@@ -116,7 +118,7 @@ def test_stop_ends_a_move(talker: Talker) -> None:
 
     name = talker.names[3]
     start = talker.state().position[3]
-    message = msg.PositionCommand(names=[name], positions=[start + 0.8], speeds=[0.3])
+    message = msg.PositionCommand(names=[name], positions=[start + 0.8], speeds=[0.1])
     talker.command("command/position", message)
     talker.state(lambda s: s.position[3] > start + 0.02)
     assert talker.call("stop", srv.Stop, names=[name]).success

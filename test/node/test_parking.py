@@ -132,7 +132,7 @@ def test_the_process_parks_then_idles_then_ends() -> None:
         board.wait_for_output("parking, 3.4 s")
         assert board.process.wait(120.0) == 0
         talker.wait("modes", lambda m: set(m.control_modes) == {"idl"})
-        assert list(talker.seen["state"][-1].position) == pytest.approx([0.0] * 7, abs=0.02)
+        talker.wait("state", lambda s: list(s.position) == pytest.approx([0.0] * 7, abs=0.02))
     with board_process({"park_on_exit": True}) as board, talking_to(board):
         board.process.send_signal(signal.SIGTERM)
         board.wait_for_output("parking, ")

@@ -63,7 +63,7 @@ def served() -> Iterator[Served]:
         made = Served(context, domain)
         yield made
         made.executor.end()
-        made.thread.join(5)
+        made.thread.join(TIMEOUT)
         assert not made.thread.is_alive()
         made.executor.shutdown()
         made.node.destroy_node()
@@ -94,7 +94,7 @@ def test_executor_serves_entities_made_while_it_spins(served: Served) -> None:
     node.destroy_timer(timer)
     node.create_service(Trigger, "ask", lambda _, r: Trigger.Response(success=True, message="yes"))
     client = node.create_client(Trigger, "ask")
-    assert client.wait_for_service(10)
+    assert client.wait_for_service(TIMEOUT)
     future = client.call_async(Trigger.Request())
     soon(future.done)
     assert future.result().message == "yes"
@@ -122,7 +122,7 @@ def test_executor_lives_on_when_callbacks_raise(served: Served) -> None:
         node.create_publisher(String, "talk", 10),
         node.create_client(Trigger, "ask"),
     )
-    assert client.wait_for_service(10)
+    assert client.wait_for_service(TIMEOUT)
     client.call_async(Trigger.Request())
     guard.trigger()
     soon(lambda: publisher.publish(String()) or len(heard) >= 3)
@@ -143,7 +143,7 @@ def test_executor_answers_later(served: Served) -> None:
 
     served.node.create_service(Trigger, "ask", answer)
     client = served.node.create_client(Trigger, "ask")
-    assert client.wait_for_service(10)
+    assert client.wait_for_service(TIMEOUT)
     future = client.call_async(Trigger.Request())
     time.sleep(0.05)
     assert not future.done()

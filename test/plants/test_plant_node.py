@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 from levers import IIWA, offer
+from talk import patient
 
-from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import board_process, child_environment, free_domain, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -31,7 +31,7 @@ def test_a_node_drives_the_levers(tmp_path: Path) -> None:
     with (
         board_process(params, env=path_with(tmp_path)) as board,
         ros_node(board.domain, spin=False) as node,
-        ControlBoardClient(node, board.name, find_timeout=30.0, answer_timeout=30.0) as client,
+        patient(node, board.name) as client,
     ):
         assert client.set_control_mode(IIWA[0], "open")
         before = client.get_encoder(IIWA[0])[0]

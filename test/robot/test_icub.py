@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from control_board_msgs import action, msg, srv
 from rclpy.context import Context
+from std_srvs.srv import Trigger
 from talk import Talker, talking_to, until
 
 from control_board_ros.core.robot import Robot
@@ -34,14 +35,15 @@ QUEUE = 5
 
 @pytest.fixture(scope="module")
 def board() -> Iterator[BoardProcess]:
-    """The iCub, torso first; its left arm will fail in the middle of its calibration."""
+    """The iCub, torso first; configured when somebody listens, and watches its left arm."""
     params = {
         "robot": "icub",
         "startup_levels": ["torso", "head,left_arm,right_arm"],
+        "autoconfigure": False,
         "allow_fault_injection": True,
         "publish_clock": True,
     }
-    with board_process(params, robot="icub", configured=False) as process:
+    with board_process(params, robot="icub") as process:
         yield process
 
 
@@ -61,6 +63,7 @@ def test_it_starts_level_by_level_and_stops_where_a_part_fails(
 ) -> None:
     """R4: the legs wait for the arms; the left wrist fails; configure goes on."""
     robot, arm, leg = (talkers[name] for name in ("robot", "left_arm", "left_leg"))
+    assert robot.call("configure", Trigger).success
     arm.wait("modes", lambda m: m.control_modes[4] == "cal")
     arm.call("inject_fault", srv.InjectFault, names=["l_wrist_prosup"], fault="overcurrent")
     arm.wait("modes", lambda m: m.control_modes[4] == "hwfa")
@@ -69,10 +72,8 @@ def test_it_starts_level_by_level_and_stops_where_a_part_fails(
     board.wait_for_output("start-up stopped, left_arm: l_wrist_prosup is in HW_FAULT")
     assert arm.set_mode(["l_wrist_prosup"], "fidl").success
     goal = arm.goal("calibrate", action.Calibrate, names=["l_wrist_prosup"])
-    result = arm.answer(goal.get_result_async()).result
+    result = arm.result(goal).result
     assert result.success, result.message
-    from std_srvs.srv import Trigger
-
     assert robot.call("configure", Trigger).success
     robot.wait("modes", lambda m: set(m.control_modes) == {"pos"})
     robot.state(lambda s: len(s.calibrated) == 32 and all(s.calibrated))
@@ -97,7 +98,7 @@ def test_one_arm_faults_while_the_other_moves_on(talkers: dict[str, Talker]) -> 
     robot.state(lambda s: s.velocity[s.names.index("r_elbow")] > 0.05)
     arm.call("inject_fault", srv.InjectFault, names=[], fault="overcurrent")
     arm.wait("modes", lambda m: set(m.control_modes) == {"hwfa"})
-    result = robot.answer(goal.get_result_async()).result
+    result = robot.result(goal).result
     assert result.success, result.message
     assert arm.set_mode([], "fidl").success
     assert robot.set_mode([], "pos").success
@@ -124,7 +125,7 @@ def in_process() -> Iterator[tuple[int, Boards]]:
         yield domain, boards
         assert boards.stop()
         executor.end()
-        thread.join(10.0)
+        thread.join()
         executor.shutdown()
         for node in boards.nodes:
             node.destroy_node()

@@ -124,13 +124,13 @@ def test_a_move_over_parts(talkers: Talkers) -> None:
     """An action of the robot moves joints of both parts."""
     robot, asked = talkers["robot"], [LOWER[3], UPPER[1]]
     goal = robot.goal("move", action.Move, names=asked, positions=[-1.1, 0.8], speeds=[1.0, 1.0])
-    result = robot.answer(goal.get_result_async()).result
+    result = robot.result(goal).result
     assert result.success, result.message
     state = robot.state()
     found = dict(zip(state.names, state.position, strict=True))
     assert [found[name] for name in asked] == pytest.approx([-1.1, 0.8], abs=0.01)
     goal = robot.goal("go_to_pose", action.GoToPose, pose="home", speed=1.0)
-    result = robot.answer(goal.get_result_async()).result
+    result = robot.result(goal).result
     assert result.success, result.message
 
 
