@@ -15,7 +15,6 @@ import contextlib
 import gc
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from typing import Generic
 
@@ -27,6 +26,7 @@ from ..core.robot import AnyBoard
 from .fair_lock import B_co, Exclusive, FairLock
 from .member import Member
 from .pacing import Divider, Pacer, Statistics, sharpen_timers
+from .stepping import Stepping
 from .time_base import NANOSECONDS, TimeBase
 
 #: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
@@ -77,9 +77,7 @@ class ControlLoop(Generic[B_co]):
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
         self._wake = threading.Event()
         self._stopping = self._paused = False
-        self._steps = 0
-        self._on_steps: Callable[[str], None] | None = None
-        self._on_cycle: deque[Callable[[], None]] = deque()
+        self._stepping = Stepping()
         self._states = Divider(state_rate, board.config.control_rate)
         self._set_pace(real_time_factor)
         self.time_base.note(plant.read().time, time.time_ns())
@@ -189,22 +187,21 @@ class ControlLoop(Generic[B_co]):
         """Stop or go on between two cycles; steps that have not run yet are dropped."""
         with self.exclusive():
             self._paused = paused
-            self._finish_steps("the simulation was resumed before all steps had run")
-            self._notify_cycle()
+            self._stepping.finish("the simulation was resumed before all steps had run")
+            self._stepping.notify_cycle()
         self._wake.set()
 
     def after_cycle(self, done: Callable[[], None]) -> None:
         """Call ``done`` when a whole cycle has run from now on; at once if time stands still."""
         with self.exclusive():
-            self._on_cycle.append(done)
+            self._stepping.on_cycle(done)
             if self._paused or self._stopping:
-                self._notify_cycle()
+                self._stepping.notify_cycle()
 
     def step(self, cycles: int, on_done: Callable[[str], None]) -> str:
-        """Run exactly this many cycles while paused.
+        """Run exactly this many cycles while paused, as :meth:`Stepping.begin`.
 
-        ``on_done`` is called from the control thread after the last one, with an empty text or
-        why they did not all run. Returns an empty text, or why the request is refused.
+        ``on_done`` is called from the control thread.
         """
         with self.exclusive():
             if not self._paused:
@@ -212,13 +209,10 @@ class ControlLoop(Generic[B_co]):
                     "~/step needs a paused simulation, and this one runs; "
                     "call ~/pause with data: true first"
                 )
-            if self._steps:
-                return f"~/step refused: {self._steps} cycles of the last one are still to run"
-            if cycles <= 0:
-                return f"steps: {cycles} is not allowed; a number of control cycles above 0"
-            self._steps, self._on_steps = cycles, on_done
-        self._wake.set()
-        return ""
+            refusal = self._stepping.begin(cycles, on_done)
+        if not refusal:
+            self._wake.set()
+        return refusal
 
     def reset(self) -> None:
         """Back to the initial pose and power-on; simulated time goes on.
@@ -261,7 +255,7 @@ class ControlLoop(Generic[B_co]):
     def _cycle(self) -> None:
         """One control cycle; the reading of t is taken before what is commanded at t acts."""
         with self._lock:
-            if self._paused and not self._steps:
+            if self._paused and not self._stepping.left:
                 return  # paused while this cycle waited for its turn
             show = self._states.pick()
             measurement = self._plant.read()
@@ -273,38 +267,23 @@ class ControlLoop(Generic[B_co]):
             self.note_changes()
             if show:
                 self._note_state()
-            self._notify_cycle()
-            if self._paused:
-                self._count_step()
+            self._stepping.notify_cycle()
+            if self._paused and self._stepping.count():
+                self._note_state()  # of the last step, before its answer
+                self._stepping.finish()
 
     def _stand_still(self) -> None:
         """Run the steps asked for, else wait; show the state to newcomers now and then."""
-        while self._steps and not self._stopping:
+        while self._stepping.left and not self._stopping:
             self._cycle()
         self._wake.clear()
-        if self._paused and not self._steps and not self._stopping:
+        if self._paused and not self._stepping.left and not self._stopping:
             self._wake.wait(PAUSED_PERIOD)
             with self.exclusive():
                 self._note_state()
         if not self._paused:
             self._pacer.restart()
             self.time_base.resume()
-
-    def _count_step(self) -> None:
-        """One of the steps has run; after the last one, show the state and answer."""
-        self._steps -= 1
-        if not self._steps:
-            self._note_state()
-            self._finish_steps("")
-
-    def _notify_cycle(self) -> None:
-        while self._on_cycle:
-            self._on_cycle.popleft()()
-
-    def _finish_steps(self, message: str) -> None:
-        done, self._on_steps, self._steps = self._on_steps, None, 0
-        if done is not None:
-            done(message)
 
     def _unpower(self) -> None:
         """Every joint without power, one cycle to let it act, and the last state."""
@@ -314,8 +293,8 @@ class ControlLoop(Generic[B_co]):
             self._cut_power()
             self.note_changes()
             self._note_state()
-            self._notify_cycle()
-            self._finish_steps("the board is shutting down")
+            self._stepping.notify_cycle()
+            self._stepping.finish("the board is shutting down")
 
     def _cut_power(self) -> None:
         zeros = np.zeros(self._board.count)
