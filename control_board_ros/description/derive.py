@@ -15,7 +15,7 @@ from ..core.parts import DEGREE
 from .assumed import Assumed
 from .derive_gains import gains
 from .derive_motor import current_loop, electrical, friction, limits, rotor, thermal
-from .loads import loads
+from .loads import MotorLoad, loads
 from .urdf import Urdf, UrdfJoint
 
 UNBOUNDED = 1e6  # rad, where a continuous joint's travel ends
@@ -65,16 +65,22 @@ def complete(
         for name, given in values.items()
     }
     for name, moved in robot_loads.with_rotors(reflected).items():
-        given, load = values[name], load_of[name]
-        given.setdefault("inertia_min", max(moved.inertia_min, LEAST_INERTIA))
-        given.setdefault("inertia_mean", max(moved.inertia_mean, given["inertia_min"]))
-        given.setdefault("inertia_max", max(moved.inertia_max, given["inertia_mean"]))
-        spare = max(given["limits.torque"] - load.gravity, 0.1 * given["limits.torque"])
-        reached = ACCELERATION_SHARE * spare / given["inertia_max"]
-        given.setdefault("limits.acceleration", min(10.0 * given["limits.velocity"], reached))
+        given = values[name]
+        _moved(given, moved, load_of[name].gravity)
         gains(given, 1.0 / control_rate, sliding=joints[name].kind == "prismatic")
         _start_values(given, sliding=joints[name].kind == "prismatic")
     return assumed
+
+
+def _moved(values: dict[str, Any], moved: MotorLoad, gravity: float) -> None:
+    """What the motor moves, rotors included, and how fast it can; gravity: torque, N·m."""
+    give = values.setdefault
+    give("inertia_min", max(moved.inertia_min, LEAST_INERTIA))
+    give("inertia_mean", max(moved.inertia_mean, values["inertia_min"]))
+    give("inertia_max", max(moved.inertia_max, values["inertia_mean"]))
+    spare = max(values["limits.torque"] - gravity, 0.1 * values["limits.torque"])
+    reached = ACCELERATION_SHARE * spare / values["inertia_max"]
+    give("limits.acceleration", min(10.0 * values["limits.velocity"], reached))
 
 
 def _start_values(values: dict[str, Any], *, sliding: bool) -> None:

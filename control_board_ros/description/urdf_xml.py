@@ -6,6 +6,7 @@ from __future__ import annotations
 import codecs
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from xml.parsers import expat
 
 from .errors import OneLineError
@@ -96,45 +97,56 @@ def parse_xml(data: bytes, source: str) -> ET.Element:
     blank = len(data) - len(data.lstrip())
     if blank == len(data):
         raise UrdfError(f"{source}: is empty; a URDF begins with <robot name=…>")
-    parser, tree = expat.ParserCreate(), ET.TreeBuilder()
-    parser.buffer_text = True
-    depth = count = 0
     skipped = data.count(b"\n", 0, blank)
+    return _BoundedParser(lambda line: f"{source}:{skipped + line}", source).parse(data[blank:])
 
-    def place(line: int) -> str:
-        return f"{source}:{skipped + line}"
 
-    def refuse(*_: object) -> None:
+class _BoundedParser:
+    """Builds a tree, and refuses what no URDF has.
+
+    Args:
+        place: file and line, for people, of a line of what is parsed.
+        source: the file.
+    """
+
+    def __init__(self, place: Callable[[int], str], source: str) -> None:
+        self._place, self._source = place, source
+        self._parser, self._tree = expat.ParserCreate(), ET.TreeBuilder()
+        self._depth = self._count = 0
+        self._parser.buffer_text = True
+        self._parser.StartDoctypeDeclHandler = self._refuse
+        self._parser.EntityDeclHandler = self._refuse
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._tree.data
+
+    def parse(self, data: bytes) -> ET.Element:
+        try:
+            self._parser.Parse(data, True)
+            return self._tree.close()
+        except UrdfError:
+            raise
+        except (expat.ExpatError, LookupError, ValueError) as error:
+            at_line = isinstance(error, expat.ExpatError)
+            where = self._place(self._parser.ErrorLineNumber) if at_line else self._source
+            reason = " ".join(str(error).partition(": line ")[0].split())
+            raise UrdfError(f"{where}: not well-formed XML ({reason})") from None
+
+    def _refuse(self, *_: object) -> None:
         raise UrdfError(
-            f"{place(parser.CurrentLineNumber)}: document types and entities are not allowed "
-            "in a URDF; remove <!DOCTYPE …>"
+            f"{self._place(self._parser.CurrentLineNumber)}: document types and entities are not "
+            "allowed in a URDF; remove <!DOCTYPE …>"
         )
 
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth, count
-        depth, count = depth + 1, count + 1
-        if depth > DEPTH_CAP or count > ELEMENT_CAP:
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._depth, self._count = self._depth + 1, self._count + 1
+        if self._depth > DEPTH_CAP or self._count > ELEMENT_CAP:
             raise UrdfError(
-                f"{place(parser.CurrentLineNumber)}: nested deeper than {DEPTH_CAP} or more "
-                f"than {ELEMENT_CAP} elements; no URDF is"
+                f"{self._place(self._parser.CurrentLineNumber)}: nested deeper than {DEPTH_CAP} "
+                f"or more than {ELEMENT_CAP} elements; no URDF is"
             )
-        tree.start(tag, attributes)
+        self._tree.start(tag, attributes)
 
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        tree.end(tag)
-
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler = tree.data
-    try:
-        parser.Parse(data[blank:], True)
-        return tree.close()
-    except UrdfError:
-        raise
-    except (expat.ExpatError, LookupError, ValueError) as error:
-        where = place(error.lineno) if isinstance(error, expat.ExpatError) else source
-        reason = " ".join(str(error).partition(": line ")[0].split())
-        raise UrdfError(f"{where}: not well-formed XML ({reason})") from None
+    def _end(self, tag: str) -> None:
+        self._depth -= 1
+        self._tree.end(tag)
