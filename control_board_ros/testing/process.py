@@ -152,14 +152,10 @@ def board_process(
         environment = child_environment(domain) | {"ROS_LOG_DIR": logs} | dict(env or {})
         inner = f"{robot}/robot" if robot else name
         full = f"/{namespace.strip('/')}/{inner}".replace("//", "/")
-        line = [*(command or (sys.executable, "-m", "control_board_ros.node.main"))]
-        line += [*arguments, "--ros-args", *([] if robot else ["-r", f"__node:={name}"])]
-        if namespace:
-            line += ["-r", f"__ns:=/{namespace.strip('/')}"]
-        if config is not None:
-            line += ["--params-file", str(config)]
-        for key, value in params.items():
-            line += ["-p", f"{key}:={yaml_text(value)}"]
+        program = command or (sys.executable, "-m", "control_board_ros.node.main")
+        renamed = [] if robot else ["-r", f"__node:={name}"]
+        settings = ros_arguments(params, config=config, namespace=namespace)
+        line = [*program, *arguments, "--ros-args", *renamed, *settings]
         board = BoardProcess(line, full, domain, environment)
         try:
             _wait_until_ready(board, configured, start_timeout)
@@ -170,6 +166,18 @@ def board_process(
             raise
         code = board.stop()
         assert code == exit_code, f"the board returned {code}, not {exit_code}:\n{board.tail()}"
+
+
+def ros_arguments(
+    params: Mapping[str, Any], *, config: str | Path | None, namespace: str
+) -> list[str]:
+    """What stands after --ros-args for parameters by their full names, a file, a namespace."""
+    line = ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
+    if config is not None:
+        line += ["--params-file", str(config)]
+    for key, value in params.items():
+        line += ["-p", f"{key}:={yaml_text(value)}"]
+    return line
 
 
 def _wait_until_ready(board: BoardProcess, configured: bool, timeout: float) -> None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from control_board_ros.core.modes import STEPS
 
@@ -13,6 +13,9 @@ from ..experiments import Experiment, check_reach, measured, prepare, wait
 from ..output import DONE, conclude, put, put_json
 from ..session import Session
 from ..words import DEGREE, Refused, UsageError, quantity
+
+if TYPE_CHECKING:
+    from control_board_ros.recording.figures import Response
 
 OUTPUT = argument(
     "-o", "--output", metavar="FOLDER", help="Keep the recording, with a report.html in it."
@@ -236,41 +239,41 @@ def show_response(
     response = frequency_response(recording.time, reference, position, *band)
     width, (height, where) = bandwidth(response), resonance(response)
     late = tracking_figures(recording.time, reference, position).lag
-    least = float(np.min(response.coherence))
     beyond = np.isnan(width)
     facts = [
         ("−3 dB bandwidth", f"above {band[1]:g} Hz" if beyond else f"{number(width)} Hz"),
         ("greatest gain", f"{number(height, 2)} dB at {number(where)} Hz"),
         ("phase at the end", f"{number(float(response.phase[-1]), 1)}°"),
         ("lag", f"{number(1e3 * late, 1)} ms"),
-        ("least coherence", number(least)),
+        ("least coherence", number(float(np.min(response.coherence)))),
     ]
     section = chart_section(f"{joint}: frequency response", facts, bode_charts(response))
     report = write_report(folder, recording, section)
     if session.options.json:
+        columns = ("frequency", "gain", "phase", "coherence")
         put_json(
-            {
-                "success": True,
-                "joint": joint,
-                "bandwidth": width,
-                "frequency": response.frequency,
-                "gain": response.gain,
-                "phase": response.phase,
-                "coherence": response.coherence,
-                "report": report,
-            }
+            {"success": True, "joint": joint, "bandwidth": width}
+            | {column: getattr(response, column) for column in columns}
+            | {"report": report}
         )
         return DONE
     put(f"{joint}: " + ", ".join(f"{name} {text}" for name, text in facts))
+    put_response(response)
+    if report:
+        put(f"report: {report}")
+    return DONE
+
+
+def put_response(response: Response) -> None:
+    """Twelve rows of a frequency response, from the lowest frequency to the highest."""
+    import numpy as np
+
     for k in np.unique(np.linspace(0, response.frequency.size - 1, 12).astype(int)):
         gain = 20.0 * np.log10(max(response.gain[k], 1e-9))
         put(
             f"{response.frequency[k]:8.2f} Hz  {gain:7.2f} dB  {response.phase[k]:7.1f}°  "
             f"coherence {response.coherence[k]:.2f}"
         )
-    if report:
-        put(f"report: {report}")
-    return DONE
 
 
 def write_report(folder: Path | None, recording: Any, section: str) -> str | None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from ..arguments import FOR, JOINTS, VALUES, argument, takes
 from ..output import conclude, note
 from ..session import Session
-from ..streaming import duration, stream
+from ..streaming import Send, duration, stream
 from ..words import UsageError, assignments, quantity
 
 
@@ -35,25 +35,42 @@ def velocity(session: Session, words: list[str], time: str | None, once: bool) -
 @takes(VALUES, FOR)
 def torque(session: Session, words: list[str], time: str | None) -> int:
     """Set torques (mode torq); with --for stream them, then set zero."""
-    seconds = duration(time)
-    values = session.values(assignments(words, "torque"))
-    if seconds is not None:
-        return stream(session, session.client.set_ref_torque, values, seconds)
-    reply = session.client.set_ref_torque(list(values), list(values.values()))
-    values_text = ", ".join(f"{name} {value:g}" for name, value in values.items())
-    return conclude(session, reply, f"torque references: {values_text}; they stay until changed")
+    seconds, values = duration(time), session.values(assignments(words, "torque"))
+    send = session.client.set_ref_torque
+    return set_or_stream(session, send, values, seconds, "torque references", "{:g}")
 
 
 @takes(VALUES, FOR)
 def output(session: Session, words: list[str], time: str | None) -> int:
     """Set outputs in PWM percent (mode open); with --for stream them, then set zero."""
-    seconds = duration(time)
-    values = session.values(assignments(words, "output"))
+    seconds, values = duration(time), session.values(assignments(words, "output"))
+    send = session.client.set_output
+    return set_or_stream(session, send, values, seconds, "outputs", "{:g} %")
+
+
+def set_or_stream(
+    session: Session,
+    send: Send,
+    values: dict[str, float],
+    seconds: float | None,
+    label: str,
+    shown: str,
+) -> int:
+    """Send references once, or for a time and then zero.
+
+    Args:
+        session: with the board.
+        send: sends them once.
+        values: by joint.
+        seconds: how long; None: once.
+        label: what they are, for the line that tells of them.
+        shown: how one value is written in it.
+    """
     if seconds is not None:
-        return stream(session, session.client.set_output, values, seconds)
-    reply = session.client.set_output(list(values), list(values.values()))
-    values_text = ", ".join(f"{name} {value:g} %" for name, value in values.items())
-    return conclude(session, reply, f"outputs: {values_text}; they stay until changed")
+        return stream(session, send, values, seconds)
+    reply = send(list(values), list(values.values()))
+    text = ", ".join(f"{name} {shown.format(value)}" for name, value in values.items())
+    return conclude(session, reply, f"{label}: {text}; they stay until changed")
 
 
 @takes(
