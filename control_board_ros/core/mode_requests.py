@@ -9,7 +9,7 @@ from ..protocols import Interaction, Joints, Mode
 from .decisions import Wanted
 from .modes import Event
 from .reply import Reply
-from .selection import RequestError, Selection, Selector, control_modes, interaction_modes
+from .selection import Selection, Selector, control_modes, interaction_modes
 
 
 class ModeRequests:
@@ -27,28 +27,23 @@ class ModeRequests:
 
     def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply:
         """Ask for control modes: enumeration, code, name or vocab (M1, M5 to M8, F2, F4)."""
-        try:
-            chosen = self._selector.select(joints)
-            wanted = control_modes(modes, len(chosen.names))
-        except ValueError as error:
-            return self._selector.refuse(joints, error)
-        return self._decide(chosen, wanted)
+        return self._ask(joints, lambda count: control_modes(modes, count))
 
     def set_interaction_mode(
         self, joints: Joints, modes: Interaction | Sequence[Interaction]
     ) -> Reply:
         """Ask for interaction modes; in an active mode a change stops the joint (I1 to I7)."""
-        try:
-            chosen = self._selector.select(joints)
-            wanted = interaction_modes(modes, len(chosen.names))
-        except ValueError as error:
-            return self._selector.refuse(joints, error)
-        return self._decide(chosen, wanted)
+        return self._ask(joints, lambda count: interaction_modes(modes, count))
 
     def calibrate(self, joints: Joints = None) -> Reply:
         """Start the calibration of joints, group after group (K1); parts side by side."""
+        return self._ask(joints, lambda count: [Event.CALIBRATE] * count)
+
+    def _ask(self, joints: Joints, wanted_of: Callable[[int], Sequence[Wanted]]) -> Reply:
+        """Have decided what is wanted of each joint, given how many there are."""
         try:
             chosen = self._selector.select(joints)
-        except RequestError as error:
+            wanted = wanted_of(len(chosen.names))
+        except ValueError as error:
             return self._selector.refuse(joints, error)
-        return self._decide(chosen, [Event.CALIBRATE] * len(chosen.names))
+        return self._decide(chosen, wanted)

@@ -48,35 +48,46 @@ class Services:
     # -- modes --------------------------------------------------------------------------------
 
     def set_control_mode(self, request: Any, response: Any) -> Any:
-        with self._member.exclusive() as board:
-            joints = bounded(request.names, board.count)
-            reply = board.set_control_mode(joints, bounded(request.modes, board.count))
-            if reply.joints:
-                response.names = list(reply.joints)
-                response.modes = codes(board.get_control_mode(reply.joints))
-        return answered(response, reply)
+        return self._set_modes(
+            request, response, lambda board: (board.set_control_mode, board.get_control_mode)
+        )
 
     def get_control_mode(self, request: Any, response: Any) -> Any:
-        with self._member.exclusive() as board:
-            response.names = joints = self._joints(board, request)
-            values = board.get_control_mode(joints)
-        response.modes = codes(values)
-        response.vocabs = array("i", map(int, values))
-        return succeeded(response)
+        return self._get_modes(request, response, lambda board: board.get_control_mode)
 
     def set_interaction_mode(self, request: Any, response: Any) -> Any:
-        with self._member.exclusive() as board:
-            joints = bounded(request.names, board.count)
-            reply = board.set_interaction_mode(joints, bounded(request.modes, board.count))
-            if reply.joints:
-                response.names = list(reply.joints)
-                response.modes = codes(board.get_interaction_mode(reply.joints))
-        return answered(response, reply)
+        return self._set_modes(
+            request,
+            response,
+            lambda board: (board.set_interaction_mode, board.get_interaction_mode),
+        )
 
     def get_interaction_mode(self, request: Any, response: Any) -> Any:
+        return self._get_modes(request, response, lambda board: board.get_interaction_mode)
+
+    def _set_modes(
+        self,
+        request: Any,
+        response: Any,
+        methods: Callable[[AnyBoard], tuple[Callable[..., Reply], Callable[..., list[Any]]]],
+    ) -> Any:
+        """Set modes, and show those that joints are in then; ``methods`` of the board do that."""
+        with self._member.exclusive() as board:
+            set_modes, get_modes = methods(board)
+            joints = bounded(request.names, board.count)
+            reply = set_modes(joints, bounded(request.modes, board.count))
+            if reply.joints:
+                response.names = list(reply.joints)
+                response.modes = codes(get_modes(reply.joints))
+        return answered(response, reply)
+
+    def _get_modes(
+        self, request: Any, response: Any, method: Callable[[AnyBoard], Callable[..., list[Any]]]
+    ) -> Any:
+        """Show modes as texts and vocabs; ``method`` of the board reads them."""
         with self._member.exclusive() as board:
             response.names = joints = self._joints(board, request)
-            values = board.get_interaction_mode(joints)
+            values = method(board)(joints)
         response.modes = codes(values)
         response.vocabs = array("i", map(int, values))
         return succeeded(response)

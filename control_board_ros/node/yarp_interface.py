@@ -7,6 +7,7 @@ and every refusal has its word in ``response`` and its reason in ``opt_descr``.
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -19,6 +20,7 @@ from ..core.commands import COMMANDS
 from ..core.selection import RequestError, Selection
 from ..core.state import Snapshot
 from ..interface import ENDPOINTS, YARP, Endpoint
+from ..protocols import Floats
 from .command_subscription import CommandSubscription
 from .member import Member
 from .messages import bounded, doubles, optional
@@ -186,18 +188,20 @@ class YarpInterface:
         return reply.message
 
     def get_position(self, request: Any, response: Any) -> str:
-        with self._member.exclusive() as board:
-            joints = chosen(board, request.names, NAMES_ERROR).names
-            require_reading(board)
-            response.positions = doubles(board.get_encoder(joints))
+        response.positions = self._measured(request, lambda board: board.get_encoder)
         return ""
 
     def get_velocity(self, request: Any, response: Any) -> str:
+        response.velocities = self._measured(request, lambda board: board.get_encoder_speed)
+        return ""
+
+    def _measured(
+        self, request: Any, method: Callable[[Board], Callable[..., Floats]]
+    ) -> array[float]:
         with self._member.exclusive() as board:
             joints = chosen(board, request.names, NAMES_ERROR).names
             require_reading(board)
-            response.velocities = doubles(board.get_encoder_speed(joints))
-        return ""
+            return doubles(method(board)(joints))
 
     def get_available_modes(self, request: Any, response: Any) -> str:
         if not request.only_implemented:
