@@ -9,7 +9,7 @@ RequestError, when they are asked for a joint that does not exist.
 
 The parts: ``machine`` (modes, faults, calibrations), ``requests`` (for modes), ``start_up``,
 ``commands`` (references of users), ``references`` (what runs), ``controller`` (the laws),
-``monitor`` (causes of faults), ``readings`` (what users read).
+``monitor`` (causes of faults).
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from .control import Controller
 from .events import BoardEvent, Events
 from .fault_monitor import FaultMonitor
 from .feedforward import Feedforward
+from .get_methods import GetMethods
 from .limits import BoardLimits
 from .machine import Machine
 from .measurement import Actuation, Measurement
-from .mode_requests import ModeRequests
+from .mode_methods import ModeMethods
 from .modes import POWER_OFF, Stage
 from .offered import offered
-from .readings import Readings
-from .reference_requests import ReferenceRequests
+from .reference_methods import ReferenceMethods
 from .references import References
 from .reply import Reply, accepted
 from .requests import Requests
 from .selection import Selection, Selector
-from .setting_requests import SettingRequests
+from .setting_methods import SettingMethods
 from .start_up import StartUp
-from .state import Snapshot, State
+from .state import Snapshot, StateArrays
 from .stops import Stops
 from .timeouts import ReferenceTimeouts
 from .vocabs import CommandKind
@@ -60,12 +60,12 @@ class Board(ModeShortcuts):
         self.config = config
         self.names, self.count, self.period = config.names, len(config.joints), config.period
         self.selector = Selector(config.names)
-        self.state = State(config)
+        self.state = StateArrays(config)
         self.events = Events()
         self._last = self.state.measured.copy()
         self._torque_sensor = np.array([joint.torque_sensor for joint in config.joints])
         self._actuation = Actuation(pwm=self.state.output, powered=self.state.powered)
-        self._setting_requests = SettingRequests(self)
+        self._setting_methods = SettingMethods(self)
         self._power_on()
 
     def _power_on(self) -> None:
@@ -89,9 +89,9 @@ class Board(ModeShortcuts):
         self.commands = Commands(self.machine, self.selector, self.limits)
         self.feedforward = Feedforward(self.machine, self.selector, self.commands.reject)
         self.stops = Stops(self.machine, self.selector)
-        self._mode_requests = ModeRequests(self.selector, self.requests.request)
-        self._reference_requests = ReferenceRequests(self.commands)
-        self.readings = Readings(self.machine, self.selector)
+        self._mode_methods = ModeMethods(self.selector, self.requests.request)
+        self._reference_methods = ReferenceMethods(self.commands)
+        self._get_methods = GetMethods(self.machine, self.selector)
 
     # --- the cycle --------------------------------------------------------------------------
 
@@ -228,9 +228,9 @@ class Board(ModeShortcuts):
 
     # --- what users ask for, and read -----------------------------------------------------------
 
-    set_control_mode = offered("_mode_requests", ModeRequests.set_control_mode)
-    set_interaction_mode = offered("_mode_requests", ModeRequests.set_interaction_mode)
-    calibrate = offered("_mode_requests", ModeRequests.calibrate)
+    set_control_mode = offered("_mode_methods", ModeMethods.set_control_mode)
+    set_interaction_mode = offered("_mode_methods", ModeMethods.set_interaction_mode)
+    calibrate = offered("_mode_methods", ModeMethods.calibrate)
 
     def command(
         self, kind: CommandKind, joints: Joints, values: Values, along: Values | None = None
@@ -238,11 +238,11 @@ class Board(ModeShortcuts):
         """Send references of one kind; ``commands.COMMANDS`` says what may come along."""
         return self.commands.command(kind, joints, values, along)
 
-    position_move = offered("_reference_requests", ReferenceRequests.position_move)
-    set_position = offered("_reference_requests", ReferenceRequests.set_position)
-    velocity_move = offered("_reference_requests", ReferenceRequests.velocity_move)
-    set_ref_torque = offered("_reference_requests", ReferenceRequests.set_ref_torque)
-    set_output = offered("_reference_requests", ReferenceRequests.set_output)
+    position_move = offered("_reference_methods", ReferenceMethods.position_move)
+    set_position = offered("_reference_methods", ReferenceMethods.set_position)
+    velocity_move = offered("_reference_methods", ReferenceMethods.velocity_move)
+    set_ref_torque = offered("_reference_methods", ReferenceMethods.set_ref_torque)
+    set_output = offered("_reference_methods", ReferenceMethods.set_output)
 
     set_feedforward = offered("feedforward", Feedforward.set_feedforward)
     position_move_within = offered("commands", Commands.position_move_within)
@@ -250,38 +250,38 @@ class Board(ModeShortcuts):
     stop = offered("stops", Stops.stop)
     reject = offered("commands", Commands.reject)
 
-    set_impedance = offered("_setting_requests", SettingRequests.set_impedance)
-    get_max_impedance = offered("_setting_requests", SettingRequests.get_max_impedance)
-    set_ref_speed = offered("_setting_requests", SettingRequests.set_ref_speed)
-    set_ref_acceleration = offered("_setting_requests", SettingRequests.set_ref_acceleration)
-    set_reference_speed = offered("_setting_requests", SettingRequests.set_reference_speed)
+    set_impedance = offered("_setting_methods", SettingMethods.set_impedance)
+    get_max_impedance = offered("_setting_methods", SettingMethods.get_max_impedance)
+    set_ref_speed = offered("_setting_methods", SettingMethods.set_ref_speed)
+    set_ref_acceleration = offered("_setting_methods", SettingMethods.set_ref_acceleration)
+    set_reference_speed = offered("_setting_methods", SettingMethods.set_reference_speed)
 
-    get_control_mode = offered("readings", Readings.get_control_mode)
-    get_available_modes = offered("readings", Readings.get_available_modes)
-    get_interaction_mode = offered("readings", Readings.get_interaction_mode)
-    get_faults = offered("readings", Readings.get_faults)
-    get_calibration = offered("readings", Readings.get_calibration)
-    get_encoder = offered("readings", Readings.get_encoder)
-    get_encoder_speed = offered("readings", Readings.get_encoder_speed)
-    get_torque = offered("readings", Readings.get_torque)
-    get_target_position = offered("readings", Readings.get_target_position)
-    get_ref_position = offered("readings", Readings.get_ref_position)
-    get_ref_velocity = offered("readings", Readings.get_ref_velocity)
-    get_ref_torque = offered("readings", Readings.get_ref_torque)
-    get_output = offered("readings", Readings.get_output)
-    check_motion_done = offered("readings", Readings.check_motion_done)
-    get_remaining_time = offered("readings", Readings.get_remaining_time)
-    get_impedance = offered("readings", Readings.get_impedance)
-    get_torque_offset = offered("readings", Readings.get_torque_offset)
-    get_ref_speed = offered("readings", Readings.get_ref_speed)
-    get_ref_acceleration = offered("readings", Readings.get_ref_acceleration)
+    get_control_mode = offered("_get_methods", GetMethods.get_control_mode)
+    get_available_modes = offered("_get_methods", GetMethods.get_available_modes)
+    get_interaction_mode = offered("_get_methods", GetMethods.get_interaction_mode)
+    get_faults = offered("_get_methods", GetMethods.get_faults)
+    get_calibration = offered("_get_methods", GetMethods.get_calibration)
+    get_encoder = offered("_get_methods", GetMethods.get_encoder)
+    get_encoder_speed = offered("_get_methods", GetMethods.get_encoder_speed)
+    get_torque = offered("_get_methods", GetMethods.get_torque)
+    get_target_position = offered("_get_methods", GetMethods.get_target_position)
+    get_ref_position = offered("_get_methods", GetMethods.get_ref_position)
+    get_ref_velocity = offered("_get_methods", GetMethods.get_ref_velocity)
+    get_ref_torque = offered("_get_methods", GetMethods.get_ref_torque)
+    get_output = offered("_get_methods", GetMethods.get_output)
+    check_motion_done = offered("_get_methods", GetMethods.check_motion_done)
+    get_remaining_time = offered("_get_methods", GetMethods.get_remaining_time)
+    get_impedance = offered("_get_methods", GetMethods.get_impedance)
+    get_torque_offset = offered("_get_methods", GetMethods.get_torque_offset)
+    get_ref_speed = offered("_get_methods", GetMethods.get_ref_speed)
+    get_ref_acceleration = offered("_get_methods", GetMethods.get_ref_acceleration)
 
     # --- what is checked, taken ------------------------------------------------------------------
 
     def take_impedance(
         self, chosen: Selection, stiffness: Floats, damping: Floats | None
     ) -> Reply:
-        """Take springs and dampers that are checked, shape (k,); see SettingRequests."""
+        """Take springs and dampers that are checked, shape (k,); see SettingMethods."""
         self.controller.set_impedance(chosen.joints, stiffness, damping)
         return accepted(chosen.names)
 

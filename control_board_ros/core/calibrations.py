@@ -110,7 +110,7 @@ class Calibrations:
         self.know_angle(j)
         self._show(j, done=True, progress=1.0, phase="done")
         self._machine.go(j, Event.CALIBRATED)
-        self._machine.tell("info", "calibrated", j, "calibrated")
+        self._machine.report("info", "calibrated", j, "calibrated")
 
     def _config(self, j: int) -> Calibration:
         calibration = self._machine.config.joints[j].calibration

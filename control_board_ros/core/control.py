@@ -15,7 +15,7 @@ from .laws import Joint, Laws
 from .laws import Pid as Loop
 from .measurement import Array
 from .modes import Law
-from .state import Indices, Joints, State
+from .state import Columns, Indices, StateArrays
 
 #: A current reference stays below what would be an overcurrent, by this part of it.
 PEAK_SHARE = 0.95
@@ -30,7 +30,7 @@ class Controller:
     Attributes: joints (of ``laws.Joint``, in the board's order).
     """
 
-    def __init__(self, config: BoardConfig, state: State) -> None:
+    def __init__(self, config: BoardConfig, state: StateArrays) -> None:
         self._state = state
         self._current_loop = config.output == "current"
         self.joints = [Joint() for _ in config.joints]
@@ -63,7 +63,7 @@ class Controller:
             self._position_pids[j] = None
             self._set_law(j, *self._armed[j])
 
-    def arm(self, joints: Joints, law: Law, *, direct: bool, feeds: bool = True) -> None:
+    def arm(self, joints: Columns, law: Law, *, direct: bool, feeds: bool = True) -> None:
         """Give joints their law, from their present torque on (M9).
 
         Args:

@@ -24,7 +24,7 @@ from .heat import STRAINED, heat_constants, warnings
 from .measurement import ROWS, Array
 from .monitor import JointMonitor, Monitor
 from .parts import DEGREE
-from .state import Joints, State
+from .state import Columns, StateArrays
 
 #: Cycles from one look at the slow checks to the next.
 SLOW = 8
@@ -50,7 +50,7 @@ class FaultMonitor:
     plant says more than its code).
     """
 
-    def __init__(self, config: BoardConfig, state: State) -> None:
+    def __init__(self, config: BoardConfig, state: StateArrays) -> None:
         self._state = state
         self._period = config.period
         self._values = np.zeros((ROWS, state.n))
@@ -83,7 +83,7 @@ class FaultMonitor:
             monitor.set(heat_constants(joint.limits))
         self._limits = [checked_limits(joint, self._period) for joint in config.joints]
 
-    def arm(self, joints: Joints, *, on: bool, calibrated: NDArray[np.bool_]) -> None:
+    def arm(self, joints: Columns, *, on: bool, calibrated: NDArray[np.bool_]) -> None:
         """Set the limits of joints, or none while they are not configured (N1).
 
         The hard limits are known of those only that are calibrated (a flag per joint).
@@ -95,7 +95,7 @@ class FaultMonitor:
             if not calibrated[j]:
                 monitor.max_overrun = math.inf
 
-    def power(self, joints: Joints, powered: Array) -> None:
+    def power(self, joints: Columns, powered: Array) -> None:
         """Say which bridges are on: only then does a motor tell its speed.
 
         Until the next reading, the motors still run with what they were given before.

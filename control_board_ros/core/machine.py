@@ -37,7 +37,7 @@ from .modes import (
     next_mode,
 )
 from .references import References
-from .state import Joints, State, span
+from .state import Columns, StateArrays, columns_of
 from .timeouts import ReferenceTimeouts
 from .vocabs import CommandKind, ControlMode
 
@@ -62,7 +62,7 @@ class Machine:
     def __init__(
         self,
         config: BoardConfig,
-        state: State,
+        state: StateArrays,
         controller: Controller,
         references: References,
         timeouts: ReferenceTimeouts,
@@ -115,7 +115,7 @@ class Machine:
     def enter(self, joints: Sequence[int], mode: ControlMode) -> None:
         """Put joints into a mode: references and controllers start afresh (M9)."""
         state, controller = self.state, self.controller
-        chosen = span(joints)
+        chosen = columns_of(joints)
         for j in joints:
             state.control_modes[j] = mode
             controller.joints[j].output_command = 0.0
@@ -125,19 +125,19 @@ class Machine:
         for interaction in {state.interaction_modes[j] for j in joints}:
             some = [j for j in joints if state.interaction_modes[j] is interaction]
             law = Law.POSITION if calibrating else law_of(mode, interaction)
-            self.set_law(span(some), law, direct=mode in DIRECT_GAINS, feeds=not calibrating)
+            self.set_law(columns_of(some), law, direct=mode in DIRECT_GAINS, feeds=not calibrating)
         self.monitor.arm(chosen, on=mode in CONFIGURED, calibrated=state.calibrated)
         state.accepts[:, chosen] = ACCEPTED[mode]
         state.modes_version += 1
 
     def set_law(
-        self, joints: Joints, law: Law, *, direct: bool = False, feeds: bool = True
+        self, joints: Columns, law: Law, *, direct: bool = False, feeds: bool = True
     ) -> None:
         """Let a law of control run joints from their present torque on."""
         self.controller.arm(joints, law, direct=direct, feeds=feeds)
         self.monitor.power(joints, self.state.powered)
 
-    def tell(self, level: str, key: str, j: int, text: str) -> None:
+    def report(self, level: str, key: str, j: int, text: str) -> None:
         """Add an event of a joint: ``<joint>: <text>``."""
         name = self.config.names[j]
         self.events.add(level, key, name, f"{name}: {text}")
@@ -178,7 +178,7 @@ class Machine:
             self.calibrations.fail(j, state.faults[j].text)
         self.monitor.let_cool(j, code)
         self.monitor.forget(j)
-        self.tell("error", f"fault {int(code)}", j, f"fault, {code.title}: {text}")
+        self.report("error", f"fault {int(code)}", j, f"fault, {code.title}: {text}")
 
     def force_idle(self, j: int) -> None:
         """FORCE_IDLE (F4, K2); on a fault whose cause is gone it clears it (F2)."""
@@ -210,7 +210,7 @@ class Machine:
         for j in range(self.state.n):
             for key, text in self.monitor.warnings(j).items():
                 if not self.state.faults[j].active:
-                    self.tell("warning", key, j, text)
+                    self.report("warning", key, j, text)
 
     def warn_of_limits(self) -> None:
         """Tell which joints are beyond their software limits that were not before (P9)."""
@@ -219,7 +219,7 @@ class Machine:
             if now and not before:
                 position = float(self.state.measured[Row.POSITION, j])
                 text = explain_limit(self.config.joints[j], position)
-                self.tell("warning", "limit", j, text)
+                self.report("warning", "limit", j, text)
         self._on_limit = on_limit
 
     def expire(self) -> None:
@@ -235,4 +235,4 @@ class Machine:
                 self.references.halt(np.array([j]))
                 timeout = self.config.joints[j].timeouts.velocity
                 text = f"no velocity reference for {timeout:g} s; it stops and holds"
-                self.tell("info", "velocity timeout", j, text)
+                self.report("info", "velocity timeout", j, text)

@@ -3,7 +3,7 @@
 
 A board offers some fifty methods, and each belongs to one of its parts. In its class ::
 
-    get_encoder = offered("readings", Readings.get_encoder)
+    get_encoder = offered("_get_methods", GetMethods.get_encoder)
 
 is the part's method, with its signature and docstring.
 """

@@ -17,7 +17,7 @@ from .config import BoardConfig
 from .laws import Joint
 from .limits import BoardLimits
 from .measurement import Array
-from .state import Indices, Joints, State
+from .state import Columns, Indices, StateArrays
 from .trajectory import durations, durations_within
 from .vocabs import CommandKind
 
@@ -36,7 +36,7 @@ class References:
     """
 
     def __init__(
-        self, config: BoardConfig, limits: BoardLimits, state: State, joints: list[Joint]
+        self, config: BoardConfig, limits: BoardLimits, state: StateArrays, joints: list[Joint]
     ) -> None:
         self._state, self._joints, self._limits = state, joints, limits
         self.last: Array = np.zeros((len(CommandKind), state.n))
@@ -47,7 +47,7 @@ class References:
         """Take new limits; running references go on."""
         self._limits = limits
 
-    def reset(self, joints: Joints, *, bounded: bool) -> None:
+    def reset(self, joints: Columns, *, bounded: bool) -> None:
         """Hold joints where they are measured to be, at rest (M9).
 
         A joint found outside its software limits may stay there or move inwards, never
@@ -59,14 +59,14 @@ class References:
         if bounded:
             self.bound(joints)
 
-    def bound(self, joints: Joints) -> None:
+    def bound(self, joints: Columns) -> None:
         """Bound position references by the limits, from where they stand (P9)."""
         for j in self._state.numbers(joints):
             joint = self._joints[j]
             joint.lower = min(joint.limit_lower, joint.reference)
             joint.upper = max(joint.limit_upper, joint.reference)
 
-    def hold(self, joints: Joints, positions: Array) -> None:
+    def hold(self, joints: Columns, positions: Array) -> None:
         """Set the position reference at once, at rest (P3, M9); shapes (k,)."""
         state = self._state
         state.position_reference[joints], state.velocity_reference[joints] = positions, 0.0
@@ -74,7 +74,7 @@ class References:
         for j, position in zip(state.numbers(joints), positions.tolist(), strict=True):
             self._joints[j].hold(position)
 
-    def move(self, joints: Joints, targets: Array, speeds: Array) -> list[float]:
+    def move(self, joints: Columns, targets: Array, speeds: Array) -> list[float]:
         """Start minimum-jerk moves from the present reference (P1, P6); shapes (k,).
 
         Returns:
@@ -88,7 +88,7 @@ class References:
             times.append(max(time, brake))
         return times
 
-    def move_times(self, joints: Joints, targets: Array, speeds: Array) -> Array:
+    def move_times(self, joints: Columns, targets: Array, speeds: Array) -> Array:
         """How long such moves would take from now on, s, shape (k,)."""
         return np.array(
             [
@@ -97,14 +97,14 @@ class References:
             ]
         )
 
-    def move_within(self, joints: Joints, targets: Array, time: float) -> None:
+    def move_within(self, joints: Columns, targets: Array, time: float) -> None:
         """Start moves that all arrive after so many s; no less than ``move_times`` says."""
         self._state.done[joints] = False
         for joint, target, lasting in self._with(joints, targets, np.full(len(targets), time)):
             joint.move(target, *planned(durations_within, joint, target, lasting))
 
     def _with(
-        self, joints: Joints, targets: Array, along: Array
+        self, joints: Columns, targets: Array, along: Array
     ) -> Iterator[tuple[Joint, float, float]]:
         """Joints with what they get each."""
         chosen = [self._joints[j] for j in self._state.numbers(joints)]
@@ -149,7 +149,7 @@ class References:
         for j, output in zip(joints.tolist(), outputs.tolist(), strict=True):
             self._joints[j].output_command = output
 
-    def remaining(self, joints: Joints) -> Array:
+    def remaining(self, joints: Columns) -> Array:
         """Time until the moves end, shape (k,), s; 0 where there is none."""
         left = []
         for joint in (self._joints[j] for j in self._state.numbers(joints)):

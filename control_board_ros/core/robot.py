@@ -23,13 +23,13 @@ from .events import BoardEvent, Events
 from .joined_config import JoinedConfig, check_parts
 from .limits import BoardLimits
 from .measurement import Actuation, Measurement
-from .mode_requests import ModeRequests
+from .mode_methods import ModeMethods
 from .modes import CONFIGURED, Stage
 from .offered import offered
-from .reference_requests import ReferenceRequests
+from .reference_methods import ReferenceMethods
 from .reply import Reply, accepted, refused
 from .selection import RequestError, Selection, Selector
-from .setting_requests import SettingRequests
+from .setting_methods import SettingMethods
 from .shared_commands import SharedCommands
 from .shares import Share, Shares, floats_of, reasons_of, values_of
 from .state import Snapshot
@@ -59,10 +59,10 @@ class Robot(ModeShortcuts):
         self.selector = Selector(self.names)
         self.events = Events()
         self.shares = Shares(self._boards)
-        self._mode_requests = ModeRequests(self.selector, self._decide)
+        self._mode_methods = ModeMethods(self.selector, self._decide)
         self._commands = SharedCommands(self.selector, self.shares)
-        self._reference_requests = ReferenceRequests(self._commands)
-        self._setting_requests = SettingRequests(self)
+        self._reference_methods = ReferenceMethods(self._commands)
+        self._setting_methods = SettingMethods(self)
         ends = np.cumsum([board.count for board in self._boards]).tolist()
         self._columns = [
             slice(end - board.count, end) for board, end in zip(self._boards, ends, strict=True)
@@ -184,26 +184,26 @@ class Robot(ModeShortcuts):
 
     # --- what users ask for, and read -----------------------------------------------------------
 
-    set_control_mode = offered("_mode_requests", ModeRequests.set_control_mode)
-    set_interaction_mode = offered("_mode_requests", ModeRequests.set_interaction_mode)
-    calibrate = offered("_mode_requests", ModeRequests.calibrate)
+    set_control_mode = offered("_mode_methods", ModeMethods.set_control_mode)
+    set_interaction_mode = offered("_mode_methods", ModeMethods.set_interaction_mode)
+    calibrate = offered("_mode_methods", ModeMethods.calibrate)
 
     command = offered("_commands", SharedCommands.command)
     set_feedforward = offered("_commands", SharedCommands.set_feedforward)
     position_move_within = offered("_commands", SharedCommands.position_move_within)
     get_move_time = offered("_commands", SharedCommands.get_move_time)
     reject = offered("_commands", SharedCommands.reject)
-    position_move = offered("_reference_requests", ReferenceRequests.position_move)
-    set_position = offered("_reference_requests", ReferenceRequests.set_position)
-    velocity_move = offered("_reference_requests", ReferenceRequests.velocity_move)
-    set_ref_torque = offered("_reference_requests", ReferenceRequests.set_ref_torque)
-    set_output = offered("_reference_requests", ReferenceRequests.set_output)
+    position_move = offered("_reference_methods", ReferenceMethods.position_move)
+    set_position = offered("_reference_methods", ReferenceMethods.set_position)
+    velocity_move = offered("_reference_methods", ReferenceMethods.velocity_move)
+    set_ref_torque = offered("_reference_methods", ReferenceMethods.set_ref_torque)
+    set_output = offered("_reference_methods", ReferenceMethods.set_output)
 
-    set_impedance = offered("_setting_requests", SettingRequests.set_impedance)
-    get_max_impedance = offered("_setting_requests", SettingRequests.get_max_impedance)
-    set_ref_speed = offered("_setting_requests", SettingRequests.set_ref_speed)
-    set_ref_acceleration = offered("_setting_requests", SettingRequests.set_ref_acceleration)
-    set_reference_speed = offered("_setting_requests", SettingRequests.set_reference_speed)
+    set_impedance = offered("_setting_methods", SettingMethods.set_impedance)
+    get_max_impedance = offered("_setting_methods", SettingMethods.get_max_impedance)
+    set_ref_speed = offered("_setting_methods", SettingMethods.set_ref_speed)
+    set_ref_acceleration = offered("_setting_methods", SettingMethods.set_ref_acceleration)
+    set_reference_speed = offered("_setting_methods", SettingMethods.set_reference_speed)
 
     get_control_mode = values_of(Board.get_control_mode)
     get_available_modes = values_of(Board.get_available_modes)

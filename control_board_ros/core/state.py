@@ -20,10 +20,10 @@ from .vocabs import CommandKind
 Indices = NDArray[np.intp]
 
 #: Some joints, to index arrays by: neighbours as a slice, which costs numpy a third.
-Joints = Indices | slice
+Columns = Indices | slice
 
 
-def span(joints: Sequence[int]) -> Joints:
+def columns_of(joints: Sequence[int]) -> Columns:
     """Joints as a slice where they are neighbours in ascending order, else their indices."""
     first, count = joints[0], len(joints)
     if list(joints) == list(range(first, first + count)):
@@ -126,7 +126,7 @@ class Snapshot:
         return values
 
 
-class State:
+class StateArrays:
     """What the parts of a board share: arrays, one column per joint, and records.
 
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
@@ -176,6 +176,6 @@ class State:
         self.faults[:] = [fault.cleared() for fault in self.faults]
         self.faults_version += 1
 
-    def numbers(self, joints: Joints) -> list[int]:
+    def numbers(self, joints: Columns) -> list[int]:
         """The indices of joints, for loops."""
         return cast(list[int], self.everyone[joints].tolist())

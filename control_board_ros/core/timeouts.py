@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .measurement import Array
-from .state import Indices, Joints
+from .state import Columns, Indices
 from .vocabs import CommandKind
 
 
@@ -42,7 +42,7 @@ class ReferenceTimeouts:
         self._deadline[joints] = cycle + self._cycles[kind, joints]
         self._next = float(self._deadline.min())
 
-    def cancel(self, joints: Joints) -> None:
+    def cancel(self, joints: Columns) -> None:
         """Let no reference of these joints expire."""
         self._deadline[joints], self._kind[joints] = np.inf, -1
         self._next = float(self._deadline.min())

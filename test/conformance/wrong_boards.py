@@ -222,12 +222,12 @@ def moves_of_twice_the_time() -> None:
 
 @breaks("P2")
 def a_speed_of_zero() -> None:
-    from control_board_ros.core import setting_requests
+    from control_board_ros.core import setting_methods
 
     def all_within(old: Any, *args: Any, **_: Any) -> Any:
         return old(*args, zero=True)
 
-    around(setting_requests, "all_within", all_within)
+    around(setting_methods, "all_within", all_within)
 
 
 @breaks("P3")
@@ -364,12 +364,12 @@ def a_move_survives_the_interaction_mode() -> None:
 
 @breaks("I6")
 def any_stiffness() -> None:
-    from control_board_ros.core import setting_requests
+    from control_board_ros.core import setting_methods
 
     def all_within(old: Any, chosen: Any, what: str, values: Any, most: Any, **more: Any) -> Any:
         return old(chosen, what, values, most * (2.0 if what == "stiffness" else 1.0), **more)
 
-    around(setting_requests, "all_within", all_within)
+    around(setting_methods, "all_within", all_within)
 
 
 @breaks("I10")

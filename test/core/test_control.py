@@ -16,7 +16,7 @@ from rig import LIMITS, MOTOR, board_config, joint
 from control_board_ros.core.config import BoardConfig, Impedance, Pid
 from control_board_ros.core.control import Controller, set_constants, set_gains
 from control_board_ros.core.modes import Law
-from control_board_ros.core.state import State
+from control_board_ros.core.state import StateArrays
 
 PERIOD = 0.001
 LOOPS = {"position_pid": Law.POSITION, "torque_pid": Law.TORQUE, "current_pid": Law.TORQUE}
@@ -138,7 +138,7 @@ def test_an_integral_that_helps_goes_on() -> None:
 
 
 def controller(config: BoardConfig) -> Controller:
-    return Controller(config, State(config))
+    return Controller(config, StateArrays(config))
 
 
 def test_constants_of_a_joint() -> None:
@@ -200,7 +200,7 @@ def test_direct_gains_are_those_of_position_direct() -> None:
 def test_a_law_brings_the_power_and_takes_it() -> None:
     """M1, M10: of the joints that get it, and of no other."""
     config = board_config(joint("a"), joint("b"))
-    state = State(config)
+    state = StateArrays(config)
     made = Controller(config, state)
     state.output[:] = 7.0
     made.arm(np.array([1]), Law.TORQUE, direct=False)
@@ -225,7 +225,7 @@ def test_stiffness_and_damping_outlive_a_reconfiguration() -> None:
 
 def test_at_power_on_no_reference_is_taken() -> None:
     """N1, M3: whatever a joint took before."""
-    state = State(board_config(joint("a"), joint("b")))
+    state = StateArrays(board_config(joint("a"), joint("b")))
     state.accepts[:] = True
     state.power_on()
     assert not state.accepts.any()

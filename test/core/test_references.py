@@ -15,7 +15,7 @@ from control_board_ros.core.config import Timeouts
 from control_board_ros.core.control import Controller
 from control_board_ros.core.limits import BoardLimits
 from control_board_ros.core.references import References
-from control_board_ros.core.state import State
+from control_board_ros.core.state import StateArrays
 from control_board_ros.core.timeouts import ReferenceTimeouts
 from control_board_ros.core.vocabs import CommandKind
 
@@ -27,7 +27,7 @@ class Made:
     """References of two joints, with the laws that follow them."""
 
     def __init__(self) -> None:
-        self.state = State(CONFIG)
+        self.state = StateArrays(CONFIG)
         self.controller = Controller(CONFIG, self.state)
         self.laws = self.controller.joints
         self.limits = BoardLimits.of(CONFIG)

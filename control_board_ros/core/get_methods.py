@@ -24,7 +24,7 @@ K = CommandKind
 T = TypeVar("T")
 
 
-class Readings:
+class GetMethods:
     """Reads the joints of a board.
 
     Args:

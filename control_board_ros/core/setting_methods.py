@@ -28,7 +28,7 @@ class TakesSettings(Protocol):
     ) -> Reply: ...
 
 
-class SettingRequests:
+class SettingMethods:
     """Checks settings whole (M7), before any joint has one of them.
 
     Args:

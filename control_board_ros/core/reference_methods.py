@@ -20,7 +20,7 @@ class TakesCommands(Protocol):
     ) -> Reply: ...
 
 
-class ReferenceRequests:
+class ReferenceMethods:
     """References by their own names.
 
     Args:

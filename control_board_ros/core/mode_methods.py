@@ -12,7 +12,7 @@ from .reply import Reply
 from .selection import Selection, Selector, control_modes, interaction_modes
 
 
-class ModeRequests:
+class ModeMethods:
     """Checks requests whole (M7), then has them decided joint by joint.
 
     Args:
