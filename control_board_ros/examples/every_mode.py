@@ -64,7 +64,7 @@ def walk(simulation: Simulation) -> Recording:
     home = float(board.get_encoder(JOINT)[0])
     act("POSITION", M.POSITION, 2.0, move(home + 0.5))
     act("DIRECT", M.POSITION_DIRECT, 1.0, step_twice(home))
-    act("VELOCITY", M.VELOCITY, 1.5, roll)
+    act("VELOCITY", M.VELOCITY, 1.5, turn)
     act("MIXED", M.MIXED, 1.5, mix(home))
     hold = float(board.get_torque(JOINT)[0])
     act("TORQUE", M.TORQUE, 1.5, lambda b, t: b.set_ref_torque(JOINT, hold + 2.0 * np.sin(8 * t)))
@@ -82,7 +82,7 @@ def move(target: float) -> Each:
     return lambda board, t: board.position_move(JOINT, target, 0.4) if t == 0.0 else None
 
 
-def roll(board: Board, _: float) -> None:
+def turn(board: Board, _: float) -> None:
     """A steady velocity, renewed before it times out."""
     board.velocity_move(JOINT, -0.3, 1.0)
 

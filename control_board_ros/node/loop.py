@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The control thread: the only clock and the only lock of the node.
+"""The control thread: the only clock of the node, and the one lock that guards the board.
 
 Everything that touches the board does so between two cycles::
 
@@ -204,12 +204,7 @@ class ControlLoop(Generic[B_co]):
         ``on_done`` is called from the control thread.
         """
         with self.exclusive():
-            if not self._paused:
-                return (
-                    "~/step needs a paused simulation, and this one runs; "
-                    "call ~/pause with data: true first"
-                )
-            refusal = self._stepping.begin(cycles, on_done)
+            refusal = self._stepping.begin(cycles, on_done, paused=self._paused)
         if not refusal:
             self._wake.set()
         return refusal

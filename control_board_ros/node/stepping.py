@@ -18,13 +18,19 @@ class Stepping:
         self._on_steps: Callable[[str], None] | None = None
         self._on_cycle: deque[Callable[[], None]] = deque()
 
-    def begin(self, cycles: int, on_done: Callable[[str], None]) -> str:
+    def begin(self, cycles: int, on_done: Callable[[str], None], *, paused: bool) -> str:
         """Let so many cycles run; an empty text, or why not.
 
         Args:
             cycles: how many, exactly.
             on_done: called after the last one with an empty text, or why they did not all run.
+            paused: whether simulated time stands still.
         """
+        if not paused:
+            return (
+                "~/step needs a paused simulation, and this one runs; "
+                "call ~/pause with data: true first"
+            )
         if self.left:
             return f"~/step refused: {self.left} cycles of the last one are still to run"
         if cycles <= 0:
