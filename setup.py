@@ -320,7 +320,9 @@ def runtime_requirements() -> list[str]:
 XACRO = ["xacro>=2.1"]
 PANEL = ["starlette>=1.0", "uvicorn>=0.50", "websockets>=15"]
 RECORD = ["matplotlib>=3.8", "rosbags>=0.11"]
-TUNE = ["optuna>=4.0"]
+TUNE = ["optuna>=5.0"]
+TUNE_POSTGRESQL = [*TUNE, "psycopg[binary]>=3.2"]
+TUNE_GRPC = [*TUNE, "grpcio>=1.68", "protobuf>=5.28"]
 TEST = [
     "canopen>=2.3",
     "control>=0.10",
@@ -334,7 +336,8 @@ TEST = [
     *MUJOCO,
     *PANEL,
     *RECORD,
-    *TUNE,
+    *TUNE_POSTGRESQL,
+    *TUNE_GRPC,
 ]
 ICUB = ["icub-models==3.2.0"]
 DEV = [
@@ -391,6 +394,8 @@ setup(
         "panel": PANEL,
         "record": RECORD,
         "tune": TUNE,
+        "tune-postgresql": TUNE_POSTGRESQL,
+        "tune-grpc": TUNE_GRPC,
         "dev": DEV,
     },
     entry_points={

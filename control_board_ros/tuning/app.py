@@ -18,8 +18,9 @@ from .errors import TuningError
 from .files import summary, write_parameters, write_report
 from .outcome import judge
 from .scenes import usual_payload
-from .search import Found, Plan, optuna, run_all, settings_of, storage_of
+from .search import Found, Plan, run_all, settings_of
 from .space import COMPLIANT, POSITION
+from .storage import optuna, shown, storage_of
 
 DONE, REFUSED, USAGE = 0, 1, 2
 
@@ -74,7 +75,7 @@ def tune(given: argparse.Namespace) -> None:
     jobs = given.jobs or os.cpu_count() or 1
     say(
         f"{len(tasks)} controllers, {plan.trials} trials each, payload up to {payload:.3g} kg, "
-        f"{min(jobs, len(tasks))} processes; trials are kept in {storage}"
+        f"{min(jobs, len(tasks))} processes; trials are kept in {shown(storage)}"
     )
     begun = time.monotonic()
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import cache
@@ -24,12 +23,11 @@ from .cost import FAULTED, Figures, cost, figures
 from .errors import TuningError
 from .scenes import scenes
 from .space import Space, space_of
+from .storage import kept_in, optuna, storage_of
 
 #: Gains times this must do, too: a margin of 5 dB against what the simulation does not know; and
 #: what that counts.
 MARGIN, MARGIN_SHARE = 1.8, 0.25
-#: s between signs of life of a process that uses a database, and until one without is given up.
-ALIVE, GIVEN_UP = 10, 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,41 +73,6 @@ def robot_digest(robot: str) -> str:
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
-def optuna() -> Any:
-    """The library, quiet.
-
-    Raises:
-        TuningError: it is not installed.
-    """
-    try:
-        import optuna as library
-    except ModuleNotFoundError as error:
-        raise TuningError(
-            "optuna is not installed; install it with: pip install 'control_board_ros[tune]'"
-        ) from error
-    library.logging.set_verbosity(library.logging.ERROR)
-    warnings.filterwarnings("ignore", category=library.exceptions.ExperimentalWarning)
-    return library
-
-
-def storage_of(place: str) -> Any:
-    """A journal file, or the database of a URL.
-
-    Raises:
-        TuningError: it cannot be opened.
-    """
-    storages = optuna().storages
-    try:
-        if "://" in place:
-            return storages.RDBStorage(
-                place, heartbeat_interval=ALIVE, grace_period=GIVEN_UP, engine_kwargs=None
-            )
-        return storages.JournalStorage(storages.journal.JournalFileBackend(place))
-    except Exception as error:
-        line = (str(error).splitlines() or [type(error).__name__])[0]
-        raise TuningError(f"cannot open the storage {place}: {line}") from error
-
-
 def study_name(plan: Plan, joint: str, stage: str) -> str:
     return f"{joint}.{stage}.{plan.digest}"
 
@@ -131,22 +94,32 @@ def run(plan: Plan, joint: str, stage: str) -> Found:
     """Search until the study has its trials; the best of them.
 
     Raises:
-        TuningError: with the gains of before, the joint faults.
+        TuningError: with the gains of before, the joint faults; or the storage fails.
+    """
+    with kept_in(plan.storage):
+        return search(plan, space_in(plan.robot, joint, stage))
+
+
+def search(plan: Plan, space: Space) -> Found:
+    """The same for a space.
+
+    The gains of before and the derived ones are tried in any case: where the process that had one
+    of them died, by the one that ends the search.
     """
     library = optuna()
-    space = space_in(plan.robot, joint, stage)
     study = library.create_study(
         storage=storage_of(plan.storage),
-        study_name=study_name(plan, joint, stage),
+        study_name=study_name(plan, space.joint, space.stage),
         load_if_exists=True,
     )
     done = finished(study)
     study.sampler = library.samplers.TPESampler(
         seed=plan.seed + len(done), n_startup_trials=8, multivariate=True
     )
+    starts = [space.exponents(space.given), dict.fromkeys(space.ranges, 0.0)][: plan.trials]
     if not study.trials:
-        for first in (space.exponents(space.given), dict.fromkeys(space.ranges, 0.0)):
-            study.enqueue_trial(first, skip_if_exists=True)
+        for start in starts:
+            study.enqueue_trial(start, skip_if_exists=True)
     before = base_figures(plan, space)
 
     def objective(trial: Any) -> float:
@@ -155,11 +128,18 @@ def run(plan: Plan, joint: str, stage: str) -> Found:
         }
         return value_of(plan, space, exponents, before)
 
-    while len(done) < plan.trials:
+    while len(done) < plan.trials or (lost := untried(starts, done)):
+        if len(done) >= plan.trials:
+            study.enqueue_trial(lost[0])
         study.optimize(objective, n_trials=1)
         done = finished(study)
     best = study.best_trial
-    return Found(joint, stage, space.changes(best.params), best.value, len(done))
+    return Found(space.joint, space.stage, space.changes(best.params), best.value, len(done))
+
+
+def untried(starts: Sequence[Mapping[str, float]], done: list[Any]) -> list[Mapping[str, float]]:
+    """What none of the finished trials had."""
+    return [start for start in starts if all(trial.params != start for trial in done)]
 
 
 def finished(study: Any) -> list[Any]:

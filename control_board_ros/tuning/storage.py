@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where trials are kept: a journal file, a database, or a database behind Optuna's gRPC proxy.
+
+A process that dies leaves a trial that runs for ever. In a database each process gives signs of
+life: without one for a minute, its trial is given up, and the next process tries it again.
+Journals and proxies have none: what must be tried, a search looks after itself.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+from urllib.parse import urlsplit
+
+from .errors import TuningError
+
+#: s between signs of life of a process that uses a database, and until one without is given up.
+ALIVE, GIVEN_UP = 10, 60
+#: So often is a trial tried again whose process died: it may be the trial that ends processes.
+RETRIES = 2
+#: s to wait for a gRPC proxy.
+PROXY_TIMEOUT = 10.0
+
+
+def optuna() -> Any:
+    """The library, quiet.
+
+    Raises:
+        TuningError: it is not installed.
+    """
+    try:
+        import optuna as library
+    except ModuleNotFoundError as error:
+        raise TuningError(
+            "optuna is not installed; install it with: pip install 'control_board_ros[tune]'"
+        ) from error
+    library.logging.set_verbosity(library.logging.ERROR)
+    warnings.filterwarnings("ignore", category=library.exceptions.ExperimentalWarning)
+    return library
+
+
+@cache
+def storage_of(place: str) -> Any:
+    """A journal file; the database, or the proxy (``grpc://host:port``), of a URL: opened once.
+
+    Raises:
+        TuningError: it cannot be opened.
+    """
+    optuna()
+    kind = place.partition("://")[0] if "://" in place else ""
+    try:
+        return {"": journal, "grpc": proxy}.get(kind, database)(place)
+    except ImportError as error:
+        extra = "tune-grpc" if kind == "grpc" else "tune-postgresql"
+        raise TuningError(
+            f"cannot open the storage {shown(place)}: its Python driver is not installed; "
+            f"for PostgreSQL and gRPC: pip install 'control_board_ros[{extra}]'"
+        ) from error
+    except Exception as error:
+        raise TuningError(f"cannot open the storage {shown(place)}: {reason(error)}") from error
+
+
+def journal(path: str) -> Any:
+    """A file, which several processes may use where the file system locks files."""
+    storages = optuna().storages
+    return storages.JournalStorage(storages.journal.JournalFileBackend(path))
+
+
+def database(url: str) -> Any:
+    """A database, with its tables: where several processes make them at once, one of them does."""
+    from sqlalchemy.exc import IntegrityError, ProgrammingError
+
+    storages = optuna().storages
+    retry = storages.RetryHeartbeatStaleTrialCallback(max_retry=RETRIES)
+    for again in (True, True, False):
+        try:
+            return storages.RDBStorage(
+                url,
+                heartbeat_interval=ALIVE,
+                grace_period=GIVEN_UP,
+                heartbeat_stale_trial_callback=retry,
+            )
+        except (IntegrityError, ProgrammingError):
+            if not again:
+                raise
+    raise AssertionError("the last attempt returns or raises")
+
+
+def proxy(url: str) -> Any:
+    """A database behind ``optuna.storages.run_grpc_proxy_server``."""
+    parts = urlsplit(url)
+    if parts.hostname is None or parts.port is None:
+        raise ValueError("give host and port, e.g. grpc://localhost:13000")
+    storage = optuna().storages.GrpcStorageProxy(host=parts.hostname, port=parts.port)
+    storage.wait_server_ready(timeout=PROXY_TIMEOUT)
+    return storage
+
+
+def shown(place: str) -> str:
+    """A storage as it may be printed: without its password."""
+    return re.sub(r"(://[^/@:]*):[^/@]*@", r"\1:***@", place)
+
+
+def reason(error: BaseException) -> str:
+    """What went wrong, in a line."""
+    details = getattr(error, "details", None)  # of gRPC
+    text = details() if callable(details) else str(error)
+    return (str(text).splitlines() or [type(error).__name__])[0]
+
+
+@contextmanager
+def kept_in(place: str) -> Iterator[None]:
+    """Use a storage: that it fails is said in a line.
+
+    Raises:
+        TuningError: it failed.
+    """
+    try:
+        yield
+    except failures() as error:
+        raise TuningError(
+            f"the storage {shown(place)} failed: {reason(error.__cause__ or error)}; "
+            "the same command goes on where it ended"
+        ) from error
+
+
+def failures() -> tuple[type[BaseException], ...]:
+    """What storages raise when they fail."""
+    from sqlalchemy.exc import SQLAlchemyError
+
+    found = (optuna().exceptions.StorageInternalError, SQLAlchemyError, OSError)
+    grpc = sys.modules.get("grpc")
+    return found if grpc is None else (*found, grpc.RpcError)
