@@ -18,6 +18,9 @@ WEIGHTS: Mapping[str, Mapping[str, float]] = {
     POSITION: {"tracking": 0.5, "push": 0.2, "settling": 0.2, "chatter": 0.1},
     COMPLIANT: {"torque": 0.5, "tracking": 0.2, "settling": 0.3},
 }
+#: What must not be worse than before, by stage; how much of it is not counted as worse.
+GUARDED: Mapping[str, Sequence[str]] = {POSITION: ("tracking",), COMPLIANT: ("torque", "tracking")}
+SLACK = 1.05
 #: Overshoot that costs nothing, %; and what one % beyond costs.
 FREE_OVERSHOOT, PER_PERCENT = 10.0, 0.02
 #: A figure is no better than this, in its unit: below lies the resolution.
@@ -74,6 +77,8 @@ def longest(settling: float, take: Take) -> float:
 def cost(stage: str, found: Sequence[Figures], before: Sequence[Figures]) -> float:
     """Mean over the scenes of Σ weight · figure/figure before + overshoot; 1 is as before.
 
+    By what a guarded figure is worse, that counts once more.
+
     Args:
         stage: What was played.
         found: The figures of each scene.
@@ -86,6 +91,7 @@ def cost(stage: str, found: Sequence[Figures], before: Sequence[Figures]) -> flo
             for name in WEIGHTS[stage]
         }
         total = sum(min(ratios[name], WORST) * w for name, w in WEIGHTS[stage].items())
+        total += sum(min(max(ratios[name] - 1.0, 0.0), WORST) for name in GUARDED[stage])
         allowed = max(then.overshoot, FREE_OVERSHOOT)
         costs.append(total + PER_PERCENT * max(now.overshoot - allowed, 0.0))
     return min(float(np.mean(costs)), FAULTED)

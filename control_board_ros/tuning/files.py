@@ -15,9 +15,9 @@ from ..core.config import JointConfig
 from ..recording.charts import Chart, Trace, Unit, unit_of
 from ..recording.page import chart_section, document, number
 from .bench import Take
-from .cost import WEIGHTS
+from .cost import GUARDED, WEIGHTS
 from .errors import TuningError
-from .outcome import Outcome
+from .outcome import Outcome, mean
 from .search import Plan, settings_of
 from .space import POSITION
 
@@ -69,21 +69,29 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
 def summary(outcomes: Sequence[Outcome], plan: Plan) -> list[str]:
     """A line for each controller."""
     units = units_of(plan.robot)
-    lines = []
-    for outcome in outcomes:
-        head = f"{outcome.joint}, {TITLES[outcome.stage]}: "
-        if outcome.why:
-            lines.append(f"{head}as before, {outcome.why}")
-            continue
-        told = []
-        for name in ("tracking", "torque") if outcome.stage != POSITION else ("tracking", "push"):
-            then, now = (
-                shown(name, outcome.mean(name, after=a), units[outcome.joint])
-                for a in (False, True)
-            )
-            told.append(f"{SHOWN[name]} {then} -> {now}")
-        lines.append(head + ", ".join(told))
-    return lines
+    return [line_of(outcome, units[outcome.joint]) for outcome in outcomes]
+
+
+def line_of(outcome: Outcome, unit: Unit) -> str:
+    """What counts most, before and after, and where the gains are not those found, why."""
+    head = f"{outcome.joint}, {TITLES[outcome.stage]}: "
+    if not outcome.changes:
+        return f"{head}as before, {outcome.why}"
+    if outcome.why:
+        head += f"the derived gains ({outcome.why}), "
+    told = []
+    for name in ("tracking", "push") if outcome.stage == POSITION else ("torque", "tracking"):
+        text = f"{SHOWN[name]} {before_and_after(outcome, name, unit, '->')}"
+        if outcome.derived and not outcome.why:
+            text += f" (derived gains: {shown(name, mean(name, outcome.derived), unit)})"
+        told.append(text)
+    return head + ", ".join(told)
+
+
+def before_and_after(outcome: Outcome, name: str, unit: Unit, arrow: str) -> str:
+    """A figure of both, with its unit."""
+    then, now = (shown(name, mean(name, f), unit) for f in (outcome.before, outcome.after))
+    return f"{then} {arrow} {now}"
 
 
 def units_of(robot: str) -> Mapping[str, Unit]:
@@ -129,8 +137,7 @@ def section(outcome: Outcome, unit: Unit) -> str:
     facts = [
         (
             SHOWN[name],
-            f"{shown(name, outcome.mean(name, after=False), unit)} → "
-            f"{shown(name, outcome.mean(name, after=True), unit)}",
+            before_and_after(outcome, name, unit, "→"),
         )
         for name in WEIGHTS[outcome.stage]
     ]
@@ -140,8 +147,15 @@ def section(outcome: Outcome, unit: Unit) -> str:
         if ".direct_pid." not in name
     ]
     title = f"{outcome.joint}: {TITLES[outcome.stage]}"
-    if outcome.why:
+    if not outcome.changes:
         return chart_section(f"{title}, as before", [("kept, because", outcome.why)], [])
+    if outcome.derived:
+        facts += [
+            (f"{SHOWN[name]}, derived gains", shown(name, mean(name, outcome.derived), unit))
+            for name in GUARDED[outcome.stage]
+        ]
+    if outcome.why:
+        facts.append(("the derived gains, because", outcome.why))
     return chart_section(title, facts, charts(outcome, unit))
 
 

@@ -1,40 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was found, held against the gains of before, in poses that the search did not see."""
+"""What was found, held against the gains of before, in poses that the search did not see.
+
+A controller takes the gains found; or the derived ones, where these are better; or it stays as it
+was. Gains join those of the other joints one controller after the other: two joints that each do
+well alone may shake each other.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..settings.loading import Settings
 from .bench import Bench, Faulted, Take
-from .cost import FAULTED, WEIGHTS, Figures, cost, figures
+from .cost import FAULTED, GUARDED, SLACK, WEIGHTS, Figures, cost, figures
 from .scenes import Scene, scenes
 from .search import Found, Plan, settings_of
-from .space import POSITION
+from .space import space_of
 
+#: A controller: joint and stage. Parameters of the board, by name.
+Key = tuple[str, str]
+Changes = Mapping[str, float]
 #: A search must gain so much: less is left as it was.
 LEAST_GAIN = 0.02
-#: A figure may be worse than before by this factor, where the whole is better.
-SLACK = 1.05
-#: The figure that must not be worse, by stage.
-GUARDED = {POSITION: "tracking", "compliant": "torque"}
+#: The derived gains are those of before where they differ by no more.
+SAME = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
     """A controller of a joint before and after.
 
-    Attributes: joint, stage, changes (parameters; empty: as before), before and after (figures, in
-    each fresh scene), takes_before and takes_after (the first fresh scene), cost (1: as before),
-    why (it stays as before; empty where it does not), trials.
+    Attributes: joint, stage, changes (parameters; empty: as before), before, derived and after
+    (figures, in each fresh scene; derived: empty where these gains are those of before),
+    takes_before and takes_after (the first fresh scene), cost (1: as before), why (the gains found
+    are not taken; empty where they are), trials.
     """
 
     joint: str
     stage: str
-    changes: Mapping[str, float]
+    changes: Changes
     before: Sequence[Figures]
+    derived: Sequence[Figures]
     after: Sequence[Figures]
     takes_before: Sequence[Take]
     takes_after: Sequence[Take]
@@ -42,36 +52,10 @@ class Outcome:
     why: str
     trials: int
 
-    def mean(self, name: str, *, after: bool) -> float:
-        """The mean of a figure over the scenes."""
-        return float(np.mean([f.values[name] for f in (self.after if after else self.before)]))
 
-
-def judge(plan: Plan, found: Sequence[Found]) -> list[Outcome]:
-    """Keep what is better, alone and together with the rest; what is not stays as it was."""
-    settings = settings_of(plan.robot)
-    fresh = scenes(settings, plan.payload, plan.seed, fresh=True)
-    bench = Bench(settings, fresh)
-    try:
-        kept = {(f.joint, f.stage): f for f in found}
-        before = {key: measured(bench, fresh, key, {}) for key in kept}
-        rejected: dict[tuple[str, str], str] = {}
-        while True:
-            changes = together(kept[key].changes for key in kept if key not in rejected)
-            after = {key: measured(bench, fresh, key, changes) for key in kept}
-            worse = {
-                key: why
-                for key in kept
-                if key not in rejected and (why := objection(key[1], before[key], after[key]))
-            }
-            if not worse:
-                return [
-                    outcome(f, before[key], after[key], rejected.get(key, ""))
-                    for key, f in kept.items()
-                ]
-            rejected |= worse
-    finally:
-        bench.close()
+def mean(name: str, found: Sequence[Figures]) -> float:
+    """The mean of a figure over the scenes."""
+    return float(np.mean([one.values[name] for one in found]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,9 +67,7 @@ class Played:
     reason: str = ""
 
 
-def measured(
-    bench: Bench, fresh: Sequence[Scene], key: tuple[str, str], changes: Mapping[str, float]
-) -> Played:
+def measured(bench: Bench, fresh: Sequence[Scene], key: Key, changes: Changes) -> Played:
     """Play a stage of a joint with some gains of all joints."""
     joint, stage = key
     try:
@@ -96,28 +78,136 @@ def measured(
     return Played([figures(stage, takes) for takes in played], played[0])
 
 
-def objection(stage: str, before: Played, after: Played) -> str:
-    """Why gains are not taken; empty where they are."""
+def objection(stage: str, before: Played, after: Played, least: float = LEAST_GAIN) -> str:
+    """Why gains are not taken; empty where they are: they gain so much, and spoil nothing."""
     if after.reason:
         return after.reason
     if before.reason:
         return ""
     whole = cost(stage, after.figures, before.figures)
-    if whole > 1.0 - LEAST_GAIN:
+    if whole > 1.0 - least:
         return f"no better in other poses ({whole:.2f} of before)"
-    name = GUARDED[stage]
-    then, now = (np.mean([f.values[name] for f in p.figures]) for p in (before, after))
-    return f"{name} would be worse" if now > SLACK * then else ""
+    return harm(stage, before, after)
 
 
-def outcome(found: Found, before: Played, after: Played, why: str) -> Outcome:
+def harm(stage: str, before: Played, after: Played) -> str:
+    """What is worse than before of that which must not be; empty where nothing is."""
+    if after.reason or before.reason:
+        return "" if before.reason else after.reason
+    for name in GUARDED[stage]:
+        if mean(name, after.figures) > SLACK * mean(name, before.figures):
+            return f"{name} would be worse"
+    return ""
+
+
+def judge(plan: Plan, found: Sequence[Found]) -> list[Outcome]:
+    """Keep what is better, alone and together with the rest; what is not stays as it was."""
+    settings = settings_of(plan.robot)
+    fresh = scenes(settings, plan.payload, plan.seed, fresh=True)
+    bench = Bench(settings, fresh)
+
+    def play(key: Key, changes: Changes) -> Played:
+        return measured(bench, fresh, key, changes)
+
+    try:
+        derived = {(f.joint, f.stage): derived_gains(settings, f.joint, f.stage) for f in found}
+        return decide(found, derived, play)
+    finally:
+        bench.close()
+
+
+def derived_gains(settings: Settings, joint: str, stage: str) -> Changes:
+    """The gains that the URDF implies; empty where the joint has them."""
+    space = space_of(settings, joint, stage)
+    if all(
+        math.isclose(space.given[name], value, rel_tol=SAME)
+        for name, value in space.derived.items()
+    ):
+        return {}
+    return space.changes(dict.fromkeys(space.ranges, 0.0))
+
+
+def decide(
+    found: Sequence[Found],
+    derived: Mapping[Key, Changes],
+    play: Callable[[Key, Changes], Played],
+) -> list[Outcome]:
+    """Choose the gains of each controller, the best first, and look at all of them together."""
+    searches = {(f.joint, f.stage): f for f in found}
+    before = {key: play(key, {}) for key in searches}
+    plain = {key: play(key, changes) for key, changes in derived.items() if changes}
+    chosen: dict[Key, Changes] = {}
+    why = dict.fromkeys(searches, "")
+    for key, search in sorted(searches.items(), key=lambda item: item[1].cost):
+        stage, others = key[1], together(chosen)
+        after = play(key, {**others, **search.changes})
+        why[key] = objection(stage, before[key], after)
+        if not why[key] and key in plain and objection(stage, plain[key], after, -LEAST_GAIN):
+            why[key] = "the derived gains are better in other poses"
+        if not why[key]:
+            chosen[key] = search.changes
+        elif key in plain and not objection(
+            stage, before[key], play(key, {**others, **derived[key]})
+        ):
+            chosen[key] = derived[key]
+    after_all = settle(chosen, why, searches, before, play)
+    return [
+        outcome(
+            search,
+            chosen.get(key, {}),
+            before[key],
+            plain[key].figures if key in plain else [],
+            after_all[key],
+            why[key],
+        )
+        for key, search in searches.items()
+    ]
+
+
+def settle(
+    chosen: dict[Key, Changes],
+    why: dict[Key, str],
+    searches: Mapping[Key, Found],
+    before: Mapping[Key, Played],
+    play: Callable[[Key, Changes], Played],
+) -> dict[Key, Played]:
+    """Take back gains until no controller is worse than before; how all of them move then.
+
+    Where one suffers whose gains are as before, the least useful gains of another are taken back.
+    """
+    while True:
+        whole = together(chosen)
+        after = {key: play(key, whole) for key in searches}
+        worse = {key: objection(key[1], before[key], after[key]) for key in chosen}
+        worse = {key: reason for key, reason in worse.items() if reason}
+        if not worse and chosen:
+            for key in searches.keys() - chosen.keys():
+                if spoilt := harm(key[1], before[key], after[key]):
+                    last = max(chosen, key=lambda one: searches[one].cost)
+                    worse[last] = f"{key[0]}: {spoilt}"
+        if not worse:
+            return after
+        for key, reason in worse.items():
+            why[key] = reason
+            del chosen[key]
+
+
+def outcome(
+    found: Found,
+    changes: Changes,
+    before: Played,
+    derived: Sequence[Figures],
+    after: Played,
+    why: str,
+) -> Outcome:
     """The result of one search, as it stands in the end."""
     known = not (before.reason or after.reason)
     return Outcome(
         found.joint,
         found.stage,
-        {} if why else found.changes,
+        changes,
         before.figures,
+        derived,
         after.figures,
         before.takes,
         after.takes,
@@ -127,9 +217,6 @@ def outcome(found: Found, before: Played, after: Played, why: str) -> Outcome:
     )
 
 
-def together(changes: object) -> dict[str, float]:
-    """All of some changes in one."""
-    whole: dict[str, float] = {}
-    for one in changes:  # type: ignore[attr-defined]
-        whole |= one
-    return whole
+def together(chosen: Mapping[Key, Changes]) -> dict[str, float]:
+    """The gains of all controllers in one."""
+    return {name: value for changes in chosen.values() for name, value in changes.items()}

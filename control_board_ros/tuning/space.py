@@ -23,6 +23,9 @@ RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = {
     POSITION: {"kp": (-3.0, 1.0), "ki": (-4.0, 2.0), "kd": (-3.0, 1.0)},
     COMPLIANT: {"ki": (-4.0, 2.0), "damping": (-2.0, 2.0)},
 }
+#: Damping ratio of a position loop at the greatest inertia, at least: alone among joints that hold
+#: still a joint needs less, and two such joints shake each other.
+LEAST_DAMPING = 0.5
 #: The gains that a search for positions sets, in both modes that follow positions.
 PIDS, GAINS = ("position_pid", "direct_pid"), ("kp", "ki", "kd")
 #: An exponent is a gain where the derived one is 0.
@@ -34,21 +37,25 @@ class Space:
     """The search for one controller of one joint.
 
     Attributes: joint, stage, derived (gains that exponents count from, by name), given (those of
-    the file).
+    the file), inertia (the greatest that the motor feels, kg·m² or kg).
     """
 
     joint: str
     stage: str
     derived: Mapping[str, float]
     given: Mapping[str, float]
+    inertia: float
 
     @property
     def ranges(self) -> Mapping[str, tuple[float, float]]:
         return RANGES[self.stage]
 
     def changes(self, exponents: Mapping[str, float]) -> dict[str, float]:
-        """Parameters of the board, by full name."""
+        """Parameters of the board, by full name; kd ≥ 2 ζ √(kp J)."""
         values = {name: self.derived[name] * 2.0**e for name, e in exponents.items()}
+        if self.stage == POSITION:
+            least = 2.0 * LEAST_DAMPING * math.sqrt(values["kp"] * self.inertia)
+            values["kd"] = max(values["kd"], least)
         return named(self.joint, self.stage, values)
 
     def exponents(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -87,7 +94,8 @@ def space_of(settings: Settings, joint: str, stage: str) -> Space:
         derived = {name: own[f"position_pid.{name}"] for name in GAINS}
     else:
         derived = {"ki": TORQUE_KI, "damping": own["impedance.damping"]}
-    return Space(joint, stage, {n: max(v, LEAST) for n, v in derived.items()}, given)
+    derived = {n: max(v, LEAST) for n, v in derived.items()}
+    return Space(joint, stage, derived, given, config.inertia_max)
 
 
 #: Integral gain of the torque loop where none is given, 1/s.

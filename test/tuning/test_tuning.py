@@ -7,8 +7,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,22 +16,17 @@ import pytest
 import yaml
 
 from control_board_ros.description.urdf import Urdf
+from control_board_ros.recording.charts import unit_of
 from control_board_ros.settings.loading import load
 from control_board_ros.tuning.bench import Bench, Faulted, Take, with_gains
 from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
-from control_board_ros.tuning.files import parameters
-from control_board_ros.tuning.outcome import Played, judge, objection
+from control_board_ros.tuning.files import line_of, parameters
+from control_board_ros.tuning.outcome import Played, decide, judge, mean, objection
 from control_board_ros.tuning.scenes import scenes, usual_payload, with_payload
-from control_board_ros.tuning.search import Found, Plan, run, settings_of, storage_of, study_name
+from control_board_ros.tuning.search import Found, Plan, run, settings_of
 from control_board_ros.tuning.space import COMPLIANT, POSITION, STAGES, space_of
 
-CRANE = Path(__file__).with_name("crane.yaml")
 pytestmark = pytest.mark.physics
-
-
-@pytest.fixture(scope="module")
-def crane() -> str:
-    return str(CRANE)
 
 
 @pytest.fixture(scope="module")
@@ -174,28 +168,35 @@ def test_a_search_makes_poor_gains_better_and_goes_on(crane: str, tmp_path: Path
     assert run(plan_of(crane, tmp_path, trials=8), "lift", POSITION).trials == 8
     (outcome,) = judge(plan_of(crane, tmp_path), [found])
     assert outcome.why == ""
-    assert outcome.mean("tracking", after=True) < 0.5 * outcome.mean("tracking", after=False)
+    assert mean("tracking", outcome.after) < 0.5 * mean("tracking", outcome.before)
+    assert mean("tracking", outcome.after) <= 1.05 * mean("tracking", outcome.derived)
     assert parameters([outcome], crane)["/**"]["ros__parameters"]["lift"]["position_pid"]["kp"] > 0
 
 
 @pytest.mark.slow
-def test_a_database_keeps_the_trials(crane: str, tmp_path: Path) -> None:
-    """By its URL; who comes next goes on there."""
-    url = f"sqlite:///{tmp_path}/gains.db"
-    assert run(Plan(crane, 1.0, 2, 1, url), "lift", POSITION).trials == 2
-    assert run(Plan(crane, 1.0, 3, 1, url), "lift", POSITION).trials == 3
-    assert count(Plan(crane, 1.0, 3, 1, url), POSITION) == 3
-
-
-@pytest.mark.slow
-def test_what_is_worse_is_not_taken(crane: str, tmp_path: Path) -> None:
-    """Gains that a search would have praised, and that are worse elsewhere, are left out."""
+def test_what_is_worse_than_derived_gains_is_not_taken(crane: str, tmp_path: Path) -> None:
+    """Gains that a search would have praised, and that are worse elsewhere."""
     bad = {f"lift.{pid}.kp": 100.0 for pid in ("position_pid", "direct_pid")}
     (outcome,) = judge(plan_of(crane, tmp_path), [Found("lift", POSITION, bad, 0.1, 6)])
     assert outcome.why
+    space = space_of(settings_of(crane), "lift", POSITION)
+    assert outcome.changes == space.changes(dict.fromkeys(space.ranges, 0.0))
+    assert mean("tracking", outcome.after) < 0.5 * mean("tracking", outcome.before)
+    assert "the derived gains (" in line_of(outcome, unit_of(slides=False))
+
+
+@pytest.mark.slow
+def test_what_is_worse_is_not_taken(tmp_path: Path) -> None:
+    """A robot with derived gains keeps them."""
+    plan = Plan("iiwa", 0.5, 6, 1, str(tmp_path / "iiwa.journal"))
+    joint = settings_of("iiwa").board.names[3]
+    bad = {f"{joint}.{pid}.kp": 100.0 for pid in ("position_pid", "direct_pid")}
+    (outcome,) = judge(plan, [Found(joint, POSITION, bad, 0.1, 6)])
+    assert outcome.why
     assert outcome.changes == {}
-    assert parameters([outcome], crane) == {"/**": {"ros__parameters": {}}}
-    assert outcome.mean("tracking", after=True) == outcome.mean("tracking", after=False)
+    assert outcome.derived == []
+    assert parameters([outcome], "iiwa") == {"/**": {"ros__parameters": {"robot": "iiwa"}}}
+    assert mean("tracking", outcome.after) == mean("tracking", outcome.before)
 
 
 def test_objections() -> None:
@@ -210,39 +211,66 @@ def test_objections() -> None:
     assert objection(POSITION, Played([], [], "a: hot"), Played([good], [])) == ""
 
 
-def count(plan: Plan, stage: str) -> int:
-    """Finished trials of a study so far."""
-    import optuna
-
-    try:
-        study = optuna.load_study(
-            study_name=study_name(plan, "lift", stage), storage=storage_of(plan.storage)
-        )
-    except KeyError:
-        return 0
-    return sum(trial.state.name == "COMPLETE" for trial in study.trials)
+def played(value: float) -> Played:
+    """Motions whose figures are all of a value."""
+    return Played([Figures(dict.fromkeys(WEIGHTS[POSITION], value), 0.0)], [])
 
 
-WORKER = """
-import sys
-from control_board_ros.tuning.search import Plan, run
-run(Plan(sys.argv[1], 1.0, int(sys.argv[3]), 1, sys.argv[2]), "lift", "position")
-"""
+#: Three searches, the best first, each with one gain; the derived gains of the last.
+SEARCHES = [Found(name, POSITION, {name: 1.0}, 0.1 * k, 6) for k, name in enumerate("abc", 1)]
+DERIVED = {("a", POSITION): {}, ("b", POSITION): {}, ("c", POSITION): {"c": 2.0}}
 
 
-@pytest.mark.slow
-def test_of_two_workers_one_is_killed(crane: str, tmp_path: Path) -> None:
-    """The other one finishes what both began; no trial is lost or counted twice."""
-    plan = plan_of(crane, tmp_path, trials=30)
-    words = [sys.executable, "-c", WORKER, crane, plan.storage, "30"]
-    workers = [subprocess.Popen(words) for _ in range(2)]
-    while count(plan, POSITION) < 4:
-        assert workers[0].poll() is None
-        time.sleep(0.05)
-    workers[0].send_signal(signal.SIGKILL)
-    workers[0].wait()
-    assert workers[1].wait(timeout=250) == 0
-    assert 30 <= count(plan, POSITION) <= 31
+def test_gains_that_are_better_are_taken() -> None:
+    outcomes = decide(
+        SEARCHES, DERIVED, lambda key, gains: played(0.5 if key[0] in gains else 1.0)
+    )
+    assert [outcome.changes for outcome in outcomes[:2]] == [{"a": 1.0}, {"b": 1.0}]
+    assert [outcome.why for outcome in outcomes[:2]] == ["", ""]
+
+
+def test_gains_that_do_not_go_together_are_not_taken_together() -> None:
+    """The better search stays; what it shakes is left as it was, and told why."""
+
+    def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
+        return played(5.0 if {"a", "b"} <= gains.keys() else 0.5 if key[0] in gains else 1.0)
+
+    a, b, c = decide(SEARCHES, DERIVED, play)
+    assert (a.changes, b.changes, c.changes) == ({"a": 1.0}, {}, {"c": 1.0})
+    assert "no better in other poses (9.00 of before)" in b.why
+
+
+def test_the_derived_gains_are_taken_where_they_are_better() -> None:
+    """Than those found, and than those of before; their figures stand beside."""
+
+    def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
+        return played({1.0: 0.5, 2.0: 0.2}.get(gains.get(key[0], 0.0), 1.0))
+
+    c = decide(SEARCHES, DERIVED, play)[2]
+    assert c.changes == {"c": 2.0}
+    assert c.why == "the derived gains are better in other poses"
+    assert mean("tracking", c.derived) == 0.2
+
+
+def test_gains_that_shake_another_joint_are_taken_back() -> None:
+    """A joint that keeps its gains is no worse in the end, either."""
+
+    def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
+        if key[0] == "c":
+            return played(1.0 if "b" not in gains else 1.5)
+        return played(0.5 if key[0] in gains else 1.0)
+
+    a, b, c = decide(SEARCHES, {key: {} for key in DERIVED}, play)
+    assert (a.changes, b.changes, c.changes) == ({"a": 1.0}, {}, {})
+    assert b.why == "c: tracking would be worse"
+
+
+def test_a_position_loop_is_damped_at_the_greatest_inertia(crane: str) -> None:
+    """A small kd is raised to 2 ζ √(kp J), ζ = 0.5."""
+    space = space_of(settings_of(crane), "lift", POSITION)
+    changes = space.changes({"kp": 1.0, "ki": 0.0, "kd": -3.0})
+    kp, kd = (changes[f"lift.position_pid.{name}"] for name in ("kp", "kd"))
+    assert kd == pytest.approx((kp * space.inertia) ** 0.5, rel=1e-3)
 
 
 def program(*words: str, cwd: Path) -> Any:
