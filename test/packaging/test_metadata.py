@@ -30,6 +30,7 @@ OPTIONAL = {
     "matplotlib",
     "mujoco",
     "optuna",
+    "sqlalchemy",  # comes with optuna
     "pytest",
     "hypothesis",
     "PIL",
