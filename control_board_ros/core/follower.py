@@ -7,8 +7,6 @@ joints, ``check`` after every request, and ``step`` before every tick.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,45 +14,12 @@ from ..protocols import Joints
 from .board import Board
 from .explanations import explain_cut
 from .path import SAME_TIME, Path, Sample, Spline, braking
+from .path_run import Bools, Run
 from .reply import Answer, Reply, decided, joints_of
-from .vocabs import CommandKind, InteractionMode
-
-Bools = NDArray[np.bool_]
+from .vocabs import CommandKind
 
 #: Why joints leave a path for a newer one.
 TAKEN = "another trajectory took over"
-
-
-@dataclass(slots=True, eq=False)
-class Run:
-    """A path under way, or waiting for its start.
-
-    Attributes: joints (indices, shape (k,)), interactions (theirs when the path was accepted),
-    path, start (time of the board, s), held (it stays at its last point until it is ended), spline
-    (None while it waits), last (what was sent last), left (why joints left it first, with their
-    names; empty while none did).
-    """
-
-    joints: NDArray[np.intp]
-    interactions: list[InteractionMode]
-    path: Path
-    start: float
-    held: bool = False
-    spline: Spline | None = None
-    last: Sample | None = None
-    left: str = ""
-
-    def keep(self, columns: Bools) -> None:
-        """Go on with some of the joints only."""
-        self.joints = self.joints[columns]
-        self.interactions = [
-            mode for mode, kept in zip(self.interactions, columns, strict=True) if kept
-        ]
-        self.path = self.path.of(columns)
-        if self.spline is not None:
-            self.spline = Spline(self.path)
-        if self.last is not None:
-            self.last = Sample(*(row[columns] for row in self.last))
 
 
 class Follower:
@@ -65,7 +30,13 @@ class Follower:
         self._runs: list[Run] = []
         self._version = board.modes_version
         # The last direct positions as they should be: others than these are somebody else's.
-        self._known = board.get_ref_position()
+        self._known = self._last.copy()
+
+    @property
+    def _last(self) -> NDArray[np.float64]:
+        """The last direct positions that the board accepted, shape (n,)."""
+        row: NDArray[np.float64] = self._board.references.last[CommandKind.POSITION_DIRECT]
+        return row
 
     @property
     def busy(self) -> bool:
@@ -123,7 +94,7 @@ class Follower:
         run = Run(joints, [board.state.interaction_modes[j] for j in joints], path, start, held)
         self._begin_due(board.time)
         self._release(joints, waiting=True)
-        self._known[joints] = board.get_ref_position(joints.tolist())
+        self._known[joints] = self._last[joints]
         self._runs.append(run)
         return run
 
@@ -188,7 +159,7 @@ class Follower:
         if not self._runs:
             self._version = board.modes_version
             return
-        taken = board.get_ref_position() != self._known
+        taken = self._last != self._known
         if taken.any():
             for run in list(self._runs):
                 self._drop(run, taken[run.joints], "another direct position took over")
@@ -257,7 +228,7 @@ class Follower:
         run.last = run.spline.at(elapsed)
         joints = run.joints.tolist()
         reply = send(self._board, joints, run.last)
-        self._known[run.joints] = self._board.get_ref_position(joints)
+        self._known[run.joints] = self._last[run.joints]
         if not reply:
             self._drop(run, np.ones(len(joints), dtype=bool), reply.message)
         elif elapsed >= run.path.duration and not run.held:

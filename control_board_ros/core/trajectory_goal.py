@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from ..protocols import Joints
 from .board import Board
-from .follower import Follower, Run, cuts
+from .follower import Follower, cuts
 from .path import Path, Points, Sample, make_path
+from .path_run import Run
 from .reply import summary
 from .selection import RequestError
 from .tolerances import Excess, Tolerances, Wish, chosen, excess, explain
