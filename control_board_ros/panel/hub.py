@@ -19,8 +19,9 @@ from control_board_ros.interface import MODES
 
 from .boards import Board
 from .browser import Browser
-from .lease import ANSWER_TIME, Lease
+from .listening import OperatorTopic
 from .operating import Operating
+from .operators import LOOK_ROUND, Operators, Topic
 from .requests import KINDS, BadRequest, Request, parse
 
 #: Frames a second of a few joints, and of many.
@@ -29,7 +30,6 @@ FAST, SLOW, MANY = 60.0, 30.0, 16
 HEAR, OVERHEAR, TARGETS, DISCOVER = 0.05, 0.5, 1.0, 1.0
 #: s between questions for the limits of a board.
 INFO = 30.0
-NOBODY = "you only watch; ask to operate first"
 
 
 class Hub:
@@ -40,18 +40,29 @@ class Hub:
         read_only: nobody may operate.
         answer_timeout: s that a board has to answer.
         report: called with a line for the log of the program.
+        topic: where panels of the domain say who operates; None: that of ROS.
+        look_round: s to look for other panels first.
 
-    Attributes: boards (by name), browsers (by number), lease, read_only, operating.
+    Attributes: boards (by name), browsers (by number), read_only, operating, operators.
     """
 
     def __init__(
-        self, node: Node, *, read_only: bool, answer_timeout: float, report: Callable[[str], None]
+        self,
+        node: Node,
+        *,
+        read_only: bool,
+        answer_timeout: float,
+        report: Callable[[str], None],
+        topic: Topic | None = None,
+        look_round: float = LOOK_ROUND,
     ) -> None:
         self.read_only, self._report = read_only, report
         self.boards: dict[str, Board] = {}
         self.browsers: dict[int, Browser] = {}
-        self.lease = Lease()
         self.operating = Operating(self)
+        self.operators = Operators(
+            self, topic or OperatorTopic(node), look_round, self.operating.dismiss
+        )
         self._node, self._answer_timeout = node, answer_timeout
         self._discovery = Discovery(node, "", MODES.of(""), 0.0, 0.0)
         self._numbers, self._board_numbers = itertools.count(1), itertools.count()
@@ -66,13 +77,11 @@ class Hub:
         """A browser comes; the first one operates, where anybody may."""
         browser = Browser(next(self._numbers), name)
         self.browsers[browser.number] = browser
-        if not self.read_only and self.lease.holder is None:
-            self.lease.ask(browser.number, time.monotonic())
         browser.tell("hello", you=browser.number, read_only=self.read_only)
         for board in self.boards.values():
             self._introduce(board, browser)
         self.tell_boards()
-        self.tell_operator()
+        self.operators.enter(browser)
         return browser
 
     async def leave(self, browser: Browser) -> None:
@@ -82,8 +91,7 @@ class Hub:
             task.cancel()
         self._watch()
         await self.operating.let_go(self.operating.holds.of_browser(browser.number))
-        if self.lease.leave(browser.number):
-            self.tell_operator()
+        self.operators.leave(browser)
 
     def tell_all(self, what: str, /, **fields: Any) -> None:
         """Send a message to every browser."""
@@ -95,16 +103,6 @@ class Hub:
         """Tell which boards there are."""
         shown = [{"name": b.name, "number": b.number} for b in self.boards.values()]
         self.tell_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
-
-    def tell_operator(self) -> None:
-        """Tell who operates, who watches, and who asks to take over."""
-        self.tell_all(
-            "operator",
-            holder=self.lease.holder,
-            asking=self.lease.asking,
-            seconds=ANSWER_TIME,
-            browsers={browser.number: browser.name for browser in self.browsers.values()},
-        )
 
     def log(self, who: str, what: str, **more: Any) -> None:
         """Tell everybody what was done."""
@@ -133,7 +131,7 @@ class Hub:
             self._watch()
             browser.tell("answer", id=request.id, ok=True, message="")
         elif request.do in ("operate", "hand_over", "step_back"):
-            self._settle(browser, request)
+            self.operators.settle(browser, request)
         else:
             self.operating.start(browser, request)
 
@@ -146,33 +144,10 @@ class Hub:
         commands = KINDS[request.do].commands
         if self.read_only and (commands or request.do in ("operate", "hand_over")):
             raise BadRequest("the panel is read-only; start it without --read-only", request.id)
-        if commands and request.do != "stop" and self.lease.holder != browser.number:
-            raise BadRequest(NOBODY, request.id)
+        if commands and request.do != "stop":
+            self.operators.check(browser, request)
         if request.board and request.board not in self.boards:
             raise BadRequest(f"no board {request.board}; it may have ended", request.id)
-
-    def _settle(self, browser: Browser, request: Request) -> None:
-        """Who operates: ask, answer, step back."""
-        now, ok, message = time.monotonic(), True, ""
-        before = self.lease.holder
-        if request.do == "operate":
-            message = self.lease.ask(browser.number, now)
-        elif request.do == "hand_over":
-            yes = request.given["yes"]
-            asked = self.lease.answer(browser.number, yes=yes)
-            ok, message = asked is not None, "" if asked is not None else "nobody asks"
-            if asked in self.browsers and not yes:
-                self.browsers[asked].tell("notice", message=f"{browser.name} keeps operating")
-        elif not self.lease.leave(browser.number):
-            ok, message = False, "you do not operate"
-        browser.tell("answer", id=request.id, ok=ok, message=message)
-        self._after_change(before)
-
-    def _after_change(self, before: int | None) -> None:
-        """The lease may have a new holder: what the old one held is let go."""
-        if before is not None and before != self.lease.holder:
-            self.operating.dismiss(before)
-        self.tell_operator()
 
     # Loops
 
@@ -186,6 +161,7 @@ class Hub:
                 group.create_task(self._every(lambda: DISCOVER, self._discover))
                 group.create_task(self.operating.run())
         finally:
+            self.operators.close()
             for board in self.boards.values():
                 board.close()
 
@@ -242,7 +218,7 @@ class Hub:
                         browser.show(board.number, frame)
 
     def _hear(self) -> None:
-        """Pass on modes, faults and descriptions; let the lease see the time."""
+        """Pass on modes, faults and descriptions, and who operates."""
         for board in list(self.boards.values()):
             news = board.hear()
             for what in ("modes", "faults"):
@@ -252,9 +228,7 @@ class Hub:
                 self.log("", f"{board.name}: {news['elsewhere']}")
             if "robot" in news:
                 self._asked.pop(board.name, None)
-        before = self.lease.holder
-        if self.lease.tick(time.monotonic()):
-            self._after_change(before)
+        self.operators.look()
 
     async def _overhear(self) -> None:
         """Tell what other programs command."""

@@ -13,8 +13,12 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
 
 from control_board_ros.interface import Endpoint
+
+#: What panels say of their operators; between panels only, so no board's and in no interface.
+OPERATOR = "/control_board_panel/operator"
 
 
 class Newest:
@@ -64,3 +68,32 @@ class Newest:
 
 def ignore(_: Any) -> None:
     """What a subscription is made with that no executor serves."""
+
+
+class OperatorTopic:
+    """Where the panels of a domain say who operates: latched, so that a new one knows at once."""
+
+    def __init__(self, node: Node) -> None:
+        self._handle = node.create_subscription(String, OPERATOR, ignore, latched(50)).handle
+        self._publisher = node.create_publisher(String, OPERATOR, latched(1))
+
+    def send(self, text: str) -> None:
+        """Say it to all panels."""
+        self._publisher.publish(String(data=text))
+
+    def take(self) -> list[str]:
+        """What was said since the last call."""
+        said = []
+        with self._handle:
+            while (taken := self._handle.take_message(String, False)) is not None:
+                said.append(taken[0].data)
+        return said
+
+
+def latched(depth: int) -> QoSProfile:
+    """Reliable; who comes late gets the last message of each."""
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+    )

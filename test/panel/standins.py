@@ -142,6 +142,36 @@ class Browser:
         return self.read("answer", id=self.send(do, **fields))
 
 
+class Air:
+    """Carries what panels say to each other, also to those that come late."""
+
+    def __init__(self) -> None:
+        self.ends: list[End] = []
+
+    def end(self) -> End:
+        """One more panel's end."""
+        self.ends.append(End(self))
+        return self.ends[-1]
+
+
+class End:
+    """One panel's end of the topic of operators."""
+
+    def __init__(self, air: Air) -> None:
+        self._air = air
+        self.last = ""
+        self.waiting = [end.last for end in air.ends if end.last]
+
+    def send(self, text: str) -> None:
+        self.last = text
+        for end in self._air.ends:
+            end.waiting.append(text)
+
+    def take(self) -> list[str]:
+        taken, self.waiting = self.waiting, []
+        return taken
+
+
 class Panel:
     """A panel that serves on a port of its own."""
 
@@ -194,14 +224,21 @@ class Panel:
 
 
 @contextlib.contextmanager
-def panel_of(*boards: StandIn, read_only: bool = False) -> Iterator[Panel]:
-    """A panel of these boards."""
+def panel_of(*boards: StandIn, read_only: bool = False, air: Air | None = None) -> Iterator[Panel]:
+    """A panel of these boards, beside those with which it shares the air."""
     topics = [(f"{board.name}/modes", [MODES.type]) for board in boards]
     node: Any = SimpleNamespace(
         get_topic_names_and_types=lambda: topics, count_publishers=lambda _: 1
     )
     said: list[str] = []
-    hub = Hub(node, read_only=read_only, answer_timeout=1.0, report=said.append)
+    hub = Hub(
+        node,
+        read_only=read_only,
+        answer_timeout=1.0,
+        report=said.append,
+        topic=(air or Air()).end(),
+        look_round=0.0,
+    )
     made: dict[str, Any] = {board.name: board for board in boards}
     hub.boards.update(made)
     listening = listen("127.0.0.1", 0)

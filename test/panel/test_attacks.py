@@ -238,7 +238,7 @@ def test_read_only_commands_nothing() -> None:
             answer = browser.ask(**message)  # type: ignore[arg-type]
             assert answer["ok"] is False, message
             assert "read-only" in answer["message"]
-        assert panel.hub.lease.holder is None
+        assert panel.hub.operators.lease.holder is None
         assert not panel.board().calls.made
         assert browser.ask("watch", boards=["/b"])["ok"]
 

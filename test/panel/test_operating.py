@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
-from standins import Panel, StandIn, panel_of
+from standins import GUARD, Air, Panel, StandIn, panel_of
 
-from control_board_ros.panel import lease
+from control_board_ros.panel import lease, panels
 from control_board_ros.panel.holds import PATIENCE, Hold, Holds
 from control_board_ros.panel.lease import ANSWER_TIME, Lease
 from control_board_ros.panel.security import TokenBucket
@@ -54,6 +54,41 @@ def test_taking_over_is_asked(panel: Panel) -> None:
     first.ask("hand_over", yes=True)
     assert second.read("operator", holder=two)
     assert first.ask("mode", board="/b", joints=["a"], mode="idl")["ok"] is False
+
+
+def test_taking_over_from_another_panel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Asked, answered, shown as among browsers of one panel; what was held there ends."""
+    monkeypatch.setattr(panels, "EXPIRY", GUARD)  # on the busiest machine, too
+    air = Air()
+    with panel_of(StandIn("/b", 0, ["pos", "vel"]), air=air) as panel:
+        first = panel.browser()
+        one = first.read("hello")["you"]
+        first.read("operator", holder=one)
+        with panel_of(StandIn("/b", 0, ["pos", "vel"]), air=air) as other:
+            second = other.browser()
+            two = second.read("hello")["you"]
+            shown = second.read("operator", asking=None)
+            while not isinstance(shown["holder"], str):
+                shown = second.read("operator")
+            assert (
+                "browser (desk, 127.0.0.1) at the panel on" in shown["browsers"][shown["holder"]]
+            )
+            refused = second.ask("mode", board="/b", joints=["a"], mode="idl")
+            assert refused["message"] == "you only watch; ask to operate first"
+            for yes in (False, True):
+                assert "asked" in second.ask("operate")["message"]
+                shown = first.read("operator", holder=one)
+                while shown["asking"] is None:
+                    shown = first.read("operator")
+                assert "at the panel on" in shown["browsers"][shown["asking"]]
+                if yes:
+                    assert first.ask("hold", **HOLD)["ok"]
+                assert first.ask("hand_over", yes=yes)["ok"]
+                assert second.read("operator", holder=two) if yes else second.read("notice")
+            panel.board().calls.wait_for("velocity_move", "b", 0.0)
+            assert first.ask("mode", board="/b", joints=["a"], mode="idl")["ok"] is False
+            assert second.ask("mode", board="/b", joints=["a"], mode="idl")["ok"]
+        assert first.read("operator", holder=None)  # the other panel has ended, and said so
 
 
 def test_what_is_held_ends_with_the_operator(panel: Panel) -> None:

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who operates, of all browsers of all panels of the domain; and what follows from a change."""
+
+from __future__ import annotations
+
+import socket
+import time
+import uuid
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+from .browser import Browser
+from .lease import ANSWER_TIME, Lease, Who
+from .panels import PERIOD, Beat, Panels
+from .requests import BadRequest, Request
+
+if TYPE_CHECKING:
+    from .hub import Hub
+
+#: s after its start in which a panel looks for others, before anybody may operate.
+LOOK_ROUND = 1.5
+NOBODY = "you only watch; ask to operate first"
+
+
+class Topic(Protocol):
+    """Where panels say what is so with them."""
+
+    def send(self, text: str) -> None:
+        """Say it."""
+
+    def take(self) -> list[str]:
+        """What was said since the last call."""
+
+
+class Operators:
+    """The lease, shared with the other panels.
+
+    Args:
+        hub: whose browsers they are.
+        topic: where panels say what is so with them.
+        look_round: s to look for other panels first.
+        dismiss: called with the number of a browser that operates no more.
+    """
+
+    def __init__(
+        self, hub: Hub, topic: Topic, look_round: float, dismiss: Callable[[int], None]
+    ) -> None:
+        now = time.monotonic()
+        self.lease = Lease()
+        self._hub, self._topic, self._dismiss = hub, topic, dismiss
+        self._panels = Panels(uuid.uuid4().hex, self.lease, now)
+        self._ready, self._open = now + look_round, False
+        self._holder: Who | None = None
+        self._told: dict[str, object] = {}
+        self._beat, self._said = Beat(panel=self._panels.name), 0.0
+
+    def enter(self, browser: Browser) -> None:
+        """A browser comes; it operates where nobody does, and anybody may."""
+        if self._open and self.lease.holder is None and not self._hub.read_only:
+            self.lease.ask(browser.number, time.monotonic())
+        self.changed()
+
+    def leave(self, browser: Browser) -> None:
+        """A browser is gone."""
+        self.lease.leave(browser.number)
+        self.changed()
+
+    def check(self, browser: Browser, request: Request) -> None:
+        """Refuse a command of one who does not operate.
+
+        Raises:
+            BadRequest: and why.
+        """
+        if self.lease.holder != browser.number:
+            raise BadRequest(NOBODY, request.id)
+        if not self._panels.is_sure(time.monotonic()):
+            raise BadRequest("the panel stood still for a while; try again", request.id)
+
+    def settle(self, browser: Browser, request: Request) -> None:
+        """A browser asks to operate, answers who asks, or steps back."""
+        now, ok, message = time.monotonic(), True, ""
+        if request.do == "operate" and self.lease.holder is None and not self._open:
+            ok, message = False, "the panel looks for other panels first; ask again in 2 s"
+        elif request.do == "operate":
+            message = self.lease.ask(browser.number, now)
+        elif request.do == "hand_over":
+            ok = self._answer(browser, yes=request.given["yes"])
+            message = "" if ok else "nobody asks"
+        elif not self.lease.leave(browser.number):
+            ok, message = False, "you do not operate"
+        browser.tell("answer", id=request.id, ok=ok, message=message)
+        self.changed()
+
+    def _answer(self, browser: Browser, *, yes: bool) -> bool:
+        asked = self.lease.answer(browser.number, yes=yes)
+        if not yes and isinstance(asked, int):
+            self._tell_refused(asked, browser.name)
+        elif not yes and isinstance(asked, str):
+            self._panels.refuse(asked)
+        return asked is not None
+
+    def _tell_refused(self, number: int, who: str) -> None:
+        if number in self._hub.browsers:
+            self._hub.browsers[number].tell("notice", message=f"{who} keeps operating")
+
+    def look(self) -> None:
+        """Hear the other panels, let time pass, say what is so: many times a second."""
+        now = time.monotonic()
+        for text in self._topic.take():
+            if (beat := Beat.read(text)) is not None:
+                self._panels.hear(beat, now)
+        self.lease.tick(now)
+        if not self._open and now >= self._ready:
+            self._panels.settle(now)
+            self._open = True
+            for browser in list(self._hub.browsers.values())[:1]:
+                self.enter(browser)
+        self.changed()
+
+    def changed(self) -> None:
+        """Something may have changed: settle it with the others, tell everybody, let go."""
+        now = time.monotonic()
+        holder = self.lease.holder
+        who = self._panels.who(holder) if isinstance(holder, str) else ""
+        refused = self._panels.settle(now)
+        if refused is not None:
+            self._tell_refused(refused, who)
+        before, self._holder = self._holder, self.lease.holder
+        if isinstance(before, int) and before != self._holder:
+            self._dismiss(before)
+        if self._shown() != self._told:
+            self.tell()
+        self._say(now)
+
+    def _say(self, now: float) -> None:
+        own = self.lease.holder if isinstance(self.lease.holder, int) else self.lease.asking
+        browser = self._hub.browsers.get(own) if isinstance(own, int) else None
+        who = f"{browser.name} at the panel on {socket.gethostname()}" if browser else ""
+        if now - self._said >= PERIOD or self._panels.beat(who) != self._beat:
+            self._panels.said(now)
+            self._beat, self._said = self._panels.beat(who), now
+            self._topic.send(self._beat.text())
+
+    def tell(self) -> None:
+        """Tell all browsers who operates, who watches, and who asks to take over."""
+        self._told = self._shown()
+        self._hub.tell_all("operator", **self._told)
+
+    def _shown(self) -> dict[str, object]:
+        names: dict[Who, str] = {b.number: b.name for b in self._hub.browsers.values()}
+        for who in (self.lease.holder, self.lease.asking):
+            if isinstance(who, str):
+                names[who] = self._panels.who(who)
+        return {
+            "holder": self.lease.holder,
+            "asking": self.lease.asking,
+            "seconds": ANSWER_TIME,
+            "browsers": names,
+        }
+
+    def close(self) -> None:
+        """The panel ends: nobody operates here any more."""
+        self.lease.give_to(None)
+        self.changed()

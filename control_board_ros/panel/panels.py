@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which panel of the domain holds the lease. Pure; time is given.
+
+Every panel says twice a second, and at each change, what is so with it: a beat. The claim of the
+greatest term counts, of the greater name where terms are equal, so that all panels agree once
+they have heard each other. Who has not been heard for EXPIRY holds nothing, and nor does a panel
+that could not say a beat for so long itself.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+
+from .lease import Lease
+
+#: s between beats, s after which a panel that says none is gone, s that a handing over may take.
+PERIOD, EXPIRY, HANDOVER = 0.5, 5.0, 2.0
+MAX_BEAT, MAX_TERM = 2000, 2**52
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beat:
+    """What a panel says.
+
+    Attributes: panel (its name, of its own making), who (operates there, or asks to; for people),
+    holder (the panel that holds the lease as far as this one may say: itself, the one it hands
+    over to, or empty), term (of that claim), wish (number of its wish to take over; 0: none),
+    refused (panel, and number of the wish, that its operator has refused).
+    """
+
+    panel: str
+    who: str = ""
+    holder: str = ""
+    term: int = 0
+    wish: int = 0
+    refused: str = ""
+
+    def text(self) -> str:
+        """For the wire."""
+        return json.dumps(asdict(self), ensure_ascii=False)
+
+    @classmethod
+    def read(cls, text: str) -> Beat | None:
+        """The beat in a text; None where it is none: anybody can publish."""
+        if len(text) > MAX_BEAT:
+            return None
+        try:
+            found = json.loads(text)
+        except (ValueError, RecursionError):
+            return None
+        kinds = {field.name: str if field.type == "str" else int for field in fields(cls)}
+        if not isinstance(found, dict) or found.keys() != kinds.keys():
+            return None
+        if any(type(found[name]) is not kind for name, kind in kinds.items()):
+            return None
+        if not (0 <= found["term"] < MAX_TERM and found["panel"]):
+            return None
+        return cls(**found)
+
+
+class Panels:
+    """This panel among the others.
+
+    Args:
+        name: of this panel, unlike any other's.
+        lease: of this panel; other panels are in it by their names.
+        now: s.
+    """
+
+    def __init__(self, name: str, lease: Lease, now: float) -> None:
+        self.name, self._lease = name, lease
+        self._others: dict[str, tuple[Beat, float]] = {}
+        self._claim, self._term, self._claimed = "", 0, 0.0
+        self._top = 0  # of all terms, also of panels that are gone: they may come back
+        self._wish, self._wisher = 0, 0
+        self._refused = ""
+        self._beaten = self._sure_from = now
+        self._alone = True
+
+    def hear(self, beat: Beat, now: float) -> None:
+        """Another panel has said something."""
+        if beat.panel != self.name:
+            self._others[beat.panel] = (beat, now)
+            self._top = max(self._top, beat.term)
+
+    def is_sure(self, now: float) -> bool:
+        """Whether nobody can have taken this panel for gone, and the lease with it."""
+        if self._alone:
+            return True
+        return now - self._beaten < EXPIRY and now >= self._sure_from
+
+    def who(self, panel: str) -> str:
+        """Who operates or asks at another panel."""
+        return self._others[panel][0].who if panel in self._others else "somebody"
+
+    def said(self, now: float) -> None:
+        """This panel says a beat."""
+        if now - self._beaten >= EXPIRY:  # it stood still: first hear what has come meanwhile
+            self._sure_from = now + PERIOD
+        self._beaten = now
+
+    def beat(self, who: str) -> Beat:
+        """What to say now, and who operates here, or asks to."""
+        holder, term = (self._claim, self._term) if self._claim else ("", 0)
+        wish = self._wish if self._wisher else 0
+        return Beat(
+            panel=self.name, who=who, holder=holder, term=term, wish=wish, refused=self._refused
+        )
+
+    def settle(self, now: float) -> int | None:
+        """Bring the lease and what others say together.
+
+        Returns:
+            The browser whose wish to take over another panel has refused, if one has.
+        """
+        if self._others:
+            self._alone = False
+        self._others = {p: o for p, o in self._others.items() if now - o[1] < EXPIRY}
+        self._note_own(now)
+        best = self._best()
+        if self._claim == self.name:
+            if best is not None and (best.term, best.panel) > (self._term, self.name):
+                self._claim = ""
+                self._lease.give_to(best.holder if best.holder != self.name else best.panel)
+            else:
+                self._take_wishes(now)
+        else:
+            self._follow(best)
+            self._note_own(now)
+        return self._note_wish()
+
+    def _best(self) -> Beat | None:
+        claims = [beat for beat, _ in self._others.values() if beat.holder]
+        return max(claims, key=lambda beat: (beat.term, beat.panel), default=None)
+
+    def _note_own(self, now: float) -> None:
+        """What the lease of this panel has become: a claim, a handing over, or none of both."""
+        holder, best = self._lease.holder, self._best()
+        top = max(self._term, self._top)
+        if isinstance(holder, int):
+            if self._claim == self.name:
+                return
+            if best is not None and best.holder != self.name:  # somebody was faster
+                self._lease.give_to(best.holder)
+            else:
+                self._claim, self._term = self.name, top + 1
+        elif self._claim == self.name:
+            self._claim, self._term, self._claimed = holder or "", top + 1, now
+        elif now - self._claimed >= HANDOVER:
+            self._claim = ""
+
+    def _follow(self, best: Beat | None) -> None:
+        """Another panel holds the lease, or nobody."""
+        lease = self._lease
+        holder = best.holder if best is not None else self._claim
+        if best is not None and holder == self.name:  # handed over to us
+            if isinstance(lease.asking, int):
+                lease.give_to(lease.asking)
+        elif holder:
+            if lease.holder != holder:
+                lease.holder = holder
+        elif isinstance(lease.holder, str):
+            lease.leave(lease.holder)
+
+    def _take_wishes(self, now: float) -> None:
+        """Others wish to take over from us, or do so no more."""
+        lease = self._lease
+        for panel, (beat, _) in sorted(self._others.items()):
+            if beat.wish and lease.asking is None and self._refused != f"{panel} {beat.wish}":
+                lease.ask(panel, now)
+        asking = lease.asking
+        if isinstance(asking, str) and (asking not in self._others or not self._wish_of(asking)):
+            lease.leave(asking)
+
+    def _wish_of(self, panel: str) -> int:
+        return self._others[panel][0].wish if panel in self._others else 0
+
+    def refuse(self, panel: str) -> None:
+        """The operator keeps operating: say so to the panel that has asked."""
+        self._refused = f"{panel} {self._wish_of(panel)}"
+
+    def _note_wish(self) -> int | None:
+        """Whether somebody of ours wishes to take over; who was refused."""
+        lease = self._lease
+        wisher = lease.asking if isinstance(lease.holder, str) else None
+        if not isinstance(wisher, int):
+            self._wisher = 0
+            return None
+        if wisher != self._wisher:
+            self._wisher, self._wish = wisher, self._wish + 1
+        refused = f"{self.name} {self._wish}"
+        if all(beat.refused != refused for beat, _ in self._others.values()):
+            return None
+        lease.leave(wisher)
+        self._wisher = 0
+        return wisher

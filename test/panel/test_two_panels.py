@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two panels as people start them, on one domain: one lease, which a dead panel does not keep."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import pytest
+from cbctl_process import Cbctl
+from standins import GUARD, Browser
+from websockets.sync.client import connect
+
+from control_board_ros.testing.domains import child_environment, free_domain
+
+pytestmark = [pytest.mark.slow, pytest.mark.ros]
+
+
+@dataclass
+class Running:
+    """A panel's process, and a browser of it."""
+
+    process: Any
+    browser: Browser
+
+    def until_operator(self, holder: type) -> dict[str, Any]:
+        """Read until the operator is this: a browser of this panel, another panel, or nobody."""
+        while True:
+            shown = self.browser.read("operator")
+            if isinstance(shown["holder"], holder):
+                return shown
+
+
+@contextlib.contextmanager
+def running(cbctl: Cbctl) -> Iterator[Running]:
+    process = cbctl.start("panel", "--port", "0", "--json")
+    try:
+        url = urlsplit(json.loads(process.stdout.readline())["addresses"][0])
+        cookie = f"control_board_panel_{url.port}={parse_qs(url.query)['token'][0]}"
+        with connect(
+            f"ws://{url.netloc}/ws",
+            origin=f"http://{url.netloc}",
+            additional_headers={"Cookie": cookie},
+            open_timeout=GUARD,
+        ) as socket:
+            yield Running(process, Browser(socket))
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_one_lease_for_both() -> None:
+    with free_domain() as domain:
+        cbctl = Cbctl(child_environment(domain))
+        with running(cbctl) as first:
+            first.until_operator(int)
+            with running(cbctl) as second:
+                assert second.until_operator(str)
+                second.browser.send("operate")
+                while first.until_operator(int)["asking"] is None:
+                    pass
+                assert first.browser.ask("hand_over", yes=True)["ok"]
+                assert second.until_operator(int)
+                assert first.until_operator(str)
+                second.process.send_signal(signal.SIGSTOP)
+                assert first.until_operator(type(None))
+                assert first.browser.ask("operate")["ok"]
+                assert first.until_operator(int)
+                second.process.send_signal(signal.SIGCONT)
+                assert second.until_operator(str)
+                first.process.kill()
+                assert second.until_operator(type(None))
+                assert second.browser.ask("operate")["ok"]
+                assert second.until_operator(int)
