@@ -82,6 +82,16 @@ class Board:
             self.state = None
 
     @property
+    def space(self) -> str:
+        """The namespace of its node, which the parts of a robot share."""
+        return self.name.rpartition("/")[0]
+
+    def repeats(self, other: Board) -> bool:
+        """Whether it shows another board's joints among its own: it is the robot of a part."""
+        own, others = set(self.names), set(other.names)
+        return self.space == other.space and bool(others) and others < own
+
+    @property
     def names(self) -> list[str]:
         """Its joints, in its order; none before it was heard."""
         names: list[str] = self.modes.get("names", [])

@@ -224,7 +224,7 @@ class Hub:
             for what in ("modes", "faults"):
                 if what in news:
                     self.tell_all(what, board=board.name, **news[what])
-            if "elsewhere" in news:
+            if "elsewhere" in news and not any(map(board.repeats, self.boards.values())):
                 self.log("", f"{board.name}: {news['elsewhere']}")
             if "robot" in news:
                 self._asked.pop(board.name, None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 from control_board_ros.client import BoardError
@@ -37,6 +38,8 @@ class Operating:
         self._hub = hub
         self.holds = Holds()
         self._holding = asyncio.Event()
+        #: Held references of a board go out one after the other: the last word is to let go.
+        self._in_order = defaultdict[str, asyncio.Lock](asyncio.Lock)
 
     def start(self, browser: Browser, request: Request) -> None:
         """Run a request; its answer goes to the browser, its line to all."""
@@ -78,7 +81,9 @@ class Operating:
                 task.cancel()
             return {"ok": task is not None, "message": "" if task else "it has ended already"}
         board = self._hub.boards[request.board]
-        board.asking()
+        for other in self._hub.boards.values():  # a robot's board shows what its parts do
+            if other.space == board.space:
+                other.asking()
         if request.do == "hold":
             return await self._hold(browser, board, request)
         if request.do == "release":
@@ -111,16 +116,16 @@ class Operating:
         hold = Hold(browser.number, board.name, joint, kind, value, rest, 0.0)
         self.holds.hold(hold, time.monotonic())
         self._holding.set()
-        reply = await doing.send_held(board, kind, joint, value)
+        async with self._in_order[board.name]:
+            reply = await doing.send_held(board, kind, joint, value)
         if not reply:
             self.holds.release(board.name, joint)
         return doing.told(reply) | {"quiet": not fresh}
 
     def _torque_reference(self, board: Board, joint: str) -> float | None:
         """The torque in force, from the board's own state, or from that of its whole robot."""
-        space = board.name.rpartition("/")[0]
         for other in (board, *self._hub.boards.values()):
-            if other.name.rpartition("/")[0] == space:
+            if other.space == board.space:
                 torque = other.torque_reference(joint)
                 if torque is not None:
                     return torque
@@ -132,7 +137,8 @@ class Operating:
             board = self._hub.boards.get(hold.board)
             if board is not None:
                 try:
-                    await doing.send_held(board, hold.kind, hold.joint, hold.rest)
+                    async with self._in_order[board.name]:
+                        await doing.send_held(board, hold.kind, hold.joint, hold.rest)
                 except (BoardError, RequestError) as error:
                     self._hub.log("", f"{hold.board}: {error}")
 
@@ -154,8 +160,7 @@ class Operating:
                 await self.let_go(self.holds.expired(time.monotonic()))
                 for hold in self.holds:
                     board = self._hub.boards.get(hold.board)
-                    # A look away is enough for a control to be let go.
-                    if board is not None and self.holds.get(hold.board, hold.joint) is hold:
+                    if board is not None:
                         await self._repeat(board, hold)
                 await asyncio.sleep(REPEAT)
         finally:
@@ -163,7 +168,10 @@ class Operating:
 
     async def _repeat(self, board: Board, hold: Hold) -> None:
         try:
-            reply = await doing.send_held(board, hold.kind, hold.joint, hold.value)
+            async with self._in_order[board.name]:
+                if self.holds.get(hold.board, hold.joint) is not hold:  # let go meanwhile
+                    return
+                reply = await doing.send_held(board, hold.kind, hold.joint, hold.value)
         except (BoardError, RequestError):
             reply = None
         if not reply:  # the joint has left its mode, or the board is gone
@@ -171,7 +179,7 @@ class Operating:
 
     async def _stop_everything(self) -> dict[str, Any]:
         """STOP: let go of every control, cancel what lasts, stop every joint of every board."""
-        self.holds.everything()
+        held = self.holds.everything()
         for browser in self._hub.browsers.values():
             for task in list(browser.running.values()):
                 if task.get_name() in LASTING:
@@ -180,6 +188,7 @@ class Operating:
         answers = await asyncio.gather(
             *(self._stop(board, board.names) for board in boards), return_exceptions=True
         )
+        await self._stop_late(held)
         failed = []
         for board, answer in zip(boards, answers, strict=True):
             if isinstance(answer, asyncio.CancelledError):
@@ -193,8 +202,7 @@ class Operating:
     async def _stop(self, board: Board, names: list[str]) -> dict[str, Any]:
         """Stop joints of a board; those under torque or output hold their position from now on."""
         board.asking()
-        for name in names:
-            self.holds.release(board.name, name)
+        dropped = [self.holds.release(board.name, name) for name in names]
         modes = dict(zip(board.names, board.modes.get("control", ()), strict=True))
         unheld = [name for name in names if modes.get(name) in UNHELD]
         moving = [name for name in names if modes.get(name) in STOPPABLE]
@@ -204,8 +212,13 @@ class Operating:
         if unheld:
             held = [holding_mode(board, name) for name in unheld]
             answers.append(doing.told(await aio.set_control_mode(unheld, held)))
+        await self._stop_late([hold for hold in dropped if hold is not None])
         message = "; ".join(answer["message"] for answer in answers if answer["message"])
         return {"ok": all(answer["ok"] for answer in answers), "message": message}
+
+    async def _stop_late(self, held: list[Hold]) -> None:
+        """End velocities that were on their way to the board when it was stopped."""
+        await self.let_go([hold for hold in held if hold.kind == "velocity"])
 
 
 def holding_mode(board: Board, name: str) -> str:

@@ -34,10 +34,12 @@ class Calls:
         self.made: list[tuple[Any, ...]] = []
         self.changed = threading.Condition()
         self.refused = ""
-        self.lasting = threading.Event()
+        self.delay = 0.0  # s that a velocity other than 0 is on its way
 
     def __getattr__(self, name: str) -> Any:
         async def call(*values: Any, **_: Any) -> Any:
+            if name == "velocity_move" and values[1]:
+                await asyncio.sleep(self.delay)
             with self.changed:
                 self.made.append((name, *values))
                 self.changed.notify_all()
@@ -78,6 +80,13 @@ class StandIn:
         self.targets: list[float] = []
         self.heard: list[str] = []
         self.watched = False
+
+    @property
+    def space(self) -> str:
+        return self.name.rpartition("/")[0]
+
+    def repeats(self, _: Any) -> bool:
+        return False
 
     @property
     def calls(self) -> Calls:

@@ -27,6 +27,7 @@ def shared() -> Iterator[Panel]:
 def panel(shared: Panel) -> Iterator[Panel]:
     shared.board().calls.made.clear()
     shared.board().calls.refused = ""
+    shared.board().calls.delay = 0.0
     yield shared
     shared.close()
 
@@ -124,6 +125,22 @@ def test_a_hold_ends_with_its_connection(panel: Panel) -> None:
     assert browser.ask("hold", **HOLD)["ok"]
     browser.socket.close()
     panel.board().calls.wait_for("velocity_move", "b", 0.0)
+
+
+@pytest.mark.parametrize("how", ["release", "stop"])
+def test_letting_go_has_the_last_word(panel: Panel, how: str) -> None:
+    """Also where a reference is still on its way to the board when its control is let go."""
+    calls = panel.board().calls
+    calls.delay = 0.2
+    browser = panel.browser()
+    held = browser.send("hold", **HOLD)
+    ended = {"release": {"board": "/b", "joint": "b", "kind": "velocity"}, "stop": {}}[how]
+    assert browser.ask(how, **ended)["ok"]
+    if not any(message.get("id") == held for message in browser.told):
+        browser.read("answer", id=held)
+    sent = [call for call in calls.made if call[0] == "velocity_move"]
+    assert sent[0] == ("velocity_move", "b", 0.5)
+    assert sent[-1] == ("velocity_move", "b", 0.0)
 
 
 def test_torque_goes_back_to_what_held_the_load(panel: Panel) -> None:
