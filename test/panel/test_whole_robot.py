@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page with a robot of two parts: heard through the robot's own board, driven part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from cbctl_process import GUARD, until
+
+from control_board_ros.client import ControlBoardClient
+from control_board_ros.testing import BoardProcess, board_process, ros_node
+
+pytestmark = [pytest.mark.slow, pytest.mark.ros]
+JOINTS = [f"lbr_iiwa_joint_{k}" for k in range(1, 8)]
+PARTS = {
+    "upper": {"joints": JOINTS[:4]},
+    "lower": {"joints": JOINTS[4:]},
+}
+
+
+@pytest.fixture(scope="module")
+def process() -> Iterator[BoardProcess]:
+    params = {"robot": "iiwa", "robot_name": "pair", "parts": PARTS, "physics": "ideal"}
+    with board_process(params, robot="pair") as board:
+        yield board
+
+
+@pytest.fixture(scope="module")
+def client(process: BoardProcess) -> Iterator[ControlBoardClient]:
+    """What the lower part itself says."""
+    with (
+        ros_node(process.domain, "user", spin=False) as node,
+        ControlBoardClient(
+            node, "/pair/lower", find_timeout=GUARD, answer_timeout=GUARD
+        ) as client,
+    ):
+        yield client
+
+
+def shown(page: Any, joint: str, what: str) -> Any:
+    """What the page knows of a joint."""
+    return page.evaluate(f"panel.cards.find((c) => c.joint.name === '{joint}').joint.{what}")
+
+
+def test_parts_are_heard_together(page: Any) -> None:
+    """One message brings the state of all parts; a tab brings that of its board."""
+    until(lambda: page.evaluate("panel.cards.length") == 7)
+    until(lambda: page.evaluate("panel.watched") == "/pair/robot")
+    until(lambda: page.evaluate("panel.cards.every((card) => card.joint.state)"))
+    assert page.locator("h2.part").all_inner_texts() == ["PAIR/LOWER", "PAIR/UPPER"]
+    for part, number in (("lower", 3), ("upper", 4), ("robot", 7)):
+        page.get_by_role("tab", name=part).click()
+        until(lambda part=part: page.evaluate("panel.watched") == f"/pair/{part}")
+        until(lambda n=number: page.evaluate("panel.cards.length") == n)
+    page.get_by_role("tab", name="All joints").click()
+    until(lambda: page.evaluate("panel.watched") == "/pair/robot")
+
+
+def test_a_part_is_driven_and_the_whole_stops(page: Any, client: ControlBoardClient) -> None:
+    joint = JOINTS[4]
+    page.get_by_label("Position reference of joint_5, typed; Enter sends").fill("100")
+    page.keyboard.press("Enter")
+    until(lambda: not client.check_motion_done(joint)[0])
+    until(lambda: shown(page, joint, "state.motion_done") is False)
+    page.locator("code", has_text=f"cbctl --board /pair/lower move {joint}").first.wait_for()
+    page.keyboard.press("Escape")
+    until(lambda: client.check_motion_done(joint)[0])
+
+
+def test_torque_held_in_a_part_goes_back(page: Any, client: ControlBoardClient) -> None:
+    """To what held the load, which only the robot's state tells here."""
+    joint = JOINTS[5]
+    page.get_by_label("Control mode of joint_6", exact=True).select_option("torq")
+    until(lambda: shown(page, joint, "mode") == "torq")
+    until(lambda: client.get_control_mode(joint)[0].code == "torq")
+    k = client.names.index(joint)
+    rest = client.get_state().torque_reference[k]
+    page.get_by_label("Torque of joint_6 up, while held").focus()
+    page.keyboard.down("Space")
+    until(lambda: client.get_state().torque_reference[k] > rest + 0.1)
+    page.keyboard.up("Space")
+    until(lambda: client.get_state().torque_reference[k] == pytest.approx(rest))
+    page.keyboard.press("Escape")
+    until(lambda: client.get_control_mode(joint)[0].code == "pos")
+
+
+def test_what_the_panel_does_is_no_news_from_elsewhere(page: Any) -> None:
+    """The robot's board shows the changes that the panel asks of a part."""
+    entries = page.locator("#log .entry .from").all_inner_texts()
+    assert "another program" not in entries
+    assert not page.locator("#log .entry", has_text="→").count()
