@@ -4,8 +4,9 @@
 DDS never connects a best-effort publisher to a reliable subscription. The subscription stays
 reliable, as the interface promises; when the middleware reports an incompatible publisher, a
 best-effort subscription is added beside it. That one receives from all publishers, so its
-messages count from then on; for a moment, while publishers match, what arrives by both is
-recognized by its source time stamp. When the last best-effort publisher is gone, it is removed.
+messages count from then on; while publishers match, what arrives by both is recognized by its
+source time stamp. When the last best-effort publisher is gone, both count again until it is
+removed: what the reliable one has left to it may still wait there.
 The log tells once of such publishers: what they lose on the way is not sent again.
 """
 
@@ -24,7 +25,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ..interface import Endpoint
 
-#: s in which messages of both subscriptions count after the second one was added.
+#: s in which messages of both subscriptions count after the second one came or went.
 HANDOVER = 1.0
 #: Source time stamps of messages that are remembered meanwhile.
 STAMPS_KEPT = 64
@@ -43,6 +44,7 @@ class CommandSubscription:
         self._node, self._topic, self._callback = node, topic, callback
         self._best_effort: Any = None
         self._told = False
+        self._leaving = False
         self._handover_end = 0.0
         self._stamps: deque[int] = deque(maxlen=STAMPS_KEPT)
         self._reliable = node.create_subscription(
@@ -60,11 +62,15 @@ class CommandSubscription:
         """Remove the best-effort subscription when it is not needed; to be called now and then."""
         if self._best_effort is None:
             return
-        if names := self._best_effort_publishers():
+        names = self._best_effort_publishers()
+        if names:
             self._tell(names)
-        else:
+        if self._leaving and not names:
             self._node.destroy_subscription(self._best_effort)
             self._best_effort = None
+        if self._leaving or not names:  # it went, stays after all, or goes at the next check
+            self._handover_end = time.monotonic() + HANDOVER
+        self._leaving = self._best_effort is not None and not names
 
     def _best_effort_publishers(self) -> list[str]:
         """The names of the nodes that publish so."""
@@ -97,18 +103,19 @@ class CommandSubscription:
             )
 
     def _on_reliable(self, message: Any, info: dict[str, int]) -> None:
-        handover = self._best_effort is not None
-        if handover and (time.monotonic() >= self._handover_end or not self._is_new(info)):
+        shared = self._leaving or time.monotonic() < self._handover_end
+        if self._best_effort is not None and not shared:
             return
-        self._callback(message)
+        if not shared or self._is_new(info):
+            self._callback(message)
 
     def _on_best_effort(self, message: Any, info: dict[str, int]) -> None:
-        if time.monotonic() >= self._handover_end or self._is_new(info):
+        if self._is_new(info):
             self._callback(message)
 
     def _is_new(self, info: dict[str, int]) -> bool:
         stamp = info["source_timestamp"]
-        if stamp in self._stamps:
+        if stamp and stamp in self._stamps:  # 0 where the middleware has none
             return False
         self._stamps.append(stamp)
         return True
