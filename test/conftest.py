@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from importlib.util import find_spec
 
 import pytest
@@ -28,6 +29,16 @@ collect_ignore = WITH_PYBULLET if find_spec("pybullet") is None else []
 def ros_logs(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Nodes in the process of the tests, and programs that they start, write no log in HOME."""
     os.environ.setdefault("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_logs")))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def interrupts() -> None:
+    """Ctrl-C reaches what tests start, also where a script runs pytest in the background.
+
+    A shell's background job ignores SIGINT, and so would each of its children.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="module", autouse=True)
