@@ -26,9 +26,10 @@ collect_ignore = WITH_PYBULLET if find_spec("pybullet") is None else []
 
 
 @pytest.fixture(scope="session", autouse=True)
-def ros_logs(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Nodes in the process of the tests, and programs that they start, write no log in HOME."""
+def node_files(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Nodes of the tests, and programs that they start, write no log and no lock elsewhere."""
     os.environ.setdefault("ROS_LOG_DIR", str(tmp_path_factory.mktemp("ros_logs")))
+    os.environ["XDG_RUNTIME_DIR"] = str(tmp_path_factory.mktemp("runtime"))
 
 
 @pytest.fixture(scope="session", autouse=True)

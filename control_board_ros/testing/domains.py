@@ -13,6 +13,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+from .shared_memory import sweep
+
 BOOTSTRAP_FLAG = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
@@ -62,7 +64,10 @@ def free_domain() -> Iterator[int]:
                 continue
             try:
                 if not _in_use(domain):
-                    yield domain
+                    try:
+                        yield domain
+                    finally:
+                        sweep(domain)
                     return
             finally:
                 path.unlink()  # while it is locked: who waits for it makes another

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 import socket
 import sys
 import time
@@ -70,6 +72,26 @@ def test_the_environment_of_a_child(monkeypatch: pytest.MonkeyPatch) -> None:
     child = child_environment(42)
     assert child["LD_LIBRARY_PATH"] == f"{sys.prefix}/lib:/opt/other"
     assert child["AMENT_PREFIX_PATH"] == "/opt/ros/jazzy"
+
+
+def test_what_killed_processes_leave_in_shared_memory(tmp_path: Path) -> None:
+    """Removed where nobody holds it, if it is old, and of this domain where it is of one."""
+    from control_board_ros.testing.shared_memory import sweep
+
+    kept = {"fastrtps_held", "fastrtps_held_el", "fastrtps_young", "other"}
+    kept |= {"fastrtps_port7410", "fastrtps_port7410_el", "fastrtps_port7900"}  # domains 0 and 2
+    gone = {"fastrtps_a", "fastrtps_a_el", "fastrtps_b_el", "fastrtps_port7660"}
+    gone |= {"sem.fastrtps_port7660_mutex", "fastrtps_port7899", "fastrtps_port7899_el"}
+    for name in kept | gone:
+        path = tmp_path / name
+        path.touch()
+        if name != "fastrtps_young":
+            os.utime(path, (1.0, 1.0))
+    with (tmp_path / "fastrtps_held_el").open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        sweep(1, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == kept
+    sweep(1, tmp_path / "not_there")
 
 
 @pytest.mark.ros
