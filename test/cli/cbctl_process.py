@@ -57,6 +57,7 @@ class Cbctl:
     def __init__(self, environment: dict[str, str]) -> None:
         self.environment = environment | {"COLUMNS": "120"}
         self._session: Session | None = None
+        self._started: list[subprocess.Popen[str]] = []
 
     def line(self, *words: str) -> list[str]:
         """The words of a line; it has the guard's time to find the board."""
@@ -84,9 +85,13 @@ class Cbctl:
         return self._session
 
     def close(self) -> None:
-        """End the connection."""
+        """End the connection, and what a test that failed has left running."""
         if self._session is not None:
             self._session.close()
+        for process in self._started:
+            if process.poll() is None:
+                process.kill()
+                process.communicate()
 
     @contextlib.contextmanager
     def _as_a_process(self) -> Iterator[tuple[io.StringIO, io.StringIO]]:
@@ -119,7 +124,7 @@ class Cbctl:
 
     def start(self, *words: str, **how: Any) -> subprocess.Popen[str]:
         """Start it and let it run."""
-        return subprocess.Popen(
+        process = subprocess.Popen(
             self.command(*words),
             env=self.environment,
             stdout=subprocess.PIPE,
@@ -127,6 +132,8 @@ class Cbctl:
             text=True,
             **how,
         )
+        self._started.append(process)
+        return process
 
 
 class Asker:

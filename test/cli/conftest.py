@@ -40,4 +40,6 @@ def ask(cbctl: Cbctl) -> Asker:
 def alone() -> Iterator[Cbctl]:
     """The command where there is no board."""
     with free_domain() as domain:
-        yield Cbctl(child_environment(domain))
+        cbctl = Cbctl(child_environment(domain))
+        yield cbctl
+        cbctl.close()

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
+from statistics import median
 from typing import Any
 
 import pytest
@@ -119,13 +121,14 @@ def test_parameters_change_at_run_time_all_or_nothing(talker: Talker) -> None:
             "set_parameters_atomically", SetParametersAtomically, parameters=parameters
         ).result
 
-    def seen_per_second() -> float:
-        first, begun = stamp_of(talker.state()), len(talker.seen["state"])
-        last = talker.state(lambda s: stamp_of(s) > first + 0.5)
-        return (len(talker.seen["state"]) - begun) / (stamp_of(last) - first)
+    def period() -> float:
+        first = stamp_of(talker.state())
+        talker.state(lambda s: stamp_of(s) > first + 0.5)
+        stamps = [stamp_of(s) for s in talker.seen["state"]]
+        return median(b - a for a, b in itertools.pairwise(stamps) if a >= first)
 
     assert change(**{gain: 1.1 * before, "state_rate": 20.0}).successful
-    assert seen_per_second() == pytest.approx(20.0, rel=0.3)
+    assert period() == pytest.approx(1.0 / 20.0, rel=0.15)
     wrong = change(**{gain: before, "state_rate": -1.0})
     assert not wrong.successful
     assert "state_rate" in wrong.reason
@@ -133,7 +136,7 @@ def test_parameters_change_at_run_time_all_or_nothing(talker: Talker) -> None:
     assert [value.double_value for value in read] == [pytest.approx(1.1 * before), 20.0]
     assert not change(control_rate=500.0).successful
     assert change(**{gain: before, "state_rate": 100.0}).successful
-    assert seen_per_second() == pytest.approx(100.0, rel=0.3)
+    assert period() == pytest.approx(1.0 / 100.0, rel=0.15)
 
 
 def test_the_urdf_is_latched(talker: Talker) -> None:
