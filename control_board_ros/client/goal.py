@@ -141,7 +141,7 @@ class Goal:
             )
 
     def _take_feedback(self) -> Steps[None]:
-        """Let the thread take the feedback of before the result: rclpy takes it later, one by one.
+        """Let the thread take the feedback that came before the result: rclpy takes it one by one.
 
         The thread looks for messages between two tasks.
         """

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import io
+from contextlib import ExitStack, closing
 from types import SimpleNamespace
 from typing import Any
 
@@ -144,8 +145,9 @@ def test_two_boards() -> None:
     with (
         board_process(arm, namespace="a") as first,
         board_process(two, namespace="b", domain=first.domain),
+        ExitStack() as stack,
     ):
-        cbctl = Cbctl(first.environment)
+        cbctl = stack.enter_context(closing(Cbctl(first.environment)))
         shown = cbctl("--board", "/*/control_board", "modes")
         assert (shown.code, shown.err) == (0, "")
         head, tail = shown.out.split("\n\n")
