@@ -23,7 +23,7 @@ UDP = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "ROS_AUTOMATIC_DISCOVERY_RANGE": "
 
 
 def run(*words: str) -> None:
-    subprocess.run(words, check=True, timeout=60)
+    subprocess.run(words, check=True, timeout=120)
 
 
 def moves(talker: Talker, target: float) -> None:

@@ -205,7 +205,7 @@ def built_with(*prefixes: Path) -> list[str]:
         capture_output=True,
         text=True,
         check=True,
-        timeout=50,
+        timeout=120,
     )
     return done.stdout.split()
 
