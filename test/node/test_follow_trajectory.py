@@ -6,6 +6,7 @@ What a trajectory does is tested in simulated time, in test/core/test_trajectory
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import pytest
@@ -223,10 +224,11 @@ def test_controller_state_for_plotting_tools(talker: Talker, names: list[str]) -
     """Reference, feedback, error and output of all joints, as often as ~/state."""
     talker.hear("controller", JointTrajectoryControllerState, f"{talker.board}/controller_state")
     talker.wait("controller", lambda _: True)
+    begun = time.time_ns()
     handle = send(talker, trajectory=trajectory(names, (4.0, [0.2, 0.1])))
     assert end(talker, handle)[1] == Result.SUCCESSFUL
-    under_way = next(
-        m for m in talker.seen["controller"] if 0.02 < m.reference.positions[5] < 0.18
+    under_way = talker.wait(
+        "controller", lambda m: 0.02 < m.reference.positions[5] < 0.18, after=begun
     )
     assert list(under_way.joint_names) == talker.names
     assert under_way.speed_scaling_factor == 1.0

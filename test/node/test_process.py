@@ -177,7 +177,7 @@ def test_arguments_that_ros_would_pass_over_are_refused(arguments: list[str]) ->
 
 def test_a_ros_argument_that_does_not_exist_is_named() -> None:
     """Exit code 2, one line on standard error."""
-    code, text = start_and_fail("--ros-args", "-p", "niceness:=0", "--foo")  # not all may ask
+    code, text = start_and_fail("--ros-args", "-p", "niceness:=19", "--foo")  # everybody may
     assert code == 2, text
     assert "'--foo'" in text
     assert text.count("\n") == 1, text
@@ -221,7 +221,7 @@ def test_a_physics_server_that_is_gone_ends_it_with_one_line() -> None:
         "    write(self, actuation)\n"
         "plant.SimulatedPlant.write = cut\n"
         "from control_board_ros.node.main import main\n"
-        "sys.exit(main(['--ros-args', '-p', 'niceness:=0']))\n"  # not everybody may ask for more
+        "sys.exit(main(['--ros-args', '-p', 'niceness:=19']))\n"  # everybody may
     )
     with free_domain() as domain:
         done = subprocess.run(
