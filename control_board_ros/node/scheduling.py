@@ -16,7 +16,8 @@ from typing import Any
 def take_priority(values: Mapping[str, Any]) -> str:
     """Apply ``realtime_priority`` and ``niceness`` to all threads, present and future.
 
-    A simulation that runs as fast as it can is never preferred: it would take a whole core.
+    A simulation that runs as fast as it can is never preferred, for it would take a whole core:
+    it stays as it was started, by ``nice`` or without.
 
     Returns:
         An empty text, or what was refused and how to get it; the node goes on without.
@@ -28,10 +29,11 @@ def take_priority(values: Mapping[str, Any]) -> str:
         except OSError as error:
             return refusal(f"realtime_priority {priority}", error, "rtprio", priority)
         return ""
-    given = niceness if values["real_time_factor"] else max(niceness, 0)
+    if niceness < 0 and not values["real_time_factor"]:
+        return ""
     try:
         for thread in map(int, os.listdir("/proc/self/task")):
-            os.setpriority(os.PRIO_PROCESS, thread, given)
+            os.setpriority(os.PRIO_PROCESS, thread, niceness)
     except OSError as error:
         return refusal(f"niceness {niceness}", error, "nice", niceness)
     return ""

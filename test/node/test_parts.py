@@ -307,18 +307,19 @@ def test_a_refused_priority_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.parametrize(
-    ("niceness", "factor", "given"), [(-20, 1.0, -20), (5, 1.0, 5), (-20, 0.0, 0), (5, 0.0, 5)]
+    ("niceness", "factor", "given"),
+    [(-20, 1.0, {-20}), (5, 1.0, {5}), (-20, 0.0, set()), (5, 0.0, {5})],
 )
 def test_niceness_is_given_to_every_thread(
-    monkeypatch: pytest.MonkeyPatch, niceness: int, factor: float, given: int
+    monkeypatch: pytest.MonkeyPatch, niceness: int, factor: float, given: set[int]
 ) -> None:
-    """niceness: a simulation that runs as fast as it can is not preferred."""
+    """niceness: a simulation that runs as fast as it can is not preferred, and stays as it is."""
     threads: dict[int, int] = {}
     monkeypatch.setattr("os.setpriority", lambda _, thread, value: threads.update({thread: value}))
     values = {"realtime_priority": 0, "niceness": niceness, "real_time_factor": factor}
     assert not take_priority(values)
-    assert threading.get_native_id() in threads
-    assert set(threads.values()) == {given}
+    assert (threading.get_native_id() in threads) == bool(given)
+    assert set(threads.values()) == given
 
 
 def test_a_users_own_dds_profiles_stay(monkeypatch: pytest.MonkeyPatch) -> None:
