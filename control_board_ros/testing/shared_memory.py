@@ -11,7 +11,7 @@ from pathlib import Path
 #: Where Fast DDS has its files: ``fastrtps_0a1b…``, ``fastrtps_port17411``, each with a lock
 #: beside it (``_el``) that its owner holds as long as it lives.
 FOLDER = Path("/dev/shm")
-#: Age of a file, s, from which on one that nobody holds is left behind, and not being made.
+#: Age of a segment, s, from which on one that nobody holds is left behind, and not being made.
 AGE = 10.0
 #: Ports of a domain: this many, from here on for domain 0.
 FIRST_PORT, PORTS = 7400, 250
@@ -28,21 +28,22 @@ def sweep(domain: int, folder: Path = FOLDER) -> None:
     ports = {f"fastrtps_port{number}" for number in range(first, first + PORTS)}
     for path in sorted(folder.glob("fastrtps_*")):
         name = path.name.removesuffix("_el")
-        if name.startswith("fastrtps_port") and name not in ports:
+        port = name.startswith("fastrtps_port")
+        if port and name not in ports:
             continue
         lock = path.with_name(f"{name}_el")
-        if _left_behind(path) and (not lock.exists() or _is_free(lock)):
+        if _left_behind(path, 0.0 if port else AGE) and (not lock.exists() or _is_free(lock)):
             for one in (path, lock, path.with_name(f"sem.{name}_mutex")):
                 one.unlink(missing_ok=True)
 
 
-def _left_behind(path: Path) -> bool:
-    """Whether a file is ours, and old."""
+def _left_behind(path: Path, age: float) -> bool:
+    """Whether a file is ours, and older than so many s."""
     try:
         found = path.stat()
     except FileNotFoundError:  # its owner was quicker
         return False
-    return found.st_uid == os.getuid() and time.time() - found.st_mtime > AGE
+    return found.st_uid == os.getuid() and time.time() - found.st_mtime >= age
 
 
 def _is_free(lock: Path) -> bool:
