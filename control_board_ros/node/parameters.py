@@ -13,13 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    ParameterType,
-    SetParametersResult,
-)
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -27,19 +21,10 @@ from ..settings.loading import Settings, load_layers
 from ..settings.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
 from ..settings.parts import PARTS, PARTS_ROW, ROBOT
 from ..settings.poses import POSITION_ROW, SPEED, SPEED_ROW, values_of
-from ..settings.schema import BOARD, JOINT, JOINT_DEFAULTS, Kind, Parameter
+from ..settings.schema import BOARD, JOINT, JOINT_DEFAULTS, Parameter
+from .declaring import Declaration, declare
 
 NODE = "control_board"
-
-_TYPES = {
-    Kind.BOOL: ParameterType.PARAMETER_BOOL,
-    Kind.INTEGER: ParameterType.PARAMETER_INTEGER,
-    Kind.DOUBLE: ParameterType.PARAMETER_DOUBLE,
-    Kind.STRING: ParameterType.PARAMETER_STRING,
-    Kind.DOUBLES: ParameterType.PARAMETER_DOUBLE_ARRAY,
-    Kind.STRINGS: ParameterType.PARAMETER_STRING_ARRAY,
-}
-
 
 @dataclass(frozen=True, slots=True)
 class Start:
@@ -168,21 +153,6 @@ def _argument(text: str, *names: str) -> Layer:
     return Layer({name: Entry(parsed, "-p")}, folder=Path.cwd())
 
 
-def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
-    """What ``ros2 param describe`` shows of a parameter."""
-    made = ParameterDescriptor(type=_TYPES[row.kind], description=row.description, read_only=fixed)
-    if row.choices:
-        made.additional_constraints = f"one of: {', '.join(row.choices)}"
-    low, high = row.bounds
-    if row.kind is Kind.DOUBLE:
-        made.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-        if row.above is not None or isinstance(row.low, str) or isinstance(row.high, str):
-            made.additional_constraints = row.range_text
-    elif row.kind is Kind.INTEGER:
-        made.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
-    return made
-
-
 class Parameters:
     """The parameters of the node: declared from the schema, changed all or nothing.
 
@@ -209,8 +179,8 @@ class Parameters:
         self.settings = settings
         self._reconfigure, self._changed, self._node = reconfigure, changed, node
         declarations = self._declarations(board_rows, joint_rows)
-        self._declared = {name for name, *_ in declarations}
-        node.declare_parameters("", list(declarations), ignore_override=True)
+        self._declared = {one.name for one in declarations}
+        declare(node, declarations)
         node.add_on_set_parameters_callback(self._on_set)
 
     def show(self, settings: Settings, names: Iterable[str]) -> None:
@@ -222,24 +192,22 @@ class Parameters:
 
     def _declarations(
         self, board_rows: Sequence[Parameter], joint_rows: Sequence[Parameter]
-    ) -> list[tuple[str, Any, ParameterDescriptor]]:
+    ) -> list[Declaration]:
         values = self.settings.values
-        found = []
-        for row in board_rows:
-            found.append((row.name, values[row.name], descriptor(row, fixed=not row.run_time)))
+        found = [Declaration(r.name, values[r.name], r, not r.run_time) for r in board_rows]
         for row in joint_rows:
-            for joint in self.settings.board.names:  # one each: rclpy writes the name into it
+            for joint in self.settings.board.names:
                 name = f"{joint}.{row.name}"
-                found.append((name, values[name], descriptor(row, fixed=not row.run_time)))
+                found.append(Declaration(name, values[name], row, not row.run_time))
             name = f"{JOINT_DEFAULTS}.{row.name}"
             if name in values:
-                found.append((name, values[name], descriptor(row, fixed=True)))
+                found.append(Declaration(name, values[name], row, True))
         for name, value in values.items():  # also of parts that are left out
             if name.startswith(f"{PARTS}."):
-                found.append((name, value, descriptor(PARTS_ROW, fixed=True)))
+                found.append(Declaration(name, value, PARTS_ROW, True))
         for name, value in values_of(self.settings.poses).items():
             row = SPEED_ROW if name.endswith(f".{SPEED}") else POSITION_ROW
-            found.append((name, value, descriptor(row, fixed=True)))
+            found.append(Declaration(name, value, row, True))
         return found
 
     def _refusal(self, parameters: list[RosParameter]) -> str:
