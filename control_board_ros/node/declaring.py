@@ -9,6 +9,7 @@ at once; the values have been checked when the settings were made.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -58,9 +59,12 @@ def declare(node: Node, declarations: Sequence[Declaration]) -> None:
 
     With an rclpy that keeps them elsewhere, it is ``node.declare_parameters`` that does it.
     """
+    shared: dict[tuple[int, bool], ParameterDescriptor] = {}
     parameters, descriptors = stores_of(node)
     for name, value, row, fixed in declarations:
-        own = descriptor(row, fixed=fixed)  # one each: it holds the name
+        if (key := (id(row), fixed)) not in shared:
+            shared[key] = descriptor(row, fixed=fixed)
+        own = copy(shared[key])  # one each: it holds the name
         if parameters is None or descriptors is None:
             node.declare_parameter(name, value, own, ignore_override=True)
             continue

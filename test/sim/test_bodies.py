@@ -239,6 +239,19 @@ def test_a_box_in_the_way_stops_the_arm_and_can_be_taken_away(physics):
         each.close()
 
 
+def test_a_box_out_of_reach_changes_no_motion(physics):
+    """Shapes come with the first box; the arm goes on from where it is, at its speed."""
+    pwm, arms = np.array([15.0, 10.0, 0, 0, 0, 0, 0]), [arm_plant(physics) for _ in range(2)]
+    for plant in arms:
+        drive(plant, pwm, cycles=200)
+    arms[0].body.add_obstacle((50.0, 0.0, 0.0), (0.1, 0.1, 0.1))
+    beside, free = (drive(plant, pwm, cycles=300) for plant in arms)
+    np.testing.assert_allclose(beside, free, rtol=1e-6, atol=1e-6)
+    assert abs(free[Row.VELOCITY, 0]) > 0.05
+    for plant in arms:
+        plant.close()
+
+
 def test_no_damping_but_ours(make):
     """A pendulum without friction swings as high on the other side."""
     plant = make(PENDULUM, "hinge", home=1.0)

@@ -3,8 +3,9 @@
 
 pybullet's own joint motors and dampers are off: every torque comes from our motors. Hard stops
 are the board's hard limits (the URDF's, unless the configuration narrows them); they are hard
-and without bounce. Each body is a physics server of its own, and without visual shapes unless
-it has a window: they are loaded for a picture only.
+and without bounce. Each body is a physics server of its own. Shapes, which may be large meshes,
+are loaded where something needs them: for a window at once, collision shapes with the first
+obstacle, visual ones with the first picture.
 """
 
 from __future__ import annotations
@@ -42,25 +43,31 @@ class BulletBody:
     """
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
-        model = prepare(board, simulation)
-        self._text, self._simulation = model.text, simulation
+        self._model, self._simulation, self._board = prepare(board, simulation), simulation, board
         self._camera: Camera | None = None
         self._boxes: dict[int, Box] = {}
+        self._followers = Followers(self._model.mimics, board.names)
         self._client = connect(gui=simulation.gui)
         try:
-            self._body = load(self._client, model.text, simulation, visuals=simulation.gui)
-            joints = self._find_joints(model.moments)
-            self._joints = [joints[name] for name in board.names]
-            self._disable_motors(list(joints.values()))
-            for joint, index in zip(board.joints, self._joints, strict=True):
-                if joint.kind != "continuous":
-                    self._limit(index, joint.limits.hard_lower, joint.limits.hard_upper)
-            self._followers = Followers(model.mimics, board.names)
-            self._following = [joints[name] for name in self._followers.joints]
+            self._load(shapes=simulation.gui)
         except BaseException:
             self.close()
             raise
         self.attach(np.zeros((2, len(self._joints))))
+        self._saved = bullet.saveState(physicsClientId=self._client)
+
+    def _load(self, *, shapes: bool) -> None:
+        """Put the robot into the world, with its shapes or without."""
+        self._solid = shapes
+        text, gui = self._model.text(shapes=shapes), self._simulation.gui
+        self._body = load(self._client, text, self._simulation, visuals=gui)
+        joints = self._find_joints(self._model.moments)
+        self._joints = [joints[name] for name in self._board.names]
+        self._disable_motors(list(joints.values()))
+        for joint, index in zip(self._board.joints, self._joints, strict=True):
+            if joint.kind != "continuous":
+                self._limit(index, joint.limits.hard_lower, joint.limits.hard_upper)
+        self._following = [joints[name] for name in self._followers.joints]
         self._apply: Callable[..., None] = partial(
             bullet.setJointMotorControlArray,
             self._body,
@@ -68,7 +75,19 @@ class BulletBody:
             bullet.TORQUE_CONTROL,
             physicsClientId=self._client,
         )
-        self._saved = bullet.saveState(physicsClientId=self._client)
+
+    def _load_shapes(self) -> None:
+        """Make the robot one that touches; it goes on as it moves."""
+        before, client, moving = self._body, self._client, [*self._joints, *self._following]
+        states = bullet.getJointStates(before, moving, client)
+        place = bullet.getBasePositionAndOrientation(before, client)
+        speed = bullet.getBaseVelocity(before, client)
+        bullet.removeBody(before, physicsClientId=client)
+        self._load(shapes=True)
+        bullet.resetBasePositionAndOrientation(self._body, *place, physicsClientId=client)
+        bullet.resetBaseVelocity(self._body, *speed, physicsClientId=client)
+        for index, state in zip(moving, states, strict=True):
+            bullet.resetJointState(self._body, index, state[0], state[1], client)
 
     def attach(self, state: Array) -> None:
         """Refresh ``state``, shape (2, n), position and velocity, from now on."""
@@ -121,6 +140,8 @@ class BulletBody:
         self, centre: tuple[float, float, float], half_extents: tuple[float, float, float]
     ) -> int:
         """Put a fixed box into the world, m; returns its number for remove_obstacle."""
+        if not self._solid:
+            self._load_shapes()
         box = Box(centre, half_extents)
         obstacle = box.put(self._client)
         self._boxes[obstacle] = box
@@ -151,7 +172,7 @@ class BulletBody:
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """A picture of the robot and the obstacles, RGB, shape (height, width, 3)."""
         if self._camera is None:
-            self._camera = Camera(self._text, self._simulation)
+            self._camera = Camera(self._model.text(shapes=True), self._simulation)
         every = range(bullet.getNumJoints(self._body, self._client))
         states = bullet.getJointStates(self._body, every, self._client)
         positions = [state[0] for state in states]

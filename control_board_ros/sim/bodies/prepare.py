@@ -15,6 +15,8 @@ from ...description.urdf_tree import Tree
 from ..config import SimulationConfig
 from ..motor import reflected_inertia
 
+SHAPES = ("visual", "collision")
+
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
@@ -33,13 +35,25 @@ class Fitted:
 class Model:
     """What pybullet loads.
 
-    Attributes: text (URDF), mimics (joints that follow a joint of the board), moments (inertia
-    to set afterwards, by link, kg·m²; see ``rotor``).
+    Attributes: root (of the URDF), mimics (joints that follow a joint of the board), moments
+    (inertia to set afterwards, by link, kg·m²; see ``rotor``).
     """
 
-    text: str
+    root: ET.Element
     mimics: tuple[Mimic, ...]
     moments: Moments
+
+    def text(self, *, shapes: bool) -> str:
+        """The URDF with its shapes, which may be large meshes, or with masses and joints only."""
+        if shapes:
+            return ET.tostring(self.root, encoding="unicode")
+        links = [(link, list(link)) for link in self.root.iter("link")]
+        for link, elements in links:
+            link[:] = [element for element in elements if element.tag not in SHAPES]
+        text = ET.tostring(self.root, encoding="unicode")
+        for link, elements in links:
+            link[:] = elements
+        return text
 
 
 def fit(board: BoardConfig, simulation: SimulationConfig) -> Fitted:
@@ -84,4 +98,4 @@ def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
     root = fitted.tree.root
     moments = add_rotor_inertia(fitted.tree, fitted.rotors)
     ET.indent(root)  # pybullet cannot read long lines
-    return Model(ET.tostring(root, encoding="unicode"), fitted.mimics, moments)
+    return Model(root, fitted.mimics, moments)
