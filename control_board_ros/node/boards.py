@@ -75,6 +75,7 @@ class Boards:
         )
         self._start, self._context = start, context
         self.parts: dict[str, BoardNode] = {}
+        self._own = {name: settings.part(name) for name in settings.parts}
         self.main = self._offer(plant)
         node = self.main.node
         offer_transforms(node, self.loop, self.main.publisher, settings)
@@ -100,7 +101,7 @@ class Boards:
             return BoardNode(node, cast(Member[Board], whole), settings, plant, self._changed)
         for name, board in whole.board.parts.items():
             node = Node(name, **self._arguments(self._start.namespace))
-            own, member = settings.part(name), self.loop.add_part(board)
+            own, member = self._own[name], self.loop.add_part(board)
             self.parts[name] = BoardNode(node, member, own, plant, self._changed, part=True)
         node = self._main_node(self._start.name, self._start.namespace)
         robot = cast(Member[Robot], whole)
@@ -125,7 +126,7 @@ class Boards:
             self.settings.robot_name,
             whole,
             {
-                name: self._diagnostics_of(self.settings.part(name), part.member)
+                name: self._diagnostics_of(self._own[name], part.member)
                 for name, part in self.parts.items()
             },
         )

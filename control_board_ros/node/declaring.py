@@ -57,24 +57,28 @@ def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
 def declare(node: Node, declarations: Sequence[Declaration]) -> None:
     """Declare parameters as ``node.declare_parameters`` does, but for the events.
 
-    With an rclpy that keeps them elsewhere, it is ``node.declare_parameters`` that does it.
+    With an rclpy that keeps them elsewhere, that is what declares them.
     """
+    described = described_by(declarations)
+    parameters, descriptors = (
+        getattr(node, name, None) for name in ("_parameters", "_descriptors")
+    )
+    if not isinstance(parameters, dict) or not isinstance(descriptors, dict):
+        triples = [(one.name, one.value, described[one.name]) for one in declarations]
+        node.declare_parameters("", triples, ignore_override=True)
+        return
+    for name, value, row, _ in declarations:
+        parameters[name] = RosParameter(name, _TYPES[row.kind], value)
+    descriptors.update(described)
+
+
+def described_by(declarations: Sequence[Declaration]) -> dict[str, ParameterDescriptor]:
+    """A descriptor of its own for each parameter, by name."""
     shared: dict[tuple[int, bool], ParameterDescriptor] = {}
-    parameters, descriptors = stores_of(node)
-    for name, value, row, fixed in declarations:
+    found = {}
+    for name, _, row, fixed in declarations:
         if (key := (id(row), fixed)) not in shared:
             shared[key] = descriptor(row, fixed=fixed)
-        own = copy(shared[key])  # one each: it holds the name
-        if parameters is None or descriptors is None:
-            node.declare_parameter(name, value, own, ignore_override=True)
-            continue
+        found[name] = own = copy(shared[key])
         own.name = name
-        parameters[name] = RosParameter(name, _TYPES[row.kind], value)
-        descriptors[name] = own
-
-
-def stores_of(node: Node) -> tuple[dict[str, Any] | None, dict[str, Any] | None]:
-    """Where rclpy keeps a node's parameters and their descriptors; None where it has no such."""
-    stores = (getattr(node, "_parameters", None), getattr(node, "_descriptors", None))
-    first, second = (one if isinstance(one, dict) else None for one in stores)
-    return first, second
+    return found

@@ -26,6 +26,7 @@ from .declaring import Declaration, declare
 
 NODE = "control_board"
 
+
 @dataclass(frozen=True, slots=True)
 class Start:
     """What the command line asks for.
