@@ -10,7 +10,7 @@ from statistics import median
 
 from b10_footprint import COMMAND
 from common import Effort, Figure, Goal, at_most, number, percentile
-from processes import board, cpu_share, helper, resident_megabytes
+from processes import board, cpu_seconds, helper, resident_megabytes
 from sensor_msgs.msg import JointState
 from tap import tap
 
@@ -37,19 +37,18 @@ def _with(
     processor, latest, soonest = (None if goal is None else at_most(goal) for goal in goals)
     params = {"robot": "icub", "physics": physics}
     with free_domain() as domain:
-        starts = [_start(domain, physics) for _ in range(effort.of(5, 1, 1))]
-        with helper(domain, "bare", "loop", effort.of(10.0, 1.0, 0.2)) as bare:
+        starts = [_start(domain, physics) for _ in range(effort.of(3, 1, 1))]
+        with helper(domain, "bare", "loop", effort.of(4.0, 1.0, 0.2)) as bare:
             reference = bare.result()["lateness"]
         with tap() as tapped, board(domain, params, tap=tapped, robot="icub") as running:
             pid = running.process.pid
             with ros_node(domain, "listening") as node:
                 node.create_subscription(JointState, TOPIC, lambda _: None, 10)
                 if effort.level == "full":
-                    tapped.window(5.0)  # until discovery and calibration are over
-                fared = tapped.window(effort.of(60.0, 2.0, 0.0))[0]
-                shares = [
-                    cpu_share([pid], effort.of(20.0, 2.0, 0.3)) for _ in range(effort.of(2, 1, 1))
-                ]
+                    tapped.window(4.0)  # until discovery and calibration are over
+                begin, used = time.monotonic(), cpu_seconds(pid)
+                fared = tapped.window(effort.of(12.0, 2.0, 0.3))[0]
+                share = 100.0 * (cpu_seconds(pid) - used) / (time.monotonic() - begin)
             memory = resident_megabytes(pid)
     late = 1e3 * percentile(fared.lateness, 99)
     bare_late = 1e3 * percentile(reference, 99)
@@ -58,7 +57,7 @@ def _with(
         _figure(
             "processor at 1 kHz, joint states at 100 Hz heard by one",
             where,
-            median(shares),
+            share,
             "%",
             processor,
             f"of one core; memory {number(memory)} MB",

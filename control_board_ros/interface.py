@@ -158,7 +158,7 @@ DIAGNOSTICS = topic(
     "diagnostic_msgs/msg/DiagnosticArray",
     STREAM,
     "Once a second: loop rate, overruns, worst latency, rejected commands, faults. One entry for "
-    "the board and one per joint.",
+    "the board and one per joint, whose names begin with the board's full name.",
 )
 CLOCK = topic(
     "/clock",

@@ -123,7 +123,6 @@ class Boards:
         if not self.parts:
             return whole
         return RobotDiagnostics(
-            self.settings.robot_name,
             whole,
             {
                 name: self._diagnostics_of(self._own[name], part.member)
@@ -139,7 +138,15 @@ class Boards:
             settings.board.control_rate,
             [joint.limits.temperature for joint in settings.board.joints],
             member.snapshots,
+            board=self._statuses_of,
         )
+
+    @property
+    def _statuses_of(self) -> str:
+        """What names of diagnostic statuses begin with: the full name of the board, or robot."""
+        node = self.main.node
+        whole = node.get_namespace() if self.parts else node.get_fully_qualified_name()
+        return str(whole).strip("/")
 
     def start(self) -> None:
         """Let the control loop and the publisher run."""

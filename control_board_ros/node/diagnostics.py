@@ -18,8 +18,6 @@ from .loop import ControlLoop
 from .scheduling import scheduling
 from .snapshots import Snapshots
 
-PREFIX = "control_board"
-
 
 class Diagnostics:
     """Makes the array; compares with the last one to tell what is new.
@@ -31,6 +29,7 @@ class Diagnostics:
         nominal_rate: control cycles per second of simulated time.
         hottest: temperature limit of each winding, °C; none where it is not watched.
         snapshots: of these joints; None: the loop's.
+        board: what the names of statuses begin with, which are one list for all nodes of a domain.
     """
 
     def __init__(
@@ -41,8 +40,9 @@ class Diagnostics:
         nominal_rate: float,
         hottest: Sequence[float] = (),
         snapshots: Snapshots | None = None,
+        board: str = "control_board",
     ) -> None:
-        self._loop, self._names = loop, names
+        self._loop, self._names, self._board = loop, names, board
         self._snapshots = snapshots or loop.snapshots
         self._hardware_id, self._nominal_rate = hardware_id, nominal_rate
         self._hottest = list(hottest) or [math.inf] * len(names)
@@ -143,7 +143,7 @@ class Diagnostics:
         self, name: str, level: bytes, text: str, values: Iterable[tuple[str, object]]
     ) -> DiagnosticStatus:
         return DiagnosticStatus(
-            name=f"{PREFIX}: {name}",
+            name=f"{self._board}: {name}",
             level=level,
             message=text,
             hardware_id=self._hardware_id,

@@ -171,6 +171,7 @@ def serve(
 
     from .boards import Boards
     from .executor import KeptWaitSetExecutor
+    from .lifecycle import starts_alone
 
     try:
         rclpy.init(args=start.arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -187,7 +188,8 @@ def serve(
     await_first_cycles(boards, ended)
     name, settings = boards.nodes[0].get_fully_qualified_name(), boards.settings
     parks, modes = bool(settings.values["park_on_exit"]), boards.loop.snapshots.modes.control
-    say(welcome(name, settings.board, modes, settings.parts, parks=parks))
+    waits = bool(settings.values["lifecycle"]) and not starts_alone(settings.values)
+    say(welcome(name, settings.board, modes, settings.parts, parks=parks, managed=waits))
     ended.wait()
     unparked = park(boards, at_once) if parks and boards.loop.failure is None else ""
     if not boards.stop():

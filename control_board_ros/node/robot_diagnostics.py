@@ -16,26 +16,24 @@ class RobotDiagnostics:
     """Makes the array.
 
     Args:
-        robot: name of the robot.
-        whole: of all joints.
+        whole: of all joints; the robot's name is its statuses'.
         parts: of each part's joints, by name.
     """
 
-    def __init__(self, robot: str, whole: Diagnostics, parts: Mapping[str, Diagnostics]) -> None:
-        self._robot, self._whole, self._parts = robot, whole, parts
+    def __init__(self, whole: Diagnostics, parts: Mapping[str, Diagnostics]) -> None:
+        self._whole, self._parts = whole, parts
 
     def message(self, now: Time) -> DiagnosticArray:
         """The diagnostics of the time since the last call."""
         array = DiagnosticArray(status=[self._whole.loop_status()])
         array.header.stamp = now
+        robot = array.status[0].name.rpartition(": ")[0]
         for name, part in self._parts.items():
-            array.status.append(summary(name, part.joint_statuses()))
-        for status in array.status:
-            status.name = f"{self._robot}: {status.name.rpartition(': ')[2]}"
+            array.status.append(summary(f"{robot}: {name}", part.joint_statuses()))
         return array
 
 
-def summary(part: str, joints: Sequence[DiagnosticStatus]) -> DiagnosticStatus:
+def summary(name: str, joints: Sequence[DiagnosticStatus]) -> DiagnosticStatus:
     """The statuses of a part's joints as one: the worst of them tells."""
     worst = max(joints, key=lambda status: status.level)
     if worst.level == DiagnosticStatus.OK:
@@ -45,7 +43,7 @@ def summary(part: str, joints: Sequence[DiagnosticStatus]) -> DiagnosticStatus:
         text = f"{short(worst)}: {worst.message}"
     values = [KeyValue(key=short(status), value=status.message) for status in joints]
     return DiagnosticStatus(
-        name=part,
+        name=name,
         level=worst.level,
         message=text,
         hardware_id=worst.hardware_id,

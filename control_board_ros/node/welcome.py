@@ -10,7 +10,7 @@ from ..core.arrival import unit
 from ..core.config import BoardConfig, JointConfig
 from ..core.modes import ACCEPTS, CALIBRATES, CONFIGURED, MOVES
 from ..core.vocabs import CommandKind, ControlMode
-from ..interface import POSITION_COMMAND, SET_CONTROL_MODE
+from ..interface import CONFIGURE, POSITION_COMMAND, SET_CONTROL_MODE
 
 #: A range that no joint has, rad or m: that of one without limits.
 ENDLESS = 1e5
@@ -25,6 +25,7 @@ def welcome(
     parts: Mapping[str, Sequence[str]] | None = None,
     *,
     parks: bool = False,
+    managed: bool = False,
 ) -> str:
     """The joints with their limits and modes, and lines to paste.
 
@@ -34,10 +35,14 @@ def welcome(
         modes: present control mode of each joint.
         parts: the joints of each part, where the board is a robot's.
         parks: whether it goes to the pose park when it is told to end.
+        managed: whether it waits for the transitions of a managed node.
     """
     present = sorted({mode.name for mode in modes})
     option = "" if name == "/control_board" else f" --board {name}"
     when, words = suggestions(config.joints[0], modes[0])
+    if managed:
+        when = f"Let it go on with:\n{transitions(name)}\nthen, where joints are active, try"
+        words = [word for word in words if word != CONFIGURE.short]
     lines = [
         *table(config.joints, parts or {}),
         "",
@@ -116,10 +121,16 @@ def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
     if mode in CALIBRATES:
         return "When they have calibrated, try", words
     if mode not in CONFIGURED:
-        return "When they are configured (service configure), try", words
+        return "Try", [CONFIGURE.short, *words]
     if CommandKind.POSITION in ACCEPTS.get(mode, ()):
         return "Try", words[1:]
     return "Try", words
+
+
+def transitions(name: str) -> str:
+    """The commands that make a managed node active."""
+    lines = [f"  ros2 lifecycle set {name} {what}" for what in ("configure", "activate")]
+    return "\n".join([*lines, "(or start it with -p autostart:=true)"])
 
 
 def first_target(joint: JointConfig) -> float:

@@ -131,6 +131,9 @@ def test_two_boards_in_two_namespaces() -> None:
         assert a.set_mode([], "posd").success
         assert set(a.modes()) == {"posd"}
         assert set(b.modes()) == {"pos"}
+        a.hear("diagnostics", DiagnosticArray, "/diagnostics")
+        for side in ("left", "right"):
+            a.wait("diagnostics", lambda d: d.status[0].name == f"{side}/control_board: loop")  # noqa: B023
         name = b.names[6]
         b.command("command/position", msg.PositionCommand(names=[name], positions=[0.2]))
         b.state(lambda s: s.position[6] > 0.1)

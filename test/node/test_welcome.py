@@ -38,7 +38,7 @@ def test_the_target_is_within_the_limits(lower: float, upper: float, kind: str) 
         (M.MIXED, "Try", "move a=30deg"),
         (M.IDLE, "Try", "mode a pos"),
         (M.CALIBRATING, "When they have calibrated, try", "mode a pos"),
-        (M.NOT_CONFIGURED, "When they are configured (service configure), try", "mode a pos"),
+        (M.NOT_CONFIGURED, "Try", "configure"),
     ],
 )
 def test_the_mode_takes_what_is_suggested(mode: ControlMode, when: str, first: str) -> None:
@@ -46,6 +46,20 @@ def test_the_mode_takes_what_is_suggested(mode: ControlMode, when: str, first: s
     found, words = suggestions(joint("a"), mode)
     assert (found, words[0]) == (when, first)
     assert words[-1] == "move a=30deg"
+
+
+def test_a_managed_node_says_how_it_goes_on() -> None:
+    """N2: cbctl configure does not configure it; its transitions do."""
+    config = board_config(joint("a"))
+    alone = welcome("/control_board", config, [M.NOT_CONFIGURED])
+    assert "joints in NOT_CONFIGURED. Try:\n  cbctl configure\n  cbctl mode a pos\n" in alone
+    managed = welcome("/left/arm", config, [M.NOT_CONFIGURED], managed=True)
+    assert (
+        "ros2 lifecycle set /left/arm configure\n  ros2 lifecycle set /left/arm activate"
+        in managed
+    )
+    assert "cbctl --board /left/arm configure" not in managed
+    assert "try:\n  cbctl --board /left/arm mode a pos\n" in managed
 
 
 def test_a_joint_without_position_control() -> None:
