@@ -64,7 +64,7 @@ def declare(node: Node, declarations: Sequence[Declaration]) -> None:
         getattr(node, name, None) for name in ("_parameters", "_descriptors")
     )
     if not isinstance(parameters, dict) or not isinstance(descriptors, dict):
-        triples = [(one.name, one.value, described[one.name]) for one in declarations]
+        triples: list[Any] = [(one.name, one.value, described[one.name]) for one in declarations]
         node.declare_parameters("", triples, ignore_override=True)
         return
     for name, value, row, _ in declarations:
