@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the log says of a joint that its protection pushes back (SPEC P9)."""
+"""What is said where software limits act: on a joint beyond them, on a path (SPEC P9)."""
 
 from __future__ import annotations
 
 import pytest
 from rig import joint
 
-from control_board_ros.core.explanations import explain_limit
+from control_board_ros.core.explanations import explain_cut, explain_limit, explain_slower
 
 LIMITS = {"lower": -1.0, "upper": 2.0}
 
@@ -23,3 +23,37 @@ LIMITS = {"lower": -1.0, "upper": 2.0}
 def test_where_it_is_and_how_far_beyond(kind: str, position: float, text: str) -> None:
     made = joint("a", kind=kind, limits=LIMITS)
     assert explain_limit(made, position) == f"{text}; the protection pushes it back"
+
+
+@pytest.mark.parametrize(
+    ("positions", "text"),
+    [
+        ((0.0, -1.0, 2.0, 1.0), ""),  # at a limit is within
+        ((0.0, 2.1, 3.0), "a stays within -57.3° to 114.6° (point 1 asks for 120.3°)"),
+        ((-1.1, 2.1), "a stays within -57.3° to 114.6° (point 0 asks for -63.03°)"),
+    ],
+)
+def test_the_first_point_of_a_path_that_is_cut(positions: tuple[float, ...], text: str) -> None:
+    """T1, P9."""
+    told = explain_cut(joint("a", limits=LIMITS), positions)
+    assert told == (f"{text}: software limit" if text else "")
+
+
+@pytest.mark.parametrize(
+    ("kind", "way", "time", "told"),
+    [
+        ("revolute", 1.0, 2.0, False),  # the speed asked for: 0.5 rad/s
+        ("revolute", 1.0, 2.03, True),
+        ("revolute", 4e-4, 1.0, False),  # too short for a word
+        ("revolute", 6e-4, 1.0, True),
+        ("prismatic", 4e-5, 1.0, False),
+        ("prismatic", 6e-5, 1.0, True),
+    ],
+)
+def test_a_move_is_told_of_where_it_is_slower(
+    kind: str, way: float, time: float, told: bool
+) -> None:
+    """P1: below 99 % of the speed asked for, and longer than what nobody sees."""
+    text = explain_slower(joint("a", kind=kind), way, 0.5, time)
+    assert bool(text) is told
+    assert not told or f"takes {time:.3g} s" in text
