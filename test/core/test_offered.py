@@ -35,9 +35,3 @@ def test_it_is_the_part_of_now_that_answers() -> None:
     assert read("a") == [0.3]
     assert ask("a", 0.5)
     assert board.get_ref_speed() == [0.5]
-
-
-def test_a_robot_has_the_methods_of_a_board() -> None:
-    own = {"state", "reconfigure", "await_configure"}  # of a part alone
-    methods = {name for name in dir(Board) if not name.startswith("_")}
-    assert methods - own <= set(dir(Robot))
