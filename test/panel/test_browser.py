@@ -354,7 +354,8 @@ def test_lines_to_copy_and_what_others_do(page: Any, client: ControlBoardClient)
 
 def test_units_theme_and_tabs(page: Any) -> None:
     value = page.get_by_label("Plot position of joint_4", exact=True)
-    page.get_by_label("Angles in: rad").click()
+    page.get_by_label("Angles in: rad").press("Enter")
+    assert page.evaluate("nameOf(document.activeElement)") == "Angles in: rad"
     until(lambda: "rad" in value.inner_text())
     page.get_by_label("Angles in: deg").click()
     until(lambda: "°" in value.inner_text())

@@ -58,6 +58,20 @@ def test_parts_are_heard_together(page: Any) -> None:
     until(lambda: page.evaluate("panel.watched") == "/pair/robot")
 
 
+def test_tabs_by_keyboard(page: Any) -> None:
+    """Arrow keys choose the next one, which then has the focus."""
+    page.get_by_role("tab", name="All joints").focus()
+    for key, tab in (
+        ("Right", "lower"),
+        ("Right", "robot"),
+        ("Left", "lower"),
+        ("Left", "All joints"),
+    ):
+        page.keyboard.press(f"Arrow{key}")
+        assert page.evaluate("document.activeElement.textContent") == tab
+        assert page.evaluate("document.activeElement.ariaSelected") == "true"
+
+
 def test_a_part_is_driven_and_the_whole_stops(page: Any, client: ControlBoardClient) -> None:
     joint = JOINTS[4]
     page.get_by_label("Position reference of joint_5, typed; Enter sends").fill("100")

@@ -34,9 +34,16 @@ export function icon(name) {
   return svg;
 }
 
+/** New children; who was there with the keyboard is then on the chosen one. */
+export function redraw(element, chosen, children) {
+  const inside = element.contains(document.activeElement);
+  element.replaceChildren(...children);
+  if (inside) element.querySelector(chosen)?.focus();
+}
+
 /** A choice of a few, as one control: radio buttons that look like a bar. */
 export function segmented(element, label, options, chosen, choose) {
-  element.replaceChildren(...Object.entries(options).map(([value, text]) => h("button", {
+  redraw(element, "[aria-checked=true]", Object.entries(options).map(([value, text]) => h("button", {
     type: "button", role: "radio", "aria-checked": String(value === chosen), "aria-label": `${label}: ${text}`,
     onclick: () => choose(value),
   }, text)));

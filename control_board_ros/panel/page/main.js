@@ -4,7 +4,7 @@
 import { Banners } from "./banners.js";
 import { Card } from "./card.js";
 import { Connection } from "./connection.js";
-import { h, icon, segmented, toast } from "./dom.js";
+import { h, icon, redraw, segmented, toast } from "./dom.js";
 import { Log } from "./log.js";
 import { Model } from "./model.js";
 import { MODES } from "./modes.js";
@@ -115,10 +115,14 @@ class Panel {
     const spaces = new Set(names.map((name) => name.slice(0, name.lastIndexOf("/") + 1)));
     const title = (name) => (names.length > 1 && spaces.size === 1 ? name.slice(name.lastIndexOf("/") + 1) : model.boards.get(name).title);
     if (!tabs.includes(this.tab)) this.tab = names.length > 1 ? ALL : names[0] ?? null;
-    $("tabs").replaceChildren(...tabs.map((name) => h("button", {
-      type: "button", role: "tab", "aria-selected": String(name === this.tab), "data-name": name,
-      onclick: () => { this.tab = name; this.setLive(false); this.drawTabs(); },
+    const choose = (name) => { this.tab = name; this.setLive(false); this.drawTabs(); };
+    redraw($("tabs"), "[aria-selected=true]", tabs.map((name) => h("button", {
+      type: "button", role: "tab", "aria-selected": String(name === this.tab), "data-name": name, onclick: () => choose(name),
     }, name === ALL ? "All joints" : title(name))));
+    $("tabs").onkeydown = (event) => {
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (step) choose(tabs[(tabs.indexOf(this.tab) + step + tabs.length) % tabs.length]);
+    };
     this.drawCards();
     this.watch();
   }
