@@ -25,7 +25,7 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
-from talk import TIMEOUT
+from talk import TIMEOUT, until
 
 from control_board_ros import startup
 from control_board_ros.core.faults import FaultRecord
@@ -70,14 +70,6 @@ def served() -> Iterator[Served]:
         context.try_shutdown()
 
 
-def soon(good: Any) -> None:
-    """Wait until something is so."""
-    deadline = time.monotonic() + TIMEOUT
-    while not good():
-        assert time.monotonic() < deadline
-        time.sleep(0.005)
-
-
 @pytest.mark.ros
 def test_executor_serves_entities_made_while_it_spins(served: Served) -> None:
     """Services, clients, topics and timers may come and go."""
@@ -90,13 +82,13 @@ def test_executor_serves_entities_made_while_it_spins(served: Served) -> None:
         lambda: publisher.publish(String(data="tick")),
         clock=Clock(clock_type=ClockType.STEADY_TIME),
     )
-    soon(lambda: len(heard) >= 5)
+    until(lambda: len(heard) >= 5)
     node.destroy_timer(timer)
     node.create_service(Trigger, "ask", lambda _, r: Trigger.Response(success=True, message="yes"))
     client = node.create_client(Trigger, "ask")
     assert client.wait_for_service(TIMEOUT)
     future = client.call_async(Trigger.Request())
-    soon(future.done)
+    until(future.done)
     assert future.result().message == "yes"
     assert not served.errors
 
@@ -125,9 +117,9 @@ def test_executor_lives_on_when_callbacks_raise(served: Served) -> None:
     assert client.wait_for_service(TIMEOUT)
     client.call_async(Trigger.Request())
     guard.trigger()
-    soon(lambda: publisher.publish(String()) or len(heard) >= 3)
+    until(lambda: publisher.publish(String()) or len(heard) >= 3)
     wheres = {"/talk", "/ask", "Timer", "GuardCondition"}
-    soon(lambda: {where for _, where in served.errors} >= wheres)
+    until(lambda: {where for _, where in served.errors} >= wheres)
     assert {text for text, _ in served.errors} == {"on purpose"}
     node.destroy_timer(timer)
 
@@ -148,7 +140,7 @@ def test_executor_answers_later(served: Served) -> None:
     time.sleep(0.05)
     assert not future.done()
     served.executor.create_task(lambda: asked.set_result("at last"))
-    soon(future.done)
+    until(future.done)
     assert future.result().message == "at last"
 
 
