@@ -135,7 +135,7 @@ class Operators:
     def _say(self, now: float) -> None:
         own = self.lease.holder if isinstance(self.lease.holder, int) else self.lease.asking
         browser = self._hub.browsers.get(own) if isinstance(own, int) else None
-        who = f"{browser.name} at the panel on {socket.gethostname()}" if browser else ""
+        who = f"{browser.name} at {socket.gethostname()}" if browser else ""
         if now - self._said >= PERIOD or self._panels.beat(who) != self._beat:
             self._panels.said(now)
             self._beat, self._said = self._panels.beat(who), now

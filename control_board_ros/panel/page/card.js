@@ -15,7 +15,6 @@ export class Card {
     const { short, name } = joint;
     this.mode = h("select", { class: "mode command", "aria-label": `Control mode of ${short}`, onchange: () => this.setMode() });
     this.interaction = h("div", { class: "segmented small", role: "radiogroup", "aria-label": `Interaction mode of ${short}` });
-    this.moving = h("span", { class: "moving" });
     this.more = h("button", { type: "button", class: "ghost more", "aria-expanded": "false", "aria-label": `More of ${short}`, onclick: () => this.expand() }, icon("chevron"));
     this.position = this.value("position", "big");
     this.values = VALUES.map((signal) => this.value(signal));
@@ -23,7 +22,7 @@ export class Card {
     this.why = h("p", { class: "why" });
     this.body = h("div", { class: "details", hidden: true });
     this.element = h("article", { class: "card", "aria-label": `Joint ${name}` },
-      h("header", {}, h("h3", { title: name }, short), this.moving, this.mode, this.interaction, this.more),
+      h("header", {}, h("h3", { title: name }, short), this.mode, this.interaction, this.more),
       h("div", { class: "readout" }, this.position.element, h("div", { class: "values" }, ...this.values.map((v) => v.element))),
       this.slots, this.why, this.body);
     this.refresh();
@@ -130,8 +129,6 @@ export class Card {
       setText(shown, number(value, signal, joint.sliding));
       setText(unit, unitOf(signal, joint.sliding)[1]);
     }
-    const moving = joint.state && !joint.state.motion_done;
-    setText(this.moving, joint.mode === "cal" ? "calibrating" : moving ? "moving" : "");
     const held = this.sliders.some((slider) => slider.timer);
     setText(this.why, held ? "" : joint.fault ? joint.fault.text : whyStill(joint));
     this.why.classList.toggle("fault", Boolean(joint.fault));

@@ -23,7 +23,7 @@ const WHY = {
   open: "Output is 0 %: nothing drives the joint until the slider is held.",
 };
 
-/** Why a joint does not move now; empty where there is nothing to say. */
+/** Why a joint does not move now, or that a move is under way; empty where there is nothing to say. */
 export function whyStill(joint) {
   const { mode, state } = joint;
   if (!state) return "Waiting for its state.";
@@ -31,5 +31,6 @@ export function whyStill(joint) {
   if (mode === "vel" && Math.abs(state.velocity_reference) > 1e-4) return "";
   if (mode === "open" && Math.abs(state.output) > 0.05) return "";
   if ((mode === "pos" || mode === "mix") && joint.speed === 0) return "Its reference speed is zero.";
+  if (!state.motion_done && !WHY[mode]) return "Moving.";
   return WHY[mode] ?? "";
 }
