@@ -74,8 +74,8 @@ class Path:
         """Time of the last point, s."""
         return float(self.times[-1])
 
-    def of(self, columns: NDArray[np.bool_]) -> Path:
-        """The path of some of its joints; columns: a mask, shape (k,)."""
+    def of(self, columns: NDArray[np.bool_] | NDArray[np.intp]) -> Path:
+        """The path of some of its joints; columns: a mask, shape (k,), or their numbers."""
         velocities, accelerations = self.velocities, self.accelerations
         return Path(
             self.times,

@@ -4,7 +4,8 @@
 A robot is driven as a board is, ``actuation = robot.tick(measurement)``, and has its methods, over
 the joints of all parts: numbered through in the order of the parts, or by name. A request is
 checked whole before any part gets its share, so it takes effect on all of them in the same cycle,
-or on none (R3). What follows one trajectory, ``state`` and ``reconfigure``, is a part's own.
+or on none (R3). ``state`` and ``reconfigure`` are a part's own; ``robot_trajectory`` has what
+follows a trajectory of several parts.
 """
 
 from __future__ import annotations

@@ -26,7 +26,8 @@ from .follower import Follower, cuts
 from .path import Path, Points, Sample, make_path
 from .path_run import Run
 from .reply import summary
-from .selection import RequestError
+from .robot import Robot
+from .selection import RequestError, Selection, Selector
 from .tolerances import Excess, Tolerances, Wish, chosen, excess, explain
 from .vocabs import CommandKind
 
@@ -90,32 +91,70 @@ def start_goal(
         GoalError: with the code and the reason; nothing has changed, but that joints in another
             mode count a rejected command (M4).
     """
+    selection = selected(board.selector, joints)
+    check_complete(board, selection.names)
+    path = made_path(selection, points)
+    tolerances = tolerances_of(board, selection, board.names, wishes)
+    check_start(board, selection, path, start)
+    return TrajectoryGoal(follower, board, selection.joints, path, start, tolerances)
+
+
+def selected(selector: Selector, joints: Joints) -> Selection:
+    """The joints of a goal; GoalError where one is not there."""
     try:
-        selection = board.selector.select(joints)
+        return selector.select(joints)
     except RequestError as error:
         raise GoalError(Code.INVALID_JOINTS, str(error)) from error
-    names = selection.names
+
+
+def check_complete(board: Board, names: Sequence[str]) -> None:
+    """Raise GoalError where a board takes goals for all of its joints only."""
     if len(names) < board.count and not board.config.allow_partial_joints_goal:
         missing = [name for name in board.names if name not in names]
         text = f"{', '.join(missing)} missing; send all joints, or set allow_partial_joints_goal"
         raise GoalError(Code.INVALID_JOINTS, text)
+
+
+def made_path(selection: Selection, points: Points) -> Path:
+    """The path through a goal's points; GoalError where they make none."""
     try:
-        path = make_path(names, *points)
-        tolerances = chosen(
-            configured(board, selection.joints), names, board.names, **wishes._asdict()
-        )
+        return make_path(selection.names, *points)
     except RequestError as error:
         raise GoalError(Code.INVALID_GOAL, str(error)) from error
+
+
+def tolerances_of(
+    board: Board, selection: Selection, known: Sequence[str], wishes: Wishes
+) -> Tolerances:
+    """The tolerances of a board's joints: those that a goal names, else those configured.
+
+    Args:
+        board: with its configuration.
+        selection: of its joints.
+        known: joints for which the goal may name tolerances.
+        wishes: of the goal.
+
+    Raises:
+        GoalError: a wish that is not a number, or for a joint that is not there.
+    """
+    defaults = configured(board, selection.joints)
+    try:
+        return chosen(defaults, selection.names, known, **wishes._asdict())
+    except RequestError as error:
+        raise GoalError(Code.INVALID_GOAL, str(error)) from error
+
+
+def check_start(board: Board | Robot, selection: Selection, path: Path, start: float) -> None:
+    """Raise GoalError unless joints can follow a path that begins at this time of the board, s."""
     late = board.time - (start + path.duration)
     if late > 0.0:
         text = f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
         raise GoalError(Code.OLD_HEADER_TIMESTAMP, text)
     good = board.accepts[CommandKind.POSITION_DIRECT, selection.joints]
     if not good.all():  # the board counts them and says why
-        others = [name for name, fine in zip(names, good, strict=True) if not fine]
+        others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
         refusal = board.set_position(others, path.positions[-1, ~good])
         raise GoalError(Code.INVALID_GOAL, refusal.message)
-    return TrajectoryGoal(follower, board, selection.joints, path, start, tolerances)
 
 
 def configured(board: Board, joints: NDArray[np.intp]) -> Tolerances:
@@ -127,6 +166,13 @@ def configured(board: Board, joints: NDArray[np.intp]) -> Tolerances:
         goal=np.array([[one.goal for one in own], [constraints.stopped_velocity_tolerance] * n]),
         goal_time=constraints.goal_time,
     )
+
+
+def references(board: Board) -> Sample:
+    """The references of a board's joints as they are, shapes (n,)."""
+    state = board.state
+    rows = (state.position_reference, state.velocity_reference, np.zeros(state.n))
+    return Sample(*(row.copy() for row in rows))
 
 
 class TrajectoryGoal:
@@ -183,6 +229,11 @@ class TrajectoryGoal:
             self.cancelled = True
             self._end(Code.SUCCESSFUL, f"cancelled; {', '.join(self.names)} stopped")
 
+    def preempt(self) -> None:
+        """Stop the joints: a new goal is for others."""
+        if self.outcome is None:
+            self._end(Code.INVALID_GOAL, PREEMPTED)
+
     def take_over(self, old: TrajectoryGoal) -> None:
         """Preempt a goal: joints of both go on with it until this one begins, the others stop."""
         if old.outcome is not None:
@@ -195,9 +246,7 @@ class TrajectoryGoal:
 
     def desired(self) -> Sample:
         """What the joints of the board shall do now, shapes (n,): outside the goal, references."""
-        state = self._board.state
-        rows = (state.position_reference, state.velocity_reference, np.zeros(state.n))
-        made = Sample(*(row.copy() for row in rows))
+        made = references(self._board)
         if self._run.last is not None:
             for whole, row in zip(made, self._run.last, strict=True):
                 whole[self._run.joints] = row

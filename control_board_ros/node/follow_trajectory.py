@@ -21,10 +21,9 @@ from rclpy.node import Node
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
-from ..core.board import Board
-from ..core.follower import Follower
 from ..core.path import Points, Sample
 from ..core.robot import AnyBoard
+from ..core.robot_trajectory import RobotGoal
 from ..core.selection import RequestError
 from ..core.state import Snapshot
 from ..core.tolerances import Wish
@@ -34,7 +33,6 @@ from ..core.trajectory_goal import (
     GoalError,
     TrajectoryGoal,
     Wishes,
-    start_goal,
 )
 from ..interface import FOLLOW_JOINT_TRAJECTORY
 from .actions import PERIOD, RESULT_KEPT
@@ -42,13 +40,16 @@ from .member import Member
 from .messages import NANOSECONDS, bounded, doubles, set_stamp
 from .trajectory import read_points, start_time
 
+#: What starts a goal of a board, or of a robot.
+StartGoal = Callable[[Sequence[str], Points, float, Wishes], TrajectoryGoal | RobotGoal]
+
 
 @dataclass(slots=True, eq=False)
 class Goal:
     """A goal under way: rclpy's handle, what it started, and the future of its end."""
 
     handle: Any
-    task: TrajectoryGoal
+    task: Any  # of one kind for each server: TrajectoryGoal or RobotGoal
     ended: Future
 
 
@@ -58,18 +59,19 @@ class FollowTrajectory:
     Args:
         node: to serve from.
         member: whose board moves.
-        follower: of the board, shared with the topic; its step is among the loop's hooks.
+        start_goal: starts a goal of these joints, points, start time and tolerances; the follower
+            that it is for is stepped after the check of this server.
         on_error: told of exceptions that should not be.
     """
 
     def __init__(
         self,
         node: Node,
-        member: Member[Board],
-        follower: Follower,
+        member: Member[AnyBoard],
+        start_goal: StartGoal,
         on_error: Callable[[Exception, str], None],
     ) -> None:
-        self._member, self._follower, self._on_error = member, follower, on_error
+        self._member, self._start_goal, self._on_error = member, start_goal, on_error
         self._logger = node.get_logger()
         self._goal: Goal | None = None
         # before the follower's step: reading and reference agree
@@ -113,7 +115,7 @@ class FollowTrajectory:
         with self._member.exclusive() as board:
             joints = bounded(request.trajectory.joint_names, board.count)
             start = start_time(request.trajectory.header.stamp, board, self._member.loop.time_base)
-            task = start_goal(self._follower, board, joints, points, start, wishes)
+            task = self._start_goal(joints, points, start, wishes)
             if old is not None:
                 task.take_over(old.task)
             if handle.is_cancel_requested:  # before it began
@@ -201,10 +203,10 @@ def wishes_of(tolerances: Sequence[Any]) -> list[Wish]:
     return [Wish(one.name, one.position, one.velocity) for one in tolerances]
 
 
-def feedback(board: Board, task: TrajectoryGoal) -> Any:
+def feedback(board: AnyBoard, task: TrajectoryGoal | RobotGoal) -> Any:
     """Where all joints of the board should be and where they are, in the board's order."""
     desired, elapsed = task.desired(), duration(task.elapsed)
-    actual = Sample(board.state.position, board.state.velocity, np.zeros(0))
+    actual = Sample(board.get_encoder(), board.get_encoder_speed(), np.zeros(0))
     error = Sample(
         desired.positions - actual.positions, desired.velocities - actual.velocities, np.zeros(0)
     )

@@ -8,11 +8,13 @@ with the board they do between two control cycles (``member.exclusive``).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
 
 from ..core.board import Board
+from ..core.trajectory_goal import start_goal
 from ..interface import JOINT_STATES, PART_JOINT_STATES
 from ..settings.loading import Settings
 from ..settings.schema import BOARD, PART_ROWS
@@ -26,7 +28,7 @@ from .publishing import StatePublisher
 from .reporter import Reporter
 from .services import Services
 from .topics import CommandTopics
-from .trajectory import TrajectoryTopic
+from .trajectory import TrajectoryTopic, followed
 from .yarp_interface import offer_yarp
 
 
@@ -68,8 +70,8 @@ class BoardNode:
             None if part else settings.description,
             PART_JOINT_STATES if part else JOINT_STATES,
         )
-        self._trajectories = TrajectoryTopic(member, reporter.warn)
-        self.follower = follower = self._trajectories.follower
+        self.follower = follower = followed(member)
+        self._trajectories = TrajectoryTopic(member, follower, reporter.warn)
         self._services = Services(member, plant, injection, self._later, follower.stop)
         self._poses = Poses(
             member, settings.board.names, settings.poses, UserPoses(settings.urdf.name)
@@ -87,7 +89,9 @@ class BoardNode:
             node, member, settings.values, self.publisher, reporter, part=part
         )
         self._actions = Actions(node, member, reporter.warn, self._poses.move)
-        self._follow_trajectory = FollowTrajectory(node, member, follower, reporter.on_error)
+        self._follow_trajectory = FollowTrajectory(
+            node, member, partial(start_goal, follower, member.board), reporter.on_error
+        )
 
     def publish(self) -> None:
         """One round of the thread that publishes: what is new, and the log."""

@@ -1,22 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
 """The node of a whole robot, ``/icub/robot``: what a board offers, over the joints of all parts.
 
-A robot follows no trajectory of its own; each of its parts does. A stop ends them all the same.
+Its trajectories are followed by its parts, each its share; a stop ends what they follow.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from rclpy.node import Node
 
-from ..core.reply import Reply
 from ..core.robot import Robot
+from ..core.robot_trajectory import RobotFollower
 from ..settings.loading import Settings
 from ..settings.schema import JOINT, ROBOT_ROWS
 from ..settings.user_poses import UserPoses
 from .actions import Actions
+from .follow_trajectory import FollowTrajectory
 from .member import Member
 from .node import BoardNode
 from .parameters import Parameters
@@ -25,6 +26,7 @@ from .publishing import StatePublisher
 from .reporter import Reporter
 from .services import Services
 from .topics import CommandTopics
+from .trajectory import TrajectoryTopic
 
 #: The emergency stop is one for the whole robot.
 EMERGENCY = ("external",)
@@ -60,16 +62,27 @@ class RobotNode:
             node, settings, self._reconfigure, changed, ROBOT_ROWS, LIMITS
         )
         self.publisher = StatePublisher(node, member, names, settings.description)
+        with member.exclusive() as robot:
+            followers = {name: part.follower for name, part in parts.items()}
+            follower = RobotFollower(robot, followers)
         self._services = Services(
-            member, plant, injection, self._later, self._stop, for_all=EMERGENCY
+            member, plant, injection, self._later, follower.stop, for_all=EMERGENCY
         )
         self._poses = Poses(member, names, settings.poses, UserPoses(settings.urdf.name))
         reporter.offer_services(self._services, self._poses)
+        self._trajectories = TrajectoryTopic(member, follower, reporter.warn)
         self._commands = CommandTopics(
-            member, plant, injection=injection, joint_trajectory=None, warn=reporter.warn
+            member,
+            plant,
+            injection=injection,
+            joint_trajectory=self._trajectories.on_message,
+            warn=reporter.warn,
         )
         self._subscriptions = reporter.subscribe(self._commands.callbacks().items())
         self._actions = Actions(node, member, reporter.warn, self._poses.move)
+        self._follow_trajectory = FollowTrajectory(
+            node, member, follower.start_goal, reporter.on_error
+        )
         for part in parts.values():
             part.on_reconfigured = self._take_over
 
@@ -83,13 +96,6 @@ class RobotNode:
         self.reporter.flush()
         for subscription in self._subscriptions:
             subscription.check()
-
-    def _stop(self, joints: Sequence[str]) -> Reply:
-        """Stop joints, and what their parts follow."""
-        followers = {part.member.board: part.follower for part in self._parts.values()}
-        return self.member.board.ask(
-            joints, lambda share: followers[share.board].stop(share.joints)
-        )
 
     def _reconfigure(self, _settings: Settings, changes: Mapping[str, Any]) -> None:
         """Limits of joints were set here: their parts check and take them, all or none."""

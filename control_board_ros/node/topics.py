@@ -29,7 +29,7 @@ class CommandTopics:
         member: whose board is commanded.
         plant: the simulation, for external torques.
         injection: whether the simulation may be disturbed.
-        joint_trajectory: takes a trajectory; None: the board follows none.
+        joint_trajectory: takes a trajectory.
         warn: takes what was ignored or bounded, for the throttled log.
     """
 
@@ -39,7 +39,7 @@ class CommandTopics:
         plant: Any,
         *,
         injection: bool,
-        joint_trajectory: Callable[[Any], None] | None,
+        joint_trajectory: Callable[[Any], None],
         warn: Callable[[str], None],
     ) -> None:
         self._member, self._plant, self._injection = member, plant, injection
@@ -56,9 +56,8 @@ class CommandTopics:
         found |= {
             FEEDFORWARD_COMMAND: self._feedforward,
             EXTERNAL_TORQUE: self._external_torque,
+            JOINT_TRAJECTORY: self._joint_trajectory,
         }
-        if self._joint_trajectory is not None:
-            found[JOINT_TRAJECTORY] = self._joint_trajectory
         return found
 
     def _reference(self, topic: Endpoint) -> Callable[[Any], None]:

@@ -9,6 +9,8 @@ from typing import Any
 from ..core.board import Board
 from ..core.follower import Follower
 from ..core.path import MAX_POINTS, Points, make_path
+from ..core.robot import AnyBoard
+from ..core.robot_trajectory import RobotFollower
 from ..core.selection import RequestError
 from .member import Member
 from .messages import NANOSECONDS, bounded
@@ -33,28 +35,37 @@ def read_points(message: Any) -> Points:
     )
 
 
-def start_time(stamp: Any, board: Board, base: TimeBase) -> float:
+def start_time(stamp: Any, board: AnyBoard, base: TimeBase) -> float:
     """When a trajectory with this stamp begins, time of the board, s; 0 means now."""
     nanoseconds = stamp.sec * NANOSECONDS + stamp.nanosec
     return (nanoseconds - base.offset) / NANOSECONDS if nanoseconds else board.time
+
+
+def followed(member: Member[Board]) -> Follower:
+    """A follower of a board, which the control loop steps; for callers holding the loop's lock."""
+    with member.exclusive() as board:
+        follower = Follower(board)
+    member.loop.hooks.append(lambda _board, time: follower.step(time))
+    member.loop.exclusive_hooks.append(follower.check)
+    return follower
 
 
 class TrajectoryTopic:
     """Takes trajectories and lets the control loop follow them.
 
     Args:
-        member: whose board follows.
+        member: whose board follows, or whose robot.
+        follower: of the board or robot.
         warn: takes a message for the throttled log.
-
-    Attributes: follower (for callers holding the loop's lock).
     """
 
-    def __init__(self, member: Member[Board], warn: Callable[[str], None]) -> None:
-        self._member, self._warn = member, warn
-        with member.exclusive() as board:
-            self.follower = Follower(board)
-        member.loop.hooks.append(lambda _board, time: self.follower.step(time))
-        member.loop.exclusive_hooks.append(self.follower.check)
+    def __init__(
+        self,
+        member: Member[AnyBoard],
+        follower: Follower | RobotFollower,
+        warn: Callable[[str], None],
+    ) -> None:
+        self._member, self._follower, self._warn = member, follower, warn
 
     def on_message(self, message: Any) -> None:
         """A trajectory; header.stamp says when it begins, 0 means now; without points: an end."""
@@ -63,15 +74,15 @@ class TrajectoryTopic:
         if text:
             self._warn(f"trajectory: {text}")
 
-    def _take(self, board: Board, message: Any) -> str:
+    def _take(self, board: AnyBoard, message: Any) -> str:
         joints = bounded(message.joint_names, board.count)
         try:
             names = board.selector.select(joints).names
             if not message.points:
-                self.follower.hold(names, "a trajectory without points came")
+                self._follower.hold(names, "a trajectory without points came")
                 return ""
             path = make_path(names, *read_points(message))
         except RequestError as error:
             return board.reject(joints, f"refused, {error}").message
         start = start_time(message.header.stamp, board, self._member.loop.time_base)
-        return self.follower.follow(names, path, start).message
+        return self._follower.follow(names, path, start).message

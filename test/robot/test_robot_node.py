@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Duration
 from cbctl_process import Cbctl
 from control_board_msgs import action, msg, srv
+from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import GetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
@@ -17,6 +19,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 from talk import LATCHED, Talker, stamp_of, until
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from control_board_ros.interface import ACTIONS, COMMAND_TOPICS, SERVICES
 from control_board_ros.settings.loading import load
@@ -38,15 +41,12 @@ def test_every_node_has_its_names(talkers: Talkers) -> None:
 
     wanted = {e.of(f"/pair/{n}") for e in SERVICES for n in ("robot", "upper", "lower")}
     wanted |= {
-        f"{e.of(f'/pair/{n}')}/_action/send_goal" for e in ACTIONS for n in ("upper", "lower")
+        f"{e.of(f'/pair/{n}')}/_action/send_goal"
+        for e in ACTIONS
+        for n in ("robot", "upper", "lower")
     }
-    wanted |= {f"/pair/robot/{n}/_action/send_goal" for n in ("calibrate", "move", "go_to_pose")}
-    heard = {e.of(f"/pair/{n}") for e in COMMAND_TOPICS for n in ("upper", "lower")}
-    heard |= {e.of("/pair/robot") for e in COMMAND_TOPICS if e.short != "joint_trajectory"}
+    heard = {e.of(f"/pair/{n}") for e in COMMAND_TOPICS for n in ("robot", "upper", "lower")}
     until(lambda: wanted <= offered()[0] and heard <= offered()[1])
-    services, topics = offered()
-    assert "/pair/robot/follow_joint_trajectory/_action/send_goal" not in services
-    assert "/pair/robot/joint_trajectory" not in topics
     assert node.count_publishers("/pair/robot_description") == 1
     assert node.count_publishers("/pair/upper/robot_description") == 0
 
@@ -133,10 +133,34 @@ def test_a_move_over_parts(talkers: Talkers) -> None:
     assert result.success, result.message
 
 
-def test_a_stop_of_the_robot_ends_what_a_part_follows(talkers: Talkers) -> None:
-    """T1, P3: the robot follows no trajectory, and stops those of its parts."""
-    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+def test_a_trajectory_over_parts(talkers: Talkers) -> None:
+    """R3, T1: one goal for joints of both parts, with one result; by the topic, too."""
+    robot, names = talkers["robot"], [UPPER[0], LOWER[0]]
+    robot.set_mode([], "posd")
+    point = JointTrajectoryPoint(positions=[0.4, -0.3], time_from_start=Duration(sec=1))
+    path = JointTrajectory(joint_names=names, points=[point])
+    heard: list[Any] = []
+    goal = robot.goal("follow_joint_trajectory", FollowJointTrajectory, heard, trajectory=path)
+    result = robot.result(goal).result
+    assert (result.error_code, result.error_string) == (0, "goal reached")
+    assert list(heard[0].joint_names) == NAMES
+    state = robot.state()
+    found = dict(zip(state.names, state.position, strict=True))
+    assert [found[name] for name in names] == pytest.approx([0.4, -0.3], abs=0.01)
+    back = JointTrajectoryPoint(positions=[0.0, 0.0], time_from_start=Duration(sec=1))
+    robot.command("joint_trajectory", JointTrajectory(joint_names=names, points=[back]))
+    both = [NAMES.index(name) for name in names]
+    robot.state(lambda s: all(abs(s.position[k]) < 0.01 for k in both))
+    talkers["lower"].set_mode(LOWER[:1], "pos")
+    refused = robot.result(
+        robot.goal("follow_joint_trajectory", FollowJointTrajectory, trajectory=path)
+    ).result
+    assert refused.error_code == FollowJointTrajectory.Result.INVALID_GOAL
+    assert LOWER[0] in refused.error_string
 
+
+def test_a_stop_of_the_robot_ends_what_a_part_follows(talkers: Talkers) -> None:
+    """T1, P3: also where that is no trajectory of the robot's own."""
     robot, upper = talkers["robot"], talkers["upper"]
     upper.set_mode([], "posd")
     start = list(upper.state().position)
