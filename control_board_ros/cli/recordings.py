@@ -35,3 +35,31 @@ def start(session: Session, boards: list[Any], sink: Any) -> Any:
     if recorder.skipped:
         note(session, f"not recorded, types are not installed: {', '.join(recorder.skipped)}")
     return recorder
+
+
+class Silence:
+    """Notices that nothing is heard any more, though the boards are there."""
+
+    #: s without a message: diagnostics alone come once per second.
+    PATIENCE = 5.0
+
+    def __init__(self, now: float) -> None:
+        self._count, self._since, self._told = 0, now, False
+
+    def update(self, count: int, now: float) -> str:
+        """What to say, once for each silence; empty while messages come.
+
+        Args:
+            count: Messages heard so far.
+            now: Time, s.
+        """
+        if count != self._count:
+            self._count, self._since, self._told = count, now, False
+        if self._told or now - self._since < self.PATIENCE:
+            return ""
+        self._told = True
+        return (
+            f"nothing heard for {now - self._since:.0f} s, though the board is there: is its "
+            "process stopped, or the machine or the network overloaded? If it lasts, start the "
+            "recording anew"
+        )

@@ -10,7 +10,7 @@ from typing import Any
 from ..arguments import FOR, argument, patterns, takes
 from ..output import DONE, REFUSED, complain, note, put, put_json
 from ..progress import Bar
-from ..recordings import read_boards, start
+from ..recordings import Silence, read_boards, start
 from ..session import Session
 from ..streaming import duration
 from ..words import Refused, UsageError, quantity
@@ -134,6 +134,7 @@ def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> 
     begun = clock.monotonic()
     asked = begun
     told = 0
+    silence = Silence(begun)
     try:
         with Bar(session, "recording", endless=seconds is None) as bar:
             while not recorder.ended:
@@ -150,6 +151,8 @@ def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> 
                     asked = now
                     if recorder.board_is_gone():
                         return "the board is gone"
+                    if text := silence.update(sum(recorder.counts.values()), now):
+                        note(session, text)
                 clock.sleep(LOOK)
     except KeyboardInterrupt:
         return ""

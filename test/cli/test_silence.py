@@ -1,0 +1,21 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorder that hears nothing says so."""
+
+from __future__ import annotations
+
+from control_board_ros.cli.recordings import Silence
+
+
+def test_a_silence_is_told_once() -> None:
+    """After five seconds; and again when it comes back later."""
+    silence = Silence(100.0)
+    assert silence.update(10, 101.0) == ""
+    assert silence.update(10, 105.9) == ""
+    assert silence.update(10, 106.0).startswith("nothing heard for 5 s, though the board is there")
+    assert silence.update(10, 200.0) == ""
+    assert silence.update(11, 201.0) == ""
+    assert silence.update(11, 206.0) != ""
+
+
+def test_a_board_that_says_nothing_from_the_beginning_is_told() -> None:
+    assert Silence(0.0).update(0, 5.0) != ""
