@@ -122,11 +122,28 @@ def kept_in(place: str) -> Iterator[None]:
     """
     try:
         yield
-    except failures() as error:
+    except Exception as error:
+        found = failure_in(error)
+        if found is None:
+            raise
         raise TuningError(
-            f"the storage {shown(place)} failed: {reason(error.__cause__ or error)}; "
+            f"the storage {shown(place)} failed: {reason(found)}; "
             "the same command goes on where it ended"
         ) from error
+
+
+def failure_in(error: BaseException) -> BaseException | None:
+    """The first failure of a storage that led to an error; None where none did.
+
+    Optuna may raise another error while it handles one of its storage.
+    """
+    kinds = failures()
+    found: BaseException | None = None
+    link: BaseException | None = error
+    while link is not None:
+        found = link if isinstance(link, kinds) else found
+        link = link.__cause__ or link.__context__
+    return found
 
 
 def failures() -> tuple[type[BaseException], ...]:

@@ -249,3 +249,18 @@ def test_a_storage_that_fails_is_said_in_a_line() -> None:
             raise OperationalError("select 1", {}, Exception("the server went away"))
     with pytest.raises(ZeroDivisionError), kept_in("postgresql://me@host/gains"):
         raise ZeroDivisionError
+
+
+def test_what_follows_from_a_storage_that_fails_is_said_in_a_line() -> None:
+    """Optuna ends with an error of its own; the cause is told."""
+    from sqlalchemy.exc import OperationalError
+
+    def ends() -> None:
+        with kept_in("a.journal"):
+            try:
+                raise OperationalError("select 1", {}, Exception("the server went away"))
+            except OperationalError:
+                raise UnboundLocalError  # noqa: B904
+
+    with pytest.raises(TuningError, match="the server went away"):
+        ends()
