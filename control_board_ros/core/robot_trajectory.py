@@ -19,6 +19,7 @@ from .reply import Reply, summary
 from .robot import Robot
 from .trajectory_goal import (
     PREEMPTED,
+    REACHED,
     Code,
     End,
     TrajectoryGoal,
@@ -136,9 +137,9 @@ class RobotGoal:
             self._stop()
             self.outcome = failed[0]
             return
-        reached = [end.text for end in ends if end is not None]
-        if len(reached) == len(ends):
-            self.outcome = End(Code.SUCCESSFUL, summary(list(dict.fromkeys(reached))))
+        if None not in ends:
+            notes = [note for goal in self._goals.values() for note in goal.notes]
+            self.outcome = End(Code.SUCCESSFUL, summary([REACHED, *notes]))
 
     def cancel(self) -> None:
         """Stop the joints of all parts within their acceleration limits."""

@@ -31,7 +31,7 @@ from .selection import RequestError, Selection, Selector
 from .tolerances import Excess, Tolerances, Wish, chosen, excess, explain
 from .vocabs import CommandKind
 
-PREEMPTED = "preempted by a new goal"
+PREEMPTED, REACHED = "preempted by a new goal", "goal reached"
 NOBODY: NDArray[np.intp] = np.array([], dtype=np.intp)
 
 
@@ -186,7 +186,8 @@ class TrajectoryGoal:
         start: time of the board at which the path begins, s.
         tolerances: of the same joints.
 
-    Attributes: joints, names (theirs), start, outcome (None while it is under way), cancelled.
+    Attributes: joints, names (theirs), start, notes (what a limit cuts), outcome (None while it is
+    under way), cancelled.
     """
 
     def __init__(
@@ -201,7 +202,7 @@ class TrajectoryGoal:
         self._follower, self._board, self._tolerances = follower, board, tolerances
         self.joints, self._duration, self.start = joints, path.duration, start
         self._run = follower.take(joints, path, start, held=True)
-        self._notes = list(cuts(board, self._run).values())
+        self.notes = list(cuts(board, self._run).values())
         self._before: Run | None = None  # what its joints follow until it begins
         self._begun = False
         self.names = [board.names[j] for j in joints]
@@ -270,7 +271,7 @@ class TrajectoryGoal:
         elif late >= 0.0:
             found = excess(errors, limits.goal)
             if found is None:
-                self._end(Code.SUCCESSFUL, summary(["goal reached", *self._notes]), NOBODY)
+                self._end(Code.SUCCESSFUL, summary([REACHED, *self.notes]), NOBODY)
                 self._follower.leave(self._run)
             elif 0.0 < limits.goal_time < late:
                 text = f"{self._explain(found, 'goal')}, {late:.3g} s after the last point"

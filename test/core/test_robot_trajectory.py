@@ -76,6 +76,15 @@ def test_joints_of_several_parts_arrive_in_one_goal(rig: Following) -> None:
     np.testing.assert_allclose(rig.robot.get_encoder(fingers), before[4:], atol=1e-3)
 
 
+def test_what_a_limit_cuts_is_told_once(rig: Following) -> None:
+    """T1: beside the end that all parts have in common."""
+    goal = rig.start(["l_elbow", "r_elbow"], [9.0, 0.2])
+    rig.follow(goal, 6000)
+    assert goal.outcome is not None
+    assert goal.outcome.text.startswith("goal reached; l_elbow stays within ")
+    assert goal.outcome.text.count("goal reached") == 1
+
+
 @pytest.mark.parametrize(
     ("joints", "wishes", "code", "told"),
     [
