@@ -17,6 +17,8 @@ from .shared_memory import sweep
 
 BOOTSTRAP_FLAG = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+#: Those that a participant looks for on its own host: more cannot find each other there.
+PARTICIPANTS = 32
 
 
 def child_environment(domain: int) -> dict[str, str]:
@@ -85,10 +87,17 @@ def _is_there(path: Path, file: int) -> bool:
 
 
 def _in_use(domain: int) -> bool:
-    """Whether a DDS participant of this host listens: the first one of a domain has this port."""
+    """Whether a DDS participant of this host listens on one of the domain's first ports.
+
+    The first one has the first port, unless a killed one has left that port in shared memory.
+    """
+    return any(_is_taken(7410 + 250 * domain + 2 * k) for k in range(PARTICIPANTS))
+
+
+def _is_taken(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.bind(("", 7400 + 250 * domain + 10))
+            probe.bind(("", port))
         except OSError:
             return True
     return False
