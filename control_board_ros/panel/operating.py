@@ -9,6 +9,7 @@ from collections import defaultdict
 from typing import TYPE_CHECKING, Any
 
 from control_board_ros.client import BoardError
+from control_board_ros.core.modes import MOVES, NOT_HOLDING, STOPPABLE, UNPOWERED
 from control_board_ros.core.selection import RequestError
 
 from . import doing
@@ -26,9 +27,9 @@ REPEAT = 0.04
 #: Requests that move joints until they end: STOP cancels them.
 LASTING = ("move", "calibrate", "pose")
 #: Modes in which the board's own stop does nothing: STOP makes these joints hold their position.
-UNHELD = ("torq", "open")
+UNHELD = frozenset(mode.code for mode in NOT_HOLDING)
 #: Modes in which a joint follows positions: the board's own stop acts.
-STOPPABLE = ("pos", "posd", "vel", "mix")
+HELD = frozenset(mode.code for mode in STOPPABLE)
 
 
 class Operating:
@@ -205,7 +206,7 @@ class Operating:
         dropped = [self.holds.release(board.name, name) for name in names]
         modes = dict(zip(board.names, board.modes.get("control", ()), strict=True))
         unheld = [name for name in names if modes.get(name) in UNHELD]
-        moving = [name for name in names if modes.get(name) in STOPPABLE]
+        moving = [name for name in names if modes.get(name) in HELD]
         aio, answers = board.client.aio, []
         if moving:
             answers.append(doing.told(await aio.stop(moving)))
@@ -224,4 +225,5 @@ class Operating:
 def holding_mode(board: Board, name: str) -> str:
     """The mode in which a joint keeps its position; without one, that without power."""
     available = dict(zip(board.names, board.info.get("control", ()), strict=False))
-    return "pos" if "pos" in available.get(name, ("pos",)) else "idl"
+    moves = MOVES.code
+    return moves if moves in available.get(name, (moves,)) else UNPOWERED.code

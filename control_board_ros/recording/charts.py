@@ -4,17 +4,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from control_board_ros.core.modes import STATES
 from control_board_ros.protocols import Floats
 
 from .figures import Response
-from .moves import Move
+from .moves import FOLLOWING, Move
 from .reading import BoardRecording
 
 Bools = NDArray[np.bool_]
@@ -32,18 +33,7 @@ MODE_COLOURS = {
     "cal": "#a9a9a9",
     "cfgn": "#8d8d8d",
 }
-MODE_NAMES = {
-    "idl": "IDLE",
-    "pos": "POSITION",
-    "posd": "POSITION_DIRECT",
-    "mix": "MIXED",
-    "vel": "VELOCITY",
-    "torq": "TORQUE",
-    "open": "OPENLOOP",
-    "hwfa": "HW_FAULT",
-    "cal": "CALIBRATING",
-    "cfgn": "NOT_CONFIGURED",
-}
+MODE_NAMES = {mode.code: mode.name for mode in STATES}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,7 +122,7 @@ def tracking_charts(
     time, factor = recording.time, unit.factor
     position = factor * recording.signal("position", joint)
     reference = factor * recording.signal("position_reference", joint)
-    controlled = in_modes(recording, joint, ("pos", "posd", "vel", "mix"))
+    controlled = in_modes(recording, joint, FOLLOWING)
     followed = np.where(controlled, reference, np.nan)
     bounds = [factor * recording.parameter(joint, f"limits.{side}") for side in ("lower", "upper")]
     torque = recording.parameter(joint, "limits.torque")
@@ -185,7 +175,7 @@ def within(limit: float) -> str:
     return f" (limits ±{limit:.3g})" if math.isfinite(limit) else ""
 
 
-def in_modes(recording: BoardRecording, joint: str, codes: Sequence[str]) -> Bools:
+def in_modes(recording: BoardRecording, joint: str, codes: Container[str]) -> Bools:
     """Whether the joint is in one of the modes, of each state."""
     inside = np.zeros(recording.time.shape, dtype=bool)
     for begin, end, code in recording.control_modes(joint):

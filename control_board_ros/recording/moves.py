@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control_board_ros.core.modes import STOPPABLE
 from control_board_ros.protocols import Floats
 
 from .figures import (
@@ -21,7 +22,7 @@ from .figures import (
 from .reading import BoardRecording
 
 #: Modes in which a position reference is followed.
-FOLLOWING = ("pos", "posd", "vel", "mix")
+FOLLOWING = frozenset(mode.code for mode in STOPPABLE)
 #: What a reference must travel to count, rad and m.
 LEAST, LEAST_SLIDING = 2e-3, 2e-4
 #: s without change between two moves; and s after its end for which a move is looked at.

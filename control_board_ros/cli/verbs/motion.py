@@ -8,6 +8,9 @@ import time
 from argparse import BooleanOptionalAction
 from typing import Any
 
+from control_board_ros.core.modes import ACCEPTS
+from control_board_ros.core.vocabs import CommandKind
+
 from ..arguments import JOINTS, VALUES, argument, several, takes
 from ..jogging import Jog, keys_at_once, pressed
 from ..output import complain, conclude, console
@@ -86,7 +89,7 @@ def direct(session: Session, words: list[str]) -> int:
 
 KEYS = "←→ move, ↑↓ joint, + - speed, q ends"
 #: Modes that take velocities.
-VELOCITY_MODES = ("vel", "mix")
+VELOCITY_MODES = frozenset(m for m, kinds in ACCEPTS.items() if CommandKind.VELOCITY in kinds)
 
 
 @takes(
@@ -104,7 +107,7 @@ def jog(session: Session, joints: list[str], speed: str) -> int:
     value = speed_above_zero(speed)
     names = session.joints(joints)
     modes = session.client.get_control_mode(names)
-    ready = [name for name, mode in zip(names, modes, strict=True) if mode.code in VELOCITY_MODES]
+    ready = [name for name, mode in zip(names, modes, strict=True) if mode in VELOCITY_MODES]
     if not ready:
         words = " ".join(names) if len(names) < len(session.names) else "all"
         raise Refused(f"no joint takes velocities; switch with: cbctl mode {words} vel")
