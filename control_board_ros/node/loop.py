@@ -48,8 +48,8 @@ class ControlLoop(Generic[B_co]):
 
     Attributes: whole (the board that is run, as a member), snapshots (its), parts (members, too),
     hooks (called in every cycle before the tick), exclusive_hooks (called at the end of each use
-    of ``exclusive``, of any member); both are called with the lock held. between_cycles (called
-    by the control thread after each cycle, without the lock).
+    of ``exclusive``, of any member); both are called with the lock held. after_lock (called by the
+    control thread whenever it has given the lock back).
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class ControlLoop(Generic[B_co]):
         self._pacer = Pacer(0.0)
         self.hooks: list[Hook] = []
         self.exclusive_hooks: list[Callable[[], None]] = []
-        self.between_cycles: Callable[[], None] = lambda: None
+        self.after_lock: Callable[[], None] = lambda: None
         self.time_base = TimeBase(
             simulated=simulated_stamps or real_time_factor != 1.0,
             shrinkage=round(0.5 * board.period * NANOSECONDS),
@@ -151,12 +151,12 @@ class ControlLoop(Generic[B_co]):
         return self._real_time_factor
 
     def runs_freely(self) -> bool:
-        """Whether this is the control thread, and no cycle that it runs now is ever due."""
-        return (
-            self._pacer.period <= 0.0
-            and not (self._paused or self._stopping)
-            and threading.get_ident() == self._thread.ident
-        )
+        """Whether cycles follow each other as fast as they can: none is ever due."""
+        return self._pacer.period <= 0.0 and not (self._paused or self._stopping)
+
+    def is_control_thread(self) -> bool:
+        """Whether the caller is the thread that runs the cycles."""
+        return threading.get_ident() == self._thread.ident
 
     def set_real_time_factor(self, factor: float) -> None:
         """Run at this many simulated seconds per second; 0 = as fast as possible.
@@ -238,7 +238,6 @@ class ControlLoop(Generic[B_co]):
                 else:
                     self._pacer.wait()
                     self._cycle()
-                    self.between_cycles()
             self._unpower()
         except Exception as error:  # noqa: BLE001 - main tells, and chooses the exit code
             self.failure = error
@@ -248,24 +247,28 @@ class ControlLoop(Generic[B_co]):
             self.on_end()
 
     def _cycle(self) -> None:
-        """One control cycle; the reading of t is taken before what is commanded at t acts."""
+        """One control cycle, unless the loop was paused while it waited for its turn."""
         with self._lock:
-            if self._paused and not self._stepping.left:
-                return  # paused while this cycle waited for its turn
-            show = self._states.pick()
-            measurement = self._plant.read()
-            if show and not self._paused:
-                self.time_base.note(measurement.time, self._pacer.due_time())
-            for hook in self.hooks:
-                hook(self._board, measurement.time)
-            self._plant.write(self._board.tick(measurement))
-            self.note_changes()
-            if show:
-                self._note_state()
-            self._stepping.notify_cycle()
-            if self._paused and self._stepping.count():
-                self._note_state()  # of the last step, before its answer
-                self._stepping.finish()
+            if not self._paused or self._stepping.left:
+                self._run_cycle()
+        self.after_lock()
+
+    def _run_cycle(self) -> None:
+        """With the lock held; the reading of t is taken before what is commanded at t acts."""
+        show = self._states.pick()
+        measurement = self._plant.read()
+        if show and not self._paused:
+            self.time_base.note(measurement.time, self._pacer.due_time())
+        for hook in self.hooks:
+            hook(self._board, measurement.time)
+        self._plant.write(self._board.tick(measurement))
+        self.note_changes()
+        if show:
+            self._note_state()
+        self._stepping.notify_cycle()
+        if self._paused and self._stepping.count():
+            self._note_state()  # of the last step, before its answer
+            self._stepping.finish()
 
     def _stand_still(self) -> None:
         """Run the steps asked for, else wait; show the state to newcomers now and then."""
@@ -276,6 +279,7 @@ class ControlLoop(Generic[B_co]):
             self._wake.wait(PAUSED_PERIOD)
             with self.exclusive():
                 self._note_state()
+            self.after_lock()
         if not self._paused:
             self._pacer.restart()
             self.time_base.resume()
@@ -290,6 +294,7 @@ class ControlLoop(Generic[B_co]):
             self._note_state()
             self._stepping.notify_cycle()
             self._stepping.finish("the board is shutting down")
+        self.after_lock()
 
     def _cut_power(self) -> None:
         zeros = np.zeros(self._board.count)

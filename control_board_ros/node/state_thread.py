@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from queue import SimpleQueue
 from typing import Any
 
 from .loop import ControlLoop
@@ -30,13 +31,13 @@ class StateThread:
 
     def __init__(self, loop: ControlLoop[Any], rounds: Sequence[Round]) -> None:
         self._rounds, self._loop = rounds, loop
-        self._due = threading.Event()
-        self._catch_up = False  # of the control thread alone
+        self._wakes: SimpleQueue[None] = SimpleQueue()
+        self._noted = False  # of the control thread alone
         self._publishing = threading.Lock()
         self._running = True
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
         loop.snapshots.on_change = self._note
-        loop.between_cycles = self._publish_what_is_due
+        loop.after_lock = self._publish_what_is_noted
 
     def start(self) -> None:
         """Start to publish."""
@@ -45,7 +46,7 @@ class StateThread:
 
     def wake(self) -> None:
         """There is something new; returns at once."""
-        self._due.set()
+        self._wakes.put(None)
 
     def stop(self, timeout: float = 1.0) -> None:
         """Do what is left, and end."""
@@ -56,22 +57,30 @@ class StateThread:
 
     def _note(self) -> None:
         """A board has noted something; called by whichever thread holds the loop's lock."""
-        if self._loop.runs_freely():
-            self._catch_up = True
+        if self._loop.is_control_thread():
+            self._noted = True
         else:
             self.wake()
 
-    def _publish_what_is_due(self) -> None:
-        """Called by the control thread after each cycle."""
-        if self._catch_up:
-            self._catch_up = False
+    def _publish_what_is_noted(self) -> None:
+        """Called by the control thread when it has given the lock back.
+
+        To wake a thread while the cycle goes on would have it wait for the interpreter at once.
+        """
+        if not self._noted:
+            return
+        self._noted = False
+        if self._loop.runs_freely():
             self._round()
+        else:
+            self.wake()
 
     def _run(self) -> None:
         sharpen_timers()
         while self._running:
-            self._due.wait()
-            self._due.clear()  # before looking: what comes meanwhile is for the next round
+            self._wakes.get()
+            while not self._wakes.empty():  # one round is for all that was noted
+                self._wakes.get()
             self._round()
         self._round()
 
