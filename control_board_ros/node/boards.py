@@ -21,6 +21,7 @@ from ..core.robot import AnyBoard, Robot
 from ..interface import DIAGNOSTICS
 from ..settings.loading import Settings
 from ..simulation import made_board
+from ..startup import resume_collection
 from .diagnostics import Diagnostics
 from .lifecycle import make_node, manage
 from .loop import ControlLoop
@@ -150,6 +151,7 @@ class Boards:
 
     def start(self) -> None:
         """Let the control loop and the publisher run."""
+        resume_collection()
         self.loop.start()
         self._states.start()
 

@@ -12,7 +12,6 @@ What others read without a lock are frozen snapshots, replaced whole: see ``loop
 from __future__ import annotations
 
 import contextlib
-import gc
 import threading
 import time
 from collections.abc import Callable
@@ -227,8 +226,6 @@ class ControlLoop(Generic[B_co]):
 
     def _run(self) -> None:
         sharpen_timers()
-        gc.collect()
-        gc.freeze()  # or every full collection would walk rclpy's and pybullet's objects
         try:
             self._pacer.restart()
             self.time_base.resume()

@@ -20,7 +20,7 @@ from .. import __version__
 from ..compiled import describe
 from ..core.modes import CONFIGURED
 from ..core.pose import PARK
-from ..startup import announce_often, leave_out_the_generator
+from ..startup import announce_often, defer_collection, leave_out_the_generator
 from .console import (
     KnownError,
     check_arguments,
@@ -72,6 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup
             signal.signal(number, end)
     sys.setswitchinterval(SWITCH_INTERVAL)
+    defer_collection()
     leave_out_the_generator()
     provide_log_folder()
     announce_often()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import subprocess
@@ -322,3 +323,17 @@ def test_a_users_own_dds_profiles_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(startup.VARIABLE, "mine.xml")
     startup.announce_often()
     assert os.environ[startup.VARIABLE] == "mine.xml"
+
+
+def test_what_a_start_makes_is_not_walked_by_collections() -> None:
+    """Loading is not held up by the collector, and afterwards it looks at what is new only."""
+    made = [[] for _ in range(1000)]  # type: ignore[var-annotated]
+    try:
+        startup.defer_collection()
+        assert not gc.isenabled()
+    finally:
+        startup.resume_collection()
+    assert gc.isenabled()
+    walked = {id(one) for one in gc.get_objects()}
+    assert not any(id(one) in walked for one in made)
+    gc.unfreeze()
