@@ -3,6 +3,7 @@
 
 ``loop SECONDS``  a 1 kHz loop of absolute deadlines, and nothing else
 ``physics``       a 1 kHz loop around a bare pybullet cycle of the default arm
+``node``          the same in an rclpy node, which publishes joint_states and BoardState at 100 Hz
 ``service``       an rclpy node that echoes SetControlMode
 ``state``         an rclpy node that publishes BoardState at 1 kHz and shows in it the last
                   PositionDirectCommand that it heard
@@ -22,6 +23,7 @@ from control_board_ros.node.pacing import sharpen_timers
 
 PERIOD = 1e-3
 JOINTS = 7
+NAMES = [f"joint_{j}" for j in range(JOINTS)]
 
 
 def ready() -> None:
@@ -53,18 +55,23 @@ def loop(seconds: str) -> None:
 
 def physics() -> None:
     """Read, command and step pybullet at 1 kHz until the input ends."""
-    from cycles import BareCycles
-
-    from control_board_ros.settings import loading as settings
-
-    arm = settings.load("iiwa")
-    cycles = BareCycles(arm, [[0.0] * len(arm.board.joints)])
+    cycles = bare_arm()
     ready()
     threading.Thread(target=sys.stdin.read).start()
     for _ in deadlines():
         cycles.one()
         if threading.active_count() == 1:
             return
+
+
+def bare_arm() -> Any:
+    """Cycles of pybullet alone, with the default arm."""
+    from cycles import BareCycles
+
+    from control_board_ros.settings import loading as settings
+
+    arm = settings.load("iiwa")
+    return BareCycles(arm, [[0.0] * len(arm.board.joints)])
 
 
 def start(node_name: str) -> Any:
@@ -86,6 +93,31 @@ def spin(node: Any) -> None:
     os._exit(0)  # the other threads have nothing to finish
 
 
+def node() -> None:
+    """Do what ``physics`` does, and publish what would be the states, from the same loop."""
+    from sensor_msgs.msg import JointState
+
+    cycles, running = bare_arm(), start("bare")
+    zeros = array("d", [0.0] * JOINTS)
+    joint_state = JointState(name=NAMES, position=zeros, velocity=zeros, effort=zeros)
+    states = [
+        (running.create_publisher(type(message), name, 10), message)
+        for name, message in (("/joint_states", joint_state), ("~/state", board_state()))
+    ]
+
+    def run() -> None:
+        for count, _ in enumerate(deadlines()):
+            cycles.one()
+            if count % 10 == 0:
+                for publisher, message in states:
+                    stamp = message.header.stamp
+                    stamp.sec, stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
+                    publisher.publish(message)
+
+    threading.Thread(target=run, daemon=True).start()
+    spin(running)
+
+
 def service() -> None:
     """Echo names and modes."""
     from control_board_msgs.srv import SetControlMode
@@ -104,21 +136,7 @@ def state() -> None:
     """Publish a state at 1 kHz, stamped, with the last positions heard as references."""
     from control_board_msgs.msg import BoardState, PositionDirectCommand
 
-    node = start("bare")
-    zeros = array("d", [0.0] * JOINTS)
-    message = BoardState(
-        names=[f"joint_{j}" for j in range(JOINTS)],
-        position=zeros,
-        velocity=zeros,
-        torque=zeros,
-        position_reference=zeros,
-        velocity_reference=zeros,
-        torque_reference=zeros,
-        output=zeros,
-        current=zeros,
-        motion_done=[True] * JOINTS,
-        rejected_commands=array("Q", [0] * JOINTS),
-    )
+    node, message = start("bare"), board_state()
 
     def hear(command: Any) -> None:
         message.position_reference = command.positions
@@ -135,7 +153,27 @@ def state() -> None:
     spin(node)
 
 
+def board_state() -> Any:
+    """A state of the default arm, all zeros."""
+    from control_board_msgs.msg import BoardState
+
+    zeros = array("d", [0.0] * JOINTS)
+    return BoardState(
+        names=NAMES,
+        position=zeros,
+        velocity=zeros,
+        torque=zeros,
+        position_reference=zeros,
+        velocity_reference=zeros,
+        torque_reference=zeros,
+        output=zeros,
+        current=zeros,
+        motion_done=[True] * JOINTS,
+        rejected_commands=array("Q", [0] * JOINTS),
+    )
+
+
 if __name__ == "__main__":
     sys.setswitchinterval(5e-5)
-    roles = {"loop": loop, "physics": physics, "service": service, "state": state}
+    roles = {"loop": loop, "physics": physics, "node": node, "service": service, "state": state}
     roles[sys.argv[1]](*sys.argv[2:])
