@@ -3,7 +3,8 @@
 # VENV=folder; pass arguments with ARGS="…".
 
 VENV ?= .venv
-JOBS ?= 2
+# Workers of the tests: they wait for boards a third of their time, so one more than two cores.
+JOBS ?= 3
 BIN := $(VENV)/bin
 PIP := tools/patiently $(BIN)/python -m pip --disable-pip-version-check -q
 STAMPS := $(VENV)/.control_board_ros
