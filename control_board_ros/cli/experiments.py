@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from control_board_ros.core.modes import FAULTED, STEPS, STOPPABLE
+from control_board_ros.interface import STATE
 
 from .limits import JointLimits
 from .output import note
@@ -24,6 +25,8 @@ from .words import Refused
 STATE_RATE = 500.0
 #: s of rest before and after, and between looks.
 REST, LOOK = 0.5, 0.1
+#: s that the first state may take to be heard.
+FIRST_STATE = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +108,7 @@ def measured(
             boards = read_boards(session)
             recorder = start(session, boards, Bag(folder))
             try:
+                await_states(session, recorder)
                 wait(session, "at rest", REST)
                 run()
                 wait(session, "at rest", REST)
@@ -119,6 +123,18 @@ def measured(
         if fault.joint == experiment.joint and fault.time >= 0.0:
             raise Refused(f"{fault.joint} went into HW_FAULT: {fault.text}")
     return recording, folder if keep else None
+
+
+def await_states(session: Session, recorder: Any) -> None:
+    """Wait until the states are heard that are to show the motion.
+
+    Raises:
+        Refused: none comes.
+    """
+    topic = STATE.of(session.client.board_name)
+    if not recorder.await_first(topic, FIRST_STATE):
+        reason = recorder.ended or f"nothing of {topic} was heard for {FIRST_STATE:g} s"
+        raise Refused(f"{reason}: nothing was moved; try again")
 
 
 @contextlib.contextmanager

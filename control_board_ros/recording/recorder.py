@@ -86,6 +86,15 @@ class Recorder:
                 )
         self._thread = ExecutorThread(self._node, self._report)
 
+    def await_first(self, name: str, patience: float) -> bool:
+        """Wait until a topic is heard; false when nothing of it comes for so many s."""
+        until = time.monotonic() + patience
+        while not any(topic.name == name for topic in list(self.counts)):
+            if self.ended or time.monotonic() > until:
+                return False
+            time.sleep(0.01)
+        return True
+
     def board_is_gone(self) -> bool:
         """Whether none of the boards publishes its modes any more."""
         return not any(self._node.count_publishers(MODES.of(board)) for board in self._boards)
