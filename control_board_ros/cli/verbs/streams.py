@@ -3,6 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+from control_board_ros.protocols import Floats
+
 from ..arguments import FOR, JOINTS, VALUES, argument, takes
 from ..output import conclude, note
 from ..session import Session
@@ -36,41 +40,51 @@ def velocity(session: Session, words: list[str], time: str | None, once: bool) -
 def torque(session: Session, words: list[str], time: str | None) -> int:
     """Set torques (mode torq); with --for stream them, then set zero."""
     seconds, values = duration(time), session.values(assignments(words, "torque"))
-    send = session.client.set_ref_torque
-    return set_or_stream(session, send, values, seconds, "torque references", "{:g}")
+    client = session.client
+    if seconds is not None:
+        return stream(session, client.set_ref_torque, values, seconds)
+    return set_once(
+        session, client.set_ref_torque, client.get_ref_torque, values, "torque references", "{:g}"
+    )
 
 
 @takes(VALUES, FOR)
 def output(session: Session, words: list[str], time: str | None) -> int:
     """Set outputs in PWM percent (mode open); with --for stream them, then set zero."""
     seconds, values = duration(time), session.values(assignments(words, "output"))
-    send = session.client.set_output
-    return set_or_stream(session, send, values, seconds, "outputs", "{:g} %")
+    client = session.client
+    if seconds is not None:
+        return stream(session, client.set_output, values, seconds)
+    return set_once(session, client.set_output, client.get_output, values, "outputs", "{:g} %")
 
 
-def set_or_stream(
+def set_once(
     session: Session,
     send: Send,
+    get: Callable[[list[str]], Floats],
     values: dict[str, float],
-    seconds: float | None,
     label: str,
     shown: str,
 ) -> int:
-    """Send references once, or for a time and then zero.
+    """Send references that stay, and tell those that the board has then: it bounds them.
 
     Args:
         session: with the board.
-        send: sends them once.
+        send: sends them.
+        get: reads those in force, shape (k,).
         values: by joint.
-        seconds: how long; None: once.
         label: what they are, for the line that tells of them.
         shown: how one value is written in it.
     """
-    if seconds is not None:
-        return stream(session, send, values, seconds)
-    reply = send(list(values), list(values.values()))
-    text = ", ".join(f"{name} {shown.format(value)}" for name, value in values.items())
-    return conclude(session, reply, f"{label}: {text}; they stay until changed")
+    names = list(values)
+    reply = send(names, list(values.values()))
+    if not reply:
+        return conclude(session, reply, "")
+    told = []
+    for (name, wanted), held in zip(values.items(), get(names).tolist(), strict=True):
+        instead = f", bounded, instead of {shown.format(wanted)}"
+        told.append(f"{name} {shown.format(held)}{'' if held == wanted else instead}")
+    return conclude(session, reply, f"{label}: {', '.join(told)}; they stay until changed")
 
 
 @takes(

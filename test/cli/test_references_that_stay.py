@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl torque and output tell what the board has in force, not what they were given."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from control_board_ros.cli.verbs.streams import set_once
+from control_board_ros.core.reply import accepted, refused
+
+SESSION: Any = SimpleNamespace(options=SimpleNamespace(json=False))
+ASKED = {"elbow": 500.0, "wrist": 2.0}
+
+
+def test_a_reference_that_was_bounded_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    sent: list[Any] = []
+
+    def send(names: list[str], values: list[float]) -> Any:
+        sent.append((names, values))
+        return accepted(tuple(names))
+
+    def get(_names: list[str]) -> Any:
+        return np.array([176.0, 2.0])
+
+    assert set_once(SESSION, send, get, ASKED, "torque references", "{:g}") == 0
+    assert sent == [(["elbow", "wrist"], [500.0, 2.0])]
+    assert capsys.readouterr().out == (
+        "torque references: elbow 176, bounded, instead of 500, wrist 2; they stay until changed\n"
+    )
+
+
+def test_what_was_not_taken_is_not_told(capsys: pytest.CaptureFixture[str]) -> None:
+    def get(_names: list[str]) -> Any:
+        raise AssertionError("nothing is in force")
+
+    reply = refused("elbow is in POSITION", ("elbow",))
+    assert set_once(SESSION, lambda *_: reply, get, ASKED, "torque references", "{:g}") == 1
+    assert capsys.readouterr().out == ""
