@@ -59,6 +59,16 @@ class Options:
         """Whether another board than the usual one is asked for."""
         return bool(self.board != BOARD.settings["default"])
 
+    @property
+    def address(self) -> str:
+        """The options that lead to the same board again, as they are typed; often none."""
+        found = [f"--board {self.board}"] if self.board_named else []
+        if self.namespace:
+            found.append(f"--namespace {self.namespace}")
+        if self.domain is not None:
+            found.append(f"--domain {self.domain}")
+        return " ".join(found)
+
 
 def read_options(words: Sequence[str], ros_arguments: list[str]) -> tuple[Options, bool]:
     """The options in words, and whether the version is asked for.

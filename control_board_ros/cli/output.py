@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -123,8 +124,11 @@ def plain(value: Any) -> Any:
 def note(session: Session, text: str) -> None:
     """Print a remark on stderr; none with --json."""
     if not session.options.json:
-        console(stderr=True).print(text, markup=False, soft_wrap=True)
+        console(stderr=True).print(addressed(session, text), markup=False, soft_wrap=True)
 
+
+#: Where a message names the next step.
+NEXT_STEP = re.compile(r"(?<=: )cbctl (?=[a-z])")
 
 #: What the board says of its services, in the words of cbctl.
 IN_CBCTL = {
@@ -141,9 +145,17 @@ def in_cbctl(message: str) -> str:
     return message
 
 
+def addressed(session: Session, text: str) -> str:
+    """A text whose next step, ``…: cbctl VERB``, goes to the board that is meant."""
+    address = session.options.address
+    if not address or session.shared:  # in the shell, the board is known
+        return text
+    return NEXT_STEP.sub(f"cbctl {address} ", text)
+
+
 def conclude(session: Session, reply: Reply, text: str = "", **more: Any) -> int:
     """Print what became of a request; the exit code."""
-    message = in_cbctl(reply.message)
+    message, text = addressed(session, in_cbctl(reply.message)), addressed(session, text)
     if session.options.json:
         joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}
         answer(session, {"success": bool(reply), "message": message, "joints": joints} | more)

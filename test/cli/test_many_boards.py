@@ -17,6 +17,8 @@ from control_board_ros.cli.app import for_several
 from control_board_ros.cli.boards import is_pattern, robots_among
 from control_board_ros.cli.dense import dense, fitting
 from control_board_ros.cli.limits import limits_of
+from control_board_ros.cli.options import Options
+from control_board_ros.cli.output import addressed
 from control_board_ros.cli.tables import short_names
 from control_board_ros.cli.verbs.watch import DISPENSABLE, View, on_screen
 from control_board_ros.testing import board_process
@@ -169,3 +171,27 @@ def test_two_boards() -> None:
         environment = cbctl.environment | {"COMP_WORDS": "cbctl --board /b", "COMP_CWORD": "2"}
         tab = Cbctl(environment | {"_CBCTL_COMPLETE": "bash"})
         until(lambda: tab.run().out.split() == ["/b/control_board"])  # Tab gives up soon
+
+
+@pytest.mark.parametrize(
+    ("options", "shown"),
+    [
+        (Options(), "in IDLE; hold with: cbctl mode all pos; see cbctl --help"),
+        (
+            Options(board="/icub/left_arm", domain=3),
+            "in IDLE; hold with: cbctl --board /icub/left_arm --domain 3 mode all pos; "
+            "see cbctl --help",
+        ),
+        (
+            Options(namespace="/left"),
+            "in IDLE; hold with: cbctl --namespace /left mode all pos; see cbctl --help",
+        ),
+    ],
+)
+def test_the_next_step_is_for_the_board_that_is_meant(options: Options, shown: str) -> None:
+    """As one types it; in the shell, which has the board already, without its name."""
+    text = "in IDLE; hold with: cbctl mode all pos; see cbctl --help"
+    session: Any = SimpleNamespace(options=options, shared=False)
+    assert addressed(session, text) == shown
+    session.shared = True
+    assert addressed(session, text) == text

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from control_board_ros.cli.options import Options
 from control_board_ros.cli.verbs.streams import set_once
 from control_board_ros.core.reply import accepted, refused
 
-SESSION: Any = SimpleNamespace(options=SimpleNamespace(json=False))
+SESSION: Any = SimpleNamespace(options=Options(), shared=False)
 ASKED = {"elbow": 500.0, "wrist": 2.0}
 
 

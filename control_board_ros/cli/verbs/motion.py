@@ -13,7 +13,7 @@ from control_board_ros.core.vocabs import CommandKind
 
 from ..arguments import JOINTS, VALUES, argument, several, takes
 from ..jogging import Jog, keys_at_once, pressed
-from ..output import complain, conclude, console
+from ..output import addressed, complain, conclude, console
 from ..progress import Bar, Standstill
 from ..session import Session
 from ..status import cancelled, what_they_do
@@ -137,7 +137,7 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
                     used[name] = None
                     reply = session.client.velocity_move(name, velocity)
                     if not reply:
-                        complain(reply.message)
+                        complain(addressed(session, reply.message))
                         break
                 live.update(line(session, name, keys, standstill), refresh=True)
         except KeyboardInterrupt:
