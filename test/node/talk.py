@@ -9,12 +9,14 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
+from uuid import uuid4
 
 import numpy as np
 from control_board_msgs import msg, srv
 from rclpy.action import ActionClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
+from unique_identifier_msgs.msg import UUID
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.testing import BoardProcess, ros_node
@@ -161,12 +163,26 @@ class Talker:
         """Send a goal to the action ``~/name``; returns the accepted goal's handle."""
         client = ActionClient(self.node, kind, f"{self.board}/{name}")
         assert client.wait_for_server(TIMEOUT), f"no action {name}"
-        keep = None if feedback is None else (lambda message: feedback.append(message.feedback))
+        number = UUID(uuid=list(uuid4().bytes))
+        if feedback is not None:
+            self._hear_feedback(name, kind, number, feedback)
         handle = self.answer(
-            self.within(lambda: client.send_goal_async(kind.Goal(**goal), feedback_callback=keep))
+            self.within(lambda: client.send_goal_async(kind.Goal(**goal), goal_uuid=number))
         )
         assert handle.accepted
         return handle
+
+    def _hear_feedback(self, name: str, kind: Any, number: UUID, feedback: list[Any]) -> None:
+        """Keep all feedback of a goal: an action client drops what comes after the result."""
+
+        def keep(message: Any) -> None:
+            if message.goal_id == number:
+                feedback.append(message.feedback)
+
+        subscription = self.node.create_subscription(
+            kind.Impl.FeedbackMessage, f"{self.board}/{name}/_action/feedback", keep, 100
+        )
+        until(lambda: subscription.get_publisher_count() > 0)
 
     def result(self, handle: Any) -> Any:
         """The status and the result of a goal, when it has ended."""

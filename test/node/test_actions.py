@@ -131,7 +131,7 @@ def test_go_to_pose_ends_there_with_feedback(talker: Talker) -> None:
     assert list(talker.state().position) == pytest.approx([0.0] * 7, abs=0.02)
     assert list(feedback[0].names) == talker.names
     assert -0.51 < feedback[0].remaining[1] < 0.0
-    until(lambda: abs(feedback[-1].remaining[1]) < 0.02)  # it may come after the result
+    until(lambda: abs(feedback[-1].remaining[1]) < 0.02)
     left = [abs(one.remaining[1]) for one in feedback]
     assert left == sorted(left, reverse=True)
 

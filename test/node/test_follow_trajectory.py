@@ -86,7 +86,7 @@ def test_a_goal_succeeds_with_feedback(talker: Talker, names: list[str]) -> None
     assert text == "goal reached"
     assert positions(talker, names) == pytest.approx([0.2, 0.1])
     talker.state(lambda s: s.position[5:7] == pytest.approx([0.2, 0.1], abs=0.02))
-    until(lambda: len(feedback) >= 2)  # the last may come after the result
+    until(lambda: len(feedback) >= 2)
     for one in feedback:
         assert list(one.joint_names) == talker.names
         for point in (one.desired, one.actual, one.error):
