@@ -13,7 +13,7 @@ import pytest
 from control_board_ros.cli.app import explain
 from control_board_ros.cli.arguments import Parser, arguments_of
 from control_board_ros.cli.limits import JointLimits, check_targets, limits_of
-from control_board_ros.cli.options import hoist, split_ros_arguments
+from control_board_ros.cli.options import Options, hoist, split_ros_arguments
 from control_board_ros.cli.output import bar, conclude, plain
 from control_board_ros.cli.progress import Standstill
 from control_board_ros.cli.robot import describe
@@ -332,7 +332,7 @@ def test_what_is_done_in_place_of_what_was_asked(
     capsys: pytest.CaptureFixture[str], message: str, told: str
 ) -> None:
     """P1: a reply that succeeds may still say something; it is shown, and stdout stays clean."""
-    session: Any = SimpleNamespace(options=SimpleNamespace(json=False), answers=None)
+    session: Any = SimpleNamespace(options=Options(), shared=False, answers=None)
     reply = Reply(("a",), (Answer.ACCEPTED,), message)
     assert conclude(session, reply, "under way: a") == 0
     shown = capsys.readouterr()

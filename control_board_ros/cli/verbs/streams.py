@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-
-from control_board_ros.protocols import Floats
+from typing import TYPE_CHECKING
 
 from ..arguments import FOR, JOINTS, VALUES, argument, takes
 from ..output import conclude, note
 from ..session import Session
 from ..streaming import Send, duration, stream
 from ..words import UsageError, assignments, quantity
+
+if TYPE_CHECKING:
+    from control_board_ros.protocols import Floats
 
 
 @takes(
