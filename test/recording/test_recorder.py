@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from rclpy.duration import Duration
 from talk import until
 
 from control_board_ros.cli.experiments import await_states
@@ -24,12 +26,18 @@ BOARD = "/late"
 pytestmark = pytest.mark.ros
 
 
-class Nowhere:
-    """A sink that keeps nothing."""
+class Slow:
+    """A sink that takes its time, s, for each message, and keeps the names of their topics."""
+
+    def __init__(self, time: float = 0.0) -> None:
+        self._time = time
+        self.topics: list[str] = []
 
     def begin(self, latched: Mapping[Topic, bytes]) -> None: ...
 
-    def write(self, topic: Topic, stamp: int, data: bytes) -> None: ...
+    def write(self, topic: Topic, stamp: int, data: bytes) -> None:
+        time.sleep(self._time)
+        self.topics.append(topic.name)
 
     def close(self) -> None: ...
 
@@ -37,7 +45,7 @@ class Nowhere:
 def test_it_waits_for_the_first_of_a_topic() -> None:
     """True as soon as one was heard, false where none comes; others do not count."""
     with free_domain() as domain, ros_node(domain, "late") as node:
-        recorder = Recorder(node.context, [Parameters(BOARD, {})], Nowhere())
+        recorder = Recorder(node.context, [Parameters(BOARD, {})], Slow())
         heard: list[bool] = []
         name = STATE.of(BOARD)
         waiting = threading.Thread(target=lambda: heard.append(recorder.await_first(name, 60.0)))
@@ -53,6 +61,34 @@ def test_it_waits_for_the_first_of_a_topic() -> None:
         waiting.join(60.0)
         assert heard == [True]
         recorder.close()
+
+
+def test_what_had_come_is_taken_before_it_ends() -> None:
+    """However far it lags behind, and whatever else is heard meanwhile."""
+    with free_domain() as domain, ros_node(domain, "late") as node:
+        sink = Slow(0.02)
+        recorder = Recorder(node.context, [Parameters(BOARD, {})], sink)
+        name = STATE.of(BOARD)
+        states = node.create_publisher(STATE.load(), name, 1000)
+        until(lambda: states.get_subscription_count() > 0)
+        sent = 0
+
+        def send() -> None:
+            nonlocal sent
+            states.publish(STATE.load()(names=["a"]))
+            sent += 1
+
+        while not sink.topics:  # latched topics are waited for first
+            send()
+            time.sleep(0.1)
+        for _ in range(150):  # 3 s of writing
+            send()
+        assert states.wait_for_all_acked(Duration(seconds=60))
+        modes = node.create_publisher(MODES.load(), MODES.of(BOARD), MODES.qos.profile())
+        timer = node.create_timer(0.05, lambda: modes.publish(MODES.load()()))
+        recorder.close()
+        timer.cancel()
+        assert sink.topics.count(name) == sent
 
 
 @pytest.mark.parametrize(
