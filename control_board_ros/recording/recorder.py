@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import itertools
 import time
@@ -14,7 +15,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from control_board_ros.client.executor_thread import ExecutorThread
+from control_board_ros.client.executor_thread import GONE, ExecutorThread
 from control_board_ros.interface import MODES
 
 from .errors import RecordingError
@@ -108,8 +109,9 @@ class Recorder:
         """
         now = time.time_ns()
         self._thread.close()
-        for subscription in self._subscriptions:
-            self._take_rest(subscription, now)
+        with contextlib.suppress(*GONE):  # the context was shut down: nothing is left to take
+            for subscription in self._subscriptions:
+                self._take_rest(subscription, now)
         self._node.destroy_node()
         self._guard(self._finish)
 
