@@ -115,14 +115,32 @@ def test_a_slow_cycle_is_caught_up_and_counted(rig: Rig) -> None:
     assert found.worst >= 0.025
 
 
+#: What the system's clock is ahead of the monotonic one, ns.
+SYSTEM_AHEAD = 1_700_000_000 * 10**9
+
+
 class ManualClock:
-    """The time module for a pacer: it stands still, but for sleeps."""
+    """The time module for a pacer: it stands still, but for sleeps.
+
+    Attributes: held_up (for how long the thread loses the processor after each look at the
+    system's clock, s, in turn).
+    """
 
     def __init__(self) -> None:
         self.now = 100.0
+        self.held_up: list[float] = []
 
     def monotonic(self) -> float:
         return self.now
+
+    def monotonic_ns(self) -> int:
+        return round(self.now * 1e9)
+
+    def time_ns(self) -> int:
+        now = SYSTEM_AHEAD + self.monotonic_ns()
+        if self.held_up:
+            self.sleep(self.held_up.pop(0))
+        return now
 
     def sleep(self, seconds: float) -> None:
         self.now += seconds
@@ -148,6 +166,20 @@ def test_catching_up_is_bounded(clock: ManualClock) -> None:
     pacer.wait()
     assert (pacer.overruns, pacer.skipped) == (1, MAX_LAG + 49)
     assert pacer.take().worst == 0.5 * period
+
+
+def test_a_thread_that_was_held_up_tells_the_same_time(clock: ManualClock) -> None:
+    """A pause between two clocks' readings is no step of the system's clock."""
+    pacer = Pacer(2.0**-10)
+    clock.held_up = [0.02, 0.005]
+    assert pacer.due_time() == round(pacer.due * 1e9) + SYSTEM_AHEAD
+    assert not clock.held_up
+
+
+def test_readings_that_never_lie_close_are_told_by_the_closest(clock: ManualClock) -> None:
+    """On a machine that holds every reading up, the time told errs by half the shortest pause."""
+    clock.held_up = [0.02, 0.001, 0.005, *[0.01] * 20]
+    assert abs(Pacer(2.0**-10).due_time() - 100 * 10**9 - SYSTEM_AHEAD) <= 500_000
 
 
 def test_after_a_restart_the_deadlines_start_anew(clock: ManualClock) -> None:
@@ -279,8 +311,13 @@ def test_a_pause_is_no_overrun(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> Non
     assert restarts == [paused_at]
 
 
-def test_late_cycles_carry_stamps_that_fit(rig: Rig) -> None:
-    """Cycles that are caught up are stamped as far apart as their readings."""
+def test_late_cycles_carry_stamps_that_fit(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cycles that are caught up are stamped as far apart as their readings.
+
+    Where nobody sets the system's clock: a machine that does so here is not what is tried.
+    """
+    ahead = pacing.system_ahead()
+    monkeypatch.setattr(pacing, "system_ahead", lambda: ahead)
     rig.loop.set_state_rate(1000.0)
     rig.plant.slow = dict.fromkeys(range(60, 300, 40), 0.02)
     rig.loop.start()
