@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -28,6 +29,8 @@ from .waiting import Steps
 
 #: s from seeing a subscription until it surely sees us; what is sent before may come late.
 MATCHING = 0.05
+#: s without an answer after which it is asked again whether the board has heard of a client.
+ACQUAINTED = 0.3
 #: s between two lines in the log about messages that could not be taken.
 REPORT_EVERY = 5.0
 
@@ -64,6 +67,7 @@ class Link:
         self._group = ReentrantCallbackGroup()
         self._entities: dict[Endpoint, Any] = {}
         self._matched: dict[Any, int] = {}
+        self._acquainted: set[Endpoint] = set()
         self._unsettled = False
         self._lock = threading.Lock()
         self.discovery = Discovery(
@@ -195,8 +199,37 @@ class Link:
         client = self._entity(action, make)
         if not (yield from self.thread.until(client.server_is_ready, self.find_timeout)):
             raise self.discovery.not_found()
+        if action not in self._acquainted:
+            yield from self._get_acquainted(action)
         yield from self.settle()
         return client
+
+    def _get_acquainted(self, action: Endpoint) -> Steps[None]:
+        """Wait until the board has heard of the action's client.
+
+        To a client of which it has not heard yet, its answer goes nowhere, and a goal must not be
+        sent twice. Endpoints are heard of in the order in which they were made: what is made
+        after the action's client, and has its answer, shows that the client is known, too. To ask
+        this does nothing, so it is asked again where the answer went nowhere.
+        """
+        name = self.full_name(GET_CONTROL_MODE)
+        made = GET_CONTROL_MODE.load()
+        with self._lock:
+            later = self._node.create_client(made, name, callback_group=self._group)
+        try:
+            deadline = time.monotonic() + self.find_timeout
+            ready = yield from self.thread.until(later.service_is_ready, self.find_timeout)
+            answered = False
+            while ready and not answered and time.monotonic() < deadline:
+                future = later.call_async(made.Request())
+                answered = yield from self.thread.outcome(future, ACQUAINTED)
+                later.remove_pending_request(future)
+            if not answered:
+                raise self.discovery.timed_out(action)
+            self._acquainted.add(action)
+        finally:
+            with contextlib.suppress(BoardError, *GONE):  # else it went with the node
+                self.thread.later(lambda: self._node.destroy_client(later))
 
     def subscribe(self, topic: Endpoint, callback: Callable[..., None]) -> None:
         """Hear a topic of the board from now on; the callback runs in the link's thread.
