@@ -373,6 +373,13 @@ def test_one_operates(page: Any, address: str, browser: Any) -> None:
     phone = context.new_page()
     phone.goto(address)
     phone.get_by_label("More of joint_7").wait_for()
+    phone.locator("#operator .who:not(.off)").wait_for()
+    if phone.get_by_text("You operate", exact=True).is_visible():
+        # A busy machine held the desk's page up for so long that it was taken for gone.
+        phone.get_by_label("Step back: let others operate").click()
+        page.get_by_label("Operate", exact=True).click()
+    page.get_by_text("You operate", exact=True).wait_for()
+    phone.get_by_label("Ask to take over").wait_for()
     assert phone.evaluate("document.documentElement.scrollWidth") <= 390
     assert phone.get_by_label("Control mode of joint_1", exact=True).is_disabled()
     stop = phone.locator("#stop").bounding_box()
