@@ -29,11 +29,12 @@ TELL = "from control_board_ros import compiled; print(compiled.describe())"
 
 
 def run(code: str, folder: Path, **environment: str) -> str:
-    """What a fresh interpreter prints, started away from the checkout."""
+    """What a fresh interpreter prints that finds a folder's packages first."""
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=folder,
-        env=os.environ | environment,
+        env=os.environ | {"PYTHONPATH": path} | environment,
         capture_output=True,
         text=True,
         check=True,

@@ -36,8 +36,11 @@ def test_large():
 """
 
 
-def test_a_run_records_what_its_tests_reach(tmp_path: Path) -> None:
+def test_a_run_records_what_its_tests_reach(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Lines by test; those of a fixture for its file, those of an import for all tests."""
+    monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)  # meant for the run that this is in
     package = tmp_path / "package"
     package.mkdir()
     name = f"reached_{tmp_path.name}".replace("-", "_")
