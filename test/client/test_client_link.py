@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is published goes to the board, whoever else listens."""
+"""What is published goes to the board, whoever else listens; a goal goes to one that knows us."""
 
 from __future__ import annotations
 
@@ -7,13 +7,16 @@ import threading
 from typing import Any
 
 import pytest
+from control_board_msgs.action import Move
 from control_board_msgs.msg import JointModes, PositionCommand
+from control_board_msgs.srv import GetControlMode
+from rclpy.action import ActionServer
 from rclpy.qos import QoSProfile
 
 from control_board_ros.client import BoardNotFound
 from control_board_ros.client.link import Link
 from control_board_ros.client.waiting import run
-from control_board_ros.interface import POSITION_COMMAND
+from control_board_ros.interface import MOVE, POSITION_COMMAND
 from control_board_ros.testing import ros_node
 from control_board_ros.testing.domains import free_domain
 
@@ -58,5 +61,32 @@ def test_a_command_waits_for_the_board_itself() -> None:
                         run(link.publish(POSITION_COMMAND, positions=[value]))
                         assert own.hears(value)
                 assert other.hears(2.0, 3.0)
+        finally:
+            link.close()
+
+
+def test_a_goal_waits_until_the_board_has_heard_of_the_client() -> None:
+    """Answers to a client that the board does not know yet go nowhere; it is asked again."""
+    sent: list[str] = []
+    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
+        link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
+        try:
+            with ros_node(domain, "board") as board:
+                board.create_publisher(JointModes, "~/modes", 1)
+                asked = board.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
+                answer = asked.send_response
+
+                def lose_two(*of: Any) -> None:
+                    sent.append("lost" if len(sent) < 2 else "answered")
+                    if sent[-1] == "answered":
+                        answer(*of)
+
+                asked.send_response = lose_two
+                ActionServer(board, Move, "~/move", lambda _: Move.Result())
+                run(link.action(MOVE))
+                assert sent[:3] == ["lost", "lost", "answered"]
+                known = len(sent)
+                run(link.action(MOVE))
+                assert len(sent) == known, "asked of a new client only"
         finally:
             link.close()
