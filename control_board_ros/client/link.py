@@ -67,7 +67,7 @@ class Link:
         self._group = ReentrantCallbackGroup()
         self._entities: dict[Endpoint, Any] = {}
         self._matched: dict[Any, int] = {}
-        self._acquainted: set[Endpoint] = set()
+        self._acquainted: dict[Endpoint, frozenset[bytes]] = {}
         self._unsettled = False
         self._lock = threading.Lock()
         self.discovery = Discovery(
@@ -199,8 +199,9 @@ class Link:
         client = self._entity(action, make)
         if not (yield from self.thread.until(client.server_is_ready, self.find_timeout)):
             raise self.discovery.not_found()
-        if action not in self._acquainted:
+        if self._acquainted.get(action) != self.discovery.run():
             yield from self._get_acquainted(action)
+            self._acquainted[action] = self.discovery.run()
         yield from self.settle()
         return client
 
@@ -225,8 +226,7 @@ class Link:
                 answered = yield from self.thread.outcome(future, ACQUAINTED)
                 later.remove_pending_request(future)
             if not answered:
-                raise self.discovery.timed_out(action)
-            self._acquainted.add(action)
+                raise self.discovery.timed_out(action, self.find_timeout)
         finally:
             with contextlib.suppress(BoardError, *GONE):  # else it went with the node
                 self.thread.later(lambda: self._node.destroy_client(later))
