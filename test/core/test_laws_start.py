@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from joints import Body, OneJoint, gains, outputs, resting
 
+from control_board_ros.core import laws
 from control_board_ros.core.modes import Law
 
 LAWS = (Law.POSITION, Law.IMPEDANCE, Law.TORQUE)
@@ -184,3 +185,10 @@ def test_acceleration_is_no_load() -> None:
         one.step()
     assert one.joint.known_load() == pytest.approx(3.0)
     assert not one.joint.at_rest()
+
+
+def test_a_loop_is_made_at_rest() -> None:
+    """Before its first reset it has no integral part, no rate and no reference."""
+    made = laws.Pid()
+    rest = made.integral, made.previous, made.derivative, made.error, made.reference
+    assert rest == (0.0,) * 5

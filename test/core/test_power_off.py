@@ -6,12 +6,13 @@ from __future__ import annotations
 import pytest
 from rig import in_status, ready
 
+from control_board_ros.core.modes import SELECTABLE
 from control_board_ros.core.vocabs import ControlMode
 
 M = ControlMode
 
 
-@pytest.mark.parametrize("mode", [M.POSITION, M.VELOCITY, M.TORQUE, M.OPENLOOP, M.IDLE])
+@pytest.mark.parametrize("mode", sorted(SELECTABLE))
 def test_every_mode_becomes_idle(mode: ControlMode) -> None:
     rig = ready()
     assert rig.board.set_control_mode(["left", "right"], mode)

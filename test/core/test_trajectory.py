@@ -162,6 +162,7 @@ def test_a_move_of_given_duration_goes_on_or_brakes() -> None:
         (1.0, 2.0, 0.2, 0.0),
         (1.0, 2.0, 0.5, 0.5),
         (-1.0, 1.0, 0.6, 0.3),
+        (1.0, 1.0, 1.0, 1.0),  # fastest while it brakes
         (0.25, 5.0, 1.0, 0.5),  # all of the way is that of braking
     ],
 )

@@ -240,6 +240,7 @@ def test_the_config_follows_the_parts() -> None:
     rig = started()
     left = rig.robot.parts["left"]
     slower = joint("l_elbow", limits={"velocity": 1.0})
+    assert rig.robot.config.joints[1].limits.velocity == left.config.joints[1].limits.velocity
     left.reconfigure(board_config(left.config.joints[0], slower))
     assert rig.robot.config.joints[1].limits.velocity == 1.0
     assert not rig.robot.set_reference_speed(["l_elbow", "r_elbow"], 2.0)

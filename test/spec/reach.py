@@ -2,7 +2,8 @@
 """Which tests reach which lines of the core, and how long each takes: recorded by one run of them.
 
 A line that a fixture reaches counts for all tests of the file, which may share the fixture; one
-that runs while modules are imported, for all tests.
+that runs while modules are imported, for all tests. Of a function that a test calls often only
+some calls are looked at: such a test may reach any line of it.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
@@ -35,6 +36,7 @@ class Recorder:
         self._folder, self._path = f"{folder}/", path
         self._lines: set[tuple[str, int]] = set()
         self._calls: defaultdict[CodeType, int] = defaultdict(int)
+        self._often: defaultdict[str, set[CodeType]] = defaultdict(set)  # by test and by file
         self._tests: dict[str, set[tuple[str, int]]] = {}
         self._fixtures: defaultdict[str, set[tuple[str, int]]] = defaultdict(set)
         self._seconds: dict[str, float] = {}
@@ -51,6 +53,10 @@ class Recorder:
     def _line(self, frame: FrameType, _event: str, _argument: Any) -> Any:
         self._lines.add((frame.f_code.co_filename, frame.f_lineno))
         return self._line
+
+    def _skipped(self) -> set[CodeType]:
+        """The functions that were called so often that some calls were not looked at."""
+        return {code for code, calls in self._calls.items() if calls > CALLS}
 
     def _watched(self) -> Iterator[None]:
         self._lines, before = set(), sys.gettrace()
@@ -75,6 +81,7 @@ class Recorder:
     def pytest_runtest_setup(self, item: pytest.Item) -> Iterator[None]:
         yield from self._watched()
         self._fixtures[item.nodeid.partition("::")[0]] |= self._lines
+        self._often[item.nodeid.partition("::")[0]] |= self._skipped()
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_call(self, item: pytest.Item) -> Iterator[None]:
@@ -82,6 +89,7 @@ class Recorder:
         yield from self._watched()
         self._seconds[item.nodeid] = time.process_time() - begin
         self._tests[item.nodeid] = self._lines
+        self._often[item.nodeid] = self._skipped()
 
     def pytest_sessionfinish(self) -> None:
         """Write what was found: the numbers of tests by module and line."""
@@ -93,17 +101,26 @@ class Recorder:
         imported: defaultdict[str, list[int]] = defaultdict(list)
         for file, line in self._imported:
             imported[Path(file).stem].append(line)
-        told = {"seconds": self._seconds, "lines": found, "imported": imported}
+        often: defaultdict[str, defaultdict[str, list[int]]]
+        often = defaultdict(lambda: defaultdict(list))
+        for k, test in enumerate(self._tests):
+            for code in self._often[test] | self._often[test.partition("::")[0]]:
+                last = max(line for _, _, line in code.co_lines() if line)
+                often[Path(code.co_filename).stem][f"{code.co_firstlineno} {last}"].append(k)
+        told = {"seconds": self._seconds, "lines": found, "imported": imported, "often": often}
         self._path.write_text(json.dumps(told), encoding="utf-8")
 
 
 @dataclass(frozen=True)
 class Reach:
-    """Tests by module and line; lines that importing runs; CPU seconds by test, traced."""
+    """Tests by module and line; lines that importing runs; CPU seconds by test, traced; tests by
+    module and by first and last line of a function of which they skip calls.
+    """
 
     lines: dict[str, dict[int, list[str]]]
     imported: dict[str, frozenset[int]]
     seconds: dict[str, float]
+    often: dict[str, dict[tuple[int, int], list[str]]] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path) -> Reach:
@@ -115,23 +132,34 @@ class Reach:
             for module, by_line in told["lines"].items()
         }
         imported = {module: frozenset(found) for module, found in told["imported"].items()}
-        return cls(lines, imported, told["seconds"])
+        often = {
+            module: {
+                (int(first), int(last)): [tests[k] for k in found]
+                for (first, _, last), found in ((span.partition(" "), x) for span, x in of.items())
+            }
+            for module, of in told["often"].items()
+        }
+        return cls(lines, imported, told["seconds"], often)
 
     def tests_for(self, module: str, line: int) -> list[str]:
-        """The tests that can tell a line broken, those that take least first.
+        """The tests that can tell a line broken: those seen to reach it, then those that skip
+        calls of its function, each time those that take least first.
 
-        One that no test was seen to reach counts as the line before it: of the calls of a
-        function only some are looked at.
+        A line that no test was seen to reach counts as the line before it.
 
         Args:
             module: of the core.
             line: its number; 0: a row added at the end.
         """
-        seen = {*self.lines.get(module, ()), *self.imported.get(module, ())}
+        asked, seen = line, {*self.lines.get(module, ()), *self.imported.get(module, ())}
         line = max((one for one in seen if one <= line), default=line)
         near = sorted(self.lines.get(module, {}).get(line, ()), key=self._place)
         if line and line not in self.imported.get(module, ()):
-            return near
+            spans = self.often.get(module, {}).items()
+            may = {
+                test for (first, last), found in spans if first <= asked <= last for test in found
+            }
+            return near + sorted(may - {*near}, key=self._place)
         known = {test for tests in self.lines.get(module, {}).values() for test in tests}
         users = sorted(known - {*near}, key=self._place)
         return near + users + sorted(set(self.seconds) - known - {*near}, key=self._place)

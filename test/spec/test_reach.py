@@ -18,6 +18,11 @@ def used(x):
         return "large"
     return "small"
 
+def rare(x):
+    if x == 77:
+        return "rare"
+    return "often"
+
 NAMES = []
 register("a")
 """
@@ -33,6 +38,12 @@ def test_fixture(small):
 
 def test_large():
     assert {module}.used(2) == "large"
+
+def test_often():
+    assert [{module}.rare(x) for x in range(100)].count("rare") == 1
+
+def test_rare():
+    assert {module}.rare(77) == "rare"
 """
 
 
@@ -56,11 +67,13 @@ def test_a_run_records_what_its_tests_reach(
         sys.modules.pop(name, None)
     assert code == 0
     reach = Reach.read(tmp_path / "reach.json")
-    both, large = {"test_it.py::test_fixture", "test_it.py::test_large"}, "test_it.py::test_large"
+    large, often, rare = (f"test_it.py::test_{name}" for name in ("large", "often", "rare"))
+    every = {"test_it.py::test_fixture", large, often, rare}
     assert reach.tests_for(name, 7) == [large]
-    assert set(reach.tests_for(name, 8)) == both  # by the fixture, which they may share
-    assert set(reach.tests_for(name, 3)) == both  # when the module is imported
+    assert set(reach.tests_for(name, 8)) == every  # by the fixture, which they may share
+    assert set(reach.tests_for(name, 3)) == every  # when the module is imported
     assert reach.tests_for("no_module", 99) == []
+    assert reach.tests_for(name, 12) == [rare, often]  # in one call of many
 
 
 def test_the_quick_ones_come_first() -> None:
@@ -71,6 +84,17 @@ def test_the_quick_ones_come_first() -> None:
     assert reach.tests_for("laws", 8) == ["other", "quick", "slow"]
     assert reach.tests_for("laws", 0) == ["other", "quick", "slow"]  # a row at the end
     assert reach.tests_for("laws", 4) == []
+
+
+def test_those_that_skip_calls_of_a_function_come_after() -> None:
+    """They may reach any line of it."""
+    seconds = {"slow": 2.0, "quick": 1.0, "other": 0.1}
+    often = {"laws": {(4, 7): ["slow", "other"], (9, 12): ["slow"]}}
+    reach = Reach({"laws": {4: ["quick"], 6: ["quick"]}}, {}, seconds, often)
+    assert reach.tests_for("laws", 6) == ["quick", "other", "slow"]
+    assert reach.tests_for("laws", 7) == ["quick", "other", "slow"]
+    assert reach.tests_for("laws", 8) == ["quick"]
+    assert reach.tests_for("control", 6) == []
 
 
 def test_the_interval_of_a_rate() -> None:
