@@ -6,10 +6,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rig import board_config, joint
+from rig import board_config, joint, ready
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.commands import COMMANDS
@@ -84,3 +85,19 @@ def test_fields_are_those_of_the_messages() -> None:
         assert row.field in fields
         if row.standing is not None:
             assert row.along in fields
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_moves_that_arrive_together_start_all_or_none(bad: float) -> None:
+    """R5: one target that is none, and no joint starts."""
+    rig = ready(CONFIG)
+    rig.enter("pos")
+    before = rig.everything()
+    for targets in ([0.2, bad, 0.1], [bad, 0.2, 0.1]):
+        reply = rig.board.position_move_within(None, np.array(targets), 1.0)
+        assert not reply
+        assert "".join(reply.reasons).count("finite") == 1
+        assert rig.everything() == before
+    assert rig.board.position_move_within(None, np.array([0.2, 0.1, 0.1]), 1.0)
+    rig.run(1.0)
+    assert all(rig.board.check_motion_done())

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from spec.rig import MOTOR, RATE, Held, Rig, board_config, held, joint, ready
 
-from control_board_ros.core.fault_monitor import checked_limits, first_weight
+from control_board_ros.core.fault_monitor import checked_limits, first_weight, travel_constants
 from control_board_ros.core.faults import FaultCode
 from control_board_ros.core.measurement import Row
 from control_board_ros.core.parts import DEGREE
@@ -50,6 +50,17 @@ def test_the_weight_of_a_cycle_s_first_current() -> None:
     """One half where the cycle is short against L/R, none where it is long."""
     weights = [first_weight(ratio) for ratio in (1e-9, 1e-3, 1.0, 1e3)]
     assert weights == pytest.approx([0.5, 0.49992, 0.41802, 1e-3], abs=1e-5)
+    assert first_weight(5e-4) == pytest.approx(0.5 - 5e-4 / 12.0, abs=1e-9)
+    assert first_weight(1e-3 * (1 - 1e-9)) == pytest.approx(first_weight(1e-3), abs=1e-8)
+
+
+def test_a_change_of_current_takes_its_part_of_the_voltage() -> None:
+    """F1: L di, less the share of R i that the mean of the cycle has counted already."""
+    motor = replace(MOTOR, resistance=2.0, inductance=0.02)
+    constants = travel_constants(joint("left", motor=motor), 0.005)
+    assert constants["travel_per_current"] == pytest.approx(2.0 * 0.005 / motor.back_emf)
+    share = first_weight(2.0 * 0.005 / 0.02) * 2.0 * 0.005
+    assert constants["travel_per_change"] == pytest.approx((0.02 - share) / motor.back_emf)
 
 
 @pytest.mark.parametrize(

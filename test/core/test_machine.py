@@ -223,3 +223,24 @@ def test_a_request_together_faults_who_does_not_implement_it() -> None:
     assert reply.answers == (Answer.REFUSED, Answer.UNSUPPORTED)
     assert modes_of(board) == [(M.POSITION, STIFF), (M.HW_FAULT, STIFF)]
     assert board.get_faults("b")[0].code == FaultCode.UNSUPPORTED
+
+
+def test_the_board_configures_its_joints_once(board: Board) -> None:
+    """N2: at the first reading; later ones have nothing to do with it."""
+    fresh = Board(CONFIG)
+    assert fresh.start_up.due
+    for _ in range(3):
+        fresh.tick(measured())
+        assert not fresh.start_up.due
+
+
+def test_a_limit_that_comes_nearer_bounds_what_is_followed(board: Board) -> None:
+    """P9: a joint beyond its new limit goes no further, and back within it."""
+    board.machine.enter([0], M.POSITION)
+    laws = board.controller.joints[0]
+    laws.hold(0.4)
+    near = joint("a", limits={"lower": -0.3, "upper": 0.2})
+    board.reconfigure(
+        board_config(replace(board.config.joints[0], limits=near.limits), CONFIG.joints[1])
+    )
+    assert (laws.lower, laws.upper) == (-0.3, 0.4)

@@ -183,6 +183,7 @@ def test_the_pose_of_now_is_what_is_measured(rig: Rig) -> None:
     """A joint held at a limit, where sensors say a little beyond, is within."""
     arrivals(rig, PoseTask(rig.board, READY))
     assert pose_now(rig.board, "p", ["b", "a"]).joints == ("b", "a")
+    assert pose_now(rig.board, "p", ["b", "a"]).speed == 0.0  # as the joints are configured
     assert pose_now(rig.board, "p", []).positions == pytest.approx(READY.positions, abs=0.01)
     rig.board.state.measured[0, 0] = 2.005
     assert pose_now(rig.board, "p", ["a"]).positions == (2.0,)

@@ -128,6 +128,8 @@ def test_a_velocity_that_ends_at_the_target_goes_on() -> None:
     assert brake >= 1.5 * 1.0 / 50.0
     time, brake = durations(0.001, 0.5, 3.0, 6.0, 50.0)  # too near to stop before it
     assert brake >= 1.5 * 3.0 / 50.0
+    time, brake = durations(0.0, 0.5, 1.0, 6.0, 50.0)  # at it already
+    assert brake >= 1.5 * 1.0 / 50.0
 
 
 def test_a_braked_move_lasts_no_longer_than_its_limits_ask() -> None:

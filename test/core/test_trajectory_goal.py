@@ -428,3 +428,15 @@ def test_desired_is_the_path_where_it_is_followed(rig: Goals) -> None:
     np.testing.assert_allclose(desired.positions, [0.0, 0.5 * goal.elapsed], atol=1e-9)
     np.testing.assert_allclose(desired.velocities, [0.0, 0.5], atol=1e-9)
     assert goal.elapsed == pytest.approx(0.5)
+
+
+def test_the_codes_are_those_of_the_action() -> None:
+    """control_msgs' FollowJointTrajectory."""
+    assert [(code.name, code.value) for code in Code] == [
+        ("SUCCESSFUL", 0),
+        ("INVALID_GOAL", -1),
+        ("INVALID_JOINTS", -2),
+        ("OLD_HEADER_TIMESTAMP", -3),
+        ("PATH_TOLERANCE_VIOLATED", -4),
+        ("GOAL_TOLERANCE_VIOLATED", -5),
+    ]
