@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from spec.rig import MOTOR, RATE, Held, Rig, board_config, held, joint, ready
 
+from control_board_ros.core.causes import Check, bound_cause
 from control_board_ros.core.fault_monitor import checked_limits, first_weight, travel_constants
 from control_board_ros.core.faults import FaultCode
 from control_board_ros.core.measurement import Row
@@ -221,3 +222,19 @@ def test_the_bound_of_a_light_joint_is_what_its_torque_does_to_it() -> None:
     assert heavy == pytest.approx(4.0 * limits.velocity * period + slack)
     thrown = 2.0 * limits.torque / 1e-4 * period**2
     assert checked_limits(light, period)["max_jump"] == pytest.approx(thrown + slack)
+
+
+@pytest.mark.parametrize(
+    ("kind", "check", "units"),
+    [
+        ("revolute", Check.POSITION, r"rad"),
+        ("prismatic", Check.POSITION, r"m"),
+        ("revolute", Check.TORQUE, r"N·m"),
+        ("prismatic", Check.TORQUE, r"N"),
+    ],
+)
+def test_a_cause_is_told_in_the_units_of_the_joint(kind: str, check: Check, units: str) -> None:
+    """F3."""
+    rig = ready(board_config(joint("left", kind=kind)))
+    cause = bound_cause(check, rig.board.monitor.joints[0], rig.config.joints[0], 900.0)
+    assert re.findall(r"\d ?(rad|N·m|N|m)\b", cause.text)[-1] == units

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -244,6 +245,9 @@ def test_the_config_follows_the_parts() -> None:
     left.reconfigure(board_config(left.config.joints[0], slower))
     assert rig.robot.config.joints[1].limits.velocity == 1.0
     assert not rig.robot.set_reference_speed(["l_elbow", "r_elbow"], 2.0)
+    assert rig.robot.config.autoconfigure
+    left.reconfigure(replace(left.config, autoconfigure=False))
+    assert not rig.robot.config.autoconfigure, "not of all parts"
 
 
 def test_power_off_and_on() -> None:
