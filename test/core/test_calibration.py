@@ -3,10 +3,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import pytest
+from rig import joint
 
 from control_board_ros.core import calibration
 from control_board_ros.core.calibration import AbsoluteSensor, register
+from control_board_ros.core.config import Calibration
+from control_board_ros.core.hard_stop import HardStop
 
 
 @pytest.fixture(autouse=True)
@@ -40,3 +46,19 @@ def test_a_freed_top_number_may_be_taken() -> None:
     del calibration.TYPES[12]
     register(12, "my own")(AbsoluteSensor)
     assert calibration.TYPES[12] is AbsoluteSensor
+
+
+@pytest.mark.parametrize("cycles", [1, 4])
+def test_a_stall_lasts_as_long_as_is_asked(cycles: int) -> None:
+    """K5, type 5: so many control cycles without a motion of encoder and motor, no fewer."""
+    config = joint("a")
+    stall = Calibration(type=5, required=True, output=10.0, stall_time=0.25 * cycles, stop=0.0)
+    still = SimpleNamespace(
+        joint=config,
+        reading=1.0,
+        travelled=1.0,
+        current=config.motor.stall_current(10.0),
+        drive=lambda _: None,
+    )
+    course = HardStop(stall, cast("Any", still), 0.25)._meet("driving", 0.1)
+    assert list(course) == ["driving"] * cycles

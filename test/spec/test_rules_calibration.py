@@ -54,14 +54,21 @@ def test_calibrators_find_the_zero(calibration: Calibration) -> None:
         assert rig.modes() == [M.CALIBRATING]
         status = rig.board.get_calibration("left")[0]
         assert (status.running, status.done) == (True, False)
+    moving: list[float] = []
     progress = [one.progress for one in (rig.tick() and rig.board.get_calibration("left"))]
     while rig.modes() == [M.CALIBRATING]:
-        progress.append(rig.board.get_calibration("left")[0].progress)
+        status = rig.board.get_calibration("left")[0]
+        progress.append(status.progress)
+        if status.phase == "moving to the start position":
+            moving.append(status.progress)
         assert rig.board.cycle < 10000
         rig.tick()
     assert rig.modes() == [M.POSITION]
     assert rig.board.get_interaction_mode("left") == [STIFF]
     assert np.all(np.diff(progress) >= 0.0)
+    if moving:  # its second half
+        assert moving[0] == pytest.approx(0.5, abs=0.01)
+        assert moving[-1] == pytest.approx(1.0, abs=0.01)
     status = rig.board.get_calibration("left")[0]
     assert (status.running, status.done, status.progress) == (False, True, 1.0)
     assert status.message == ""
