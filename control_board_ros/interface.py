@@ -16,6 +16,9 @@ from .core.vocabs import CommandKind
 
 K = CommandKind
 
+#: What the graph calls a node whose endpoints were found before its name.
+NOT_KNOWN_YET = "_NODE_NAME_UNKNOWN_"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QoS:

@@ -8,12 +8,9 @@ from typing import Any
 
 from rclpy.node import Node
 
-from control_board_ros.interface import MODES, Endpoint
+from control_board_ros.interface import MODES, NOT_KNOWN_YET, Endpoint
 
 from .errors import BoardError, BoardNotFound, BoardTimeout
-
-#: What the graph calls a node whose endpoints were found before its name.
-NOT_KNOWN_YET = "_NODE_NAME_UNKNOWN_"
 
 
 class Discovery:

@@ -23,7 +23,7 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from ..interface import Endpoint
+from ..interface import NOT_KNOWN_YET, Endpoint
 
 #: s in which messages of both subscriptions count after the second one came or went.
 HANDOVER = 1.0
@@ -43,7 +43,7 @@ class CommandSubscription:
     def __init__(self, node: Node, topic: Endpoint, callback: Callable[[Any], None]) -> None:
         self._node, self._topic, self._callback = node, topic, callback
         self._best_effort: Any = None
-        self._told = False
+        self._told = self._waited = False
         self._leaving = False
         self._handover_end = 0.0
         self._stamps: deque[int] = deque(maxlen=STAMPS_KEPT)
@@ -81,8 +81,14 @@ class CommandSubscription:
         ]
 
     def _tell(self, names: list[str]) -> None:
-        """Warn once of those who publish with best effort."""
-        if not self._told:
+        """Warn once of those who publish with best effort.
+
+        A name that is not known yet is waited for, until the next check: a program that is not of
+        ROS never has one.
+        """
+        if not self._waited and any(NOT_KNOWN_YET in name for name in names):
+            self._waited = True
+        elif not self._told:
             self._told = True
             self._node.get_logger().warning(
                 f"{', '.join(names)} publishes {self._reliable.topic_name} with best effort: it "

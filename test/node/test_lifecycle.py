@@ -44,6 +44,7 @@ def managed(peer: Talker) -> Talker:
 def test_the_interfaces_of_a_managed_node(managed: Talker) -> None:
     """Names and types as `ros2 lifecycle` and launch_ros know them."""
     graph = managed.node
+    until(lambda: ("control_board", "/") in graph.get_node_names_and_namespaces())
     offered = dict(graph.get_service_names_and_types_by_node("control_board", "/"))
     offered |= dict(graph.get_publisher_names_and_types_by_node("control_board", "/"))
     for endpoint in LIFECYCLE:

@@ -87,6 +87,7 @@ def near(yarp: YarpClient, names: list[str], target: list[float]) -> bool:
 def test_names_and_types(talker: Talker) -> None:
     """Beside the board's own, which are as ever."""
     node, board = talker.node, ("control_board", "/")
+    until(lambda: board in node.get_node_names_and_namespaces())
     for table, yarp_table, found in (
         (PUBLISHED, YARP_PUBLISHED, node.get_publisher_names_and_types_by_node(*board)),
         (SUBSCRIBED, YARP_SUBSCRIBED, node.get_subscriber_names_and_types_by_node(*board)),
