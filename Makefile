@@ -11,7 +11,8 @@ STAMPS := $(VENV)/.control_board_ros
 
 # What the installation is made of: when one of these changes, it is made again.
 SOURCES := setup.py setup.cfg pyproject.toml package.xml MANIFEST.in \
-    control_board_ros/__init__.py control_board_ros/core/laws.py \
+    control_board_ros/__init__.py control_board_ros/core/dynamics.py \
+    control_board_ros/core/laws.py \
     control_board_ros/core/monitor.py control_board_ros/sim/drive.py \
     tools/compile_modules.py tools/msg_defs.cmake \
     $(shell find msg_defs vendor config launch resource -type f 2>/dev/null)
@@ -27,7 +28,7 @@ endif
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run panel test test-long check bench motion soak conformance mutants docs setup clean distclean
+.PHONY: help run panel test test-long check bench motion soak conformance mutants docs house setup clean distclean
 
 help: ## Say what there is
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -67,6 +68,9 @@ mutants: setup $(STAMPS)/test ## Break the core in small ways: a test must fail;
 
 docs: setup $(STAMPS)/test $(STAMPS)/dev ## Write the generated pages of docs/; ARGS=--pictures draws anew
 	@$(BIN)/python docs/generate.py $(ARGS)
+
+house: setup $(STAMPS)/dev ## Print lines, floors and circles with their goals; ARGS=-v names them
+	@$(BIN)/python tools/house.py $(ARGS)
 
 setup: $(STAMPS)/installed ## Make the environment and install into it, where not yet done
 

@@ -10,6 +10,7 @@ name. The modules of COMPILED are compiled by Cython where that is possible, bes
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -34,6 +35,7 @@ VENDORED = {path.parent.name: path.parent for path in sorted(HERE.glob("vendor/*
 # Plain Python in Cython's pure mode; runs as it is where it cannot be compiled. pyproject.toml
 # (cache-keys) and the Makefile (SOURCES) name the same files.
 COMPILED = [
+    "control_board_ros.core.dynamics",
     "control_board_ros.core.laws",
     "control_board_ros.core.monitor",
     "control_board_ros.sim.drive",
@@ -155,10 +157,46 @@ def fresh_folder(work: Path, definitions: Path, prefixes: list[Path]) -> None:
     stamp.write_text(key)
 
 
+def packages_used(definitions: Path, prefixes: list[Path]) -> list[Path]:
+    """The package.xml of everything that a package of definitions depends on, near and far."""
+    found: dict[str, Path] = {}
+    left = [definitions / "package.xml"]
+    while left:
+        text = left.pop().read_text("utf-8")
+        for name in re.findall(r"<\w*depend[^>]*>\s*(\w+)\s*</", text):
+            there = (prefix / "share" / name / "package.xml" for prefix in prefixes)
+            path = next((path for path in there if path.is_file()), None)
+            if path is not None and name not in found:
+                found[name] = path
+                left.append(path)
+    return [found[name] for name in sorted(found)]
+
+
+def made_of(definitions: Path, prefixes: list[Path]) -> str:
+    """What a build of messages depends on, as a hash: not on where pip keeps the build tools.
+
+    pip has a new folder of them for each build in isolation, and CMake's cache is of no use there.
+    """
+    inside = sorted(path for path in definitions.rglob("*") if path.is_file())
+    compilers = [os.environ.get(name, "") for name in ("CC", "CXX", "CFLAGS", "CXXFLAGS")]
+    found = hashlib.sha256("\n".join([sys.version, *compilers]).encode())
+    for path in [
+        *inside,
+        HERE / "tools" / "msg_defs.cmake",
+        *packages_used(definitions, prefixes),
+    ]:
+        found.update(path.name.encode() + b"\0" + path.read_bytes())
+    return found.hexdigest()
+
+
 def build_messages(definitions: Path, work: Path, prefixes: list[Path], jobs: int) -> Path:
-    """Build one interface package in the work folder; return the staged tree."""
-    fresh_folder(work, definitions, prefixes)
+    """Build one interface package in the work folder, unless it is there; return its tree."""
     build, stage = work / "build", work / "stage"
+    key, built = made_of(definitions, prefixes), work / "made-of.txt"
+    if stage.is_dir() and built.is_file() and built.read_text() == key:
+        return stage
+    built.unlink(missing_ok=True)
+    fresh_folder(work, definitions, prefixes)
     if stage.exists():
         shutil.rmtree(stage)  # or files of a message that is gone would be installed for ever
     settings = {
@@ -187,6 +225,7 @@ def build_messages(definitions: Path, work: Path, prefixes: list[Path], jobs: in
                 raise SystemExit(
                     "\n".join([*last, f"building the messages failed; the whole log: {log}"])
                 )
+    built.write_text(key)
     return stage
 
 
@@ -324,6 +363,7 @@ TUNE = ["optuna>=5.0"]
 TUNE_POSTGRESQL = [*TUNE, "psycopg[binary]>=3.2"]
 TUNE_GRPC = [*TUNE, "grpcio>=1.68", "protobuf>=5.28"]
 TEST = [
+    "axe-playwright-python>=0.1.8",
     "canopen>=2.3",
     "control>=0.10",
     "hypothesis>=6.100",
@@ -360,6 +400,7 @@ setup(
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
         NAME: ["py.typed", "discovery.xml", "description/shipped/*.urdf"],
+        f"{NAME}.recording": ["report.css", "report.js"],
         f"{NAME}.panel": ["page/*", "page/vendor/*", "page/vendor/loaders/*"],
     },
     data_files=[

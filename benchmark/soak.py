@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-SENDER = ROOT / "test" / "faults" / "sender.py"
+SENDER = ROOT / "test" / "support" / "sender.py"
 MEGABYTE = 1024 * 1024
 MODES = ("pos", "posd", "vel", "mix", "torq", "open", "idl")
 FAULTS = ("overcurrent", "encoder", "torque_sensor", "overheating", "external")

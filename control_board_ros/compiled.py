@@ -15,6 +15,7 @@ from pathlib import Path
 
 #: What is compiled where that is possible; setup.py (COMPILED) names the same modules.
 MODULES = (
+    "control_board_ros.core.dynamics",
     "control_board_ros.core.laws",
     "control_board_ros.core.monitor",
     "control_board_ros.sim.drive",

@@ -19,6 +19,14 @@ def fraction(text: str) -> float:
     return value
 
 
+def seconds(text: str) -> float:
+    """A time above 0, up to an hour."""
+    value = float(text)
+    if not 0.0 < value <= 3600.0:
+        raise argparse.ArgumentTypeError(f"{text} is not valid; give seconds above 0, up to 3600")
+    return value
+
+
 #: Names and settings, as ``ArgumentParser.add_argument`` takes them.
 OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
     (
@@ -33,6 +41,15 @@ OPTIONS: tuple[tuple[str, dict[str, Any]], ...] = (
         {"type": fraction, "default": 0.1, "metavar": "R", "help": "part of the limits, e.g. 0.1"},
     ),
     ("--rules", {"metavar": "M4,P1,…", "help": "only these"}),
+    (
+        "--rule-time",
+        {
+            "type": seconds,
+            "default": 60.0,
+            "metavar": "S",
+            "help": "how long a rule may take, in s; three that take longer end the run",
+        },
+    ),
     ("--yes", {"action": "store_true", "help": "move without asking"}),
     (
         "--calibrate",

@@ -2,7 +2,7 @@
 """Every topic, service and action of a board, once: name, type, QoS and meaning.
 
 The node offers these, the client asks for them, and docs/interface.md is made from them; a test
-compares them, and a running node, with a golden copy (test/node/interface_table.py). Types are
+compares them, and a running node, with a golden copy (test/support/interface_table.py). Types are
 text until they are loaded, so that importing this module imports no message.
 """
 
@@ -15,6 +15,9 @@ from typing import Any, Literal
 from .core.vocabs import CommandKind
 
 K = CommandKind
+
+#: Joints of a board, or robot, at most: what says that it has more is none.
+MOST_JOINTS = 500
 
 #: What the graph calls a node whose endpoints were found before its name.
 NOT_KNOWN_YET = "_NODE_NAME_UNKNOWN_"
@@ -50,6 +53,8 @@ class QoS:
 
 STREAM = QoS(depth=10)
 LATCHED = QoS(depth=1, latched=True)
+#: Who comes late gets so many of the last messages.
+HISTORY = QoS(depth=50, latched=True)
 NEWEST = QoS(depth=1, reliable=False)
 #: As tf2's own broadcaster has it; several boards share the topic.
 TRANSFORMS = QoS(depth=100)
@@ -148,6 +153,14 @@ STATE = topic(
     "control cycles; at most one per cycle.",
 )
 FAULTS = topic("~/faults", "JointFaults", LATCHED, "The joints in fault now, on every change.")
+REQUEST_LOG = topic(
+    "~/requests",
+    "Request",
+    HISTORY,
+    "Each service call that changes something and each goal of an action, with its answer, once "
+    "it is answered: who listens sees what the board was asked. Calls that read (`get_…`, "
+    "`list_…`) and `~/step` are left out.",
+)
 CONTROLLER_STATE = topic(
     "~/controller_state",
     "control_msgs/msg/JointTrajectoryControllerState",
@@ -160,8 +173,9 @@ DIAGNOSTICS = topic(
     "/diagnostics",
     "diagnostic_msgs/msg/DiagnosticArray",
     STREAM,
-    "Once a second: loop rate, overruns, worst latency, rejected commands, faults. One entry for "
-    "the board and one per joint, whose names begin with the board's full name.",
+    "Once a second: loop rate, overruns, worst latency, rejected commands (those for unknown "
+    "joints, too), faults. One entry for the board and one per joint, whose names begin with the "
+    "board's full name.",
 )
 CLOCK = topic(
     "/clock",
@@ -222,6 +236,15 @@ EXTERNAL_TORQUE = command(
     "one.",
 )
 
+HEARTBEAT = Endpoint(
+    "command",
+    "~/heartbeat",
+    "std_msgs/msg/Empty",
+    NEWEST,
+    "Sign of life of what supervises the board; with `heartbeat_timeout` above 0 its silence is "
+    "an emergency stop.",
+)
+
 # -- services ---------------------------------------------------------------------------------
 
 SET_CONTROL_MODE = service(
@@ -238,6 +261,12 @@ GET_INTERACTION_MODE = service(
 )
 GET_AVAILABLE_MODES = service(
     "~/get_available_modes", "GetAvailableModes", "Read which modes each joint implements."
+)
+SEND_REFERENCE = service(
+    "~/send_reference",
+    "SendReference",
+    "Send references of one kind, as its command topic does, and answer for each joint: for one "
+    "command, or to see what becomes of it. Streams go by topic.",
 )
 SET_IMPEDANCE = service(
     "~/set_impedance", "SetImpedance", "Set the virtual spring and damper of joints, at any time."
@@ -263,6 +292,23 @@ STOP = service(
 )
 GET_FAULTS = service(
     "~/get_faults", "GetFaults", "Read the last fault of joints, also after it was cleared."
+)
+RECOVER = service(
+    "~/recover",
+    "Recover",
+    "Clear the faults of joints and go back to the modes they had before, in one control cycle.",
+)
+GET_FREEZE_FRAME = service(
+    "~/get_freeze_frame",
+    "GetFreezeFrame",
+    "Read what the board measured and followed around a joint's last fault, also after it was "
+    "cleared: 1.5 s before and 0.5 s after it, every control cycle.",
+)
+EMERGENCY_STOP = service(
+    "~/emergency_stop",
+    "std_srvs/srv/SetBool",
+    "`data: true` puts every joint of the robot into HW_FAULT, without power, in the next cycle; "
+    "`data: false` releases it, and the joints stay in HW_FAULT until FORCE_IDLE or `~/recover`.",
 )
 LIST_POSES = service(
     "~/list_poses", "ListPoses", "Read which poses there are, and what one of them is made of."
@@ -420,6 +466,9 @@ ENDPOINTS: tuple[Endpoint, ...] = tuple(
     for value in list(globals().values())
     if isinstance(value, Endpoint) and value is not PART_JOINT_STATES
 )
+#: What an operator notes about a board, in words: no board's, anybody may publish it, and
+#: recorders hear it.
+NOTES = topic("~/notes", "std_msgs/msg/String", QoS(depth=100), "What an operator notes.")
 PUBLISHED = tuple(e for e in ENDPOINTS if e.kind == "topic")
 COMMAND_TOPICS = tuple(e for e in ENDPOINTS if e.kind == "command")
 SERVICES = tuple(e for e in ENDPOINTS if e.kind == "service")

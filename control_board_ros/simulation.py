@@ -14,35 +14,35 @@ from typing import Self
 
 from .core.board import Board
 from .core.config import BoardConfig
-from .core.robot import AnyBoard, Robot
+from .core.layout import joined
 from .settings.loading import Settings, load
 from .sim.config import SimulationConfig
 from .sim.plant import Body, SimulatedPlant
 
 
-def made_board(settings: Settings) -> AnyBoard:
-    """The board that settings describe, or the robot of several parts."""
+def made_board(settings: Settings) -> Board:
+    """The board that settings describe, with the parts of a robot of several."""
     if not settings.parts:
         return Board(settings.board)
     parts = {name: settings.part(name).board for name in settings.parts}
-    return Robot(parts, settings.levels)
+    return Board(joined(parts), settings.levels)
 
 
 class Simulation:
     """A board that drives a simulated plant; time passes only in ``step`` and ``run``.
 
     Attributes:
-        board: The control board, or the robot of several parts.
+        board: The control board; of a robot of several parts it has their groups.
         plant: What it drives.
     """
 
     def __init__(
         self,
-        board: BoardConfig | AnyBoard,
+        board: BoardConfig | Board,
         simulation: SimulationConfig,
         body: Body | None = None,
     ) -> None:
-        self.board: AnyBoard = Board(board) if isinstance(board, BoardConfig) else board
+        self.board = Board(board) if isinstance(board, BoardConfig) else board
         self.plant = SimulatedPlant(self.board.config, simulation, body)
         self._rate = self.board.config.control_rate
 

@@ -33,6 +33,8 @@ from control_board_ros.simulation import Simulation
 DOCS = Path(__file__).parent
 BEGIN, END = "<!-- figures -->", "<!-- /figures -->"
 SHOULDER, ELBOW = 1, 3
+#: s between two velocities.
+SEND_PERIOD = 0.01
 JOINTS = {SHOULDER: "joint 2", ELBOW: "joint 4"}
 
 
@@ -65,12 +67,14 @@ def moves(simulation: Simulation, since: float) -> None:
 
 
 def velocities(simulation: Simulation, since: float) -> None:
-    """Velocities on a sine of 0.7 Hz."""
+    """Velocities on a sine of 0.7 Hz, each with the acceleration that leads to the next."""
     board, joints = simulation.board, list(JOINTS)
     if since < 0.5e-3:
         assert board.set_control_mode(joints, "vel")
     if round(since * 1000) % 10 == 0:
-        assert board.velocity_move(joints, 1.0 * np.cos(4.4 * since), 5.0)
+        velocity, before = np.cos(4.4 * since), np.cos(4.4 * (since - SEND_PERIOD))
+        acceleration = abs(velocity - before) / SEND_PERIOD if since >= 0.5e-3 else 5.0
+        assert board.velocity_move(joints, velocity, max(acceleration, 0.1))
 
 
 def compliant(simulation: Simulation, since: float) -> None:
@@ -112,7 +116,7 @@ def with_rotors_of_pybullet(settings: Settings) -> MujocoBody:
     body = MujocoBody(settings.board, settings.simulation)
     model, prepared = body._model, prepare(settings.board, settings.simulation)
     model.dof_armature[:] = 0.0
-    tree = Tree(ET.fromstring(prepared.text), "")
+    tree = Tree(ET.fromstring(prepared.text(shapes=False)), "")
     for name, moments in prepared.moments.items():
         link = model.body(LINK + name).id
         turn = rotation_of_rpy(numbers_of(tree.links[name].find("inertial/origin"), "rpy"))

@@ -3,7 +3,7 @@
 
 python docs/generate.py             write them
 python docs/generate.py --check     write nothing; exit code 1 where one is stale
-python docs/generate.py --pictures  the pictures too (half a minute)
+python docs/generate.py --pictures  the pictures too (some minutes; needs chromium)
 """
 
 from __future__ import annotations
@@ -54,9 +54,11 @@ def main(argv: list[str] | None = None) -> int:
         if not options.check:
             path.write_text(texts[path], "utf-8")
     if options.pictures and not options.check:
+        import panel_pictures
         import pictures
 
         pictures.make()
+        panel_pictures.main([])
     return 1 if options.check and old else 0
 
 

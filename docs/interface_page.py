@@ -62,7 +62,8 @@ joint_trajectory_controller, joint by joint:
   is at the very time of its beginning. It replaces what its joints followed; other joints go
   on.
 - Joints in another mode are counted and told, the others are served whole; a goal of the action is
-  then refused whole.
+  then refused whole. With `allow_partial_joints_goal: false`, what leaves out joints of the board
+  is refused whole, on the topic and by the action.
 - It ends for a joint that is stopped, changes its control or interaction mode, faults, or
   gets a direct position from elsewhere; for all of its joints with a message without points.
   Nothing of it is kept.

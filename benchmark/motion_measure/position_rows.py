@@ -189,6 +189,33 @@ def velocity(rig: Rig, j: int) -> Figures:
     return found
 
 
+def reversal(rig: Rig, j: int, part: float = 0.5) -> Figures:
+    """A velocity reference turned round, at the limit acceleration, STIFF.
+
+    v is a part of the limit speed: a half, or less, where friction turns round at a greater share.
+
+    overshoot = max(way · dq) / v − 1, percent, after v has become −v, and again after −v has
+    become v; way is the sign of the new one. Each lasts 0.3 s beyond its ramp, or what leaves it
+    within 60 % of the range.
+    """
+    window, limits = rig.windows[j], rig.joints[j].limits
+    speed = min(part * limits.velocity, math.sqrt(0.2 * window.span * limits.acceleration))
+    ramp = 2.0 * speed / limits.acceleration
+    lasts = ramp + min(0.3, 0.4 * window.span / speed)
+    rig.go(**{f"j{j}": window.clip(rig.pose(j), 0.45 * window.span)})
+    rig.enter(j, M.VELOCITY, Way.STIFF)
+
+    def send(way: float, _: float) -> None:
+        rig.expect(rig.board.velocity_move(j, way * speed, limits.acceleration))
+
+    rig.record(j, 0.5 * lasts, each=partial(send, 1.0))
+    found = 0.0
+    for way in (-1.0, 1.0, -1.0):
+        record = rig.record(j, lasts, each=partial(send, way))
+        found = max(found, 100.0 * (float((way * record.velocity).max()) / speed - 1.0))
+    return {"overshoot": found}
+
+
 def step_size(rig: Rig, j: int) -> float:
     span = rig.windows[j].span
     if rig.sliding(j):

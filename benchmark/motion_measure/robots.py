@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,17 +40,30 @@ class Robot:
         return self.robot
 
 
+SHIPPED = (
+    Robot("iiwa", "iiwa", derived=False, stretched={1: 1.5}),
+    Robot("panda", "panda", derived=False, stretched={1: 1.4, 3: -0.4, 5: 1.6, 7: 0.02}),
+    Robot("icub_left_arm", "icub_left_arm", derived=False, stretched={1: 1.5, 3: 0.35}),
+)
+#: The same on the other engine.
+IN_MUJOCO = [
+    replace(robot, name=f"{robot.name} in MuJoCo", parameters={"physics": "mujoco"})
+    for robot in SHIPPED
+]
 ROBOTS = {
     robot.name: robot
     for robot in (
-        Robot("iiwa", "iiwa", derived=False, stretched={1: 1.5}),
-        Robot("panda", "panda", derived=False, stretched={1: 1.4, 3: -0.4, 5: 1.6, 7: 0.02}),
-        Robot("icub_left_arm", "icub_left_arm", derived=False, stretched={1: 1.5, 3: 0.35}),
+        *SHIPPED,
         Robot("kuka", "data:kuka_iiwa/model.urdf", stretched={1: 1.5}),
         Robot("cartpole", "data:cartpole.urdf"),
         Robot("r2d2", "data:r2d2.urdf"),
         Robot("xarm6", "data:xarm/xarm6_robot.urdf", stretched={1: 1.2, 2: -1.2}),
         Robot("gantry", "here:gantry.urdf"),
+        Robot("scara", "here:scara.urdf"),
+        Robot("snake", "here:snake.urdf"),
+        Robot("franka", "data:franka_panda/panda.urdf", stretched={1: 1.4, 3: -0.4, 5: 1.6}),
+        Robot("lift", "here:lift.urdf"),
+        *IN_MUJOCO,
     )
 }
 

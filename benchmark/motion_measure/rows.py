@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
-from . import change_rows, force_rows, position_rows
+from . import change_rows, force_rows, guard_rows, position_rows, stream_rows, together_rows
 from .rig import Rig
 
 Figures = dict[str, float]
@@ -78,9 +79,47 @@ ROWS = {
             ),
         ),
         Row(
+            "abrupt",
+            stream_rows.abrupt,
+            (
+                Quantity("at_90", "abrupt sine, 0.9 of a_max: error of amplitude", "%", 3.0, 3.0),
+                Quantity("at_95", "abrupt sine, 0.95 of a_max: the same", "%", 3.0, 3.0),
+            ),
+            pose=0,
+        ),
+        Row(
+            "ripple",
+            stream_rows.ripple,
+            (
+                Quantity("ripple", "1 Hz sine at 100 Hz: torque ripple", "%", 10.0, 20.0),
+                Quantity("current", "0.5 Hz sine at 100 Hz: RMS current", "×", 0.5, 0.5),
+            ),
+            pose=0,
+        ),
+        Row(
+            "jitter",
+            stream_rows.jitter,
+            tuple(
+                Quantity(f"{key}_{rate}", f"1 Hz sine, jitter, {rate} Hz: {text}", "%", most, most)
+                for key, text, most in (("error", "error", 5.0), ("speed", "speed error", 20.0))
+                for rate in (20, 30, 50, 100, 500)
+            ),
+            pose=0,
+        ),
+        Row(
             "velocity",
             position_rows.velocity,
             (Quantity("overshoot", "velocity overshoot", "%", 5.0, 10.0),),
+        ),
+        Row(
+            "reversal",
+            position_rows.reversal,
+            (Quantity("overshoot", "velocity turned round: overshoot", "%", 5.0, 10.0),),
+        ),
+        Row(
+            "slow_reversal",
+            partial(position_rows.reversal, part=0.2),
+            (Quantity("overshoot", "the same at 0.2 of the limit speed", "%", 5.0, 10.0),),
         ),
         Row(
             "torque",
@@ -109,6 +148,12 @@ ROWS = {
             (Quantity("deflection", "push of half the torque limit", "mrad", 10.0, 30.0),),
         ),
         Row(
+            "guard",
+            guard_rows.guard,
+            (Quantity("speed", "driven, or freed: top speed over limit", "×", 1.05, 1.05),),
+            pose=0,
+        ),
+        Row(
             "rest",
             None,
             (Quantity("sag", "sag on a change of mode, at rest", "mrad", 1.0, 1.0),),
@@ -120,6 +165,42 @@ ROWS = {
             change_rows.in_motion,
             (Quantity("beyond", "the same in motion, beyond stopping", "mrad", 10.0, 10.0),),
             pose=1,
+        ),
+        Row(
+            "halt",
+            None,
+            (
+                Quantity(
+                    "torq", "all at full speed into TORQUE, beyond stopping", "mrad", 30.0, 30.0
+                ),
+                Quantity("comp", "the same into COMPLIANT", "mrad", 30.0, 30.0),
+                Quantity("needs", "torque that a stop of all in v²/(2a) takes", "×", 0.0, 0.0),
+            ),
+            pose=0,
+            together=together_rows.halt,
+        ),
+        Row(
+            "moves",
+            None,
+            (
+                Quantity("at_30", "moves of all joints at 0.3 of their speed", "mrad", 5.0, 5.0),
+                Quantity("at_50", "the same at 0.5", "mrad", 5.0, 5.0),
+                Quantity("at_100", "the same at their full speed", "mrad", 5.0, 5.0),
+                Quantity("longer", "how much longer they take, and say so", "×", 0.0, 0.0),
+            ),
+            pose=0,
+            together=together_rows.moves,
+        ),
+        Row(
+            "fullsteps",
+            None,
+            (
+                Quantity(
+                    "speed", "direct full steps of all: top speed over limit", "×", 1.05, 1.05
+                ),
+            ),
+            pose=0,
+            together=together_rows.full_steps,
         ),
     )
 }

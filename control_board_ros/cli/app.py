@@ -11,14 +11,16 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+from control_board_ros.text import nearest
+
 from .. import __version__
 from .arguments import HELP, Parser, arguments_of
 from .boards import is_pattern, sessions_meant
 from .options import ARGUMENTS, Options, hoist, read_options, split_ros_arguments
-from .output import DONE, REFUSED, USAGE, ReaderGone, addressed, complain, fail, put, put_json
+from .output import DONE, REFUSED, USAGE, ReaderGone, complain, fail, put, put_json
 from .session import Session
 from .verbs import SECTIONS, VERBS, load
-from .words import Refused, UsageError, nearest
+from .words import Refused, UsageError
 
 #: Set by the completion scripts: then the words to offer are printed, and nothing is done.
 COMPLETE = "_CBCTL_COMPLETE"
@@ -55,7 +57,7 @@ def invoke(session: Session, words: Sequence[str]) -> int:
         return fail("interrupted", REFUSED, as_json=as_json)
     except Exception as error:  # noqa: BLE001  (explain raises what it does not know)
         message, code = explain(error)
-        return fail(addressed(session, message), code, as_json=as_json)
+        return fail(message, code, as_json=as_json)
 
 
 def do(session: Session, words: Sequence[str]) -> int:
@@ -122,7 +124,6 @@ def on_each(session: Session, verb: Callable[..., Any], values: dict[str, Any]) 
                 codes.append(verb(one, **values) or DONE)
             except Exception as error:  # noqa: BLE001  (explain raises what it does not know)
                 message, code = explain(error)
-                message = addressed(one, message)
                 one.answers = [{"success": False, "message": message}]
                 codes.append(code)
                 if not session.options.json:

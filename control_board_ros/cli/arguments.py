@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
 
+from .offers import Offers, assignments, joints_or_all, joints_then
 from .words import UsageError
 
 Verb = TypeVar("Verb", bound=Callable[..., Any])
@@ -32,19 +33,20 @@ def number(text: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """Names and settings, as ``ArgumentParser.add_argument`` takes them."""
+    """Names and settings, as ``ArgumentParser.add_argument`` takes them, and what Tab offers."""
 
     names: tuple[str, ...]
     settings: dict[str, Any]
+    offers: Offers | None = None
 
     @property
     def positional(self) -> bool:
         return not self.names[0].startswith("-")
 
 
-def argument(*names: str, **settings: Any) -> Argument:
+def argument(*names: str, offers: Offers | None = None, **settings: Any) -> Argument:
     """An argument, or an option where its names begin with a dash."""
-    return Argument(names, settings)
+    return Argument(names, settings, offers)
 
 
 def takes(*arguments: Argument) -> Callable[[Verb], Verb]:
@@ -105,7 +107,21 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}; see {self.prog} --help")
 
 
-JOINTS = argument("joints", nargs="*", metavar="JOINT", help="Joints; none: all.")
-JOINTS_THEN_MODE = argument("words", nargs="+", metavar="JOINT… MODE", help="Joints, then a mode.")
-VALUES = argument("words", nargs="+", metavar="JOINT=VALUE", help="A value for each joint.")
+def joints_then_mode(codes: Sequence[str]) -> Argument:
+    """Joints, then one of these modes."""
+    return argument(
+        "words",
+        nargs="+",
+        metavar="JOINT… MODE",
+        help="Joints, then a mode.",
+        offers=joints_then(codes),
+    )
+
+
+JOINTS = argument(
+    "joints", nargs="*", metavar="JOINT", help="Joints; none: all.", offers=joints_or_all
+)
+VALUES = argument(
+    "words", nargs="+", metavar="JOINT=VALUE", help="A value for each joint.", offers=assignments
+)
 FOR = argument("--for", dest="time", metavar="TIME", help="How long, e.g. 2s; then it stops.")

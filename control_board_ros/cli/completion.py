@@ -5,18 +5,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
-
-from control_board_ros.core.modes import REQUESTABLE, UNIMPLEMENTED
-from control_board_ros.core.vocabs import InteractionMode
 
 from .arguments import Argument, arguments_of
 from .boards import boards_meant
+from .offers import Typed
 from .options import ARGUMENTS, Options, hoist, read_options
 from .output import DONE, put
-from .plotting import SIGNALS
 from .session import Session
-from .tables import short_names
 from .words import Refused, UsageError
 
 #: s to look for a board and to wait for its answers: a Tab must not hang.
@@ -49,83 +46,39 @@ end
 complete -c cbctl -f -a '(__cbctl)'""",
 }
 
-#: Verbs that take JOINT=VALUE, and those that end with a mode or a fault after the joints.
-VALUE_VERBS = ("move", "direct", "velocity", "torque", "output", "speed")
-MODE_CODES = tuple(mode.code for mode in REQUESTABLE if mode not in UNIMPLEMENTED)
-FAULTS = ("overcurrent", "encoder", "torque_sensor", "overheating", "external")
-LAST_WORDS = {
-    "mode": MODE_CODES,
-    "interaction": tuple(mode.code for mode in InteractionMode),
-    "inject": FAULTS,
-}
-#: Verbs that take no joint.
-ALONE = (
-    "info",
-    "poses",
-    "home",
-    "park",
-    "configure",
-    "power-cycle",
-    "pause",
-    "resume",
-    "step",
-    "reset",
-)
-
-
-def joint_words(names: Sequence[str], incomplete: str) -> list[str]:
-    """Names that begin with what is typed: the short ones, or else the whole ones."""
-    shorts = short_names(names)
-    found = [short for short in shorts.values() if short.startswith(incomplete)]
-    return found or [name for name in names if name.startswith(incomplete)]
-
-
-def signal_words(names: Sequence[str], incomplete: str) -> list[str]:
-    """Signals that begin with what is typed: ``joint_1.`` first, then its kinds."""
-    joint, dot, kind = incomplete.rpartition(".")
-    kinds = [f"{joint}{dot}{word}" for word in SIGNALS if word.startswith(kind)]
-    return kinds if dot else [f"{word}." for word in joint_words(names, incomplete)] + kinds
-
-
-def pose_words(poses: Sequence[str], incomplete: str) -> list[str]:
-    """Poses that begin with what is typed, and ``save``."""
-    return [word for word in (*poses, "save") if word.startswith(incomplete)]
-
 
 def offers(
-    verb: str,
+    verb: Callable[..., Any],
     before: Sequence[str],
     incomplete: str,
-    names: Sequence[str],
+    joints: Callable[[], Sequence[str]],
     poses: Callable[[], Sequence[str]] = tuple,
 ) -> list[str]:
     """The words that may stand next on the line of a verb.
 
     Args:
-        verb: its name.
+        verb: its function.
         before: the words between the verb and the one that is typed.
         incomplete: what is typed of it.
-        names: the joints of the board.
-        poses: asks for the poses of the board.
+        joints: asks for the joints of the board.
+        poses: asks for its poses.
     """
-    if verb in ALONE or incomplete.startswith("-"):
+    if incomplete.startswith("-"):
         return []
-    if verb == "pose" and len(before) < 2:
-        return pose_words(poses(), incomplete) if not before else []  # or a new name
-    last = [word for word in LAST_WORDS.get(verb, ()) if word.startswith(incomplete)]
-    if before and last:
-        return last  # a joint is there: a mode follows
-    if verb == "plot":
-        return signal_words(names, incomplete)
-    words = joint_words(names, incomplete)
-    if verb in VALUE_VERBS:
-        return [f"{word}=" for word in words]
-    return words + ["all"] * "all".startswith(incomplete)
+    typed = Typed(before, incomplete, joints, poses)
+    found = [
+        word
+        for entry in arguments_of(verb)
+        if entry.positional and entry.offers is not None
+        for word in entry.offers(typed)
+    ]
+    return [word for word in found if word.startswith(incomplete)]
 
 
 def line_offers(
     line: str,
     verbs: Sequence[str],
+    load: Callable[[str], Any],
     names: Sequence[str],
     more: Sequence[str] = (),
     poses: Callable[[], Sequence[str]] = tuple,
@@ -135,6 +88,7 @@ def line_offers(
     Args:
         line: up to the cursor.
         verbs: of cbctl.
+        load: gives the function of a verb.
         names: the joints of the board.
         more: words of the shell itself; the first two of them show help.
         poses: asks for the poses of the board.
@@ -150,7 +104,7 @@ def line_offers(
         return [verb for verb in known if verb.startswith(incomplete)]
     if before[0] not in known:
         return []
-    return offers(before[0], before[1:], incomplete, names, poses)
+    return offers(load(before[0]), before[1:], incomplete, lambda: names, poses)
 
 
 def complete(
@@ -195,29 +149,17 @@ def at_cursor(
         return [flag for flag in (*flags, "--help") if flag.startswith(incomplete)]
     if not rest:
         return [verb for verb in verbs if verb.startswith(incomplete)]
-    if rest[0] == "completion":
-        return [shell for shell in SCRIPTS if shell.startswith(incomplete)]
-    if rest[0] in ALONE or rest[0] not in verbs:
+    if rest[0] not in verbs:
         return []
     options.timeout = TIMEOUT
-    names, poses = board_words(options, rest[0])
-    return offers(rest[0], rest[1:], incomplete, names, lambda: poses)
+    with Session(options) as session:
+        joints, poses = partial(list_joints, session), partial(list_poses, session)
+        return offers(load(rest[0]), rest[1:], incomplete, joints, poses)
 
 
 def flags_of(entry: Argument) -> list[str]:
     """The long names of an option."""
     return [name for name in entry.names if name.startswith("--")]
-
-
-def board_words(options: Options, verb: str) -> tuple[Sequence[str], Sequence[str]]:
-    """The joints of the board, and its poses where the verb takes them; none without a board."""
-    from control_board_ros.client import BoardError
-
-    try:
-        with Session(options) as session:
-            return session.names, list_poses(session) if verb == "pose" else ()
-    except BoardError:
-        return (), ()
 
 
 def all_boards(options: Options) -> list[str]:
@@ -227,6 +169,16 @@ def all_boards(options: Options) -> list[str]:
             return boards_meant(session)
         except Refused:
             return []
+
+
+def list_joints(session: Session) -> Sequence[str]:
+    """The joints of the board; none without a board."""
+    from control_board_ros.client import BoardError
+
+    try:
+        return session.names
+    except BoardError:
+        return ()
 
 
 def list_poses(session: Session) -> Sequence[str]:

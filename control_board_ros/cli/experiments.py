@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from control_board_ros.core.joint_kind import JointKind
 from control_board_ros.core.modes import FAULTED, STEPS, STOPPABLE
 from control_board_ros.interface import STATE
 
-from .limits import JointLimits
+from ..joint_limits import JointLimits
 from .output import note
 from .progress import Bar
 from .recordings import read_boards, start
@@ -31,12 +32,12 @@ FIRST_STATE = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """A joint under measurement: name, where it began (rad or m), limits, slides, control mode."""
+    """A joint under measurement: name, where it began (rad or m), limits, kind, control mode."""
 
     joint: str
     start: float
     limits: JointLimits
-    slides: bool
+    kind: JointKind
     mode: str
 
 
@@ -52,13 +53,14 @@ def prepare(session: Session, word: str) -> Experiment:
     (joint,) = names
     (mode,) = session.client.get_control_mode(names)
     if mode not in STOPPABLE:
-        step = f"cbctl clear {joint}" if mode in FAULTED else f"cbctl mode {joint} pos"
+        words = ("clear", joint) if mode in FAULTED else ("mode", joint, "pos")
+        step = session.line(*words)
         raise Refused(f"{joint} is in {mode.name} and does not hold its position; first: {step}")
     limits = session.limits(names)[joint]
     if limits is None:
         raise Refused(f"the board does not tell the limits of {joint}: nothing is moved")
     position = float(session.client.get_state().position_reference[session.names.index(joint)])
-    return Experiment(joint, position, limits, session.slides(joint), mode.code)
+    return Experiment(joint, position, limits, session.kind(joint), mode.code)
 
 
 def check_reach(session: Session, experiment: Experiment, targets: list[float]) -> None:
@@ -68,7 +70,7 @@ def check_reach(session: Session, experiment: Experiment, targets: list[float]) 
         Refused: says where it would go, what is allowed, and the next step.
     """
     limits, joint = experiment.limits, experiment.joint
-    show = session.show_angle
+    show = session.position
     for target in targets:
         if not limits.lower <= target <= limits.upper:
             raise Refused(

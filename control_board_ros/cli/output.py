@@ -3,17 +3,19 @@
 
 from __future__ import annotations
 
-import json
 import math
-import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from .words import DEGREE
+from control_board_ros.core.joint_kind import ENDLESS
+from control_board_ros.text import clean_lines, json_line
+
+from .advice import advice
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
+    from rich.console import Console, ConsoleOptions, RenderableType
+    from rich.segment import Segment
     from rich.text import Text
 
     from control_board_ros.core.reply import Reply
@@ -24,9 +26,6 @@ DONE, REFUSED, USAGE = 0, 1, 2
 
 #: Columns of a table that goes into a file or a pipe.
 PIPE_WIDTH = 160
-
-#: A range that no joint has, rad or m: that of one without limits.
-ENDLESS = 1e5
 
 #: Colours of modes by code: green holds or moves, yellow drives, red needs somebody.
 COLOURS = {
@@ -48,11 +47,25 @@ COLOURS = {
 def console(*, stderr: bool = False, width: int | None = None) -> Console:
     """A rich console: colours only where somebody looks, width only where there is one."""
     from rich.console import Console
+    from rich.segment import Segment
+
+    class CleanConsole(Console):
+        """Shows texts of others without what a terminal would take as an order."""
+
+        def render(
+            self, renderable: RenderableType, options: ConsoleOptions | None = None
+        ) -> Iterator[Segment]:
+            for segment in super().render(renderable, options):
+                text, style, control = segment
+                if control or text == "\n" or text.isprintable():
+                    yield segment
+                else:
+                    yield Segment(clean_lines(text), style)
 
     stream = sys.stderr if stderr else sys.stdout
     if width is None and not stream.isatty():
         width = PIPE_WIDTH
-    return Console(stderr=stderr, highlight=False, width=width)
+    return CleanConsole(stderr=stderr, highlight=False, width=width)
 
 
 def load_drawing() -> None:
@@ -76,7 +89,9 @@ def put(result: Any, *, width: int | None = None) -> None:
         ReaderGone: nobody reads any more.
     """
     end = "\n"
-    if not isinstance(result, str):  # rich itself would end the program on a closed pipe
+    if isinstance(result, str):
+        result = clean_lines(result)
+    else:  # rich itself would end the program on a closed pipe
         screen = console(width=width)
         with screen.capture() as captured:
             screen.print(result)
@@ -89,7 +104,7 @@ def put(result: Any, *, width: int | None = None) -> None:
 
 def put_json(value: Any) -> None:
     """Print one line of JSON on stdout."""
-    put(json.dumps(plain(value), ensure_ascii=False))
+    put(json_line(plain(value)))
 
 
 def show(session: Session, value: Any, render: Callable[[], RenderableType | str]) -> None:
@@ -124,38 +139,23 @@ def plain(value: Any) -> Any:
 def note(session: Session, text: str) -> None:
     """Print a remark on stderr; none with --json."""
     if not session.options.json:
-        console(stderr=True).print(addressed(session, text), markup=False, soft_wrap=True)
+        console(stderr=True).print(text, markup=False, soft_wrap=True)
 
 
-#: Where a message names the next step.
-NEXT_STEP = re.compile(r"(?<=: )cbctl (?=[a-z])")
+def conclude(
+    session: Session, reply: Reply, text: str = "", *, mode: str = "pos", **more: Any
+) -> int:
+    """Print what became of a request; the exit code.
 
-#: What the board says of its services, in the words of cbctl.
-IN_CBCTL = {
-    "call ~/pause with data: true first": "pause it first with: cbctl pause",
-    "~/step ": "step ",
-    "configure the board first (service configure)": "configure it first with: cbctl configure",
-}
-
-
-def in_cbctl(message: str) -> str:
-    """A message of the board with the next step as one types it here."""
-    for theirs, ours in IN_CBCTL.items():
-        message = message.replace(theirs, ours)
-    return message
-
-
-def addressed(session: Session, text: str) -> str:
-    """A text whose next step, ``…: cbctl VERB``, goes to the board that is meant."""
-    address = session.options.address
-    if not address or session.shared:  # in the shell, the board is known
-        return text
-    return NEXT_STEP.sub(f"cbctl {address} ", text)
-
-
-def conclude(session: Session, reply: Reply, text: str = "", **more: Any) -> int:
-    """Print what became of a request; the exit code."""
-    message, text = addressed(session, in_cbctl(reply.message)), addressed(session, text)
+    Args:
+        session: with the board.
+        reply: of the board.
+        text: what was done, where all was accepted.
+        mode: in which joints would have done what they did not.
+        more: for machines, by name.
+    """
+    next_step = advice(reply, session.names, session.line, mode) if any(reply.codes) else ""
+    message = "; ".join(filter(None, (reply.message, next_step)))
     if session.options.json:
         joints = {n: str(a) for n, a in zip(reply.joints, reply.answers, strict=True)}
         answer(session, {"success": bool(reply), "message": message, "joints": joints} | more)
@@ -188,20 +188,6 @@ def mode_text(code: str, name: str = "") -> Text:
     from rich.text import Text
 
     return Text(name or code, style=COLOURS.get(code, ""))
-
-
-def position_text(value: float, prismatic: bool) -> str:
-    """A position for people."""
-    if not math.isfinite(value):
-        return "-"
-    return f"{value * 1000:z.1f} mm" if prismatic else f"{value / DEGREE:z.1f}°"
-
-
-def force_text(value: float, prismatic: bool, digits: int = 1) -> str:
-    """A torque, or of a sliding joint a force, for people."""
-    if not math.isfinite(value):
-        return "-"
-    return f"{value:z.{digits}f} {'N' if prismatic else 'N·m'}"
 
 
 def bar(value: float, lower: float, upper: float, width: int = 12) -> str:

@@ -9,8 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from .words import DEGREE
+
 if TYPE_CHECKING:
     from rich.text import Text
+
+    from control_board_ros.core.joint_kind import JointKind
 
 #: Bits of the dots of a braille character, by column and row from the top.
 DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
@@ -30,6 +34,19 @@ SIGNALS = {
     "temperature": ("temperature", "temperature"),
 }
 
+#: The span that a chart has at least, in the units of the state.
+LEAST = {
+    "position": DEGREE,
+    "velocity": DEGREE,
+    "torque": 1.0,
+    "output": 1.0,
+    "current": 0.1,
+    "temperature": 1.0,
+}
+#: Part of it that is enough for a sliding joint, in m and N.
+SLIDING = 0.1
+UNITS = {"output": "%", "current": "A", "temperature": "°C"}
+
 STYLES = ("cyan", "yellow", "magenta", "green", "red", "blue")
 
 
@@ -48,6 +65,15 @@ class Signal:
     chart: str
     show: Callable[[float], str]
     least: float
+
+
+def signal_of(joint: JointKind, name: str, kind: str, label: str) -> Signal:
+    """A signal of one joint, with the unit that people read."""
+    field, quantity = SIGNALS[kind]
+    texts = {"position": joint.position, "velocity": joint.velocity, "torque": joint.force}
+    show = texts.get(quantity, lambda value: f"{value:.1f} {UNITS[quantity]}")
+    least = LEAST[quantity] * joint.choose(1.0, SLIDING)
+    return Signal(name, field, label, f"{quantity} {joint.unit}", show, least)
 
 
 @dataclass(slots=True)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from .output import console
@@ -44,6 +45,30 @@ class Bar:
         if self._progress is not None:
             self._progress.start()
             self._progress.update(self._task, completed=min(max(share, 0.0), 1.0), text=text)
+
+
+class Way:
+    """How much of a move is done, as measured: by the joint that is furthest behind.
+
+    Args:
+        targets: by joint, rad or m.
+        near: ways that count as none, by joint.
+    """
+
+    def __init__(self, targets: Mapping[str, float], near: Mapping[str, float]) -> None:
+        self._targets, self._near = targets, near
+        self._starts: dict[str, float] = {}
+
+    def share(self, positions: Mapping[str, float]) -> float:
+        """From 0 to 1; the first positions are where the move began."""
+        if not self._starts:
+            self._starts = dict(positions)
+        made = [1.0]
+        for name, target in self._targets.items():
+            whole = target - self._starts[name]
+            if abs(whole) > self._near[name]:
+                made.append((positions[name] - self._starts[name]) / whole)
+        return max(min(made), 0.0)
 
 
 class Standstill:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from .limits import FIELDS
+from ..joint_limits import FIELDS
 from .session import Session
 
 #: One row per joint: fields by name, in the board's units.

@@ -60,6 +60,6 @@ class Silence:
         self._told = True
         return (
             f"nothing heard for {now - self._since:.0f} s, though the board is there: is its "
-            "process stopped, or the machine or the network overloaded? If it lasts, start the "
-            "recording anew"
+            "process stopped, or the machine or the network overloaded? It is looked for anew, "
+            "and the gap is noted in the recording"
         )

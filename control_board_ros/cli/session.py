@@ -9,11 +9,13 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from ..core.joint_kind import JointKind
+from ..joint_limits import JointLimits, limit_parameters, limits_of
 from ..startup import announce_often, leave_out_the_generator
-from .limits import FIELDS, JointLimits, check_targets, limits_of, read_parameters
+from ..urdf_xml import DescribedJoint, heard_joints
+from .limits import check_limits
 from .options import Options
-from .output import load_drawing, position_text
-from .robot import JointDescription, describe
+from .output import load_drawing
 from .words import Quantity, Refused, UsageError, assigned, find_joints
 
 if TYPE_CHECKING:
@@ -110,6 +112,11 @@ class Session:
         self._stack.callback(node.destroy_node)
         return node
 
+    def line(self, *words: str) -> str:
+        """A line of cbctl for the board that is meant, as one types it: ``cbctl modes``."""
+        address = "" if self.shared else self.options.address  # in the shell, it is known
+        return " ".join(word for word in ("cbctl", address, *words) if word)
+
     @property
     def names(self) -> tuple[str, ...]:
         """The board's joints."""
@@ -129,49 +136,50 @@ class Session:
         for name, value in values.items():
             joint = self.robot.get(name) if value.dimension else None
             if joint is not None and joint.dimension != value.dimension:
-                unit = "m or mm" if joint.prismatic else "rad or deg"
+                unit = self.kind(name).choose("rad or deg", "m or mm")
                 raise Refused(f"{name} is {joint.kind}; give its value in {unit}")
         return {name: value.value for name, value in values.items()}
 
-    def targets(self, pairs: Sequence[tuple[str, Quantity]]) -> dict[str, float]:
-        """Positions by joint, as ``values``, within the limits that the board has now.
+    def within_limits(
+        self, pairs: Sequence[tuple[str, Quantity]], kind: str = "position"
+    ) -> dict[str, float]:
+        """Values of a kind by joint, as ``values``, within the limits that the board has now.
 
         Raises:
-            Refused: as ``values``, or a target outside the joint's software limits.
+            Refused: as ``values``, or a value beyond the joint's limits.
         """
         values = self.values(pairs)
         given = assigned(pairs, self.names)
-        sliding = {name: self.slides(name) for name in values}
-        check_targets(given, self.limits(list(values)), sliding)
+        kinds = {name: self.kind(name) for name in values}
+        check_limits(kind, given, self.limits(list(values)), kinds)
         return values
 
     def limits(self, names: Sequence[str]) -> dict[str, JointLimits | None]:
         """The limits in force, from the board's parameters; None where it does not tell them."""
-        client = self.client
-        wanted = [f"{name}.limits.{field}" for name in names for field in FIELDS]
-        values = read_parameters(self.node, client.board_name, wanted, self.options.timeout)
-        n = len(FIELDS)
-        return {name: limits_of(values[n * k : n * (k + 1)]) for k, name in enumerate(names)}
+        from control_board_ros.client import BoardError
+        from control_board_ros.core.selection import RequestError
 
-    def slides(self, name: str) -> bool:
-        """Whether a joint is prismatic."""
+        try:
+            values = self.client.get_parameters(limit_parameters(names)).values()
+        except (BoardError, RequestError):
+            return dict.fromkeys(names)
+        return limits_of(names, values)
+
+    def kind(self, name: str) -> JointKind:
+        """The kind of a joint; REVOLUTE where the board's URDF does not tell."""
         joint = self.robot.get(name)
-        return joint is not None and joint.prismatic
-
-    def torque_unit(self, name: str) -> str:
-        """N·m; of a sliding joint N."""
-        return "N" if self.slides(name) else "N·m"
+        return JointKind.of(None if joint is None else joint.kind)
 
     @cached_property
-    def robot(self) -> Mapping[str, JointDescription]:
+    def robot(self) -> Mapping[str, DescribedJoint]:
         """Kind and limits of each joint, from the board's URDF; empty when it has none."""
         from control_board_ros.client import BoardTimeout
 
         try:
-            return describe(self.client.get_robot_description())
+            return heard_joints(self.client.get_robot_description())
         except BoardTimeout:
             return {}
 
-    def show_angle(self, name: str, value: float) -> str:
-        """A position for people: degrees, or mm."""
-        return position_text(value, self.slides(name))
+    def position(self, name: str, value: float) -> str:
+        """A position of a joint, for people."""
+        return self.kind(name).position(value)

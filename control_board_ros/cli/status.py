@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from control_board_ros.core.modes import NOT_HOLDING
@@ -27,7 +27,7 @@ DOING = {
     "cfgn": "is not configured",
 }
 #: Modes without power, and the next step.
-NEXT_STEP = {"idl": "hold with: cbctl mode {} pos", "hwfa": "clear with: cbctl clear {}"}
+WITHOUT_POWER = {"idl": ("hold with", "mode {} pos"), "hwfa": ("clear with", "clear {}")}
 
 
 def what_they_do(session: Session, names: list[str]) -> str:
@@ -39,11 +39,11 @@ def what_they_do(session: Session, names: list[str]) -> str:
     doing = [
         DOING.get(mode.code, "is").format(torque=torque, output=output, unit=unit)
         for mode, torque, output, unit in zip(
-            modes, torques, outputs, map(session.torque_unit, names), strict=True
+            modes, torques, outputs, [session.kind(name).force_unit for name in names], strict=True
         )
     ]
     return ", ".join(
-        f"{name} {does} at {session.show_angle(name, q)} ({mode.name})"
+        f"{name} {does} at {session.position(name, q)} ({mode.name})"
         for name, does, q, mode in zip(names, doing, positions, modes, strict=True)
     )
 
@@ -57,22 +57,24 @@ def cancelled(session: Session, what: str, names: list[str]) -> int:
     return REFUSED
 
 
-def warn_without_power(session: Session, names: Sequence[str]) -> None:
-    """Say which of the joints have no power, where they are, and how to hold them."""
-    if session.options.json or not names:
+def warn_without_power(session: Session, modes: Mapping[str, str]) -> None:
+    """Say which of the joints have no power, where they are, and how to hold them.
+
+    Args:
+        session: with the board.
+        modes: the codes of the modes that joints have now, by joint.
+    """
+    if session.options.json:
         return
-    modes = session.client.get_control_mode(names)
-    positions = session.client.get_encoder(names).tolist()
-    for code, step in NEXT_STEP.items():
-        loose = {
-            name: session.show_angle(name, q)
-            for name, mode, q in zip(names, modes, positions, strict=True)
-            if mode.code == code
-        }
+    for code, (what, verb) in WITHOUT_POWER.items():
+        loose = [name for name, mode in modes.items() if mode == code]
         if loose:
-            where = ", ".join(f"{name} at {angle}" for name, angle in loose.items())
+            positions = session.client.get_encoder(loose).tolist()
+            angles = zip(loose, map(session.position, loose, positions), strict=True)
+            where = ", ".join(f"{name} at {angle}" for name, angle in angles)
             words = "all" if len(loose) == len(session.names) else " ".join(loose)
-            note(session, f"free to fall, without power: {where}; {step.format(words)}")
+            step = f"{what}: {session.line(verb.format(words))}"
+            note(session, f"free to fall, without power: {where}; {step}")
 
 
 def warn_not_holding(session: Session, names: list[str]) -> None:
@@ -81,4 +83,5 @@ def warn_not_holding(session: Session, names: list[str]) -> None:
     loose = [name for name, mode in zip(names, modes, strict=True) if mode in NOT_HOLDING]
     if loose:
         words = " ".join(loose)
-        note(session, f"nothing holds {words} now; hold with: cbctl mode {words} pos")
+        step = session.line("mode", words, "pos")
+        note(session, f"nothing holds {words} now; hold with: {step}")

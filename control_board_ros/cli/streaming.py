@@ -12,8 +12,7 @@ from .output import REFUSED, conclude, note
 from .progress import Bar, Standstill
 from .session import Session
 from .status import warn_not_holding, what_they_do
-from .tables import short_names
-from .words import UsageError, quantity
+from .words import UsageError, quantity, short_names
 
 if TYPE_CHECKING:
     from control_board_ros.core.reply import Reply
@@ -53,25 +52,38 @@ def settle(session: Session, names: list[str]) -> None:
         )
 
 
-def stream(session: Session, send: Send, values: dict[str, float], seconds: float | None) -> int:
+def stream(
+    session: Session, send: Send, values: dict[str, float], seconds: float | None, mode: str
+) -> int:
     """Send references until the time is over or Ctrl-C, then zero; the exit code.
 
     It ends early when the board ignores them: a joint has left its mode. Ctrl-C before the time
-    is over is exit code 1; where no time was given it is the end asked for.
+    is over is exit code 1; where no time was given it is the end asked for. What the board does
+    instead of what is asked is told once.
+
+    Args:
+        session: with the board.
+        send: sends references, and gives the board's answer.
+        values: by joint.
+        seconds: how long; None: until Ctrl-C.
+        mode: in which joints take them.
     """
     names = list(values)
     start = time.monotonic()
-    reply, interrupted = None, False
+    reply, told, interrupted = None, "", False
     try:
         for reply in sent(session, send, values, seconds):
             if not reply:
                 break
+            if reply.message and not told:
+                told = reply.message
+                note(session, told)
     except KeyboardInterrupt:
         interrupted = seconds is not None
     if reply is not None and not reply:
         if taken := accepted_joints(reply):
             end(session, send, taken)
-        return conclude(session, reply)
+        return conclude(session, reply, mode=mode)
     if interrupted:
         note(session, f"interrupted after {time.monotonic() - start:.1f} s of {seconds:g} s")
     last = end(session, send, names)
@@ -108,7 +120,7 @@ def where(session: Session, names: list[str]) -> str:
     state = session.client.get_state(fresh=False)
     shorts = short_names(state.names)
     positions = [
-        f"{shorts[name]} {session.show_angle(name, float(state.position[j]))}"
+        f"{shorts[name]} {session.position(name, float(state.position[j]))}"
         for j, name in enumerate(state.names)
         if name in names
     ]

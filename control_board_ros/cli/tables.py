@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from .output import console
+from .words import short_names
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -128,12 +129,3 @@ def drawn(
     for cells in zip(*columns.values(), strict=True):
         made.add_row(*cells)
     return made
-
-
-def short_names(names: Sequence[str], known: Sequence[str] = ()) -> dict[str, str]:
-    """Names without the words that all of the board begin with, but for the last such word."""
-    words = [name.split("_") for name in known or names]
-    k = 0
-    while len(words) > 1 and len({tuple(word[k : k + 2]) for word in words}) == 1:
-        k += 1
-    return {name: "_".join(name.split("_")[k:]) for name in names}

@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from control_board_ros.text import nearest
 
 DEGREE = math.pi / 180.0
 NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.DOTALL)
@@ -134,14 +136,6 @@ def find_joint(word: str, names: Sequence[str]) -> list[str]:
     raise Refused(f"joint {word[:64]!r} unknown{nearest(word, names)}; joints: {', '.join(names)}")
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """A hint at what was meant, to end a phrase with; empty where nothing is near."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(word[:64], list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""
-
-
 def find_joints(words: Sequence[str], names: Sequence[str]) -> list[str]:
     """The joints that words mean, each once, in the order given; no words: all.
 
@@ -165,3 +159,12 @@ def assigned(pairs: Sequence[tuple[str, Quantity]], names: Sequence[str]) -> dic
                 raise Refused(f"joint {name!r} has two values; give it one")
             values[name] = value
     return values
+
+
+def short_names(names: Sequence[str], known: Sequence[str] = ()) -> dict[str, str]:
+    """Names without the words that all of the board begin with, but for the last such word."""
+    words = [name.split("_") for name in known or names]
+    k = 0
+    while len(words) > 1 and len({tuple(word[k : k + 2]) for word in words}) == 1:
+        k += 1
+    return {name: "_".join(name.split("_")[k:]) for name in names}

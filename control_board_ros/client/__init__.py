@@ -7,7 +7,7 @@
     node = rclpy.create_node("my_program")
     board = ControlBoardClient(node, "control_board")
     board.set_control_mode("l_elbow", "pos")
-    board.position_move("l_elbow", 0.5)          # fire and forget, by topic
+    board.position_move("l_elbow", 0.5)          # starts it; the reply is the board's
     board.move(["l_elbow", 2], [0.7, 0.1])       # waits for the end
     board.get_encoder()                          # numpy array, all joints
 
@@ -17,7 +17,7 @@ within a callback: the client serves its own connection.
 """
 
 from .board import ControlBoardClient
-from .errors import BoardError, BoardNotFound, BoardTimeout
+from .errors import BoardError, BoardNotFound, BoardTimeout, InvalidAnswer
 from .goals import CalibrationFeedback, MoveFeedback
 from .poses import PoseFeedback
 from .state import State
@@ -28,6 +28,7 @@ __all__ = [
     "BoardTimeout",
     "CalibrationFeedback",
     "ControlBoardClient",
+    "InvalidAnswer",
     "MoveFeedback",
     "PoseFeedback",
     "State",

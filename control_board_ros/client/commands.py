@@ -1,42 +1,42 @@
 # SPDX-License-Identifier: Apache-2.0
-"""References: commands by topic, fire and forget, one method per kind (SPEC P).
+"""References, one method per kind (SPEC P): one-shot calls are answered, streams are published.
 
-A topic has no answer, so the reply is what the client knows (prediction). What is found wrong is
-sent all the same: the board decides, and counts what it ignores (M4).
+As in YARP: ``position_move`` and ``relative_move`` ask the board (service send_reference), and
+their reply is the board's. The others are streams and go by topic, which has no answer: their
+reply says that it was sent, and what became of it only the board's counter of rejected commands
+tells, or ``answered=True``, which asks the board in place of publishing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from control_board_ros.core.reply import Reply, refused
+from control_board_ros.core.reply import Reply, refused, sent
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.interface import (
     FEEDFORWARD_COMMAND,
     OUTPUT_COMMAND,
     POSITION_COMMAND,
     POSITION_DIRECT_COMMAND,
+    SEND_REFERENCE,
     TORQUE_COMMAND,
     VELOCITY_COMMAND,
     Endpoint,
 )
 from control_board_ros.protocols import Joints, Values
 
-from .prediction import Predictor
-from .services import Services
+from .operations import Interface, operation
+from .services import reply_of
 from .values import as_given, for_each
-from .waiting import Steps
 
 
-class ReferenceCommands:
+class ReferenceCommands(Interface):
     """IPositionControl, IPositionDirect, IVelocityControl, ITorqueControl, IOpenLoopControl."""
 
-    def __init__(self, services: Services, predictor: Predictor) -> None:
-        self._services, self._predictor = services, predictor
-
-    def position_move(
+    @operation
+    async def position_move(
         self, joints: Joints, positions: Values, speeds: Values | None = None
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Start minimum-jerk moves at the set reference speeds, or at the speeds given (P1).
 
         Args:
@@ -44,13 +44,12 @@ class ReferenceCommands:
             positions: targets, rad; one for all joints, or shape (k,).
             speeds: mean speeds, rad/s, likewise.
         """
-        return (
-            yield from self._send(POSITION_COMMAND, joints, positions=positions, speeds=speeds)
-        )
+        return await self._send(POSITION_COMMAND, joints, True, positions=positions, speeds=speeds)
 
-    def relative_move(
+    @operation
+    async def relative_move(
         self, joints: Joints, distances: Values, speeds: Values | None = None
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Start moves by so much from the measured positions, as position_move does (P1).
 
         Args:
@@ -60,82 +59,123 @@ class ReferenceCommands:
         """
         services = self._services
         try:
-            selection = yield from services.select(joints)
+            selection = await services.select(joints)
             ways = for_each(distances, len(selection.names), "distances")
         except RequestError as error:
             return refused(str(error))
-        state = yield from services.states.latest()
+        state = await services.states.latest()
         targets = state.position[selection.joints] + ways
-        return (
-            yield from self._send(
-                POSITION_COMMAND, selection.names, positions=targets, speeds=speeds
-            )
+        return await self._send(
+            POSITION_COMMAND, selection.names, True, positions=targets, speeds=speeds
         )
 
-    def set_position(self, joints: Joints, positions: Values) -> Steps[Reply]:
-        """Step the position reference, rad (P4)."""
-        return (yield from self._send(POSITION_DIRECT_COMMAND, joints, positions=positions))
+    @operation
+    async def set_position(
+        self, joints: Joints, positions: Values, *, answered: bool = False
+    ) -> Reply:
+        """Step the position reference, rad (P4); ``answered`` asks for the board's answer."""
+        return await self._send(POSITION_DIRECT_COMMAND, joints, answered, positions=positions)
 
-    def velocity_move(
-        self, joints: Joints, velocities: Values, accelerations: Values | None = None
-    ) -> Steps[Reply]:
+    @operation
+    async def velocity_move(
+        self,
+        joints: Joints,
+        velocities: Values,
+        accelerations: Values | None = None,
+        *,
+        answered: bool = False,
+    ) -> Reply:
         """Set the reference velocity, reached with the reference acceleration (P5).
 
         Args:
             joints: that move.
             velocities: rad/s; one for all joints, or shape (k,). They expire (P12).
             accelerations: rad/s², likewise; None: as set.
+            answered: whether to ask for the board's answer, instead of publishing.
         """
-        return (
-            yield from self._send(
-                VELOCITY_COMMAND, joints, velocities=velocities, accelerations=accelerations
-            )
+        return await self._send(
+            VELOCITY_COMMAND,
+            joints,
+            answered,
+            velocities=velocities,
+            accelerations=accelerations,
         )
 
-    def set_ref_torque(self, joints: Joints, torques: Values) -> Steps[Reply]:
-        """Set the reference torque, N·m (P7)."""
-        return (yield from self._send(TORQUE_COMMAND, joints, torques=torques))
+    @operation
+    async def set_ref_torque(
+        self, joints: Joints, torques: Values, *, answered: bool = False
+    ) -> Reply:
+        """Set the reference torque, N·m (P7); ``answered`` asks for the board's answer."""
+        return await self._send(TORQUE_COMMAND, joints, answered, torques=torques)
 
-    def set_output(self, joints: Joints, outputs: Values) -> Steps[Reply]:
-        """Set the PWM in percent (P8)."""
-        return (yield from self._send(OUTPUT_COMMAND, joints, outputs=outputs))
+    @operation
+    async def set_output(
+        self, joints: Joints, outputs: Values, *, answered: bool = False
+    ) -> Reply:
+        """Set the PWM in percent (P8); ``answered`` asks for the board's answer."""
+        return await self._send(OUTPUT_COMMAND, joints, answered, outputs=outputs)
 
-    def set_feedforward(
-        self, joints: Joints, outputs: Values | None = None, torques: Values | None = None
-    ) -> Steps[Reply]:
-        """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11."""
+    @operation
+    async def set_feedforward(
+        self,
+        joints: Joints,
+        outputs: Values | None = None,
+        torques: Values | None = None,
+        *,
+        answered: bool = False,
+    ) -> Reply:
+        """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
+
+        Args:
+            joints: that get them.
+            outputs: one for all joints, or shape (k,); None: as they are.
+            torques: likewise.
+            answered: whether to ask for the board's answer, instead of publishing.
+        """
         if outputs is None and torques is None:
             return refused("feedforward ignored: neither outputs nor torques given")
-        return (
-            yield from self._send(FEEDFORWARD_COMMAND, joints, outputs=outputs, torques=torques)
+        return await self._send(
+            FEEDFORWARD_COMMAND, joints, answered, outputs=outputs, torques=torques
         )
 
-    def _send(self, topic: Endpoint, joints: Joints, **fields: Values | None) -> Steps[Reply]:
-        """Send a command and say what is known of its fate.
+    async def _send(
+        self, topic: Endpoint, joints: Joints, answered: bool, **fields: Values | None
+    ) -> Reply:
+        """Ask the board for what a command topic does, or publish on it.
 
-        The first of ``fields`` holds the references, a second one speeds or accelerations.
+        The first of ``fields`` holds the references, the second what comes along.
         """
         kind = topic.reference
         what = "feedforward" if kind is None else f"{kind} reference"
+        words = {} if kind is None else {next(iter(fields)): f"{what}s"}
         try:
-            selection = yield from self._services.select(joints)
-            given = {name: values for name, values in fields.items() if values is not None}
-            words = {} if kind is None else {next(iter(fields)): f"{what}s"}
+            selection = await self._services.select(joints)
             values = {
-                name: spread(array, len(selection.names), words.get(name, name))
-                for name, array in given.items()
+                name: spread(array, len(selection.names), words.get(name, name)).tolist()
+                for name, array in fields.items()
+                if array is not None
             }
-        except RequestError as error:
-            yield from self._publish(topic, self._named(joints), as_given(fields))
+        except RequestError as error:  # sent all the same: the board counts it (P13)
+            await self._publish(topic, self._named(joints), as_given(fields))
             return refused(f"{what} ignored: {error}")
-        floats = {name: array.tolist() for name, array in values.items()}
-        yield from self._publish(topic, selection.names, floats)
-        return (yield from self._predictor.reply(kind, selection, values))
+        if not answered:
+            await self._publish(topic, selection.names, values)
+            return sent(selection.names)
+        references, along = (values.get(name, []) for name in [*fields, ""][:2])
+        response = await self._link.call(
+            SEND_REFERENCE,
+            names=list(selection.names),
+            kind=topic.short.rpartition("/")[2],
+            values=references,
+            along=along,
+        )
+        self._services.states.changed()
+        return reply_of(response, selection)
 
-    def _publish(
+    async def _publish(
         self, topic: Endpoint, names: Sequence[str], fields: dict[str, list[float]]
-    ) -> Steps[None]:
-        yield from self._services.link.publish(topic, names=list(names), **fields)
+    ) -> None:
+        await self._link.publish(topic, names=list(names), **fields)
         self._services.states.changed()
 
     def _named(self, joints: Joints) -> list[str]:
@@ -143,5 +183,5 @@ class ReferenceCommands:
         if joints is None:
             return []
         given = [joints] if isinstance(joints, str | int) else joints
-        names = self._services.modes.names
+        names = self._services.joints.names
         return [names[j] if isinstance(j, int) and 0 <= j < len(names) else str(j) for j in given]

@@ -34,7 +34,7 @@ class Discovery:
         """Whether the board publishes its modes."""
         return bool(self._node.count_publishers(self._modes_topic))
 
-    def run(self) -> frozenset[bytes]:
+    def identity(self) -> frozenset[bytes]:
         """What tells one run of the board from the next: the publishers of its modes."""
         found = self._node.get_publishers_info_by_topic(self._modes_topic)
         return frozenset(bytes(publisher.endpoint_gid) for publisher in found)

@@ -14,6 +14,17 @@ class BoardTimeout(BoardError):  # noqa: N818
     """The board is there and did not answer within the answer timeout."""
 
 
+class InvalidAnswer(BoardError):  # noqa: N818
+    """A board answered what none can mean.
+
+    Attributes: unknown_mode (whether it is a code that is no mode's; else the form is wrong).
+    """
+
+    def __init__(self, text: str, *, unknown_mode: bool = False) -> None:
+        super().__init__(text)
+        self.unknown_mode = unknown_mode
+
+
 def one_line(error: BaseException) -> str:
     """The text of an exception in one line; rclpy's may have several."""
     return " ".join(str(error).split()) or type(error).__name__

@@ -15,7 +15,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 
 from .errors import BoardError
-from .waiting import Steps, Wait
+from .waiting import Wait
 
 POLL = 0.002  # s between looks at what rclpy has no event for: matching
 #: What rclpy raises when something was destroyed, or its context shut down, meanwhile.
@@ -120,20 +120,18 @@ class ExecutorThread:
         self._wake()
         return wait
 
-    def until(self, condition: Callable[[], bool], timeout: float | None) -> Steps[bool]:
+    async def until(self, condition: Callable[[], bool], timeout: float | None) -> bool:
         """Wait until the condition holds; false when it took too long."""
         if condition():
             return True
-        wait = self.wait(timeout, condition)
-        yield wait
-        return wait.done
+        return await self.wait(timeout, condition)
 
-    def outcome(self, future: Any, timeout: float | None) -> Steps[bool]:
+    async def outcome(self, future: Any, timeout: float | None) -> bool:
         """Wait for an rclpy future; false when it took too long."""
         if not future.done():
             wait = self.wait(timeout)
             future.add_done_callback(lambda _: wait.finish())
-            yield wait
+            await wait
         return bool(future.done())
 
     def later(self, function: Callable[[], Any]) -> Any:
@@ -149,8 +147,8 @@ class ExecutorThread:
             raise BoardError(self.closed)
         return self._executor.create_task(function)
 
-    def run(self, function: Callable[[], Any]) -> Steps[Any]:
+    async def run(self, function: Callable[[], Any]) -> Any:
         """What a function gives that the thread runs."""
         task = self.later(function)
-        yield from self.outcome(task, None)
+        await self.outcome(task, None)
         return task.result()

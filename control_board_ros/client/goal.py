@@ -20,7 +20,7 @@ from .errors import BoardError
 from .executor_thread import GONE
 from .link import Link
 from .services import whole
-from .waiting import Steps, Wait
+from .waiting import Wait
 
 #: s between looks whether the board is still there while a goal runs.
 LOOK = 1.0
@@ -58,14 +58,14 @@ class Goal:
         self._heard = 0  # feedback so far
         self._wait: Wait | None = None
 
-    def run(
+    async def run(
         self,
         fields: dict[str, Any],
         names: tuple[str, ...],
         show: Callable[[Any], None],
         *,
         to_the_end: bool = True,
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Send it and wait for the result, or only for the first sign that it runs.
 
         Interrupted, it cancels the goal, which stops the joints.
@@ -76,13 +76,13 @@ class Goal:
             show: called with each feedback in the caller's thread.
             to_the_end: false: the first feedback will do.
         """
-        self._client = yield from self._link.action(self._action)
+        self._client = await self._link.action(self._action)
         try:
-            if not (yield from self._send(fields)):
+            if not await self._send(fields):
                 return refused(f"the board refused to {self._name}; see its log", names)
             self._changed()
             while not self._result.done():
-                yield from self._next_sign()
+                await self._next_sign()
                 while self._feedback:
                     show(self._feedback.popleft())
                     if not to_the_end:
@@ -92,10 +92,10 @@ class Goal:
                 self._ask_to_cancel()
             raise
         except BaseException:
-            yield from self._cancel()
+            await self._cancel()
             self._changed()
             raise
-        yield from self._take_feedback()
+        await self._take_feedback()
         while self._feedback:
             show(self._feedback.popleft())
         self._changed()
@@ -103,21 +103,21 @@ class Goal:
         message = answer.result.message
         if answer.status == GoalStatus.STATUS_CANCELED and not message:
             message = f"{self._name} was cancelled"
-        return whole(answer.result.success, message, names)
+        return whole(answer.result.success, message, names, answer.result.codes)
 
-    def _send(self, fields: dict[str, Any]) -> Steps[bool]:
+    async def _send(self, fields: dict[str, Any]) -> bool:
         """Send the goal; whether it was accepted."""
         goal = self._action.load().Goal(**fields)
 
         def send() -> None:
             self._sending = self._client.send_goal_async(goal, self._hear, self._id)
 
-        yield from self._thread.run(send)
-        if not (yield from self._thread.outcome(self._sending, self._link.answer_timeout)):
+        await self._thread.run(send)
+        if not await self._thread.outcome(self._sending, self._link.answer_timeout):
             raise self._link.discovery.timed_out(self._action)
         handle = self._sending.result()
         if handle.accepted:
-            yield from self._thread.run(self._ask_for_result)
+            await self._thread.run(self._ask_for_result)
         return bool(handle.accepted)
 
     def _ask_for_result(self) -> None:
@@ -125,7 +125,7 @@ class Goal:
             self._result = self._sending.result().get_result_async()
             self._result.add_done_callback(self._end)
 
-    def _next_sign(self) -> Steps[None]:
+    async def _next_sign(self) -> None:
         """Wait for feedback or the result.
 
         Raises:
@@ -134,13 +134,13 @@ class Goal:
         self._wait = wait = self._thread.wait(LOOK)
         if self._feedback or self._result.done():
             wait.finish()
-        yield wait
+        await wait
         if not wait.done and not self._client.server_is_ready():
             raise BoardError(
                 f"{self._link.name} went away during {self._name}; is it still running?"
             )
 
-    def _take_feedback(self) -> Steps[None]:
+    async def _take_feedback(self) -> None:
         """Let the thread take the feedback that came before the result: rclpy takes it one by one.
 
         The thread looks for messages between two tasks.
@@ -149,24 +149,24 @@ class Goal:
         while heard != self._heard:
             heard = self._heard
             for _ in range(2):
-                yield from self._thread.run(lambda: None)
+                await self._thread.run(lambda: None)
 
     def _ask_to_cancel(self) -> None:
         if self._sending is not None and self._sending.done() and self._sending.result().accepted:
             self._thread.later(self._sending.result().cancel_goal_async)
 
-    def _cancel(self) -> Steps[None]:
+    async def _cancel(self) -> None:
         """Stop the joints, whatever is left of the connection."""
         patience = self._link.answer_timeout
         try:
-            yield from self._thread.run(lambda: None)  # what it was asked for before is sent now
+            await self._thread.run(lambda: None)  # what it was asked for before is sent now
             if self._sending is None:
                 return
-            yield from self._thread.outcome(self._sending, patience)
+            await self._thread.outcome(self._sending, patience)
             if self._sending.done() and self._sending.result().accepted:
                 self._ask_to_cancel()
-                yield from self._thread.run(self._ask_for_result)
-                yield from self._thread.outcome(self._result, patience)
+                await self._thread.run(self._ask_for_result)
+                await self._thread.outcome(self._result, patience)
         except (BoardError, *GONE):
             service = f"{self._link.full_name(self._action)}/_action/cancel_goal"
             if not cancel_over_new_context(self._link.domain, service, self._id, patience):

@@ -14,14 +14,11 @@ from control_board_ros.core.modes import CALIBRATES
 from control_board_ros.core.reply import Reply, refused
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.vocabs import ControlMode
-from control_board_ros.interface import CALIBRATE, MOVE
+from control_board_ros.interface import CALIBRATE, GET_CONTROL_MODE, MOVE
 from control_board_ros.protocols import Floats, Joints, Values
 
-from .calibrations import CalibrationView
 from .goal import Goal
-from .modes import ModeRequests
-from .services import Services
-from .waiting import Steps
+from .operations import Interface, operation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,20 +51,17 @@ class CalibrationFeedback:
     phase: str
 
 
-class Goals:
+class Goals(Interface):
     """The actions, and how calibrations stand."""
 
-    def __init__(self, services: Services, modes: ModeRequests) -> None:
-        self._services, self._modes = services, modes
-        self._calibrations = CalibrationView()
-
-    def move(
+    @operation
+    async def move(
         self,
         joints: Joints,
         positions: Values,
         speeds: Values | None = None,
         feedback: Callable[[MoveFeedback], None] | None = None,
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Move along minimum-jerk profiles and wait for the end.
 
         Interrupted (Ctrl-C, a cancelled task), it cancels the goal, which stops the joints, and
@@ -80,7 +74,7 @@ class Goals:
             feedback: called in the caller's thread.
         """
         try:
-            selection = yield from self._services.select(joints)
+            selection = await self._services.select(joints)
             count = len(selection.names)
             fields = {
                 "names": list(selection.names),
@@ -95,16 +89,17 @@ class Goals:
                 measured = np.array(message.positions)
                 feedback(MoveFeedback(tuple(message.names), measured, message.remaining_time))
 
-        goal = Goal(self._services.link, MOVE, self._services.states.changed)
-        return (yield from goal.run(fields, selection.names, show))
+        goal = Goal(self._link, MOVE, self._services.states.changed)
+        return await goal.run(fields, selection.names, show)
 
-    def calibrate(
+    @operation
+    async def calibrate(
         self,
         joints: Joints = None,
         *,
         wait: bool = True,
         feedback: Callable[[CalibrationFeedback], None] | None = None,
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Calibrate joints and wait for the end (K1 to K4).
 
         Interrupted while waiting, it cancels the goal and lets the interruption through.
@@ -115,10 +110,10 @@ class Goals:
             feedback: called in the caller's thread.
         """
         try:
-            selection = yield from self._services.select(joints)
+            selection = await self._services.select(joints)
         except RequestError as error:
             return refused(str(error))
-        names, view, services = selection.names, self._calibrations, self._services
+        names, view, services = selection.names, self._services.calibrations, self._services
         view.started(names)
 
         def show(message: Any) -> None:
@@ -126,26 +121,23 @@ class Goals:
                 progress = np.array(message.progress)
                 feedback(CalibrationFeedback(tuple(message.names), progress, message.phase))
 
-        def changed() -> None:
-            services.states.changed()
-            services.modes.doubt()
-
         goal = Goal(
             services.link,
             CALIBRATE,
-            changed,
+            services.states.changed,
             view.on_feedback,
             lambda result: view.ended(names, result.success, result.message),
         )
-        return (yield from goal.run({"names": list(names)}, names, show, to_the_end=wait))
+        return await goal.run({"names": list(names)}, names, show, to_the_end=wait)
 
-    def get_calibration(self, joints: Joints = None) -> Steps[list[CalibrationStatus]]:
+    @operation
+    async def get_calibration(self, joints: Joints = None) -> list[CalibrationStatus]:
         """How the last calibration of each joint stands, of those this client asked for."""
-        link, view, statuses = self._services.link, self._calibrations, []
-        response = yield from self._modes.ask((yield from self._services.select(joints)))
+        link, view, statuses = self._link, self._services.calibrations, []
+        response = await self._services.read(GET_CONTROL_MODE, joints)
         for name, code in zip(response.names, response.modes, strict=True):
             if ControlMode(code) not in CALIBRATES:  # then the result is on its way
-                yield from link.thread.until(
+                await link.thread.until(
                     lambda name=name: not view.status(name).running,  # type: ignore[misc]
                     link.answer_timeout,
                 )

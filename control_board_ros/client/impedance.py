@@ -10,20 +10,17 @@ from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import GET_IMPEDANCE, SET_IMPEDANCE
 from control_board_ros.protocols import Floats, Joints, Values
 
-from .services import Services
+from .operations import Interface, operation
 from .values import for_each
-from .waiting import Steps
 
 
-class ImpedanceRequests:
+class ImpedanceRequests(Interface):
     """IImpedanceControl."""
 
-    def __init__(self, services: Services) -> None:
-        self._services = services
-
-    def set_impedance(
+    @operation
+    async def set_impedance(
         self, joints: Joints, stiffness: Values | None = None, damping: Values | None = None
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Set spring and damper, at any time; they act in the next cycle (I6).
 
         Args:
@@ -35,9 +32,9 @@ class ImpedanceRequests:
             return refused("neither stiffness nor damping given; send one of them, or both")
         services = self._services
         try:
-            selection = yield from services.select(joints)
+            selection = await services.select(joints)
             if stiffness is None:
-                present = yield from services.read(GET_IMPEDANCE, joints)
+                present = await services.read(GET_IMPEDANCE, joints)
                 stiffness = present.stiffness
             count = len(selection.names)
             fields = {
@@ -46,19 +43,22 @@ class ImpedanceRequests:
             }
         except RequestError as error:
             return refused(str(error))
-        return (yield from services.change(SET_IMPEDANCE, selection, **fields))
+        return await services.change(SET_IMPEDANCE, selection, **fields)
 
-    def get_impedance(self, joints: Joints = None) -> Steps[tuple[Floats, Floats]]:
+    @operation
+    async def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """Stiffness and damping, N·m/rad and N·m·s/rad, two arrays of shape (k,)."""
-        response = yield from self._services.read(GET_IMPEDANCE, joints)
+        response = await self._services.read(GET_IMPEDANCE, joints)
         return np.array(response.stiffness), np.array(response.damping)
 
-    def get_max_impedance(self, joints: Joints = None) -> Steps[tuple[Floats, Floats]]:
+    @operation
+    async def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """The largest stiffness and damping that a joint takes, two arrays of shape (k,)."""
-        response = yield from self._services.read(GET_IMPEDANCE, joints)
+        response = await self._services.read(GET_IMPEDANCE, joints)
         return np.array(response.max_stiffness), np.array(response.max_damping)
 
-    def get_torque_offset(self, joints: Joints = None) -> Steps[Floats]:
+    @operation
+    async def get_torque_offset(self, joints: Joints = None) -> Floats:
         """τ_ff of the impedance law, N·m, shape (k,): as set, or the load taken over."""
-        response = yield from self._services.read(GET_IMPEDANCE, joints)
+        response = await self._services.read(GET_IMPEDANCE, joints)
         return np.array(response.torque_offset)

@@ -13,6 +13,7 @@ import itertools
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.action.client import ActionClient
@@ -22,10 +23,10 @@ from rclpy.node import Node
 
 from control_board_ros.interface import GET_CONTROL_MODE, MODES, Endpoint
 
+from .checking import check_response
 from .discovery import Discovery
 from .errors import BoardError, one_line
 from .executor_thread import GONE, ExecutorThread
-from .waiting import Steps
 
 #: s from seeing a subscription until it surely sees us; what is sent before may come late.
 MATCHING = 0.05
@@ -66,6 +67,7 @@ class Link:
         self._node.destroy_publisher(self._node._parameter_event_publisher)
         self._group = ReentrantCallbackGroup()
         self._entities: dict[Endpoint, Any] = {}
+        self._callbacks: dict[Endpoint, Callable[..., None]] = {}  # of subscriptions
         self._matched: dict[Any, int] = {}
         self._acquainted: dict[Endpoint, frozenset[bytes]] = {}
         self._unsettled = False
@@ -125,10 +127,10 @@ class Link:
         profile.lifespan = Duration(seconds=self.answer_timeout)
         return profile
 
-    def call(self, service: Endpoint, **fields: Any) -> Steps[Any]:
+    async def call(self, service: Endpoint, **fields: Any) -> Any:
         """The response of a service; what was published before is in force when it answers."""
         if self._unsettled:
-            yield from self.settle()
+            await self.settle()
 
         def make(kind: Any, name: str) -> Any:
             return self._node.create_client(
@@ -136,26 +138,33 @@ class Link:
             )
 
         client = self._entity(service, make)
-        if not (yield from self.thread.until(client.service_is_ready, self.find_timeout)):
+        if not await self.thread.until(client.service_is_ready, self.find_timeout):
             there = self.discovery.is_there()
             raise self.discovery.not_offered(service) if there else self.discovery.not_found()
         future = client.call_async(client.srv_type.Request(**fields))
-        if not (yield from self.thread.outcome(future, self.answer_timeout)):
+        if not await self.thread.outcome(future, self.answer_timeout):
             client.remove_pending_request(future)
             raise self.discovery.timed_out(service)
-        return future.result()
+        response = future.result()
+        check_response(service, response, self.name)
+        return response
 
-    def settle(self) -> Steps[None]:
+    async def settle(self) -> None:
         """Let the board take what was published.
 
         Of what arrives together the board may serve the request first. When one request more
         is answered, the message was served.
         """
         if self._unsettled:
-            self._unsettled = False
-            yield from self.call(GET_CONTROL_MODE)
+            self._unsettled = False  # what is published meanwhile is unsettled again
+            settled = False
+            try:
+                await self.call(GET_CONTROL_MODE)
+                settled = True
+            finally:
+                self._unsettled |= not settled
 
-    def publish(self, topic: Endpoint, **fields: Any) -> Steps[None]:
+    async def publish(self, topic: Endpoint, **fields: Any) -> None:
         """Publish on a topic of the board, once it listens: the first message is not lost.
 
         Others may listen, too (a recorder, a panel): the board's own subscription is waited for,
@@ -174,14 +183,14 @@ class Link:
                 return there and self.discovery.listens(publisher.topic_name)
 
             if publisher not in self._matched or not listens():
-                if not (yield from self.thread.until(listens, self.find_timeout)):
+                if not await self.thread.until(listens, self.find_timeout):
                     raise self.discovery.not_found()
-                yield self.thread.wait(MATCHING)
+                await self.thread.wait(MATCHING)
             self._matched[publisher] = publisher.get_subscription_count()
         publisher.publish(publisher.msg_type(**fields))
         self._unsettled = True
 
-    def action(self, action: Endpoint) -> Steps[Any]:
+    async def action(self, action: Endpoint) -> Any:
         """The client of an action that the board serves now."""
 
         def make(kind: Any, name: str) -> Any:
@@ -197,15 +206,15 @@ class Link:
             )
 
         client = self._entity(action, make)
-        if not (yield from self.thread.until(client.server_is_ready, self.find_timeout)):
+        if not await self.thread.until(client.server_is_ready, self.find_timeout):
             raise self.discovery.not_found()
-        if self._acquainted.get(action) != self.discovery.run():
-            yield from self._get_acquainted(action)
-            self._acquainted[action] = self.discovery.run()
-        yield from self.settle()
+        if self._acquainted.get(action) != self.discovery.identity():
+            await self._get_acquainted(action)
+            self._acquainted[action] = self.discovery.identity()
+        await self.settle()
         return client
 
-    def _get_acquainted(self, action: Endpoint) -> Steps[None]:
+    async def _get_acquainted(self, action: Endpoint) -> None:
         """Wait until the board has heard of the action's client.
 
         To a client of which it has not heard yet, its answer goes nowhere, and a goal must not be
@@ -219,11 +228,11 @@ class Link:
             later = self._node.create_client(made, name, callback_group=self._group)
         try:
             deadline = time.monotonic() + self.find_timeout
-            ready = yield from self.thread.until(later.service_is_ready, self.find_timeout)
+            ready = await self.thread.until(later.service_is_ready, self.find_timeout)
             answered = False
             while ready and not answered and time.monotonic() < deadline:
                 future = later.call_async(made.Request())
-                answered = yield from self.thread.outcome(future, ACQUAINTED)
+                answered = await self.thread.outcome(future, ACQUAINTED)
                 later.remove_pending_request(future)
             if not answered:
                 raise self.discovery.timed_out(action, self.find_timeout)
@@ -243,3 +252,16 @@ class Link:
             )
 
         self._entity(topic, make)
+        self._callbacks.setdefault(topic, callback)
+
+    def renew(self) -> None:
+        """Make every subscription anew: those that there are hear the board no more.
+
+        The old ones go in the link's thread, which may be taking from them.
+        """
+        for topic, callback in list(self._callbacks.items()):
+            with self._lock:
+                old = self._entities.pop(topic, None)
+            self.subscribe(topic, callback)
+            if old is not None:
+                self.thread.later(partial(self._node.destroy_subscription, old))

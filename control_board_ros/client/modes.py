@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
-from control_board_ros.core.reply import Answer, Reply, refused
-from control_board_ros.core.selection import RequestError, Selection
+from control_board_ros.core.reply import Reply, refused
 from control_board_ros.core.vocabs import (
     ControlMode,
     InteractionMode,
@@ -21,22 +21,21 @@ from control_board_ros.interface import (
     GET_INTERACTION_MODE,
     SET_CONTROL_MODE,
     SET_INTERACTION_MODE,
+    Endpoint,
 )
 from control_board_ros.protocols import Interaction, Joints, Mode
 
-from .services import Services, reply_of
-from .waiting import Steps
+from .operations import Interface, operation
+from .services import reply_of
 
 Available = tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]
 
 
-class ModeRequests:
+class ModeRequests(Interface):
     """IControlMode2 and IInteractionMode."""
 
-    def __init__(self, services: Services) -> None:
-        self._services, self._view = services, services.modes
-
-    def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Steps[Reply]:
+    @operation
+    async def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply:
         """Ask for control modes (M1, M5 to M8, F2, F4).
 
         Args:
@@ -45,35 +44,20 @@ class ModeRequests:
                 joints, or one each.
 
         Returns:
-            The board's answer and reason for each joint.
+            The board's answer and reason for each joint, and the modes after the call.
         """
-        services = self._services
-        try:
-            selection = yield from services.select(joints)
-            texts = mode_texts(modes, parse_control_mode)
-        except ValueError as error:
-            return refused(str(error))
-        response = yield from services.call(SET_CONTROL_MODE, selection, modes=texts)
-        services.states.changed()
-        self._view.on_answer(response.names, response.modes)
-        return reply_of(response, selection)
+        return await self._set(SET_CONTROL_MODE, joints, modes, parse_control_mode)
 
-    def get_control_mode(self, joints: Joints = None) -> Steps[list[ControlMode]]:
+    @operation
+    async def get_control_mode(self, joints: Joints = None) -> list[ControlMode]:
         """The modes that joints are in, also the statuses HW_FAULT, CALIBRATING, …"""
-        response = yield from self.ask((yield from self._services.select(joints)))
+        response = await self._services.read(GET_CONTROL_MODE, joints)
         return [ControlMode(vocab) for vocab in response.vocabs]
 
-    def ask(self, selection: Selection) -> Steps[Any]:
-        """Ask for control modes, and remember them; the response."""
-        response = yield from self._services.call(GET_CONTROL_MODE, selection)
-        if not response.success:
-            raise RequestError(response.message)
-        self._view.on_answer(response.names, response.modes)
-        return response
-
-    def set_interaction_mode(
+    @operation
+    async def set_interaction_mode(
         self, joints: Joints, modes: Interaction | Sequence[Interaction]
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Ask for interaction modes; in an active mode a change stops the joint (I1 to I7).
 
         Args:
@@ -82,27 +66,35 @@ class ModeRequests:
                 joints, or one each.
 
         Returns:
-            The board's answer and reason for each joint.
+            The board's answer and reason for each joint, and the modes after the call.
         """
+        return await self._set(SET_INTERACTION_MODE, joints, modes, parse_interaction_mode)
+
+    async def _set(
+        self, service: Endpoint, joints: Joints, modes: Any, parse: Callable[[str], Vocab]
+    ) -> Reply:
+        """Ask for modes; the reply has those after the call."""
         services = self._services
         try:
-            selection = yield from services.select(joints)
-            texts = mode_texts(modes, parse_interaction_mode)
+            selection = await services.select(joints)
+            texts = mode_texts(modes, parse)
         except ValueError as error:
             return refused(str(error))
-        reply = yield from services.change(SET_INTERACTION_MODE, selection, modes=texts)
-        if Answer.UNSUPPORTED in reply.answers:  # the response has no control modes
-            self._view.doubt()
-        return reply
+        response = await self._link.call(service, names=list(selection.names), modes=texts)
+        services.states.changed()
+        now = tuple(parse(code) for code in response.modes)
+        return replace(reply_of(response, selection), modes=now)
 
-    def get_interaction_mode(self, joints: Joints = None) -> Steps[list[InteractionMode]]:
+    @operation
+    async def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
         """The interaction modes as stored, also where they do not act (I2)."""
-        response = yield from self._services.read(GET_INTERACTION_MODE, joints)
+        response = await self._services.read(GET_INTERACTION_MODE, joints)
         return [InteractionMode(vocab) for vocab in response.vocabs]
 
-    def get_available_modes(self, joints: Joints = None) -> Steps[list[Available]]:
+    @operation
+    async def get_available_modes(self, joints: Joints = None) -> list[Available]:
         """What each joint implements: control modes, and interaction modes."""
-        response = yield from self._services.read(GET_AVAILABLE_MODES, joints)
+        response = await self._services.read(GET_AVAILABLE_MODES, joints)
         return [
             (
                 tuple(parse_control_mode(code) for code in control.split(",") if code),

@@ -1,76 +1,105 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an operation of a part becomes a public method of the client.
+"""One coroutine per method of the client, in the form that its owner offers.
 
-A part writes an operation once, as steps: a generator that yields a Wait wherever something must
-come from the board. In the client's class ::
+An interface of the client is a class of coroutines ::
 
-    get_control_mode = operation("_modes", ModeRequests.get_control_mode)
+    class Modes(Interface):
+        @operation
+        async def get_control_mode(self, joints: Joints = None) -> list[ControlMode]: ...
 
-makes the blocking method of it, with the signature and the docstring of the part's, and
-``client.aio.get_control_mode`` is the awaitable one.
+``client.get_control_mode(0)`` blocks, ``await client.aio.get_control_mode(0)`` waits in asyncio or
+in an rclpy executor, and within an interface ``await self.get_control_mode(0)`` is the coroutine
+itself. Type checkers and ``help()`` see each form with its parameters.
 """
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, ClassVar, Concatenate, Generic, Literal, ParamSpec, TypeVar, overload
 
 from .errors import BoardError
 from .executor_thread import GONE
-from .waiting import Steps, run, run_async
+from .services import Services
+from .waiting import run, run_async
 
 R = TypeVar("R")
 P = ParamSpec("P")
-Part = TypeVar("Part")
+Form = Literal["coroutine", "blocking", "awaitable"]
 
 
-def operation(
-    part: str, steps: Callable[Concatenate[Part, P], Steps[R]]
-) -> Callable[Concatenate[Any, P], R]:
-    """The blocking method of a part's operation.
+class Interface:
+    """Coroutines that ask one board.
 
     Args:
-        part: the client's attribute that holds the part.
-        steps: the operation, a function of the part's class.
+        services: of the board.
     """
 
-    @wraps(steps)
-    def method(self: Any, /, *args: P.args, **kwargs: P.kwargs) -> R:
-        with gone_as_board_error():
-            return run(steps(getattr(self, part), *args, **kwargs))
+    _form: ClassVar[Form] = "coroutine"
 
-    returns = steps.__annotations__["return"].removeprefix("Steps[").removesuffix("]")
-    method.__annotations__ = {**steps.__annotations__, "return": returns}
-    shown = inspect.signature(steps).replace(return_annotation=returns)
-    method.__dict__.update(__signature__=shown, part=part, steps=steps)
-    return method
+    def __init__(self, services: Services) -> None:
+        self._services, self._link = services, services.link
 
 
-class Aio:
-    """The awaitable form of a client's methods: ``await client.aio.set_control_mode(…)``."""
+class Blocking(Interface):
+    """An owner whose operations block: the client.
 
-    def __init__(self, client: Any, wake: Callable[[], None]) -> None:
-        self._client, self._wake = client, wake
+    Args:
+        services: of the board.
+        inside: the same interfaces as coroutines.
+    """
 
-    def __getattr__(self, name: str) -> Callable[..., Coroutine[Any, Any, Any]]:
-        method: Any = getattr(type(self._client), name, None)
-        if not hasattr(method, "steps"):
-            raise AttributeError(f"{name} has no awaitable form; see dir(client.aio)")
-        part, steps = getattr(self._client, method.part), method.steps
+    _form: ClassVar[Form] = "blocking"
 
-        @wraps(getattr(self._client, name))
-        async def form(*args: Any, **kwargs: Any) -> Any:
+    def __init__(self, services: Services, inside: Interface) -> None:
+        super().__init__(services)
+        self._inside = inside
+
+
+class Awaitable(Blocking):
+    """An owner whose operations are awaited by users: ``client.aio``."""
+
+    _form: ClassVar[Form] = "awaitable"
+
+
+class operation(Generic[P, R]):  # noqa: N801  (a decorator)
+    """A coroutine of an interface, blocking or awaitable where its owner is.
+
+    Args:
+        coroutine: the method.
+    """
+
+    def __init__(self, coroutine: Callable[Concatenate[Any, P], Coroutine[Any, Any, R]]) -> None:
+        @wraps(coroutine)
+        def blocking(self: Blocking, /, *args: P.args, **kwargs: P.kwargs) -> R:
             with gone_as_board_error():
-                return await run_async(steps(part, *args, **kwargs), self._wake)
+                return run(coroutine(self._inside, *args, **kwargs))
 
-        return form
+        @wraps(coroutine)
+        async def awaitable(self: Awaitable, /, *args: P.args, **kwargs: P.kwargs) -> R:
+            with gone_as_board_error():
+                asked = coroutine(self._inside, *args, **kwargs)
+                return await run_async(asked, self._link.wake_user)
 
-    def __dir__(self) -> list[str]:
-        kind = type(self._client)
-        return [name for name in dir(kind) if hasattr(getattr(kind, name), "steps")]
+        self.coroutine, self.blocking, self.awaitable = coroutine, blocking, awaitable
+
+    @overload
+    def __get__(
+        self, owner: Awaitable, kind: type[Awaitable]
+    ) -> Callable[P, Coroutine[Any, Any, R]]: ...
+    @overload
+    def __get__(self, owner: Blocking, kind: type[Blocking]) -> Callable[P, R]: ...
+    @overload
+    def __get__(
+        self, owner: Interface, kind: type[Interface]
+    ) -> Callable[P, Coroutine[Any, Any, R]]: ...
+    @overload
+    def __get__(
+        self, owner: None, kind: type[Interface]
+    ) -> Callable[Concatenate[Any, P], Any]: ...
+    def __get__(self, owner: Interface | None, kind: type[Interface]) -> Any:
+        return getattr(self, kind._form).__get__(owner, kind)
 
 
 @contextmanager

@@ -14,10 +14,11 @@ from control_board_ros.core.reply import Reply, refused
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.interface import GO_TO_POSE, LIST_POSES, SAVE_POSE
 from control_board_ros.protocols import Floats, Joints, Values
+from control_board_ros.text import clean_names
 
 from .goal import Goal
-from .services import Services, whole
-from .waiting import Steps
+from .operations import Interface, operation
+from .services import whole
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,41 +34,45 @@ class PoseFeedback:
     remaining: Floats
 
 
-class PoseRequests:
+#: Poses of a board that are read.
+MOST_POSES = 200
+
+
+class PoseRequests(Interface):
     """Poses of the configuration, and those of the user."""
 
-    def __init__(self, services: Services) -> None:
-        self._services, self._link = services, services.link
-
-    def list_poses(self) -> Steps[list[str]]:
+    @operation
+    async def list_poses(self) -> list[str]:
         """The names of all poses.
 
         Raises:
             RequestError: the file of the user's poses is broken.
         """
-        response = yield from self._link.call(LIST_POSES)
+        response = await self._link.call(LIST_POSES)
         if not response.success:
             raise RequestError(response.message)
-        return list(response.poses)
+        return list(clean_names(response.poses[:MOST_POSES]))
 
-    def get_pose(self, pose: str) -> Steps[Pose]:
+    @operation
+    async def get_pose(self, pose: str) -> Pose:
         """What a pose is made of: joints, positions (rad) and speed (rad/s).
 
         Raises:
             RequestError: there is no such pose.
         """
-        response = yield from self._link.call(LIST_POSES, name=pose)
+        response = await self._link.call(LIST_POSES, name=pose)
         if not response.names:
             raise RequestError(response.message)
-        return Pose(pose, tuple(response.names), tuple(response.positions), response.speed)
+        return Pose(pose, clean_names(response.names), tuple(response.positions), response.speed)
 
-    def save_pose(
+    @operation
+    async def save_pose(
         self,
         pose: str,
         joints: Joints = None,
         positions: Values | None = None,
         speed: float = 0.0,
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Save a pose of the user's, or replace one.
 
         Args:
@@ -77,24 +82,25 @@ class PoseRequests:
             speed: mean speed of the slowest joint, rad/s; 0: the set reference speeds.
         """
         try:
-            selection = yield from self._services.select(joints)
+            selection = await self._services.select(joints)
             names = selection.names
             given: list[float] = []
             if positions is not None:
                 given = spread(positions, len(names), "positions").tolist()
         except RequestError as error:
             return refused(str(error))
-        response = yield from self._services.call(
-            SAVE_POSE, selection, name=pose, positions=given, speed=float(speed)
+        response = await self._link.call(
+            SAVE_POSE, names=list(selection.names), name=pose, positions=given, speed=float(speed)
         )
         return whole(response.success, response.message, names)
 
-    def go_to_pose(
+    @operation
+    async def go_to_pose(
         self,
         pose: str,
         speed: float | None = None,
         feedback: Callable[[PoseFeedback], None] | None = None,
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Move to a pose, all joints arriving together, and wait for the end.
 
         Interrupted, it cancels the goal, which stops the joints, and lets the interruption
@@ -105,8 +111,8 @@ class PoseRequests:
             speed: mean speed of the slowest joint, rad/s; None: the pose's.
             feedback: called in the caller's thread.
         """
-        response = yield from self._link.call(LIST_POSES, name=pose)
-        names = tuple(response.names)
+        response = await self._link.call(LIST_POSES, name=pose)
+        names = clean_names(response.names)
         if not names:
             return refused(response.message)
 
@@ -116,16 +122,18 @@ class PoseRequests:
 
         goal = Goal(self._link, GO_TO_POSE, self._services.states.changed)
         fields = {"pose": pose, "speed": 0.0 if speed is None else float(speed)}
-        return (yield from goal.run(fields, names, show))
+        return await goal.run(fields, names, show)
 
-    def home(
+    @operation
+    async def home(
         self, speed: float | None = None, feedback: Callable[[PoseFeedback], None] | None = None
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Go to the pose home; see go_to_pose."""
-        return (yield from self.go_to_pose(HOME, speed, feedback))
+        return await self.go_to_pose(HOME, speed, feedback)
 
-    def park(
+    @operation
+    async def park(
         self, speed: float | None = None, feedback: Callable[[PoseFeedback], None] | None = None
-    ) -> Steps[Reply]:
+    ) -> Reply:
         """Go to the pose park; see go_to_pose."""
-        return (yield from self.go_to_pose(PARK, speed, feedback))
+        return await self.go_to_pose(PARK, speed, feedback)

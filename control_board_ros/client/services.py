@@ -3,18 +3,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from enum import StrEnum
+from typing import Any, TypeVar
 
-from control_board_ros.core.reply import Answer, Reply, refused
+from control_board_ros.core.reply import Answer, Reason, Reply, refused
 from control_board_ros.core.selection import RequestError, Selection, Selector
-from control_board_ros.interface import Endpoint
+from control_board_ros.interface import MODES, Endpoint
 from control_board_ros.protocols import Joints
+from control_board_ros.text import NAME, clean
 
+from .calibrations import CalibrationView
+from .checking import check_asked
+from .errors import BoardError
+from .joint_names import JointNames
 from .link import Link
-from .modes_view import ModesView
 from .state import StateView
-from .waiting import Steps
+
+Word = TypeVar("Word", bound=StrEnum)
+
+#: Characters of a message that tells of many joints.
+MESSAGE = 5000
 
 
 class Services:
@@ -22,79 +33,112 @@ class Services:
 
     Args:
         link: the connection.
-        modes: what is known of joints and modes.
-        states: what is known of the state.
+
+    Attributes: link, joints, states, calibrations (each as last heard of), description (the URDF,
+    once it was asked for).
     """
 
-    def __init__(self, link: Link, modes: ModesView, states: StateView) -> None:
-        self.link, self.modes, self.states = link, modes, states
+    def __init__(self, link: Link) -> None:
+        self.link, self.joints, self.states = link, JointNames(), StateView(link)
+        self.calibrations = CalibrationView()
+        self.description: deque[str] = deque(maxlen=1)
+        link.subscribe(MODES, self.joints.on_message)
 
-    def find(
+    async def find(
         self, timeout: float | None = None, also: Callable[[], bool] = lambda: True
-    ) -> Steps[Selector]:
+    ) -> Selector:
         """The board's joints, once it is found and what else is asked holds.
 
         Raises:
             BoardNotFound: not within the find timeout, or so many s.
         """
         patience = self.link.find_timeout if timeout is None else timeout
-        found = yield from self.link.thread.until(lambda: self.modes.known() and also(), patience)
+        found = await self.link.thread.until(
+            lambda: self.joints.selector is not None and also(), patience
+        )
         if not found:
             raise self.link.discovery.not_found(patience)
-        selector = self.modes.selector
+        selector = self.joints.selector
         assert selector is not None
         return selector
 
-    def select(self, joints: Joints) -> Steps[Selection]:
+    async def select(self, joints: Joints) -> Selection:
         """The joints meant.
 
         Raises:
             RequestError: an unknown joint, or one named twice.
         """
-        selector = yield from self.find()
+        selector = await self.find()
         return selector.select(joints)
 
-    def call(self, service: Endpoint, selection: Selection, **fields: Any) -> Steps[Any]:
-        """The response of a service that takes names."""
-        return (yield from self.link.call(service, names=list(selection.names), **fields))
-
-    def read(self, service: Endpoint, joints: Joints) -> Steps[Any]:
+    async def read(self, service: Endpoint, joints: Joints) -> Any:
         """The response of a service that reads.
 
         Raises:
             RequestError: an unknown joint, or one named twice.
+            BoardError: what was answered is no answer.
         """
-        selection = yield from self.select(joints)
-        response = yield from self.call(service, selection)
+        selection = await self.select(joints)
+        response = await self.link.call(service, names=list(selection.names))
         if not response.success:
-            raise RequestError(response.message)
+            raise RequestError(clean(response.message, MESSAGE))
+        check_asked(service, response, len(selection.names), self.link.name)
         return response
 
-    def change(self, service: Endpoint, selection: Selection, **fields: Any) -> Steps[Reply]:
+    async def change(self, service: Endpoint, selection: Selection, **fields: Any) -> Reply:
         """The reply of a service that answers for each joint."""
-        response = yield from self.call(service, selection, **fields)
+        response = await self.link.call(service, names=list(selection.names), **fields)
         self.states.changed()
         return reply_of(response, selection)
 
-    def trigger(self, service: Endpoint, **fields: Any) -> Steps[Reply]:
+    async def trigger(self, service: Endpoint, **fields: Any) -> Reply:
         """The reply of a service that concerns the whole board."""
-        names = (yield from self.find()).names
-        response = yield from self.link.call(service, **fields)
+        names = (await self.find()).names
+        response = await self.link.call(service, **fields)
         self.states.changed()
-        self.modes.doubt()
         return whole(response.success, response.message, names)
 
 
 def reply_of(response: Any, selection: Selection) -> Reply:
-    """The board's own answer for each joint; of none, where the request was wrong as a whole."""
-    answers = tuple(Answer(text) for text in response.answers)
+    """The board's own answer for each joint; of none, where the request was wrong as a whole.
+
+    Raises:
+        BoardError: what was answered is no answer.
+    """
+    answers = tuple(told(Answer, text) for text in response.answers)
+    if len(answers) not in (0, len(selection.names)):
+        raise BoardError(f"{len(answers)} answers came for {len(selection.names)} joints")
     names = selection.names if answers else ()
-    reasons = tuple(response.reasons) if any(response.reasons) else ()
-    return Reply(names, answers, response.message, reasons)
+    reasons = tuple(map(clean, response.reasons)) if any(response.reasons) else ()
+    codes = tuple(told(Reason, code) for code in response.codes) if any(response.codes) else ()
+    for field, entries in (("reasons", reasons), ("codes", codes)):
+        if len(entries) not in (0, len(names)):
+            raise BoardError(f"{len(entries)} {field} came for {len(names)} joints")
+    values = tuple(getattr(response, "values", ()))
+    return Reply(names, answers, clean(response.message, MESSAGE), reasons, codes, values)
 
 
-def whole(success: bool, message: str, names: tuple[str, ...]) -> Reply:
-    """The reply of what succeeds or fails as a whole: one answer that holds for all joints."""
+def whole(success: bool, message: str, names: tuple[str, ...], codes: Sequence[str] = ()) -> Reply:
+    """The reply of what succeeds or fails as a whole: one answer that holds for all joints.
+
+    Raises:
+        BoardError: a code is none.
+    """
+    message = clean(message, MESSAGE)
     if success:
         return Reply(names, (Answer.ACCEPTED,) * len(names), message)
-    return refused(message, names)
+    reply = refused(message, names)
+    return replace(reply, codes=tuple(told(Reason, code) for code in codes)) if codes else reply
+
+
+def told(kind: type[Word], text: str) -> Word:
+    """The word that a board means.
+
+    Raises:
+        BoardError: there is no such word.
+    """
+    try:
+        return kind(text)
+    except ValueError:
+        words = f"{clean(text, NAME)!r} is no {kind.__name__.lower()}"
+        raise BoardError(f"the board's answer is none: {words}") from None

@@ -8,33 +8,34 @@ from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import CLEAR_INJECTED_FAULTS, INJECT_FAULT, PAUSE, RESET, STEP
 from control_board_ros.protocols import Joints
 
-from .services import Services, whole
-from .waiting import Steps
+from .operations import Interface, operation
+from .services import whole
 
 MOST_STEPS = 2**32 - 1  # of one request: a uint32 on the wire
 
 
-class SimulationRequests:
+class SimulationRequests(Interface):
     """Pause, step, reset, and what is broken on purpose."""
 
-    def __init__(self, services: Services) -> None:
-        self._services = services
-
-    def pause(self, paused: bool = True) -> Steps[Reply]:
+    @operation
+    async def pause(self, paused: bool = True) -> Reply:
         """Pause the simulation, or let it go on."""
-        return (yield from self._services.trigger(PAUSE, data=paused))
+        return await self._services.trigger(PAUSE, data=paused)
 
-    def step(self, steps: int = 1) -> Steps[Reply]:
+    @operation
+    async def step(self, steps: int = 1) -> Reply:
         """Advance a paused simulation by so many control cycles."""
         if not 1 <= steps <= MOST_STEPS:
             return refused(f"steps must be from 1 to {MOST_STEPS}, not {steps}")
-        return (yield from self._services.trigger(STEP, steps=steps))
+        return await self._services.trigger(STEP, steps=steps)
 
-    def reset(self) -> Steps[Reply]:
+    @operation
+    async def reset(self) -> Reply:
         """Back to the initial pose and power-on."""
-        return (yield from self._services.trigger(RESET))
+        return await self._services.trigger(RESET)
 
-    def inject_fault(self, joints: Joints, fault: str, persistent: bool = False) -> Steps[Reply]:
+    @operation
+    async def inject_fault(self, joints: Joints, fault: str, persistent: bool = False) -> Reply:
         """Break something in simulated joints.
 
         Args:
@@ -44,15 +45,16 @@ class SimulationRequests:
             persistent: whether the cause stays until clear_injected_faults.
         """
         try:
-            selection = yield from self._services.select(joints)
+            selection = await self._services.select(joints)
         except RequestError as error:
             return refused(str(error))
-        response = yield from self._services.call(
-            INJECT_FAULT, selection, fault=fault, persistent=persistent
+        response = await self._link.call(
+            INJECT_FAULT, names=list(selection.names), fault=fault, persistent=persistent
         )
         self._services.states.changed()
         return whole(response.success, response.message, selection.names)
 
-    def clear_injected_faults(self) -> Steps[Reply]:
+    @operation
+    async def clear_injected_faults(self) -> Reply:
         """Remove injected causes; the latch stays until FORCE_IDLE."""
-        return (yield from self._services.trigger(CLEAR_INJECTED_FAULTS))
+        return await self._services.trigger(CLEAR_INJECTED_FAULTS)

@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from control_board_ros.interface import STATE
+from control_board_ros.interface import MOST_JOINTS, STATE
 from control_board_ros.protocols import Floats
+from control_board_ros.text import clean_names
 
+from .errors import InvalidAnswer
 from .link import Link
-from .waiting import Steps
 
+#: s without a state after which the subscriptions are made anew, and again after as long.
+SILENCE = 5.0
 #: State messages that must have arrived since a request before the newest surely shows what it
 #: did: the first may have been read before.
 SETTLING = 2
@@ -67,12 +70,24 @@ class State:
         }
         return cls(
             stamp=seconds(message.header.stamp),
-            names=tuple(message.names),
+            names=clean_names(message.names[:MOST_JOINTS]),
             motion_done=np.array(message.motion_done, dtype=np.bool_),
             rejected_commands=np.array(message.rejected_commands, dtype=np.uint64),
             calibrated=np.array(message.calibrated, dtype=np.bool_),
             **floats,
         )
+
+    def checked(self) -> State:
+        """The same, where every field has an entry for each joint.
+
+        Raises:
+            InvalidAnswer: one has more or fewer.
+        """
+        count = len(self.names)
+        for field in (*FLOAT_FIELDS, "motion_done", "rejected_commands", "calibrated"):
+            if (found := len(getattr(self, field))) != count:
+                raise InvalidAnswer(f"a state of {count} joints has {found} values of {field}")
+        return self
 
 
 #: The fields of a message that become arrays of numbers.
@@ -97,35 +112,50 @@ class StateView:
         self._heard = 0  # messages so far
         self._arrived = (0,) * SETTLING  # the last ones, ns of the system's clock, oldest first
         self._wanted = 0  # when the oldest of these must have arrived, ns
+        self._since = time.monotonic()  # of the last message, or of the last renewal, s
 
     def changed(self) -> None:
         """A request was made: states from before it do not count any more."""
         self._wanted = time.time_ns()
 
-    def latest(self, *, fresh: bool = True) -> Steps[State]:
+    async def latest(self, *, fresh: bool = True) -> State:
         """The last state; a fresh one shows what was asked for before."""
         link = self._link
         link.subscribe(STATE, self.on_message)
         if fresh or self._message is None:
-            yield from link.settle()
-            yield from link.thread.until(self.shown, link.answer_timeout)
+            await link.settle()
+            if not await link.thread.until(self.shown, link.answer_timeout):
+                self._renew()
         self._wanted = min(self._wanted, self._arrived[0])
         if self._message is None:
             raise link.discovery.timed_out(STATE)
-        return State.of(self._message)
+        return State.of(self._message).checked()
 
     def shown(self) -> bool:
         """Whether the last state shows what was asked for before."""
         return self._message is not None and self._arrived[0] >= self._wanted
 
-    def following(self, timeout: float) -> Steps[State | None]:
+    async def following(self, timeout: float) -> State | None:
         """The state after the last one; None when none came within so many s."""
         heard = self._heard
-        came = yield from self._link.thread.until(lambda: self._heard != heard, timeout)
-        return State.of(self._message) if came else None
+        came = await self._link.thread.until(lambda: self._heard != heard, timeout)
+        if not came:
+            self._renew()
+        return State.of(self._message).checked() if came else None
+
+    def _renew(self) -> None:
+        """No state came: make the subscriptions anew where that lasts.
+
+        A board that was out of reach for longer than the middleware remembers it is heard again by
+        new ones, whatever became of the old ones.
+        """
+        if time.monotonic() - self._since >= SILENCE:
+            self._since = time.monotonic()
+            self._link.renew()
 
     def on_message(self, message: Any, info: dict[str, int]) -> None:
         """Take a BoardState message; middlewares that do not tell when it arrived say 0."""
         self._message = message
         self._arrived = (*self._arrived[1:], info["received_timestamp"] or time.time_ns())
         self._heard += 1
+        self._since = time.monotonic()

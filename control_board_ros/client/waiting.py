@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Waiting: one code for the blocking and the awaitable form of every operation.
 
-An operation is written as steps: a generator that yields a :class:`Wait` wherever something must
-come from the board. :func:`run` takes the steps in this thread, :func:`run_async` in a coroutine,
-under asyncio and in an rclpy executor alike.
+An operation is a coroutine that awaits a :class:`Wait` wherever something must come from the
+board. :func:`run` drives it in this thread, :func:`run_async` in a task of the user's, under
+asyncio and in an rclpy executor alike.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import asyncio
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Coroutine, Generator
 from typing import TypeVar
 
 R = TypeVar("R")
@@ -66,10 +66,16 @@ class Wait:
         """Wait in this thread."""
         self._finished.wait()
 
-    def check(self) -> None:
-        """Raise the error that the wait ended with, if any."""
+    def __await__(self) -> Generator[Wait, None, bool]:
+        """Let the driver wait; whether it is done, else its time is over.
+
+        Raises:
+            Exception: the error that the wait ended with.
+        """
+        yield self
         if self._error is not None:
             raise self._error
+        return self.done
 
     def on_finish(self, callback: Callable[[], None]) -> None:
         """Call back from the link's thread, or at once when it is finished already."""
@@ -109,38 +115,33 @@ class _Resume:
         yield
 
 
-Steps = Generator[Wait, None, R]
-
-
-def run(steps: Steps[R]) -> R:
-    """The blocking form: wait in this thread at every step."""
+def run(coroutine: Coroutine[Wait, None, R]) -> R:
+    """The blocking form: wait in this thread."""
     try:
-        wait = next(steps)
+        wait = coroutine.send(None)
         while True:
             try:
                 wait.block()
-                wait.check()
             except BaseException as error:  # noqa: BLE001  (handed on, not kept)
-                wait = steps.throw(error)  # Ctrl-C too: a move then cancels its goal
+                wait = coroutine.throw(error)  # Ctrl-C: a move then cancels its goal
             else:
-                wait = steps.send(None)
+                wait = coroutine.send(None)
     except StopIteration as stop:
         result: R = stop.value
         return result
 
 
-async def run_async(steps: Steps[R], wake: Callable[[], None]) -> R:
-    """The awaitable form: wait in this coroutine at every step."""
+async def run_async(coroutine: Coroutine[Wait, None, R], wake: Callable[[], None]) -> R:
+    """The awaitable form: wait in the task of the user's; ``wake``: see :meth:`Wait.wait`."""
     try:
-        wait = next(steps)
+        wait = coroutine.send(None)
         while True:
             try:
                 await wait.wait(wake)
-                wait.check()
             except BaseException as error:  # noqa: BLE001  (handed on, not kept)
-                wait = steps.throw(error)
+                wait = coroutine.throw(error)
             else:
-                wait = steps.send(None)
+                wait = coroutine.send(None)
     except StopIteration as stop:
         result: R = stop.value
         return result

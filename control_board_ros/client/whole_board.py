@@ -3,65 +3,115 @@
 
 from __future__ import annotations
 
-from collections import deque
+from dataclasses import replace
 
 from control_board_ros.core.faults import FaultRecord
-from control_board_ros.core.reply import Reply
-from control_board_ros.interface import CONFIGURE, GET_FAULTS, POWER_CYCLE, ROBOT_DESCRIPTION
+from control_board_ros.core.reply import Reply, refused
+from control_board_ros.core.selection import RequestError
+from control_board_ros.core.vocabs import parse_control_mode
+from control_board_ros.interface import (
+    CONFIGURE,
+    EMERGENCY_STOP,
+    GET_FAULTS,
+    GET_FREEZE_FRAME,
+    MOST_JOINTS,
+    POWER_CYCLE,
+    RECOVER,
+    ROBOT_DESCRIPTION,
+)
 from control_board_ros.protocols import Joints
+from control_board_ros.text import clean
 
-from .services import Services
-from .state import seconds
-from .waiting import Steps
+from .freeze_frame import FreezeFrame, fault_record
+from .operations import Interface, operation
+from .services import reply_of
 
 
-class WholeBoard:
+class WholeBoard(Interface):
     """What concerns no joint more than another, and the faults of all."""
 
-    def __init__(self, services: Services) -> None:
-        self._services, self._link = services, services.link
-        self._description: deque[str] = deque(maxlen=1)
-
-    def wait_until_found(self, timeout: float | None = None) -> Steps[tuple[str, ...]]:
+    @operation
+    async def wait_until_found(self, timeout: float | None = None) -> tuple[str, ...]:
         """Wait for the board (the find timeout, or so many s); its joint names.
 
         Raises:
             BoardNotFound: it did not appear.
         """
         is_there = self._link.discovery.is_there  # what is known may be gone since
-        return (yield from self._services.find(timeout, is_there)).names
+        return (await self._services.find(timeout, is_there)).names
 
-    def get_axes(self) -> Steps[int]:
+    @operation
+    async def get_axes(self) -> int:
         """How many joints the board has."""
-        return len((yield from self._services.find()).names)
+        return len((await self._services.find()).names)
 
-    def get_faults(self, joints: Joints = None) -> Steps[list[FaultRecord]]:
+    @operation
+    async def get_faults(self, joints: Joints = None) -> list[FaultRecord]:
         """The last fault of each joint, active or not (F5)."""
-        response = yield from self._services.read(GET_FAULTS, joints)
-        return [
-            FaultRecord(
-                name=fault.name,
-                active=fault.active,
-                code=fault.code,
-                text=fault.text,
-                stamp=seconds(fault.stamp),
-            )
-            for fault in response.faults
-        ]
+        response = await self._services.read(GET_FAULTS, joints)
+        return [fault_record(fault) for fault in response.faults[:MOST_JOINTS]]
 
-    def get_robot_description(self) -> Steps[str]:
+    @operation
+    async def recover(self, joints: Joints = None, partial: bool = False) -> Reply:
+        """Leave HW_FAULT for the modes before the fault, at the measured positions (E1).
+
+        Args:
+            joints: which; None: all that are in fault.
+            partial: whether joints whose cause is gone recover where others must wait.
+
+        Returns:
+            The board's answer and reason for each joint, the modes after the call, and in
+            ``waits`` the time until a cause can be gone, s.
+        """
+        try:
+            selection = await self._services.select(joints)
+        except RequestError as error:
+            return refused(str(error))
+        names = [] if joints is None else list(selection.names)
+        response = await self._link.call(RECOVER, names=names, partial=partial)
+        self._services.states.changed()
+        if joints is None:  # those that were in fault
+            selection = await self._services.select(tuple(response.names))
+        modes = tuple(parse_control_mode(code) for code in response.modes)
+        return replace(reply_of(response, selection), modes=modes, waits=tuple(response.wait))
+
+    @operation
+    async def emergency_stop(self, stop: bool = True) -> Reply:
+        """Take the power of every joint of the robot in the next cycle, or release the stop (E2).
+
+        Answered when it has been done; the message of the reply says where that waits for a paused
+        simulation to go on. Released, joints stay in HW_FAULT until ``recover``.
+        """
+        return await self._services.trigger(EMERGENCY_STOP, data=stop)
+
+    @operation
+    async def get_freeze_frame(self, joint: int | str) -> FreezeFrame | None:
+        """What was measured and followed around a joint's last fault (E3); None: no fault yet."""
+        selection = await self._services.select(joint)
+        record = (await self.get_faults(joint))[0]
+        if record.code < 0:
+            return None
+        response = await self._link.call(GET_FREEZE_FRAME, name=selection.names[0])
+        if not response.success:
+            raise RequestError(clean(response.message))
+        return FreezeFrame.of(response, self._link.name)
+
+    @operation
+    async def get_robot_description(self) -> str:
         """The board's URDF."""
-        heard, link = self._description, self._link
-        yield from self._services.find()
+        heard, link = self._services.description, self._link
+        await self._services.find()
         link.subscribe(ROBOT_DESCRIPTION, lambda message: heard.append(message.data))
-        if not (yield from link.thread.until(lambda: bool(heard), link.answer_timeout)):
+        if not await link.thread.until(lambda: bool(heard), link.answer_timeout):
             raise link.discovery.timed_out(ROBOT_DESCRIPTION)
         return heard[-1]
 
-    def configure(self) -> Steps[Reply]:
+    @operation
+    async def configure(self) -> Reply:
         """The whole configuration is in: joints leave NOT_CONFIGURED (N2)."""
-        return (yield from self._services.trigger(CONFIGURE))
+        return await self._services.trigger(CONFIGURE)
 
-    def power_cycle(self) -> Steps[Reply]:
+    @operation
+    async def power_cycle(self) -> Reply:
         """Back to power-on (N1)."""
-        return (yield from self._services.trigger(POWER_CYCLE))
+        return await self._services.trigger(POWER_CYCLE)

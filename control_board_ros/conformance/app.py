@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command ``control_board_conformance``.
 
-Exit codes: 0 every rule that could be tried held, 1 one did not, or there is no board, 2 wrong
-usage.
+Exit codes: 0 every rule that could be tried held, 1 one did not, or more than a few were not
+tested that the board offers, or there is no board, 2 wrong usage.
 """
 
 from __future__ import annotations
@@ -14,13 +14,19 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
+from control_board_ros.text import clean, clean_lines
+
 from .. import __version__
-from ..conformance_options import OPTIONS
+from ..conformance_options import OPTIONS, seconds
 from ..startup import announce_often
 from .bench import Allowed, Bench
-from .report import as_json, as_junit, as_line, as_text
-from .rules import RULES, NotTestable, Rule, in_order
-from .runner import Outcome, Result, Session, run
+from .report import as_json, as_junit, as_line, as_text, too_few
+from .rules import RULES, NotTestable, OutOfTime, Rule, in_order
+from .runner import Result, Session, passed, run, unread
+from .shapes import Malformed
+
+#: Characters of a line, which may hold texts of the board.
+LONGEST = 2000
 
 if TYPE_CHECKING:
     from ..client import ControlBoardClient
@@ -50,14 +56,6 @@ def parser() -> argparse.ArgumentParser:
     add("--domain", type=domain, help="ROS domain; else that of ROS_DOMAIN_ID")
     add("--version", action="version", version=f"control_board_ros {__version__}")
     return options
-
-
-def seconds(text: str) -> float:
-    """A time above 0, up to an hour."""
-    value = float(text)
-    if not 0.0 < value <= 3600.0:
-        raise argparse.ArgumentTypeError(f"{text} is not valid; give seconds above 0, up to 3600")
-    return value
 
 
 def domain(text: str) -> int:
@@ -103,7 +101,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with connected(asked) as (node, client):
             return try_board(node, client, asked, rules, complain)
-    except (BoardError, NotTestable) as error:
+    except (BoardError, NotTestable, OutOfTime) as error:
         return complain(str(error))
     except KeyboardInterrupt:
         return complain("interrupted")
@@ -129,32 +127,58 @@ def try_board(
         NotTestable: no joint can be tried.
         BoardError: no board.
     """
-    session = Session(
-        node,
-        client,
-        joint=asked.joint,
-        fraction=asked.range,
-        allowed=Allowed(asked.calibrate, asked.power_cycle),
-        patience=asked.timeout,
-    )
-    with contextlib.closing(session):
-        print(plan(session.bench, asked), file=sys.stderr)
-        if not asked.yes and not goes_on():
-            complain("nothing was tried")
-            return NOT_HELD
-        results, problems = run(session, rules, lambda r: None if asked.json else tell(r))
-        name = session.bench.channel.board
-        print(as_json(name, session.bench.joint, results) if asked.json else as_text(results))
+    heard: Callable[[Result], None] = (lambda _: None) if asked.json else tell
+    joint, problems = asked.joint or "", list[str]()
+    try:
+        session = Session(
+            node,
+            client,
+            joint=asked.joint,
+            fraction=asked.range,
+            allowed=Allowed(asked.calibrate, asked.power_cycle),
+            patience=asked.timeout,
+            rule_time=asked.rule_time,
+        )
+    except Malformed as error:
+        complain(f"the board cannot be read: {error}")
+        results = unread(rules, error)
+        for result in results:
+            heard(result)
+        summed_up(client.board_name, joint, asked, results, problems, complain)
+        return NOT_HELD  # also where the rule that says why is not among those asked for
+    else:
+        with contextlib.closing(session):
+            joint = session.bench.joint
+            print(clean_lines(plan(session.bench, asked)), file=sys.stderr)
+            if not asked.yes and not goes_on():
+                complain("nothing was tried")
+                return NOT_HELD
+            results, problems = run(session, rules, heard)
+    return summed_up(client.board_name, joint, asked, results, problems, complain)
+
+
+def summed_up(
+    board: str,
+    joint: str,
+    asked: argparse.Namespace,
+    results: Sequence[Result],
+    problems: Sequence[str],
+    complain: Callable[[str], Any],
+) -> int:
+    """Tell how it went, and write the report that was asked for; the exit code."""
+    print(as_json(board, joint, results) if asked.json else as_text(results))
     if asked.junit is not None:
-        asked.junit.write_text(as_junit(name, results), encoding="utf-8")
+        asked.junit.write_text(as_junit(board, results), encoding="utf-8")
     for problem in problems:
         complain(f"not left as found: {problem}")
-    return NOT_HELD if any(r.outcome is Outcome.NOT_HELD for r in results) else HELD
+    if text := too_few(results):
+        complain(text)
+    return HELD if passed(results) else NOT_HELD
 
 
 def tell(result: Result) -> None:
     """Print a result as it comes."""
-    print(as_line(result), flush=True)
+    print(clean(as_line(result), LONGEST), flush=True)
 
 
 def goes_on() -> bool:
@@ -203,5 +227,5 @@ def connected(asked: argparse.Namespace) -> Iterator[tuple[Any, ControlBoardClie
 
 def complain(text: str) -> int:
     """One line on standard error; the exit code."""
-    print(f"control_board_conformance: {text}", file=sys.stderr, flush=True)
+    print(f"control_board_conformance: {clean(text, LONGEST)}", file=sys.stderr, flush=True)
     return NOT_HELD

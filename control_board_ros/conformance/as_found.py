@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.core.modes import SELECTABLE
 from control_board_ros.core.reply import Reply
-from control_board_ros.core.selection import RequestError
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
 from control_board_ros.protocols import Floats
 
 from .bench import Bench, M
-from .rules import NotHeld, NotTestable
+from .rules import NotHeld, NotTestable, NotTested
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,7 +60,7 @@ class AsFound:
         """Bring all of them to POSITION, where they hold still.
 
         Raises:
-            NotTestable: one of them does not get there.
+            NotTested: one of them does not get there.
         """
         modes = dict(zip(self.names, client.get_control_mode(self.names), strict=True))
         faulted = [name for name in self.names if modes[name] is M.HW_FAULT]
@@ -70,7 +69,7 @@ class AsFound:
         others = [name for name in self.names if modes[name] is not M.POSITION]
         reply = client.set_control_mode(others, M.POSITION) if others else True
         if not reply:
-            raise NotTestable(f"joints do not come to POSITION: {getattr(reply, 'message', '')}")
+            raise NotTested(f"joints do not come to POSITION: {getattr(reply, 'message', '')}")
 
     def give_back(self, client: ControlBoardClient) -> list[Reply]:
         """Set reference speeds and impedance as found, at any time."""
@@ -85,7 +84,8 @@ class AsFound:
         try:
             self.hold(client)
             bench.home()
-        except (NotTestable, NotHeld, RequestError) as error:
+            bench.go(bench.range.found)
+        except (NotTestable, NotTested, NotHeld, ValueError, LookupError) as error:
             wrong.append(f"{bench.joint} is not back where it was found: {error}")
         except BoardError as error:
             return [str(error)]
@@ -96,6 +96,6 @@ class AsFound:
                 client.set_interaction_mode(self.names, self.interaction_modes),
                 client.set_control_mode(self.names, self.control_modes),
             ]
-        except BoardError as error:
+        except (BoardError, NotTested, NotHeld, ValueError, LookupError) as error:
             return [*wrong, str(error)]
         return [*wrong, *(reply.message for reply in replies if not reply)]

@@ -8,15 +8,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from itertools import takewhile
+from typing import Any
 
-from control_board_ros.client import BoardTimeout, ControlBoardClient, State
+import numpy as np
+
+from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient, State
 from control_board_ros.core.modes import SELECTABLE, STOPPABLE, UNIMPLEMENTED
 from control_board_ros.core.reply import Reply
 from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+from control_board_ros.interface import Endpoint
 
 from .channel import Channel
 from .limits import Range
-from .rules import NotHeld, NotTestable, assume
+from .rules import NotHeld, NotTestable, assume, offered
+from .shapes import PER_JOINT, check_lengths, reply_of
 
 M, K = ControlMode, CommandKind
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
@@ -52,6 +57,15 @@ class Allowed:
     power_cycle: bool = False
 
 
+def told_interval(client: ControlBoardClient) -> float:
+    """The time from one state to the next that the board's parameters tell, s; 0: none."""
+    try:
+        rate = float(client.get_parameters(["state_rate"])["state_rate"])
+    except (BoardError, ValueError, TypeError):  # another board has no such parameter
+        return 0.0
+    return 1.0 / rate if rate > 0.0 else 0.0
+
+
 class Bench:
     """A joint to try rules on; every rule starts with it at rest in POSITION, STIFF.
 
@@ -76,10 +90,43 @@ class Bench:
         limits: Range,
         allowed: Allowed,
     ) -> None:
-        self.client, self.channel, self.range, self.allowed = client, channel, limits, allowed
+        self._client, self.channel, self.range, self.allowed = client, channel, limits, allowed
+        self._asked = False
+        self._interval = told_interval(client)
         self.names: tuple[str, ...] = client.names
         self.j, self.joint, self.partner = joint, self.names[joint], partner
         self.modes, self.interactions = client.get_available_modes(self.joint)[0]
+
+    # -- requests -----------------------------------------------------------------------------
+
+    @property
+    def client(self) -> ControlBoardClient:
+        """The client, as long as the rule has time left.
+
+        Raises:
+            OutOfTime: it has none.
+            Malformed: a message cannot be read.
+        """
+        self.channel.check()
+        return self._client
+
+    def ask(
+        self, service: Endpoint, names: Sequence[str] | None = None, /, **requested: Any
+    ) -> Reply:
+        """Ask a service that answers for each joint: of the joint, or of those that are named.
+
+        Raises:
+            Malformed: its answers do not agree with its success.
+        """
+        asked = [self.joint] if names is None else list(names)
+        response = self.channel.call(service, names=asked, **requested)
+        self._asked = True
+        return reply_of(service, asked, response)
+
+    def publish(self, topic: Endpoint, **fields: Any) -> None:
+        """Publish a message as it stands."""
+        self.channel.send(topic, **fields)
+        self._asked = True
 
     # -- modes --------------------------------------------------------------------------------
 
@@ -104,11 +151,12 @@ class Bench:
         """Put the joint into a mode, for a rule that is about something else.
 
         Raises:
-            NotTestable: it does not have the mode, or does not get there.
+            NotTestable: it does not have the mode.
+            NotTested: it does not get there.
         """
-        assume(mode in self.modes, f"{self.joint} does not implement {mode}")
+        offered(mode in self.modes, f"{self.joint} does not implement {mode}")
         if interaction is not None:
-            assume(interaction in self.interactions, f"{self.joint} has no {interaction}")
+            offered(interaction in self.interactions, f"{self.joint} has no {interaction}")
             reply = self.client.set_interaction_mode(self.joint, interaction)
             assume(reply, f"{interaction} is refused, see I1: {reply.message}")
         reply = self.client.set_control_mode(self.joint, mode)
@@ -119,23 +167,28 @@ class Bench:
         """Bring the joint to rest in POSITION, STIFF where it was found, from anywhere.
 
         Raises:
-            NotTestable: it does not come.
+            NotTested: it does not come.
         """
         if self.mode is M.HW_FAULT:
             self.client.set_control_mode(self.joint, M.FORCE_IDLE)
         self.enter(M.POSITION, STIFF)
-        here = self.state()
-        way = self.range.start - float(here.position[self.j])
-        if abs(way) > 0.02 * self.range.step:
-            self.client.position_move(self.joint, self.range.start, self.range.speed)
-            self.until(self.is_done, 2.0 + 2.0 * abs(way) / self.range.speed, guarded=False)
-        self.client.stop(self.joint)
+        if self.moves():
+            self.client.stop(self.joint)
+            self.enter(M.POSITION)  # a board whose stop leaves the mode breaks one rule, not all
+        self.go(self.range.start)
+
+    def go(self, target: float) -> None:
+        """Move to a position, if it is not there, and wait until it is."""
+        way = abs(target - float(self.state().position[self.j]))
+        if way > 0.02 * self.range.step:
+            self.client.position_move(self.joint, target, self.range.speed)
+            self.until(self.reached(target), 2.0 + 2.0 * way / self.range.speed, guarded=False)
 
     def fault(self) -> Reply:
         """Put the joint into HW_FAULT, as a user can (M5).
 
         Raises:
-            NotTestable: it does not go there.
+            NotTested: it does not go there.
         """
         reply = self.client.set_control_mode(self.joint, self.missing)
         assume(self.mode is M.HW_FAULT, f"no fault by asking for {self.missing}, see M5")
@@ -179,7 +232,7 @@ class Bench:
         """Send a reference that the mode takes, for a rule that is about what it does.
 
         Raises:
-            NotTestable: it is not taken.
+            NotTested: it is not taken.
         """
         fate = self.fate(kind, value)
         assume(fate is Fate.TAKEN, f"the {kind} reference was not taken, see M3")
@@ -189,8 +242,49 @@ class Bench:
     def state(self) -> State:
         """A state that shows what was asked for before."""
         fresh = self.client.get_state()
+        check_lengths("~/state", fresh, PER_JOINT)
         self.wait(lambda: self.latest().stamp >= fresh.stamp, self.channel.patience)
+        if self._asked:  # not by the client, whose states may be older then
+            self._asked = False
+            return self.following(2)
         return fresh
+
+    def following(self, count: int) -> State:
+        """The state so many after the last one.
+
+        Raises:
+            BoardTimeout: it does not come.
+        """
+        wanted = self.channel.states_heard + count
+        if not self.wait(lambda: self.channel.states_heard >= wanted, self.channel.patience):
+            raise BoardTimeout(f"no state of {self.channel.board}; is it paused?")
+        return self.channel.states[-1]
+
+    def moves(self) -> bool:
+        """Whether the position reference of the joint moves."""
+        states = (self.state(), self.following(1))
+        one, other = (float(state.position_reference[self.j]) for state in states)
+        return one != other
+
+    def reached(self, target: float) -> Callable[[State], bool]:
+        """Whether the position reference of a state is at a target."""
+        near = 1e-4 * self.range.step
+        return lambda state: abs(float(state.position_reference[self.j]) - target) < near
+
+    @property
+    def state_interval(self) -> float:
+        """The usual time from one state to the next, s: of its parameter, else as it was heard."""
+        stamps = np.array([state.stamp for state in self.channel.states.copy()])
+        heard = float(np.median(np.diff(stamps)))
+        return self._interval if 0.0 < self._interval < heard < 1.15 * self._interval else heard
+
+    def shows(self, condition: Callable[[State], bool]) -> State:
+        """The first state that fulfils a condition, else the last one when none came in time.
+
+        What was published is taken when it is: no request tells.
+        """
+        self.wait(lambda: condition(self.latest()), TAKING)
+        return self.latest()
 
     def latest(self) -> State:
         """The last state heard.

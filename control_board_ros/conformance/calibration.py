@@ -5,8 +5,11 @@ from __future__ import annotations
 
 import time
 
-from .bench import Bench, Fate, K, M
-from .rules import NotTestable, assume, expect, inside, rule
+from control_board_ros.client import BoardError
+from control_board_ros.core.vocabs import parse_control_mode, parse_interaction_mode
+
+from .bench import STIFF, Bench, Fate, K, M
+from .rules import NotTestable, expect, inside, offered, rule
 
 #: s for a calibration of one joint.
 LONGEST = 60.0
@@ -21,7 +24,7 @@ def begin(bench: Bench) -> None:
     if not bench.allowed.calibrate:
         raise NotTestable("a calibration may leave the range; allow it with --calibrate")
     reply = bench.client.calibrate(bench.joint, wait=False)
-    assume(reply, f"{bench.joint} does not calibrate: {reply.message}")
+    offered(reply, f"{bench.joint} does not calibrate: {reply.message}")
 
 
 def finish(bench: Bench) -> None:
@@ -49,13 +52,20 @@ def on_request(bench: Bench) -> str:
 
 @rule("K2", "while calibrating")
 def meanwhile(bench: Bench) -> str:
+    count, last = bench.channel.modes_heard, calibrators_modes(bench)[0]
+    other = next(mode for mode in bench.modes if mode.code != last)
     begin(bench)
     try:
-        assume(bench.mode is M.CALIBRATING, "the calibration was over at once")
-        reply = bench.client.set_control_mode(bench.joint, M.POSITION)
+        offered(bench.mode is M.CALIBRATING, "the calibration was over at once")
+        reply = bench.client.set_control_mode(bench.joint, other)
         fate = bench.fate(K.POSITION, bench.another(K.POSITION))
-        assume(bench.mode is M.CALIBRATING, "the calibration was over too soon")
-        expect(not reply, "POSITION was accepted while CALIBRATING")
+        bench.record(0.05)
+        modes = [message.control_modes[bench.j] for message in bench.channel.modes_since(count)]
+        after = modes[modes.index(M.CALIBRATING.code) :] if M.CALIBRATING.code in modes else []
+        left = [mode for mode in after if mode != M.CALIBRATING.code]
+        expect(left[:1] != [other.code], f"{other} was accepted while CALIBRATING")
+        offered(bench.mode is M.CALIBRATING, "the calibration was over too soon")
+        expect(not reply, f"{other} was accepted while CALIBRATING")
         expect(fate is not Fate.TAKEN, "a position was taken while CALIBRATING")
     finally:
         finish(bench)
@@ -66,9 +76,24 @@ def meanwhile(bench: Bench) -> str:
 def afterwards(bench: Bench) -> str:
     begin(bench)
     finish(bench)
-    mode = bench.mode
-    expect(mode in bench.modes, f"{bench.joint} is in {mode} after its calibration")
-    return f"{mode} after its calibration"
+    mode, interaction = bench.mode, bench.client.get_interaction_mode(bench.joint)[0]
+    wanted = calibrators_modes(bench)
+    expect(
+        (mode.code, interaction.code) == wanted,
+        f"{bench.joint} is in {mode}, {interaction} after its calibration, not in "
+        f"{' and '.join(wanted)}, its calibrator's modes",
+    )
+    return f"{mode}, {interaction} after its calibration"
+
+
+def calibrators_modes(bench: Bench) -> tuple[str, str]:
+    """The codes that the joint's parameters give, where it tells them, else the default."""
+    names = [f"{bench.joint}.calibration.{kind}_mode" for kind in ("control", "interaction")]
+    try:
+        control, interaction = bench.client.get_parameters(names).values()
+        return parse_control_mode(control).code, parse_interaction_mode(interaction).code
+    except (BoardError, ValueError, TypeError):  # another board has no such parameters
+        return M.POSITION.code, STIFF.code
 
 
 inside("K4", "a calibration that fails", "one would have to be made to fail")

@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
+from control_board_ros.client import State
 from control_board_ros.core.vocabs import InteractionMode
-from control_board_ros.interface import GET_IMPEDANCE, SET_IMPEDANCE
+from control_board_ros.interface import GET_IMPEDANCE, SET_IMPEDANCE, SET_INTERACTION_MODE
 
 from .bench import COMPLIANT, STIFF, Bench, Fate, K, M
 from .moving import amid_a_move, run_on
-from .rules import NotTestable, assume, expect, inside, rule
+from .rules import NotTestable, assume, expect, inside, offered, rule
 
 
 def both(bench: Bench) -> None:
@@ -19,7 +22,7 @@ def both(bench: Bench) -> None:
     Raises:
         NotTestable: it does not.
     """
-    assume(COMPLIANT in bench.interactions, f"{bench.joint} implements STIFF only")
+    offered(COMPLIANT in bench.interactions, f"{bench.joint} implements STIFF only")
 
 
 @rule("I1", "STIFF or COMPLIANT per joint")
@@ -27,7 +30,7 @@ def per_joint(bench: Bench) -> str:
     both(bench)
     client, before = bench.client, bench.client.get_interaction_mode()
     for interaction in (COMPLIANT, STIFF):
-        reply = client.set_interaction_mode(bench.joint, interaction)
+        reply = bench.ask(SET_INTERACTION_MODE, modes=[interaction.code])
         expect(reply, f"{interaction} is available and refused: {reply.message}")
         wanted = [*before]
         wanted[bench.j] = interaction
@@ -85,10 +88,10 @@ def change_stops(bench: Bench) -> str:
         reply = bench.client.set_interaction_mode(bench.joint, interaction)
         assume(reply, f"{interaction} is refused, see I1: {reply.message}")
 
-    *_, now = amid_a_move(bench, lambda: change(STIFF))
-    expect(not bench.is_done(now), "the present interaction mode again stopped a move")
+    amid_a_move(bench, lambda: change(STIFF))
+    way = run_on(bench, bench.record(0.1))
+    expect(way > 0.0, "the present interaction mode again stopped a move")
     *_, now = amid_a_move(bench, lambda: change(COMPLIANT))
-    expect(bench.is_done(now), "a move counts as running after the change")
     way = run_on(bench, [now, *bench.record(0.4)])
     expect(way < bench.tolerance, f"a move ran on for {way:.3g} after the change")
     return "COMPLIANT stopped a move; STIFF in STIFF did not"
@@ -97,25 +100,62 @@ def change_stops(bench: Bench) -> str:
 @rule("I5", "COMPLIANT is a spring")
 def spring(bench: Bench) -> str:
     both(bench)
-    most = float(bench.client.get_max_impedance(bench.joint)[0][0])
     way = 0.3 * bench.range.step
-    stiffness = min(0.2 * most, bench.range.push / way)
-    assume(stiffness > 0.0, "it has no stiffness to set")
+    stiffness = soft(bench, way)
     assume(bench.client.set_impedance(bench.joint, stiffness), "impedance is refused, see I6")
-    bench.enter(M.POSITION, COMPLIANT)
-    bench.record(0.5)
-    before = bench.state()
-    load = float(bench.client.get_torque_offset(bench.joint)[0])
+    with pushed(bench, stiffness * way) as before:
+        *_, after = bench.record(1.5)
+    went = float(after.position[bench.j] - before.position[bench.j])
     torque = stiffness * way
-    bench.client.set_feedforward(bench.joint, torques=load + torque)
-    *_, pushed = bench.record(1.5)
-    bench.client.set_feedforward(bench.joint, torques=load)
-    went = float(pushed.position[bench.j] - before.position[bench.j])
     expect(
         0.6 * way < went < 1.4 * way,
         f"{torque:.3g} on a spring of {stiffness:.3g} gave {went:.3g}, not {way:.3g}",
     )
     return f"{torque:.3g} N·m on {stiffness:.3g} N·m/rad: {went:.3g} rad of {way:.3g}"
+
+
+def soft(bench: Bench, way: float) -> float:
+    """A stiffness that what the joint may be pushed with bends by so much, rad.
+
+    Raises:
+        NotTestable: it has none to set.
+    """
+    most = float(bench.client.get_max_impedance(bench.joint)[0][0])
+    offered(most > 0.0, "it has no stiffness to set")
+    return min(0.2 * most, bench.range.push / way)
+
+
+@contextmanager
+def pushed(bench: Bench, torque: float) -> Iterator[State]:
+    """Push a joint in POSITION, COMPLIANT with a torque (N·m); the state before it."""
+    bench.enter(M.POSITION, COMPLIANT)
+    bench.record(0.5)
+    before = bench.state()
+    load = float(bench.client.get_torque_offset(bench.joint)[0])
+    bench.client.set_feedforward(bench.joint, torques=load + torque)
+    try:
+        yield before
+    finally:
+        bench.client.set_feedforward(bench.joint, torques=load)
+
+
+def acts_at_once(bench: Bench) -> None:
+    """A spring that is made twice as stiff is bent half as far."""
+    way = 0.3 * bench.range.step
+    stiffness = 0.5 * soft(bench, way)
+    assume(bench.client.set_impedance(bench.joint, stiffness), "a stiffness is refused")
+    with pushed(bench, stiffness * way) as before:
+        *_, bent = bench.record(1.2)
+        reply = bench.client.set_impedance(bench.joint, 2.0 * stiffness)
+        expect(reply, f"a stiffness of {2.0 * stiffness:.3g} is refused: {reply.message}")
+        *_, less = bench.record(1.2)
+    first, second = (float(s.position[bench.j] - before.position[bench.j]) for s in (bent, less))
+    assume(first > 0.4 * way, f"a push bent the spring {first:.3g}, not {way:.3g}, see I5")
+    expect(
+        second < 0.75 * first,
+        f"twice the stiffness set in COMPLIANT did not act: a push bent it {first:.3g} before, "
+        f"{second:.3g} after",
+    )
 
 
 @rule("I6", "impedance is set and read at any time")
@@ -136,15 +176,16 @@ def impedance(bench: Bench) -> str:
         expect(bench.mode is mode, f"{mode} became {bench.mode} with the impedance")
         tried.append(mode.name)
     for bad in (-1.0, math.nan, math.inf, 1.01 * most + 1.0):
-        refused = bench.channel.call(
-            SET_IMPEDANCE, names=[joint], stiffness=[bad], damping=[0.1 * hardest]
-        )
-        expect(not refused.success, f"a stiffness of {bad:g} was accepted; the most is {most:g}")
+        refused = bench.ask(SET_IMPEDANCE, stiffness=[bad], damping=[0.1 * hardest])
+        expect(not refused, f"a stiffness of {bad:g} was accepted; the most is {most:g}")
         kept = float(client.get_impedance(joint)[0][0])
         expect(
             math.isclose(kept, stands[0]), f"a stiffness of {bad:g} was refused, and changed it"
         )
-    return f"set in {', '.join(tried)}; negative, non-finite and above {most:g} refused"
+    acts_at_once(bench)
+    return (
+        f"set in {', '.join(tried)}, acts at once; negative, non-finite and above {most:g} refused"
+    )
 
 
 @rule("I7", "without torque sensing only STIFF")
@@ -152,7 +193,7 @@ def only_stiff(bench: Bench) -> str:
     if COMPLIANT in bench.interactions:
         raise NotTestable(f"{bench.joint} senses torque; try a joint without: --joint NAME")
     expect(M.TORQUE not in bench.modes, "TORQUE is available without COMPLIANT")
-    reply = bench.client.set_interaction_mode(bench.joint, COMPLIANT)
+    reply = bench.ask(SET_INTERACTION_MODE, modes=[COMPLIANT.code])
     expect(not reply, "COMPLIANT is not available and was accepted")
     expect(bench.mode is M.HW_FAULT, f"{bench.joint} is in {bench.mode}, not HW_FAULT")
     return f"HW_FAULT, {bench.client.get_faults(bench.joint)[0].text!r}"

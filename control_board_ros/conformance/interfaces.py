@@ -3,10 +3,36 @@
 
 from __future__ import annotations
 
-from control_board_ros.interface import ACTIONS, COMMAND_TOPICS, PUBLISHED, SERVICES
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from control_board_ros.core.reply import Answer
+from control_board_ros.interface import (
+    ACTIONS,
+    COMMAND_TOPICS,
+    GET_AVAILABLE_MODES,
+    GET_CONTROL_MODE,
+    GET_IMPEDANCE,
+    GET_INTERACTION_MODE,
+    GET_REFERENCES,
+    PUBLISHED,
+    SERVICES,
+    SET_CONTROL_MODE,
+)
 
 from .bench import Bench, K, M
-from .rules import assume, expect, inside, rule
+from .rules import NotTestable, assume, expect, inside, offered, rule
+
+#: What is read of several joints.
+GETTERS = (
+    GET_CONTROL_MODE,
+    GET_INTERACTION_MODE,
+    GET_AVAILABLE_MODES,
+    GET_IMPEDANCE,
+    GET_REFERENCES,
+)
 
 #: What a board may leave out: these are of simulations, or for programs that exist.
 EXTRAS = frozenset(
@@ -17,6 +43,7 @@ EXTRAS = frozenset(
         "inject_fault",
         "joint_trajectory",
         "pause",
+        "requests",
         "reset",
         "step",
     }
@@ -24,7 +51,7 @@ EXTRAS = frozenset(
 
 
 @rule("A", "the interfaces are offered")
-def offered(bench: Bench) -> str:
+def all_offered(bench: Bench) -> str:
     node, board = bench.channel.node, bench.channel.board
     services = dict(node.get_service_names_and_types())
     topics = dict(node.get_topic_names_and_types())
@@ -38,7 +65,55 @@ def offered(bench: Bench) -> str:
         expect(name in there, f"{endpoint.kind} {endpoint.name} is not offered")
         types = there[name]
         expect(not kind or kind in types, f"{endpoint.name} is of {types[0]}, not {kind}")
-    return f"{len(wanted)} topics, services and actions"
+    in_the_order_asked(bench)
+    return f"{len(wanted)} topics, services and actions; two joints answered in the order asked"
+
+
+def in_the_order_asked(bench: Bench) -> None:
+    """Whether answers on two joints come in the order asked, that of the board turned round."""
+    if bench.partner is None:
+        return
+    pair = sorted([bench.joint, bench.partner], key=bench.names.index, reverse=True)
+    other = next((m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in bench.modes), None)
+    if other is not None:
+        bench.enter(other)
+    bench.client.set_ref_speed(bench.joint, 0.7 * bench.range.speed)
+    for service in GETTERS:
+        both = bench.channel.call(service, names=pair)
+        each = [bench.channel.call(service, names=[name]) for name in pair]
+        expect(list(both.names) == pair, f"{service.short} of {pair} names {list(both.names)}")
+        for field, kind in both.get_fields_and_field_types().items():
+            if not kind.startswith("sequence") or field == "names":
+                continue
+            said = list(getattr(both, field))
+            alone = [value for one in each for value in getattr(one, field)]
+            expect(same(said, alone), f"{service.short} of {pair}: {field} {said}, alone {alone}")
+    refused_in_the_order_asked(bench)
+
+
+def refused_in_the_order_asked(bench: Bench) -> None:
+    """Whether the answers of a request that one joint refuses come in the order asked."""
+    try:
+        bench.fault()
+    except NotTestable:  # it implements every mode
+        return
+    assert bench.partner is not None
+    mode = bench.client.get_control_mode(bench.partner)[0]
+    assume(mode is M.POSITION, f"{bench.partner} is in {mode} then, see M1")
+    for names in ([bench.joint, bench.partner], [bench.partner, bench.joint]):
+        response = bench.channel.call(SET_CONTROL_MODE, names=names, modes=[M.POSITION.code])
+        wanted = [Answer.REFUSED if name == bench.joint else Answer.ACCEPTED for name in names]
+        expect(
+            list(response.answers) == wanted,
+            f"{names}, of which {bench.joint} is in HW_FAULT, answered {list(response.answers)}",
+        )
+
+
+def same(one: Sequence[Any], other: Sequence[Any]) -> bool:
+    """Whether two lists of an answer are the same, numbers as nearly as what is measured is."""
+    if len(one) != len(other) or not one or not isinstance(one[0], float):
+        return list(one) == list(other)
+    return bool(np.allclose(one, other, rtol=1e-3, equal_nan=True))
 
 
 inside("D1", "the old interface", "the old interface is the client's")
@@ -46,7 +121,7 @@ inside("D1", "the old interface", "the old interface is the client's")
 
 @rule("D2", "no automatic switch")
 def no_switch(bench: Bench) -> str:
-    assume(M.VELOCITY in bench.modes, f"{bench.joint} does not implement VELOCITY")
+    offered(M.VELOCITY in bench.modes, f"{bench.joint} does not implement VELOCITY")
     for mode, kind in ((M.POSITION, K.VELOCITY), (M.VELOCITY, K.POSITION)):
         bench.enter(mode)
         bench.fate(kind, bench.another(kind))

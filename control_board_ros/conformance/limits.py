@@ -6,10 +6,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
+from control_board_ros.joint_limits import limit_parameters, limits_of
+from control_board_ros.urdf_xml import DescribedJoint, heard_joints
 
 if TYPE_CHECKING:
     from control_board_ros.client import ControlBoardClient
@@ -24,7 +25,7 @@ LONGEST_MOVE = 0.8
 @dataclass(frozen=True, slots=True)
 class Limits:
     """The limits of a joint: lower, upper (rad), velocity (rad/s), acceleration (rad/s²), torque
-    (N·m).
+    (N·m); known (whether the board tells lower and upper).
     """
 
     lower: float
@@ -32,19 +33,21 @@ class Limits:
     velocity: float
     acceleration: float
     torque: float
+    known: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class Range:
     """What a joint is tried in.
 
-    Attributes: start (rad, where it was found, or the nearest place in the range), low and high
-    (rad), step (rad, a way that fits on both sides of the middle), speed (rad/s, the mean of a
+    Attributes: found (rad, where it was), start (rad, the nearest place with room for a step on
+    both sides), low and high (rad), step (rad), speed (rad/s, the mean of a
     move; its peak is 1.875 times that), acceleration and hardest (rad/s²,
     what is asked for and the limit), output (percent), torque (N·m, of a
     joint that is free to move), push (N·m, of one that a spring holds).
     """
 
+    found: float
     start: float
     low: float
     high: float
@@ -67,11 +70,13 @@ class Range:
         half = 0.5 * fraction * (limits.upper - limits.lower)
         middle = min(max(position, limits.lower + half), limits.upper - half)
         speed = fraction * limits.velocity / 1.875
+        step = min(0.6 * half, speed * LONGEST_MOVE)
         return cls(
-            start=min(max(position, middle - half), middle + half),
+            found=position,
+            start=min(max(position, middle - half + step), middle + half - step),
             low=middle - half,
             high=middle + half,
-            step=min(0.6 * half, speed * LONGEST_MOVE),
+            step=step,
             speed=speed,
             acceleration=min(limits.acceleration, 4.0 * speed),
             hardest=limits.acceleration,
@@ -83,30 +88,26 @@ class Range:
 
 def read_limits(client: ControlBoardClient, name: str) -> Limits:
     """The limits in force from the board's parameters, else those of its robot description."""
-    fields = ("lower", "upper", "velocity", "acceleration", "torque")
     try:
-        values = client.get_parameters([f"{name}.limits.{field}" for field in fields])
-        known = [float(value) for value in values.values()]
-    except (BoardError, RequestError, TypeError):  # another board has no such parameters
+        values = client.get_parameters(limit_parameters([name]))
+    except (BoardError, RequestError):  # another board has no such parameters
         return described_limits(client, name)
-    lower, upper, velocity, acceleration, torque = known
-    if upper - lower > 4.0 * math.pi:
-        lower, upper = TURN
-    return Limits(lower, upper, velocity, acceleration, torque)
+    told = limits_of([name], values.values())[name]
+    if told is None:
+        return described_limits(client, name)
+    endless = told.upper - told.lower > 4.0 * math.pi
+    lower, upper = TURN if endless else (told.lower, told.upper)
+    return Limits(lower, upper, told.velocity, told.acceleration, told.torque, not endless)
 
 
 def described_limits(client: ControlBoardClient, name: str) -> Limits:
     """The limits of a joint in the URDF; one turn where it gives none."""
     try:
-        robot = ElementTree.fromstring(client.get_robot_description())
-    except (BoardError, ElementTree.ParseError):
-        return Limits(*TURN, SPEED, ACCELERATION, TORQUE)
-    joint = robot.find(f"joint[@name='{name}']")
-    limit = None if joint is None else joint.find("limit")
-    if joint is None or limit is None:
-        return Limits(*TURN, SPEED, ACCELERATION, TORQUE)
-    lower, upper = (float(limit.get(key, 0.0)) for key in ("lower", "upper"))
-    if joint.get("type") == "continuous" or lower >= upper:
-        lower, upper = TURN
-    velocity, torque = float(limit.get("velocity", SPEED)), float(limit.get("effort", TORQUE))
-    return Limits(lower, upper, velocity, ACCELERATION, torque)
+        joint = heard_joints(client.get_robot_description()).get(name, DescribedJoint(""))
+    except BoardError:
+        joint = DescribedJoint("")
+    known = math.isfinite(joint.upper - joint.lower) and joint.lower < joint.upper
+    lower, upper = (joint.lower, joint.upper) if known else TURN
+    velocity = SPEED if joint.velocity is None else joint.velocity
+    torque = TORQUE if joint.effort is None else joint.effort
+    return Limits(lower, upper, velocity, ACCELERATION, torque, known)

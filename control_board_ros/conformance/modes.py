@@ -3,14 +3,22 @@
 
 from __future__ import annotations
 
-from control_board_ros.core.modes import ACCEPTS
+import time
+
+from control_board_ros.core.modes import ACCEPTS, STOPPABLE
 from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import encode
+from control_board_ros.core.vocabs import ControlMode, encode
 from control_board_ros.interface import GET_CONTROL_MODE, POSITION_COMMAND, SET_CONTROL_MODE
 
-from .bench import Bench, Fate, K, M
+from .bench import TAKING, Bench, Fate, K, M
+from .limits import read_limits
 from .moving import amid_a_move, run_on
-from .rules import assume, expect, inside, rule
+from .rules import assume, expect, inside, offered, rule
+
+#: rad; a joint that is told to be so near to where it is holds still.
+STILL = 1e-3
+#: Modes that give way to a load.
+UNPOWERED = (M.IDLE, M.OPENLOOP)
 
 STATUSES_AND_EVENTS = ("hwfa", "cal", "cald", "cfgn", "cfgy")
 
@@ -36,9 +44,9 @@ inside("V2", "misprints of the source", "it is about the source's text")
 def own_modes(bench: Bench) -> str:
     client, before = bench.client, bench.client.get_control_mode()
     wanted = next((m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in bench.modes), None)
-    assume(wanted, f"{bench.joint} has one active mode only")
+    offered(wanted, f"{bench.joint} has one active mode only")
     assert wanted is not None
-    reply = client.set_control_mode(bench.joint, wanted)
+    reply = bench.ask(SET_CONTROL_MODE, modes=[wanted.code])
     expect(reply, f"{wanted} is available and refused: {reply.message}")
     one = [*before]
     one[bench.j] = wanted
@@ -121,20 +129,35 @@ def others_are_served(bench: Bench) -> None:
     if bench.partner is None or M.VELOCITY not in bench.modes:
         return
     bench.enter(M.VELOCITY)
-    ignored, there = bench.last(K.POSITION), float(bench.client.get_encoder(bench.partner)[0])
-    wanted = [bench.another(K.POSITION), there]
+    mode = bench.client.get_control_mode(bench.partner)[0]
+    assume(mode is M.POSITION, f"{bench.partner} is in {mode} then, see M1")
+    ignored, before = bench.last(K.POSITION), bench.last(K.POSITION, bench.partner)
+    near = beside(bench, bench.partner, before)
     names = [bench.joint, bench.partner]
-    bench.channel.send(POSITION_COMMAND, names=names, positions=wanted)
-    bench.record(0.1)
+    bench.channel.send(POSITION_COMMAND, names=names, positions=[bench.another(K.POSITION), near])
+    end = time.monotonic() + TAKING
+    while (last := bench.last(K.POSITION, bench.partner)) == before and time.monotonic() < end:
+        pass  # until it has arrived
     expect(bench.last(K.POSITION) == ignored, f"VELOCITY took a position for {bench.joint}")
-    last = bench.last(K.POSITION, bench.partner)
-    expect(abs(last - there) < 1e-6, f"{bench.partner} in POSITION was not served beside it")
+    expect(
+        abs(last - near) < 1e-5,
+        f"{bench.partner} in POSITION was not served beside {bench.joint} in VELOCITY: its target "
+        f"is {last:.5g}, not {near:.5g}",
+    )
+
+
+def beside(bench: Bench, joint: str, before: float) -> float:
+    """A position so near to where a joint is that it holds still, and other than a reference."""
+    there, limits = float(bench.client.get_encoder(joint)[0]), read_limits(bench.client, joint)
+    inwards = 1.0 if there < 0.5 * (limits.lower + limits.upper) else -1.0
+    near = [there + inwards * part * STILL for part in (1.0, 0.5)]
+    return max(near, key=lambda position: abs(position - before))
 
 
 @rule("M5", "a mode that is not implemented is a user fault")
 def not_implemented(bench: Bench) -> str:
     missing = bench.missing
-    reply = bench.client.set_control_mode(bench.joint, missing)
+    reply = bench.ask(SET_CONTROL_MODE, modes=[missing.code])
     expect(not reply, f"{missing} is not available and was accepted")
     expect(bench.mode is M.HW_FAULT, f"{bench.joint} is in {bench.mode}, not HW_FAULT")
     expect(reply.answers == (Answer.UNSUPPORTED,), f"the answer is {[*map(str, reply.answers)]}")
@@ -147,8 +170,8 @@ def not_implemented(bench: Bench) -> str:
 def statuses_are_refused(bench: Bench) -> str:
     before = bench.client.get_control_mode()
     for mode in (*STATUSES_AND_EVENTS, "nope", ""):
-        answer = bench.channel.call(SET_CONTROL_MODE, names=[bench.joint], modes=[mode])
-        expect(not answer.success, f"{mode!r} was accepted")
+        answer = bench.ask(SET_CONTROL_MODE, modes=[mode])
+        expect(not answer, f"{mode!r} was accepted")
         expect(answer.message, f"{mode!r} was refused without a word")
         now = bench.client.get_control_mode()
         expect(now == before, f"{mode!r} was refused and changed modes")
@@ -161,27 +184,17 @@ def the_same_again(bench: Bench) -> str:
         reply = bench.client.set_control_mode(bench.joint, M.POSITION)
         expect(reply, f"the present mode is refused: {reply.message}")
 
-    *_, now = amid_a_move(bench, again)
-    expect(not bench.is_done(now), "the present mode again dropped a move")
+    amid_a_move(bench, again)
     way = run_on(bench, bench.record(0.1))
-    expect(way > 0.0, "the present mode again stopped the reference")
+    expect(way > 0.0, "the present mode again dropped a move")
     return f"a move went on, {way:.2g} in the next 0.1 s"
 
 
 @rule("M9", "entering a mode stops the joint and moves nothing")
 def entering_resets(bench: Bench) -> str:
-    held = []
-    for mode in bench.modes:
-        if mode in (M.IDLE, M.OPENLOOP, M.POSITION):  # unpowered ones give way to a load
-            continue
-        bench.home()
-        bench.enter(mode)
-        way = bench.still(bench.record(0.3))
-        expect(way < bench.tolerance, f"{bench.joint} moved {way:.3g} on entering {mode}")
-        held.append(mode.name)
+    held = [enter_at_rest(bench, mode) for mode in bench.modes if mode not in UNPOWERED]
     if M.POSITION_DIRECT in bench.modes:
         *_, now = amid_a_move(bench, lambda: bench.enter(M.POSITION_DIRECT))
-        expect(bench.is_done(now), "a move counts as running after the mode changed")
         way = run_on(bench, [now, *bench.record(0.4)])
         expect(way < bench.tolerance, f"a move ran on for {way:.3g} after the mode changed")
         held.append("a move dropped")
@@ -191,6 +204,30 @@ def entering_resets(bench: Bench) -> str:
         expect(output == 0.0, f"OPENLOOP begins with {output:.3g} %")
         held.append("OPENLOOP at 0 %")
     return f"nothing moved on entering: {', '.join(held)}"
+
+
+def enter_at_rest(bench: Bench, mode: ControlMode) -> str:
+    """Enter a mode, and see that the reference stands where the joint is, and the joint, too."""
+    limits = bench.range
+    bench.home()
+    other = next((m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in bench.modes), None)
+    if mode is M.POSITION:
+        if other is None:
+            return "POSITION"
+        bench.enter(other)
+    before = bench.state()
+    bench.enter(mode)
+    states = bench.record(0.3)
+    if mode in STOPPABLE:
+        gap = float(states[0].position_reference[bench.j] - states[0].position[bench.j])
+        expect(
+            abs(gap) < 0.01 * (limits.high - limits.low),
+            f"on entering {mode} the position reference is {gap:.3g} off the joint",
+        )
+    way = bench.still([before, *states])
+    most = bench.tolerance * (0.4 if mode in STOPPABLE else 1.0)
+    expect(way < most, f"{bench.joint} moved {way:.3g} on entering {mode}")
+    return mode.name
 
 
 @rule("M10", "IDLE is unpowered")

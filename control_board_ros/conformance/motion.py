@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 
 from control_board_ros.client import State
 
-from .bench import Bench, K, M
-from .moving import amid_a_move, stream
+from .bench import FEWEST, TAKING, Bench, K, M
+from .limits import LONGEST_MOVE
+from .moving import amid_a_move, in_time, patiently, stream
 from .rules import assume, expect, inside, rule
 
 Floats = NDArray[np.float64]
 
-#: Deviation from the profile that is allowed, as a part of the way.
-SHAPE = 0.03
+#: Deviation from the profile that is allowed, as a part of the way, and of its duration.
+SHAPE, DURATION = 0.03, 0.05
 
 
 def minimum_jerk(s: Floats) -> Floats:
@@ -25,43 +26,73 @@ def minimum_jerk(s: Floats) -> Floats:
     return profile
 
 
-def deviation(times: Floats, way: Floats, duration: float) -> float:
-    """How far a normed way is from the profile of this duration, begun when it fits best."""
-    begin = float(np.interp(0.5, way, times)) - 0.5 * duration
-    starts = begin + np.linspace(-0.05, 0.05, 41) * duration
-    return min(float(np.abs(way - minimum_jerk((times - t) / duration)).max()) for t in starts)
-
-
 def references(bench: Bench, states: list[State]) -> tuple[Floats, Floats]:
-    """Times (s) and position references (rad) of states, shape (k,)."""
+    """Times (s) and position references (rad) of states, shape (k,).
+
+    Raises:
+        TooSlow: states or cycles of the board were lost meanwhile; its stamps tell nothing then.
+    """
     times = np.array([state.stamp for state in states])
+    assume(times.size >= FEWEST, f"{times.size} states were heard")
+    interval, usual = float(np.diff(times).mean()), bench.state_interval
+    in_time(
+        interval < 1.03 * usual,
+        f"a state came every {1e3 * interval:.3g} ms, not every {1e3 * usual:.3g} ms",
+    )
     return times, np.array([state.position_reference[bench.j] for state in states])
+
+
+def fitted(times: Floats, way: Floats) -> tuple[float, float]:
+    """When the profile that fits a normed way best begins, and how long it lasts, s.
+
+    Raises:
+        NotTested: the way was seen too seldom.
+    """
+    amid = (way > 0.02) & (way < 0.98)
+    assume(amid.sum() >= FEWEST, f"of a move {amid.sum()} states were heard")
+    grid = np.linspace(0.0, 1.0, 1001)
+    duration, begin = np.polyfit(np.interp(way[amid], minimum_jerk(grid), grid), times[amid], 1)
+    return float(begin), float(duration)
 
 
 @rule("P1", "minimum-jerk moves at their mean speed, retargeted without a jump")
 def minimum_jerk_moves(bench: Bench) -> str:
-    target, speed = bench.range.start + bench.range.step, bench.range.speed
+    text = moved_along(bench)
+    retargeted(bench)
+    retargeted_onwards(bench)
+    return f"{text}; a new target was taken without a jump"
+
+
+@patiently
+def moved_along(bench: Bench) -> str:
+    """Move a step: in the time that its speed says, along the profile."""
+    limits = bench.range
+    bench.home()
+    target, speed = limits.start + limits.step, slow_enough(bench, limits.step)
     before = bench.state()
-    bench.take(K.POSITION, target)
+    bench.client.position_move(bench.joint, target, speed)
     way = target - float(before.position_reference[bench.j])
     duration = way / speed
-    end = bench.until(bench.is_done, 2.0 * duration + 1.0)
+    end = bench.until(bench.reached(target), 2.0 * duration + 1.0)
     expect(end, f"a move of {duration:.3g} s did not end within twice that")
     bench.record(0.05)
     times, reference = references(bench, bench.since(before.stamp))
-    worst = deviation(times, 1.0 - (target - reference) / way, duration)
-    expect(worst < SHAPE, f"{100 * worst:.1f} % of the way off the profile of {duration:.3g} s")
-    retargeted(bench)
-    return (
-        f"{way:.3g} rad in {duration:.3g} s, within {100 * worst:.1f} % of the profile; "
-        "a new target was taken without a jump"
+    ways = 1.0 - (target - reference) / way
+    begin, took = fitted(times, ways)
+    expect(
+        abs(took / duration - 1.0) < DURATION,
+        f"{way:.3g} rad at {speed:.3g} rad/s took {took:.3g} s, not {duration:.3g} s",
     )
+    worst = float(np.abs(ways - minimum_jerk((times - begin) / took)).max())
+    expect(worst < SHAPE, f"{100 * worst:.1f} % of the way off the profile of {duration:.3g} s")
+    return f"{way:.3g} rad in {took:.3g} of {duration:.3g} s, {100 * worst:.1f} % off the profile"
 
 
+@patiently
 def retargeted(bench: Bench) -> None:
     """Turn a move back: the velocity changes no faster than the joint may brake."""
     begin = amid_a_move(bench, lambda: bench.send(K.POSITION, bench.range.start))[0].stamp - 0.1
-    bench.until(bench.is_done, 4.0)
+    bench.until(bench.reached(bench.range.start), 4.0)
     times, reference = references(bench, bench.since(begin))
     span = np.maximum(np.diff(times), 1e-9)
     velocities = np.diff(reference) / span
@@ -71,8 +102,40 @@ def retargeted(bench: Bench) -> None:
     expect(jump < 0.3, f"a new target made the reference jump, by {100 * jump:.0f} % of its peak")
 
 
+def slow_enough(bench: Bench, way: float) -> float:
+    """The speed of the range, or the one at which no limit makes a move take longer, rad/s."""
+    return float(min(bench.range.speed, np.sqrt(0.08 * bench.range.hardest * way)))
+
+
+@patiently
+def retargeted_onwards(bench: Bench) -> None:
+    """Lengthen a move while it runs: the reference does not stop on the way."""
+    limits = bench.range
+    first, whole = 0.7 * limits.step, limits.step
+    states = amid_a_move(
+        bench, lambda: bench.send(K.POSITION, limits.start + whole), part=0.3, way=first
+    )
+    bench.until(bench.reached(limits.start + whole), 4.0 + 30.0 * whole / limits.speed)
+    states = bench.since(states[0].stamp - 0.05 * whole / limits.speed)
+    times, reference = references(bench, states)
+    ways = (reference - limits.start) / whole
+    amid = (ways > 0.15) & (ways < 0.7)
+    assume(amid.sum() >= FEWEST, f"of a lengthened move {amid.sum()} states were heard")
+    lasted = times[amid][-1] - times[amid][0]
+    window = max(lasted / 10.0, 2.0 * float(np.median(np.diff(times))))
+    begins = np.linspace(times[amid][0], times[amid][-1] - window, 50)
+    steps = np.interp(begins + window, times, ways) - np.interp(begins, times, ways)
+    slowest = float(steps.min()) / window * lasted / float(ways[amid][-1] - ways[amid][0])
+    expect(
+        slowest > 0.4,
+        f"a new target stopped the reference on its way: {100 * slowest:.0f} % of its mean speed",
+    )
+
+
 @rule("P5", "velocities are ramped and integrated")
+@patiently
 def velocities(bench: Bench) -> str:
+    bench.home()
     bench.enter(M.VELOCITY)
     velocity, acceleration = 0.7 * bench.range.speed, bench.range.acceleration
     states = stream(bench, velocity, velocity / acceleration + 0.6)
@@ -97,17 +160,23 @@ def velocities(bench: Bench) -> str:
 
 @rule("P6", "mixed adds trajectory and velocity up")
 def mixed(bench: Bench) -> str:
+    added = added_up(bench)
+    moved_anew(bench)
+    return f"{added:.3g} rad added to a move; a new move took it as its start, and went on adding"
+
+
+@patiently
+def added_up(bench: Bench) -> float:
+    """Let a velocity run beside a move, then move back; what it added, rad."""
+    bench.home()
     bench.enter(M.MIXED)
     target = bench.range.start + 0.5 * bench.range.step
     velocity = 0.3 * bench.range.speed
     bench.take(K.POSITION, target)
     duration = 0.5 * bench.range.step / bench.range.speed
-    states = stream(bench, velocity, 4.0 * duration, bench.is_done)
+    states = stream(bench, velocity, 1.5 * duration + 0.2)
     beside = states[-1].stamp - states[0].stamp
-    assume(
-        beside > 0.5 * duration,
-        f"this machine is too slow: {beside:.2g} s of a move of {duration:.2g} s were seen",
-    )
+    in_time(beside > 0.5 * duration, f"{beside:.2g} s of a move of {duration:.2g} s were seen")
     moved = float(states[-1].position_reference[bench.j])
     added, expected = moved - target, velocity * beside
     expect(
@@ -117,12 +186,45 @@ def mixed(bench: Bench) -> str:
     bench.client.velocity_move(bench.joint, 0.0, bench.range.acceleration)
     bench.record(velocity / bench.range.acceleration + 0.1)
     bench.take(K.POSITION, target)
-    end = bench.until(bench.is_done, 3.0 * duration + 1.0)
-    assume(end, "the move back did not end, see P3")
-    assert end is not None
-    away = abs(float(end.position_reference[bench.j]) - target)
-    expect(away < 0.05 * added, f"a new move ended {away:.3g} from its target")
-    return f"{added:.3g} rad added to a move; a new move took it as its start"
+    end = bench.until(bench.reached(target), 3.0 * duration + 1.0)
+    away = abs(float(bench.latest().position_reference[bench.j]) - target)
+    expect(end or away < 0.05 * added, f"a new move ended {away:.3g} from its target")
+    return added
+
+
+@patiently
+def moved_anew(bench: Bench) -> float:
+    """Start a move beside a velocity: the reference does not jump, and the velocity goes on."""
+    limits = bench.range
+    velocity = 0.15 * min(limits.speed, limits.step / LONGEST_MOVE)
+    ramp = 0.8  # s: a velocity that begins anew falls behind by half of it
+    bench.home()
+    bench.enter(M.MIXED)
+    begin = stream(bench, velocity, ramp + 0.3, acceleration=velocity / ramp)[0].stamp
+    target = float(bench.latest().position_reference[bench.j]) + 0.3 * limits.step
+    sent = bench.latest().stamp
+    bench.send(K.POSITION, target)
+    taken = stream(
+        bench, velocity, TAKING, lambda _: bench.last(K.POSITION) == target, velocity / ramp
+    )[-1].stamp
+    assume(bench.last(K.POSITION) == target, "a position beside a velocity is not taken, see M3")
+    in_time(taken - sent < 0.25 * ramp, f"{taken - sent:.2g} s until a move was taken")
+    lasting = 0.3 * limits.step / slow_enough(bench, 0.3 * limits.step) + ramp + 0.3
+    stream(bench, velocity, lasting, acceleration=velocity / ramp)
+    times, reference = references(bench, bench.since(begin))
+    fastest = 1.5 * (1.875 * limits.speed + velocity)
+    jump = float((np.abs(np.diff(reference)) - fastest * np.diff(times)).max())
+    expect(
+        jump < 0.3 * velocity * ramp,
+        f"a new move beside a velocity made the reference jump by {jump:.3g}",
+    )
+    added, wanted = float(reference[-1]) - target, velocity * float(times[-1] - taken)
+    expect(
+        added > wanted - 0.25 * velocity * ramp,
+        f"a new move dropped the velocity of {velocity:.3g} rad/s beside it: that added "
+        f"{added:.3g}, not {wanted:.3g}",
+    )
+    return added
 
 
 @rule("P7", "the measured torque follows its reference")

@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+import time
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
-from control_board_ros.interface import SET_REFERENCE_SPEED
+from control_board_ros.interface import SET_REFERENCE_SPEED, STOP
 
-from .bench import Bench, K, M
+from .bench import COMPLIANT, TAKING, Bench, K, M
+from .limits import read_limits
 from .moving import amid_a_move, run_on
-from .rules import assume, expect, inside, rule
+from .rules import assume, expect, inside, offered, rule
 
 #: s after which a velocity reference has expired, where the board does not tell its timeout.
 EXPIRED = 0.2
@@ -24,12 +25,13 @@ def reference_speeds(bench: Bench) -> str:
     stands = float(client.get_ref_speed(joint)[0]), float(client.get_ref_acceleration(joint)[0])
     expect(min(stands) > 0.0, f"it starts with a speed and an acceleration of {stands}")
     wanted = (0.7 * bench.range.speed, 0.9 * bench.range.acceleration)
-    reply = client.set_reference_speed(joint, *wanted)
+    speed, acceleration = wanted
+    reply = bench.ask(SET_REFERENCE_SPEED, speeds=[speed], accelerations=[acceleration])
     expect(reply, f"{wanted} is refused: {reply.message}")
     for bad in (0.0, -0.5 * bench.range.speed, math.nan, math.inf):
         for field in ("speeds", "accelerations"):
-            answer = bench.channel.call(SET_REFERENCE_SPEED, names=[joint], **{field: [bad]})
-            expect(not answer.success, f"{field} of {bad:g} were accepted")
+            answer = bench.ask(SET_REFERENCE_SPEED, **{field: [bad]})
+            expect(not answer, f"{field} of {bad:g} were accepted")
     now = float(client.get_ref_speed(joint)[0]), float(client.get_ref_acceleration(joint)[0])
     expect(
         all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(now, wanted, strict=True)),
@@ -41,17 +43,20 @@ def reference_speeds(bench: Bench) -> str:
 @rule("P3", "motion done, and stop")
 def motion_done_and_stop(bench: Bench) -> str:
     expect(bench.is_done(bench.state()), "motion done is false at rest")
-    begin = bench.state().stamp
-    bench.take(K.POSITION, bench.range.start + bench.range.step)
-    end = bench.until(bench.is_done, 4.0)
-    expect(end, "motion done stays false after a move")
-    states = bench.since(begin)
-    moving = [one for one, other in pairwise(states) if run_on(bench, [one, other]) > 0.0]
-    early = [state.stamp for state in moving[1:] if bench.is_done(state)]
-    expect(not early, "motion done is true while the reference moves")
-    *_, now = amid_a_move(bench, lambda: stop(bench))
-    expect(bench.is_done(now), "motion done is false after stop")
+    begin, start, step = bench.state().stamp, bench.range.start, bench.range.step
+    bench.take(K.POSITION, start + step)
+    arrived = bench.until(bench.reached(start + step), 4.0)
+    assume(arrived, "a move does not come to its end, see P1")
+    ways = [(float(s.position_reference[bench.j]) - start, s) for s in bench.since(begin)]
+    amid = [state for way, state in ways if 0.1 * step < way < 0.9 * step]
+    assume(amid, "no state of a move was heard")
+    expect(not any(map(bench.is_done, amid)), "motion done is true while the reference moves")
+    expect(bench.until(bench.is_done, 1.0), "motion done stays false after a move")
+    *_, now = amid_a_move(bench, lambda: stop(bench), part=0.4)
     after = [now, *bench.record(0.4)]
+    mode = bench.mode
+    expect(mode is M.POSITION, f"stop led from POSITION to {mode}")
+    expect(bench.is_done(after[-1]), "motion done is false after stop")
     way = run_on(bench, after)
     expect(way < bench.tolerance, f"the reference ran on for {way:.3g} after stop")
     away = abs(float(now.position_reference[bench.j] - now.position[bench.j]))
@@ -65,7 +70,7 @@ def stop(bench: Bench) -> None:
     Raises:
         NotHeld: it is refused.
     """
-    reply = bench.client.stop(bench.joint)
+    reply = bench.ask(STOP)
     expect(reply, f"stop is refused: {reply.message}")
 
 
@@ -94,21 +99,28 @@ def open_loop(bench: Bench) -> str:
     bench.enter(M.OPENLOOP)
     wanted = bench.another(K.OUTPUT)
     bench.take(K.OUTPUT, wanted)
-    output = float(bench.state().output[bench.j])
-    expect(
-        math.isclose(output, wanted, rel_tol=1e-6), f"{wanted:.3g} % was sent, {output:.3g} % came"
-    )
+    output = shown(bench, wanted)
+    expect(close(output, wanted), f"{wanted:.3g} % was sent, {output:.3g} % came")
     return f"{wanted:.3g} % sent, {output:.3g} % came"
+
+
+def shown(bench: Bench, wanted: float) -> float:
+    """The output once it is as wanted, else the last one heard."""
+    state = bench.shows(lambda state: close(float(state.output[bench.j]), wanted))
+    return float(state.output[bench.j])
+
+
+def close(one: float, other: float) -> bool:
+    """Whether two outputs are the same, as numbers of any precision are."""
+    return math.isclose(one, other, rel_tol=1e-4, abs_tol=1e-6)
 
 
 @rule("P9", "limits bound positions")
 def limits_bound(bench: Bench) -> str:
     client, joint = bench.client, bench.joint
-    try:
-        lower, upper = (float(values[0]) for values in client.get_limits(joint))
-    except (BoardError, RequestError) as error:
-        assume(False, f"its software limits are not told: {error}")
-        raise
+    limits = read_limits(client, joint)
+    lower, upper = limits.lower, limits.upper
+    offered(limits.known, "neither its parameters nor its robot description tell its limits")
     slow = 0.5 * bench.range.speed
     for target, limit in ((upper + 1.0, upper), (lower - 1.0, lower)):
         client.position_move(joint, target, slow)
@@ -119,7 +131,34 @@ def limits_bound(bench: Bench) -> str:
             f"a move to {target:.4g} was taken as {bound:.4g}, beyond the limit at {limit:.4g}",
         )
         assume(abs(bound - limit) < 1e-3, f"a move to {target:.4g} was not taken, see M3")
-    return f"moves beyond {lower:.4g} and {upper:.4g} were bounded, and stopped"
+    text = f"moves beyond {lower:.4g} and {upper:.4g} were bounded, and stopped"
+    if M.POSITION_DIRECT not in bench.modes or COMPLIANT not in bench.interactions:
+        return text
+    for target, limit in ((upper + 1.0, upper), (lower - 1.0, lower)):
+        bound = direct_beyond(bench, target)
+        assume(
+            abs(bound - limit) < 1.1, f"a direct position of {target:.4g} was not taken, see M3"
+        )
+        expect(
+            lower - 1e-6 <= bound <= upper + 1e-6,
+            f"a direct position of {target:.4g} was taken as {bound:.4g}, beyond {limit:.4g}",
+        )
+    return f"{text}; direct positions, too"
+
+
+def direct_beyond(bench: Bench, target: float) -> float:
+    """What becomes of a direct position, sent to a joint that no spring pulls there."""
+    damping = bench.client.get_max_impedance(bench.joint)[1]
+    reply = bench.client.set_impedance(bench.joint, 0.0, damping)
+    assume(reply, f"a stiffness of 0 is refused, see I6: {reply.message}")
+    bench.enter(M.POSITION_DIRECT, COMPLIANT)
+    before = bench.last(K.POSITION_DIRECT)
+    bench.send(K.POSITION_DIRECT, target)
+    end = time.monotonic() + TAKING
+    while (last := bench.last(K.POSITION_DIRECT)) == before and time.monotonic() < end:
+        pass  # until it is taken
+    bench.enter(M.POSITION)
+    return last
 
 
 inside("P10", "PWM or current", "which of the two the drive gets is not shown")
@@ -130,12 +169,12 @@ def feedforward(bench: Bench) -> str:
     bench.enter(M.OPENLOOP)
     wanted, more = bench.another(K.OUTPUT), 0.5 * bench.another(K.OUTPUT)
     bench.take(K.OUTPUT, wanted)
-    without = float(bench.state().output[bench.j])
+    without = shown(bench, wanted)
     bench.client.set_feedforward(bench.joint, outputs=more)
-    output = float(bench.state().output[bench.j])
+    output = shown(bench, without + more)
     bench.client.set_feedforward(bench.joint, outputs=0.0)
     expect(
-        math.isclose(output - without, more, rel_tol=1e-6),
+        close(output - without, more),
         f"{more:.3g} % fed forward made {output:.3g} % of {without:.3g} %",
     )
     return f"{without:.3g} % + {more:.3g} % = {output:.3g} %"
@@ -148,8 +187,8 @@ def velocities_expire(bench: Bench) -> str:
         timeout = float(bench.client.get_parameters([name])[name])
     except (BoardError, RequestError, TypeError):
         timeout = EXPIRED
-    assume(timeout > 0.0, "velocities of this joint never expire, by its parameters")
-    assume(timeout <= 2.0, f"its velocities last {timeout:g} s, too long for the range")
+    offered(timeout > 0.0, "velocities of this joint never expire, by its parameters")
+    offered(timeout <= 2.0, f"its velocities last {timeout:g} s, too long for the range")
     bench.enter(M.VELOCITY)
     velocity = min(0.5 * bench.range.speed, 0.5 * bench.range.step / timeout)
     bench.take(K.VELOCITY, velocity)

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-from .runner import Outcome, Result
+from .runner import FEW, Outcome, Result, passed
 
 
 def as_line(result: Result) -> str:
@@ -21,9 +21,21 @@ def as_line(result: Result) -> str:
 def as_text(results: Sequence[Result]) -> str:
     """The count of each outcome, and the rules that are not held."""
     count = Counter(result.outcome for result in results)
-    text = ", ".join(f"{count[outcome]} {outcome}" for outcome in Outcome)
+    shown = [o for o in Outcome if o is not Outcome.NOT_TESTED or count[o]]
+    text = ", ".join(f"{count[outcome]} {outcome}" for outcome in shown)
     wrong = [result.rule.name for result in results if result.outcome is Outcome.NOT_HELD]
     return f"{text}{': ' + ', '.join(wrong) if wrong else ''}"
+
+
+def too_few(results: Sequence[Result]) -> str:
+    """Which rules were not tested of those that the board offers, where that is a failure."""
+    names = [result.rule.name for result in results if result.outcome is Outcome.NOT_TESTED]
+    if len(names) <= FEW:
+        return ""
+    return (
+        f"{len(names)} rules were not tested though the board offers what they are about "
+        f"(up to {FEW} may be): {', '.join(names)}"
+    )
 
 
 def as_json(board: str, joint: str, results: Sequence[Result]) -> str:
@@ -38,20 +50,23 @@ def as_json(board: str, joint: str, results: Sequence[Result]) -> str:
         }
         for result in results
     ]
-    success = not any(result.outcome is Outcome.NOT_HELD for result in results)
-    whole = {"success": success, "board": board, "joint": joint, "results": rows}
+    whole = {"success": passed(results), "board": board, "joint": joint, "results": rows}
     return json.dumps(whole, ensure_ascii=False)
 
 
 def as_junit(board: str, results: Sequence[Result]) -> str:
-    """A JUnit test suite: a test case per rule; what is not testable here is skipped."""
+    """A JUnit test suite: a test case per rule.
+
+    What is not testable is skipped; what was not tested is, too, unless it is too much.
+    """
     count = Counter(result.outcome for result in results)
+    failing = {Outcome.NOT_HELD, *([Outcome.NOT_TESTED] if too_few(results) else [])}
     suite = ElementTree.Element(
         "testsuite",
         name=f"control_board_conformance {board}",
         tests=str(len(results)),
-        failures=str(count[Outcome.NOT_HELD]),
-        skipped=str(count[Outcome.NOT_TESTABLE]),
+        failures=str(sum(count[outcome] for outcome in failing)),
+        skipped=str(sum(count[o] for o in Outcome if o is not Outcome.HELD and o not in failing)),
         errors="0",
         time=f"{sum(result.seconds for result in results):.3f}",
     )
@@ -60,11 +75,10 @@ def as_junit(board: str, results: Sequence[Result]) -> str:
         case = ElementTree.SubElement(
             suite, "testcase", classname=board, name=name, time=f"{result.seconds:.3f}"
         )
-        if result.outcome is Outcome.NOT_HELD:
-            ElementTree.SubElement(case, "failure", message=result.evidence)
-        elif result.outcome is Outcome.NOT_TESTABLE:
-            ElementTree.SubElement(case, "skipped", message=result.evidence)
-        else:
+        if result.outcome is Outcome.HELD:
             ElementTree.SubElement(case, "system-out").text = result.evidence
+        else:
+            kind = "failure" if result.outcome in failing else "skipped"
+            ElementTree.SubElement(case, kind, message=result.evidence)
     ElementTree.indent(suite)
     return ElementTree.tostring(suite, encoding="unicode", xml_declaration=True) + "\n"

@@ -19,6 +19,14 @@ class NotTestable(Exception):  # noqa: N818
     """Nothing can be said of the rule on this board; the text says why."""
 
 
+class NotTested(Exception):  # noqa: N818
+    """The board offers what a rule is about, yet it could not be tried; the text says why."""
+
+
+class OutOfTime(NotTested):
+    """The rule took longer than a rule may take."""
+
+
 @dataclass(frozen=True, slots=True)
 class Rule:
     """A rule of the specification.
@@ -77,6 +85,16 @@ def expect(condition: object, text: str) -> None:
 
 def assume(condition: object, text: str) -> None:
     """What a rule builds on and another rule is about.
+
+    Raises:
+        NotTested: the condition is false.
+    """
+    if not condition:
+        raise NotTested(text)
+
+
+def offered(condition: object, text: str) -> None:
+    """What the board must offer, or may be asked for, so that the rule has a meaning.
 
     Raises:
         NotTestable: the condition is false.

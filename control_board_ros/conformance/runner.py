@@ -12,17 +12,26 @@ from typing import Any
 
 import numpy as np
 
-from control_board_ros.client import BoardError, ControlBoardClient
+from control_board_ros.client import BoardError, ControlBoardClient, InvalidAnswer
+from control_board_ros.core.selection import RequestError
+from control_board_ros.interface import GET_CONTROL_MODE
 from control_board_ros.protocols import Floats
 
 from .as_found import AsFound
 from .bench import Allowed, Bench
 from .channel import Channel
 from .limits import Range, read_limits
-from .rules import NotHeld, NotTestable, Rule
+from .rules import NotHeld, NotTestable, NotTested, OutOfTime, Rule
+from .shapes import Malformed
 
 #: A load that a joint may fall under, as a part of that of the joint that bears most.
 LIGHT = 0.02
+#: s that a rule may take; on a quiet machine the longest take less than ten.
+RULE_TIME = 60.0
+#: Rules that may run out of time before the rest is left out.
+LATE = 3
+#: Rules that the board offers and that were not tested: more is a failure.
+FEW = 3
 
 
 class Outcome(StrEnum):
@@ -30,6 +39,7 @@ class Outcome(StrEnum):
 
     HELD = "held"
     NOT_HELD = "not held"
+    NOT_TESTED = "not tested"
     NOT_TESTABLE = "not testable"
 
 
@@ -41,6 +51,12 @@ class Result:
     outcome: Outcome
     evidence: str
     seconds: float
+
+
+def passed(results: Sequence[Result]) -> bool:
+    """Whether every rule that could be tried held, and few were left that the board offers."""
+    outcomes = [result.outcome for result in results]
+    return Outcome.NOT_HELD not in outcomes and outcomes.count(Outcome.NOT_TESTED) <= FEW
 
 
 def choose(client: ControlBoardClient, found: AsFound, wanted: str | None) -> str:
@@ -77,11 +93,14 @@ class Session:
         fraction: of the joint's limits that is used.
         allowed: what else may be done.
         patience: s to wait for an answer.
+        rule_time: s that a rule may take.
 
     Attributes: bench, found.
 
     Raises:
         NotTestable: no joint can be tried.
+        Malformed: the board cannot be read.
+        OutOfTime: it answers too late.
         BoardError: no board.
     """
 
@@ -94,15 +113,31 @@ class Session:
         fraction: float = 0.1,
         allowed: Allowed | None = None,
         patience: float = 5.0,
+        rule_time: float = RULE_TIME,
     ) -> None:
+        self.rule_time = rule_time
+        self.channel = Channel(node, client.board_name, patience)
+        try:
+            with reading():
+                self._look(client, joint, fraction, allowed or Allowed())
+        except BaseException:
+            self.channel.close()
+            raise
+
+    def _look(
+        self, client: ControlBoardClient, joint: str | None, fraction: float, allowed: Allowed
+    ) -> None:
+        """Look at what the board is found with, and choose a joint."""
+        channel = self.channel
+        channel.allow(self.rule_time)
+        channel.wait_for(lambda: bool(channel.modes and channel.states), channel.patience)
         self.found = AsFound.of(client)
         name = choose(client, self.found, joint)
         number = client.names.index(name)
         partner = next((other for other in self.found.names if other != name), None)
         position = float(client.get_encoder(name)[0])
         limits = Range.of(read_limits(client, name), position, fraction)
-        self.channel = Channel(node, client.board_name, patience)
-        self.bench = Bench(client, self.channel, number, partner, limits, allowed or Allowed())
+        self.bench = Bench(client, channel, number, partner, limits, allowed)
 
     def close(self) -> None:
         """End the connection."""
@@ -112,27 +147,41 @@ class Session:
     def holding(self, problems: list[str]) -> Iterator[Bench]:
         """Hold all joints, and leave them as found; what could not be goes into ``problems``."""
         try:
-            self.found.hold(self.bench.client)
             yield self.bench
         finally:
+            self.channel.allow(self.rule_time)
             problems += self.found.restore(self.bench)
 
     def try_one(self, rule: Rule) -> Result:
         """Try a rule from rest."""
         begin = time.monotonic()
         outcome, evidence = Outcome.HELD, ""
+        self.channel.allow(self.rule_time)
         try:
-            self.found.hold(self.bench.client)
-            self.found.give_back(self.bench.client)
-            self.bench.home()
-            evidence = rule.check(self.bench)
-        except NotHeld as error:
-            outcome, evidence = Outcome.NOT_HELD, str(error)
+            with reading():
+                self.found.hold(self.bench.client)
+                self.found.give_back(self.bench.client)
+                self.bench.home()
+                evidence = rule.check(self.bench)
         except NotTestable as error:
             outcome, evidence = Outcome.NOT_TESTABLE, str(error)
-        except (BoardError, ValueError) as error:  # no answer, or one that cannot be read
-            outcome, evidence = Outcome.NOT_HELD, f"{error}"
+        except OutOfTime as error:
+            outcome, evidence = Outcome.NOT_TESTED, f"{error}; {self.answer_time()}"
+        except NotTested as error:
+            outcome, evidence = Outcome.NOT_TESTED, str(error)
+        except (NotHeld, BoardError) as error:
+            outcome, evidence = Outcome.NOT_HELD, str(error)
         return Result(rule, outcome, evidence, time.monotonic() - begin)
+
+    def answer_time(self) -> str:
+        """How long the board takes to answer now, in words."""
+        self.channel.allow(self.channel.patience)
+        begin = time.monotonic()
+        try:
+            self.channel.call(GET_CONTROL_MODE)
+        except (BoardError, NotTested, NotHeld) as error:
+            return str(error)
+        return f"{GET_CONTROL_MODE.short} is answered after {time.monotonic() - begin:.2g} s"
 
     def is_there(self) -> bool:
         """Whether the board can still be asked."""
@@ -158,14 +207,48 @@ def run(
     """
     results: list[Result] = []
     problems: list[str] = []
-    gone = False
+    late, why = 0, ""
     with session.holding(problems):
         for rule in rules:
-            if gone:
-                result = Result(rule, Outcome.NOT_TESTABLE, "the board is gone", 0.0)
+            if why:
+                result = Result(rule, Outcome.NOT_TESTED, why, 0.0)
             else:
                 result = session.try_one(rule)
-                gone = result.outcome is Outcome.NOT_HELD and not session.is_there()
+                late += result.outcome is Outcome.NOT_TESTED and result.seconds > session.rule_time
+                if late == LATE:
+                    why = f"{LATE} rules took longer than {session.rule_time:g} s each"
+                elif result.outcome is Outcome.NOT_HELD and not session.is_there():
+                    why = "the board is gone"
             results.append(result)
             tell(result)
     return results, problems
+
+
+def unread(rules: Sequence[Rule], error: Malformed) -> list[Result]:
+    """The results where a board cannot be read: one rule says why, no other is tested."""
+    return [
+        Result(rule, Outcome.NOT_HELD, str(error), 0.0)
+        if rule.name == error.rule
+        else Result(rule, Outcome.NOT_TESTED, f"the board cannot be read, see {error.rule}", 0.0)
+        for rule in rules
+    ]
+
+
+@contextmanager
+def reading() -> Iterator[None]:
+    """Take an answer that cannot be used for what it is: a rule that is not held.
+
+    Raises:
+        Malformed: a code or vocab is unknown, a list too short, an answer missing.
+    """
+    try:
+        yield
+    except InvalidAnswer as error:
+        raise Malformed("V1" if error.unknown_mode else "A", str(error)) from error
+    except RequestError as error:
+        raise Malformed("A", f"a request was refused: {error}") from error
+    except ValueError as error:
+        raise Malformed("V1", f"an answer cannot be read: {error}") from error
+    except (LookupError, TypeError, ArithmeticError) as error:
+        kind = type(error).__name__
+        raise Malformed("A", f"an answer cannot be used: {kind}: {error}") from error

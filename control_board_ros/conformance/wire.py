@@ -47,14 +47,14 @@ def checked_whole(bench: Bench) -> str:
         ([joint], []),
     ]
     for names, modes in wrong:
-        answer = bench.channel.call(SET_CONTROL_MODE, names=names, modes=modes)
-        expect(not answer.success, f"names {names} with modes {modes} were accepted")
+        answer = bench.ask(SET_CONTROL_MODE, names, modes=modes)
+        expect(not answer, f"names {names} with modes {modes} were accepted")
         expect(answer.message, f"names {names} with modes {modes} were refused without a word")
         now = bench.client.get_control_mode()
         expect(now == before, f"names {names} with modes {modes} were refused and changed modes")
     for names in ([joint, "no_such_joint"], [joint, joint]):
-        answer = bench.channel.call(SET_INTERACTION_MODE, names=names, modes=["stif"])
-        expect(not answer.success, f"names {names} with stif were accepted")
+        answer = bench.ask(SET_INTERACTION_MODE, names, modes=["stif"])
+        expect(not answer, f"names {names} with stif were accepted")
     together(bench)
     return f"{len(wrong) + 2} wrong requests refused whole; two joints changed in one message"
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 from enum import Enum, auto
 from typing import NamedTuple
 
-from .reply import position_text
+from .joint_kind import JointKind
 
-#: How near to its target a joint has arrived, by its kind: rad, and m for a prismatic joint.
-TOLERANCES = {"revolute": 0.01, "continuous": 0.01, "prismatic": 0.001}
+#: How near to its target a joint has arrived, rad, and m where it slides.
+TOLERANCE, SLIDE_TOLERANCE = 0.01, 0.001
 
 #: s of simulated time that joints get to arrive after their profiles have ended.
 SETTLING = 1.0
@@ -38,9 +38,9 @@ class Standing(Enum):
     AWAY = auto()  # it had its time and is not there
 
 
-def unit(kind: str) -> str:
-    """The unit of positions of a kind of joint."""
-    return "m" if kind == "prismatic" else "rad"
+def tolerance(kind: JointKind) -> float:
+    """How near to its target a joint of a kind has arrived, rad or m."""
+    return kind.choose(TOLERANCE, SLIDE_TOLERANCE)
 
 
 def standing(
@@ -63,7 +63,7 @@ def standing(
         reference: position reference in force, rad or m.
         reference_velocity: in force, rad/s or m/s.
         position: measured, rad or m.
-        tolerance: see TOLERANCES.
+        tolerance: see ``tolerance``.
         compliant: whether the interaction mode is COMPLIANT.
         since: time since the profile has ended, s.
     """
@@ -77,7 +77,7 @@ def standing(
 
 def ending(
     name: str,
-    kind: str,
+    kind: JointKind,
     found: Standing,
     target: float,
     position: float,
@@ -96,16 +96,16 @@ def ending(
         changed: which of its modes changed during the move, and to what.
         compliant: whether the interaction mode is COMPLIANT.
     """
-    where, wanted = f"{name} is at {position_text(kind, position)}", position_text(kind, target)
+    where, wanted = f"{name} is at {kind.position(position)}", kind.position(target)
     away = abs(position - target)
     if found is Standing.ARRIVED:
-        if not compliant or away <= TOLERANCES[kind]:
+        if not compliant or away <= tolerance(kind):
             return ""
         return f"{where}, its reference at {wanted}: it is COMPLIANT and gives way to its load"
     if found is Standing.DROPPED:
         cause = changed or "it was stopped"
         return f"{where}, not at its target {wanted}: {cause} during the move; send it again"
     return (
-        f"{where}, {position_text(kind, away)} away from its target {wanted}: it is blocked, "
+        f"{where}, {kind.position(away)} away from its target {wanted}: it is blocked, "
         "its reference was moved by something else, or its gains are too low"
     )

@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from .board import Board
 from .checks import ConfigError
 from .events import Events
 from .modes import CALIBRATES, CONFIGURED, Stage
+
+if TYPE_CHECKING:
+    from .group import JointGroup
 
 Level = tuple[str, ...]
 
@@ -31,17 +34,17 @@ class BringUp:
     """Configures parts level after level; parts of one level calibrate side by side.
 
     Args:
-        boards: of the parts, by name.
+        groups: of the parts, by name.
         levels: names of parts; see :func:`complete_levels`.
         events: takes why it stopped.
 
-    Attributes: running.
+    Attributes: groups, running.
     """
 
     def __init__(
-        self, boards: Mapping[str, Board], levels: Sequence[Level], events: Events
+        self, groups: Mapping[str, JointGroup], levels: Sequence[Level], events: Events
     ) -> None:
-        self._boards, self._levels, self._events = boards, levels, events
+        self.groups, self._levels, self._events = groups, levels, events
         self._level = 0
         self.running = False
 
@@ -56,12 +59,10 @@ class BringUp:
 
     def step(self) -> None:
         """After every cycle: go on when the level is done, stop when a part of it failed."""
-        if not self.running:
+        groups = {name: self.groups[name] for name in self._levels[self._level]}
+        if any(is_under_way(group) for group in groups.values()):
             return
-        boards = {name: self._boards[name] for name in self._levels[self._level]}
-        if any(is_under_way(board) for board in boards.values()):
-            return
-        failures = {name: text for name, board in boards.items() if (text := failure(board))}
+        failures = {name: text for name, group in groups.items() if (text := failure(group))}
         waiting = [name for level in self._levels[self._level + 1 :] for name in level]
         if failures and waiting:
             self._tell(failures, waiting)
@@ -73,11 +74,11 @@ class BringUp:
     def _enter(self, level: int) -> None:
         self._level = level
         for name in self._levels[level]:
-            board = self._boards[name]
-            if board.state.stage is Stage.INACTIVE:  # managed: configured already
-                board.set_stage(Stage.ACTIVE)
-            else:
-                board.configure()
+            group = self.groups[name]
+            if group.stage is Stage.ACTIVE:
+                group.configure()
+            else:  # of a managed board
+                group.set_stage(Stage.ACTIVE)
 
     def _tell(self, failures: Mapping[str, str], waiting: Sequence[str]) -> None:
         why = "; ".join(f"{name}: {text}" for name, text in failures.items())
@@ -90,18 +91,18 @@ class BringUp:
         )
 
 
-def is_under_way(board: Board) -> bool:
+def is_under_way(group: JointGroup) -> bool:
     """Whether a joint is to be configured with the next reading, or calibrates."""
-    return any(m in CALIBRATES or m not in CONFIGURED for m in board.state.control_modes)
+    return any(m in CALIBRATES or m not in CONFIGURED for m in group.get_control_mode())
 
 
-def failure(board: Board) -> str:
+def failure(group: JointGroup) -> str:
     """Why the start-up of a part failed; empty where it did not."""
-    for joint, calibrated, fault in zip(
-        board.config.joints, board.state.calibrated, board.state.faults, strict=True
+    for joint, status, fault in zip(
+        group.get_config(), group.get_calibration(), group.get_faults(), strict=True
     ):
         if fault.active:
             return f"{joint.name} is in HW_FAULT, {fault.text}"
-        if joint.calibration is not None and joint.calibration.required and not calibrated:
+        if joint.calibration is not None and joint.calibration.required and not status.calibrated:
             return f"{joint.name} is not calibrated"
     return ""

@@ -13,7 +13,7 @@ from .reply import Answer, joints_of
 from .selection import RequestError
 
 if TYPE_CHECKING:
-    from .robot import AnyBoard
+    from .group import JointGroup
 
 
 class CalibrationTask:
@@ -29,14 +29,14 @@ class CalibrationTask:
     Attributes: names (of the joints asked for).
     """
 
-    def __init__(self, board: AnyBoard, joints: Joints) -> None:
+    def __init__(self, board: JointGroup, joints: Joints) -> None:
         self._board = board
         self.names = board.selector.select(joints).names
         reply = board.calibrate(self.names)
         self._refusal = reply.message
         self._started = joints_of(reply, Answer.ACCEPTED)
         if not self._started:
-            raise RequestError(reply.message)
+            raise RequestError(reply.message, codes=reply.codes)
 
     def outcome(self) -> Outcome | None:
         """How it ended, or None while it is under way."""

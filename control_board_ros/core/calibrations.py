@@ -3,12 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .calibration import TYPES, CalibrationError, CalibrationStatus, Calibrator
+from .config import BoardConfig
 from .faults import FaultCode
 from .joint_access import JointAccess
+from .layout import zones_of
 from .modes import Event
 from .parts import Calibration
 from .vocabs import CommandKind
@@ -34,8 +37,7 @@ class Calibrations:
         self._status = [CalibrationStatus(name) for name in config.names]
         self._running: dict[int, Calibrator] = {}
         self._former: dict[int, tuple[float, bool]] = {}  # offset, calibrated: before it began
-        group = {name: i for i, names in enumerate(config.calibration_groups) for name in names}
-        self._groups = [group.get(name, len(group)) for name in config.names]
+        self._groups = groups_of(config)
         self.shifted = False
 
     def __contains__(self, j: int) -> bool:
@@ -47,6 +49,13 @@ class Calibrations:
     def status(self, j: int) -> CalibrationStatus:
         """How the last calibration of a joint stands, and whether it is calibrated (K7)."""
         return replace(self._status[j], calibrated=bool(self._state.calibrated[j]))
+
+    def forget(self, joints: Sequence[int]) -> None:
+        """Nothing is known of the calibrations of joints that begin anew (N1)."""
+        for j in joints:
+            self._running.pop(j, None)
+            self._status[j] = CalibrationStatus(self._machine.config.names[j])
+        self.shifted = bool(self._state.offset.any())
 
     def start(self, j: int) -> None:
         """Start the calibration of a joint (K1)."""
@@ -60,9 +69,8 @@ class Calibrations:
         machine.go(j, Event.CALIBRATE)
 
     def step(self) -> None:
-        """Step the calibrators of the group whose turn it is (K1, K3, K4)."""
-        turn = min(self._groups[j] for j in self._running)
-        for j in [j for j in self._running if self._groups[j] == turn]:
+        """Step the calibrators that have begun, and those whose turn it is (K1, K3, K4)."""
+        for j in self._active():
             calibrator = self._running[j]
             try:
                 done = calibrator.step()
@@ -105,6 +113,22 @@ class Calibrations:
         for kind in (CommandKind.POSITION, CommandKind.POSITION_DIRECT):
             self._machine.references.last[kind, j] = self._state.position[j]
 
+    def _active(self) -> list[int]:
+        """The joints that calibrate now; the others wait, and nobody who has begun does.
+
+        In each part, a group begins when it is the first of those that are asked for and no other
+        drives; parts go side by side (R4).
+        """
+        active: list[int] = []
+        for part in {self._groups[j].part for j in self._running}:
+            running = [j for j in self._running if self._groups[j].part == part]
+            turn = min(self._groups[j].turn for j in running)
+            begun = [j for j in running if self._running[j].begun]
+            if all(self._groups[j].turn == turn for j in begun):
+                begun = [j for j in running if self._groups[j].turn == turn]
+            active += begun
+        return active
+
     def _finish(self, j: int) -> None:
         del self._running[j]
         self.know_angle(j)
@@ -119,3 +143,20 @@ class Calibrations:
 
     def _show(self, j: int, **fields: Any) -> None:
         self._status[j] = CalibrationStatus(self._machine.config.names[j], **fields)
+
+
+class Group(NamedTuple):
+    """The calibration group of a joint: of which part, and its turn there."""
+
+    part: int
+    turn: int
+
+
+def groups_of(config: BoardConfig) -> list[Group]:
+    """The calibration group of each joint; joints in none form the last one of their part."""
+    found = []
+    for part, zone in enumerate(zones_of(config)):
+        groups = zone.config.calibration_groups
+        turns = {name: turn for turn, names in enumerate(groups) for name in names}
+        found += [Group(part, turns.get(name, len(turns))) for name in zone.config.names]
+    return found

@@ -88,10 +88,15 @@ class Calibrator:
     def __init__(self, calibration: Calibration, hand: Hand, period: float) -> None:
         self.calibration, self.hand, self.period = calibration, hand, period
         self.progress = Progress()
-        slides = hand.joint.kind == "prismatic"
-        self.scale, self.unit = (METRES_PER_RADIAN, "m") if slides else (1.0, "rad")
+        kind = hand.joint.kind
+        self.scale, self.unit = kind.choose(1.0, METRES_PER_RADIAN), kind.unit
         self._cycles = 0
         self._settled = 0
+
+    @property
+    def begun(self) -> bool:
+        """Whether it has been stepped: the joint is in its hands."""
+        return self._cycles > 0
 
     def step(self) -> bool:
         """One control cycle (K2).

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from .config import JointConfig
 from .faults import FaultCode
-from .heat import cooling_advice, overload_advice
-from .measurement import Row
+from .heat import cooling_advice, cooling_time, overload_time, tenths
+from .measurement import CREDIBLE, Row
 from .monitor import JointMonitor
 
 
@@ -46,11 +46,15 @@ CODES = {
 
 
 class Cause(NamedTuple):
-    """Why a joint must be in HW_FAULT: the code, what was measured against what, the way out."""
+    """Why a joint must be in HW_FAULT: the code, what was measured against what, the way out.
+
+    ``wait``: until it can be gone, s; 0 where time alone does not help.
+    """
 
     code: FaultCode
     text: str
     advice: str = "remove it"
+    wait: float = 0.0
 
 
 def bound_cause(check: Check, monitor: JointMonitor, joint: JointConfig, value: float) -> Cause:
@@ -62,11 +66,13 @@ def bound_cause(check: Check, monitor: JointMonitor, joint: JointConfig, value: 
         joint: Its configuration.
         value: The reading.
     """
+    if not abs(value) <= CREDIBLE:
+        code = FaultCode.ENCODER_INVALID if check is Check.POSITION else CODES[check]
+        reads = f"reads {value:.3g}, which no sensor does"
+        return Cause(code, reads if math.isfinite(value) else "the reading is not a number")
     if check is Check.ALARM:
         return alarm_cause(value)
-    if check in {Check.POSITION, Check.VELOCITY} and not math.isfinite(value):
-        return Cause(FaultCode.ENCODER_INVALID, "the reading is not a number")
-    unit, torque_unit = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
+    unit, torque_unit = joint.kind.unit, joint.kind.force_unit
     hottest = monitor.max_temperature
     jump = f"{monitor.max_jump:.3g} {unit}"
     late = f"no sample for {value * 1e3:.0f} ms > "
@@ -79,15 +85,15 @@ def bound_cause(check: Check, monitor: JointMonitor, joint: JointConfig, value: 
         Check.TEMPERATURE: f"winding at {value:.0f} °C > {hottest:.0f} °C",
     }
     if check is Check.TEMPERATURE:
-        advice = cooling_advice(joint.motor, value, hottest)
-        return Cause(CODES[check], texts[check], advice)
+        wait = cooling_time(joint.motor, value, hottest)
+        return Cause(CODES[check], texts[check], cooling_advice(wait, hottest), wait)
     return Cause(CODES[check], texts[check])
 
 
 def slow_cause(check: Check, monitor: JointMonitor, joint: JointConfig, period: float) -> Cause:
     """The cause when a slow check has failed; period: from one look to the next, s."""
     code, limits = CODES[check], joint.limits
-    unit = "m" if joint.kind == "prismatic" else "rad"
+    unit = joint.kind.unit
     if check is Check.TRAVEL:
         return Cause(
             code,
@@ -100,11 +106,13 @@ def slow_cause(check: Check, monitor: JointMonitor, joint: JointConfig, period: 
             code,
             f"{past:.3g} {unit} beyond the hard stop > {limits.hard_margin:.3g} {unit}",
         )
+    wait = overload_time(monitor, period)
     return Cause(
         code,
         f"more than {limits.nominal_current:.3g} A nominal for too long "
         f"(I2t: {limits.overload_time:.3g} s at peak)",
-        overload_advice(monitor, period),
+        f"wait {tenths(wait)} s; no power heats it meanwhile",
+        wait,
     )
 
 
@@ -114,6 +122,7 @@ def alarm_cause(value: float) -> Cause:
     code = FaultCode(alarm) if alarm in set(FaultCode) else FaultCode.EXTERNAL
     texts = {
         FaultCode.EXTERNAL: "the external fault line is active (emergency stop)",
+        FaultCode.EMERGENCY_STOP: "asked for",
         FaultCode.DIVERGED: "the simulation diverged; its last good state is back",
     }
     return Cause(code, texts.get(code, "raised by the hardware"))

@@ -8,23 +8,25 @@ same command are served.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..protocols import Floats, Joints, Values
+from ..protocols import Floats, Values
 from .config import BoardConfig
 from .decisions import decide_reference
 from .explanations import explain_bound, explain_reference, explain_slower, range_text
 from .limits import BoardLimits
 from .machine import Machine
 from .measurement import Array
-from .references import References
-from .reply import Answer, Reply, accepted, decided, refused
-from .selection import RequestError, Selection, Selector, spread
+from .references import Moves, References
+from .reply import Answer, JointAnswer, Reply, decided
+from .requests import LEFT
+from .selection import RequestError, Selection, spread
 from .state import Indices
 from .vocabs import CommandKind
 
@@ -102,12 +104,11 @@ class Commands:
 
     Args:
         machine: whose joints are commanded.
-        selector: of the same joints.
-        limits: likewise.
+        limits: of the same joints.
     """
 
-    def __init__(self, machine: Machine, selector: Selector, limits: BoardLimits) -> None:
-        self._machine, self._selector = machine, selector
+    def __init__(self, machine: Machine, limits: BoardLimits) -> None:
+        self._machine = machine
         self._state, self._references = machine.state, machine.references
         self.reconfigure(limits)
 
@@ -123,85 +124,62 @@ class Commands:
                 self._most[kind] = getattr(limits, row.most)
 
     def command(
-        self, kind: CommandKind, joints: Joints, values: Values, along: Values | None = None
+        self,
+        kind: CommandKind,
+        selection: Selection,
+        asked: Floats,
+        along: Floats | None = None,
+        *,
+        together: bool = False,
+        time: float | None = None,
     ) -> Reply:
-        """Send references of one kind; see COMMANDS for what comes along."""
-        row = COMMANDS[kind]
-        try:
-            selection = self._selector.select(joints)
-            count = len(selection.names)
-            asked = spread(values, count, f"{kind} references")
-            extra = self._along(row, selection, along)
-        except RequestError as error:
-            return self.reject(joints, f"{kind} reference ignored: {error}")
+        """Start references of one kind; see COMMANDS for what comes along.
+
+        Args:
+            kind: of the references.
+            selection: the joints.
+            asked: the references, shape (k,).
+            along: likewise; None: as set.
+            together: whether all joints take their references or none does.
+            time: s after which position moves arrive, all at once (R5), no less than
+                ``get_move_time`` says; None: each at its own.
+        """
+        extra = self._standing(kind, selection) if along is None else along
         chosen = selection.joints
         good = self._state.accepts[kind, chosen] & np.isfinite(asked)
-        if along is not None and extra is not None:
-            good &= self._fits(kind, chosen, extra)
-        verdicts = []
+        if along is not None:
+            good &= self._fits(kind, chosen, along)
+        answers: list[JointAnswer] = []
         if not good.all():
-            verdicts = self._ignored_references(
-                kind, selection, asked, None if along is None else extra
-            )
+            answers = self._judged(kind, selection, asked, along)
+            if together:
+                return decided(selection.names, [a if a.code else LEFT for a in answers])
             chosen, asked = chosen[good], asked[good]
             extra = None if extra is None else extra[good]
-        notes = self._start(kind, chosen, asked, extra) if chosen.size else {}
-        if not (verdicts or notes):
-            return accepted(selection.names)
-        verdicts = verdicts or [(Answer.ACCEPTED, "")] * count
-        for k, j in enumerate(selection.joints.tolist()):
-            if j in notes:
-                verdicts[k] = (Answer.ACCEPTED, notes[j])
-        return decided(selection.names, verdicts)
+        taken, notes = asked, Notes()
+        if chosen.size:
+            taken, notes = self._start(kind, chosen, asked, extra, time)
+        if not (answers or notes):
+            given = (Answer.ACCEPTED,) * len(selection.names)
+            return Reply(selection.names, given, values=tuple(taken.tolist()))
+        started = dict(zip(chosen.tolist(), taken.tolist(), strict=True))
+        answers = answers or [JointAnswer()] * len(selection.names)
+        return told(selection, answers, started, notes)
 
-    def get_move_time(self, joints: Joints, positions: Floats, speeds: Floats) -> Floats:
-        """How long position moves would take from now on (P1), s, shape (k,).
-
-        Args:
-            joints: as in every request.
-            positions: targets, shape (k,).
-            speeds: mean speeds asked for, above 0, shape (k,).
-        """
-        chosen = self._selector.select(joints).joints
-        return self._references.move_times(chosen, self._taken(chosen, positions), speeds)
-
-    def position_move_within(self, joints: Joints, positions: Floats, time: float) -> Reply:
-        """Start position moves that all arrive after so many s, or none (R5).
-
-        Args:
-            joints: as in every request.
-            positions: targets, shape (k,).
-            time: s, no less than ``get_move_time`` says.
-        """
-        selection = self._selector.select(joints)
-        chosen = selection.joints
-        if not (self._state.accepts[K.POSITION, chosen] & np.isfinite(positions)).all():
-            verdicts = self._ignored_references(K.POSITION, selection, positions, None)
-            return decided(selection.names, verdicts)
+    def get_move_time(self, chosen: Indices, positions: Floats, speeds: Floats) -> Floats:
+        """How long position moves would take from now on (P1), s, shape (k,)."""
         taken = self._taken(chosen, positions)
-        self._references.move_within(chosen, taken, time)
-        self._references.last[K.POSITION, chosen] = taken
-        notes = self._bounded(K.POSITION, chosen, positions, taken)
-        verdicts = [(Answer.ACCEPTED, notes.get(j, "")) for j in chosen.tolist()]
-        return decided(selection.names, verdicts)
+        return np.array(self._references.plan_moves(chosen, taken, speeds).times)
 
     def _taken(self, chosen: Indices, positions: Floats) -> Floats:
         """Targets within the software limits (P9)."""
         return np.clip(positions, self._low[K.POSITION][chosen], self._high[K.POSITION][chosen])
 
-    def reject(self, joints: Joints, message: str) -> Reply:
-        """Refuse a command that is wrong as a whole; the joints it does name count it (P13)."""
-        self._state.rejected[self._selector.known(joints)] += np.uint64(1)
-        return refused(message)
-
-    def _along(self, row: Command, selection: Selection, along: Values | None) -> Floats | None:
-        """What comes along with references, one per joint; what stands where nothing does."""
-        if along is not None:
-            assert row.along is not None
-            return spread(along, len(selection.names), row.along)
-        if row.standing is None:
+    def _standing(self, kind: CommandKind, selection: Selection) -> Floats | None:
+        """What stands where nothing comes along with references, one per joint; None: nothing."""
+        if (name := COMMANDS[kind].standing) is None:
             return None
-        standing: Floats = getattr(self._references, row.standing)
+        standing: Floats = getattr(self._references, name)
         return standing[selection.joints]
 
     def _fits(self, kind: CommandKind, chosen: Indices, extra: Floats) -> NDArray[np.bool_]:
@@ -211,22 +189,40 @@ class Commands:
         return (extra > 0.0) & (extra <= self._most[kind][chosen])
 
     def _start(
-        self, kind: CommandKind, chosen: Indices, asked: Floats, extra: Floats | None
-    ) -> Notes:
-        """Start references within the limits; what is done instead of what was asked for."""
+        self,
+        kind: CommandKind,
+        chosen: Indices,
+        asked: Floats,
+        extra: Floats | None,
+        time: float | None,
+    ) -> tuple[Floats, Notes]:
+        """Start references within the limits.
+
+        Returns:
+            Those in force, and what is done instead of what was asked for.
+        """
         row, references = COMMANDS[kind], self._references
         taken = np.minimum(np.maximum(asked, self._low[kind][chosen]), self._high[kind][chosen])
-        if row.standing is None and extra is not None:
-            most = self._most[kind][chosen]
-            extra = np.clip(extra, -most, most)
-        times = row.start(references, chosen, taken, extra)
-        notes = self._slower(chosen, taken, extra, times) if times and extra is not None else {}
+        starts = self._state.position_reference[chosen]
+        notes: Notes = {}
+        if time is not None:
+            ways = np.abs(taken - starts)
+            moves = references.move_within(chosen, taken, time)
+            if max(moves.factors) > 1.0:
+                notes = self._slower(chosen, ways, ways / time, moves)
+        else:
+            if row.standing is None and extra is not None:
+                most = self._most[kind][chosen]
+                extra = np.clip(extra, -most, most)
+            moves = row.start(references, chosen, taken, extra)
+            if moves is not None and extra is not None:
+                notes = self._slower(chosen, np.abs(taken - starts), extra, moves)
         if not same(asked, taken):
             notes |= self._bounded(kind, chosen, asked, taken)
         references.last[kind, chosen] = taken
         if row.timeout is not None:
             self._machine.timeouts.renew(kind, chosen, self._state.cycle)
-        return notes
+        return taken, notes
 
     def _bounded(self, kind: CommandKind, chosen: Indices, asked: Floats, taken: Floats) -> Notes:
         """What a limit made of references (P1, P9, P14)."""
@@ -237,23 +233,26 @@ class Commands:
             if one != other
         }
 
-    def _slower(
-        self, chosen: Indices, targets: Floats, speeds: Floats, times: Sequence[float]
-    ) -> Notes:
-        """Where speed and acceleration limits make a move slower than asked for (P1)."""
+    def _slower(self, chosen: Indices, ways: Floats, speeds: Floats, moves: Moves) -> Notes:
+        """Where limits make a move slower than asked for (P1)."""
         notes = {}
-        ways = np.abs(targets - self._state.position_reference[chosen])
-        for j, way, speed, time in zip(
-            chosen.tolist(), ways.tolist(), speeds.tolist(), times, strict=True
+        joints = self._machine.config.joints
+        for j, way, speed, time, factor in zip(
+            chosen.tolist(),
+            ways.tolist(),
+            speeds.tolist(),
+            moves.times,
+            moves.factors,
+            strict=True,
         ):
-            if text := explain_slower(self._machine.config.joints[j], way, speed, time):
+            if text := explain_slower(joints[j], way, speed, time, factor=factor):
                 notes[j] = text
         return notes
 
-    def _ignored_references(
+    def _judged(
         self, kind: CommandKind, selection: Selection, asked: Floats, along: Floats | None
-    ) -> list[tuple[Answer, str]]:
-        """Count what is ignored (M4); an answer and a reason for each joint."""
+    ) -> list[JointAnswer]:
+        """An answer for each joint, what is ignored counted (M4)."""
         answers = []
         fits = (
             np.ones(asked.shape, bool)
@@ -264,12 +263,36 @@ class Commands:
             facts = self._machine.facts(j)
             values = (float(asked[k]),) if along is None else (float(asked[k]), float(along[k]))
             verdict = decide_reference(facts, kind, values, fits=bool(fits[k]))
-            if verdict.answer is not Answer.ACCEPTED:
-                self._state.rejected[j] += np.uint64(1)
+            self._state.rejected[j] += np.uint64(not verdict.accepts)
             allowed = range_text(COMMANDS[kind].along, values[-1], float(self._most[kind][j]))
-            reason = explain_reference(verdict.reason, facts, kind, values, allowed)
-            answers.append((verdict.answer, reason))
+            text = explain_reference(verdict.reason, facts, kind, values, allowed)
+            answers.append(JointAnswer(verdict.answer, text, verdict.reason))
         return answers
+
+
+def told(
+    selection: Selection, answers: Sequence[JointAnswer], started: dict[int, float], notes: Notes
+) -> Reply:
+    """The reply to references, of which some have started, as bounded, and some have notes."""
+    order = selection.numbers
+    texts = [
+        JointAnswer(text=notes[j]) if j in notes else answer
+        for j, answer in zip(order, answers, strict=True)
+    ]
+    values = tuple(started.get(j, math.nan) for j in order)
+    return replace(decided(selection.names, texts), values=values)
+
+
+def spread_along(kind: CommandKind, along: Values, count: int) -> Floats:
+    """What comes along with references of a kind, one for each of so many joints.
+
+    Raises:
+        RequestError: the length does not fit, or the kind takes none.
+    """
+    what = COMMANDS[kind].along
+    if what is None:
+        raise RequestError("nothing comes along with it; send the values alone")
+    return spread(along, count, what)
 
 
 def same(one: Floats, other: Floats) -> bool:

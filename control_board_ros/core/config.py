@@ -9,9 +9,14 @@ joints.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import field
 
+from ..text import clean_name
+from .arm_model import ArmModel
 from .checks import ConfigError, check_number, check_parameters
 from .constraints import Constraints, JointConstraints
+from .joint_kind import JointKind
 from .modes import INITIAL_INTERACTION, MOVES, SELECTABLE, SENSE_TORQUE, STARTUP_MODES, UNPOWERED
 from .parameter import configuration, parameter, parameters_of, part
 from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Pid, Timeouts
@@ -31,7 +36,7 @@ __all__ = [
     "check_number",
 ]
 
-JOINT_KINDS = ("revolute", "continuous", "prismatic")
+NAMES = "a joint name: up to 120 characters that can be shown"
 OUTPUTS = ("pwm", "current")
 #: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
 DAMPING_RATIO, FASTEST_DAMPING = 0.75, 400.0
@@ -48,7 +53,7 @@ class JointConfig:
 
     Attributes:
         name: Of the joint.
-        kind: One of JOINT_KINDS; a prismatic joint has m for rad and N for N·m.
+        kind: A prismatic joint has m for rad and N for N·m.
         position_pid: Of POSITION, MIXED and VELOCITY.
         direct_pid: Of POSITION_DIRECT; None: as position_pid.
         current_pid: Used where the board's output is ``current``.
@@ -58,7 +63,7 @@ class JointConfig:
     """
 
     name: str
-    kind: str = "revolute"
+    kind: JointKind = JointKind.REVOLUTE
     limits: Limits = part()
     position_pid: Pid = part(
         "Position PID: ",
@@ -168,10 +173,14 @@ class JointConfig:
     )
 
     def __post_init__(self) -> None:
-        if not self.name or not isinstance(self.name, str):
-            raise ConfigError("joints", self.name, "a joint name")
-        if self.kind not in JOINT_KINDS:
-            raise ConfigError(f"{self.name}.kind", self.kind, _one_of(JOINT_KINDS))
+        if not self.name or clean_name(self.name) != self.name:
+            raise ConfigError("joints", clean_name(self.name), NAMES)
+        if {*".,"} & {*self.name}:  # they part parameters and lists
+            allowed = "joint names without '.' and ','; rename the joint in its URDF"
+            raise ConfigError("joints", self.name, allowed)
+        if self.kind not in set(JointKind):
+            raise ConfigError(f"{self.name}.kind", self.kind, _one_of(tuple(JointKind)))
+        object.__setattr__(self, "kind", JointKind(self.kind))
         check_parameters(f"{self.name}.", self)
         self.limits.check(f"{self.name}.limits")
         self._check_modes(self.name)
@@ -238,9 +247,14 @@ class BoardConfig:
         joints: In the board's order.
         calibration_groups: Names of joints that calibrate together, group after group; joints in
             no group form the last one.
+        model: The masses of the arm; None: not known, each joint is taken by itself.
+        parts: The parts of a robot by name, each with a configuration of its own, and with it its
+            model, calibration groups and constraints; made by ``layout.joined``.
     """
 
     joints: tuple[JointConfig, ...]
+    model: ArmModel | None = None
+    parts: Mapping[str, BoardConfig] = field(default_factory=dict)
     control_rate: float = parameter(
         "Control cycles; the gains hold from 200 to 4000, the log warns below",
         "Hz",
@@ -252,6 +266,13 @@ class BoardConfig:
         "What the control laws give: pwm, or current to an inner loop",
         default="pwm",
         choices=OUTPUTS,
+    )
+    heartbeat_timeout: float = parameter(
+        "Silence of ~/heartbeat that is an emergency stop; 0: none is expected",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=1e6,
     )
     autoconfigure: bool = parameter(
         "Leave NOT_CONFIGURED at start; else by ~/configure", default=True
@@ -271,6 +292,8 @@ class BoardConfig:
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
             raise ConfigError("joints", twice, "each joint once")
+        if self.model is not None and len(self.model.links) != len(self.joints):
+            raise ConfigError("model", len(self.model.links), f"{len(self.joints)} links")
         check_parameters("", self)
         if self.output not in OUTPUTS:
             raise ConfigError("output", self.output, _one_of(OUTPUTS))

@@ -8,12 +8,10 @@ here; ``machine`` carries out what is decided, ``explanations`` puts it into wor
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum, auto
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from .causes import Cause
-from .faults import FaultRecord
+from .faults import FaultCode, FaultRecord
 from .modes import (
     ACCEPTS,
     AT_REST,
@@ -32,29 +30,10 @@ from .modes import (
     next_mode,
 )
 from .parts import Calibration
-from .reply import Answer
+from .reply import Answer, Reason
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
 Wanted = ControlMode | InteractionMode | Event
-
-
-class Reason(Enum):
-    """Why a joint does not do what was asked for."""
-
-    NONE = auto()
-    IN_FAULT = auto()
-    CALIBRATING = auto()
-    UNCALIBRATED = auto()  # K7
-    INACTIVE = auto()  # of a managed board
-    NOT_CONFIGURED = auto()  # N4
-    UNSUPPORTED = auto()  # M5, I7
-    CAUSE_PERSISTS = auto()  # F2
-    NO_CALIBRATOR = auto()  # K1
-    OTHER_MODE = auto()  # M3
-    NOT_FINITE = auto()  # P13
-    OUT_OF_RANGE = auto()  # P13
-    NOTHING_TO_STOP = auto()  # P3
-    NO_FEEDFORWARD = auto()  # K6
 
 
 class DecidedJoint(Protocol):
@@ -70,8 +49,7 @@ class DecidedJoint(Protocol):
     def calibration(self) -> Calibration | None: ...
 
 
-@dataclass(frozen=True, slots=True)
-class Facts:
+class Facts(NamedTuple):
     """What a decision on one joint rests on.
 
     Attributes: joint (its configuration), mode, interaction, calibrated (K7), fault (its last
@@ -99,6 +77,18 @@ class Facts:
         """Whether the joint may have no power."""
         return self.stage is not Stage.ACTIVE
 
+    def after(self, verdict: Verdict) -> Facts:
+        """What they are once an accepted verdict is carried out."""
+        effect = verdict.effect
+        if isinstance(effect, InteractionMode):
+            return self._replace(interaction=effect)
+        if isinstance(effect, ControlMode):
+            return self._replace(mode=effect)
+        target = next_mode(self.mode, effect) if effect is not None else None
+        if isinstance(target, ControlMode):
+            return self._replace(mode=target, fault=self.fault.cleared(), cause=None)
+        return self
+
     def withholds(self, wanted: ControlMode) -> bool:
         """Whether a mode is out of reach as long as the joint is not calibrated, or inactive."""
         return (self.lacks_calibration and wanted not in UNCALIBRATED_MODES) or (
@@ -106,8 +96,7 @@ class Facts:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(NamedTuple):
     """The answer for a joint, the reason where it is not accepted, and what to carry out.
 
     Attributes: answer, reason, effect (a trigger of the mode machine, an interaction mode to
@@ -162,7 +151,9 @@ def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
     if trigger is Event.UNSUPPORTED:
         return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, trigger)
     if facts.cause is not None:
-        return Verdict(Answer.REFUSED, Reason.CAUSE_PERSISTS)
+        stopped = facts.cause.code is FaultCode.EMERGENCY_STOP
+        reason = Reason.EMERGENCY_STOP if stopped else Reason.CAUSE_PERSISTS
+        return Verdict(Answer.REFUSED, reason)
     if target is facts.mode:
         return FINE
     if trigger is wanted and isinstance(target, ControlMode):
@@ -195,7 +186,7 @@ def decide_stop(facts: Facts) -> Verdict:
     """What becomes of a stop: it acts where a position reference is followed (P3)."""
     if facts.mode in STOPPABLE or facts.mode in AT_REST:
         return FINE
-    return Verdict(Answer.IGNORED, Reason.NOTHING_TO_STOP)
+    return Verdict(Answer.IGNORED, UNAVAILABLE.get(facts.mode, Reason.NOTHING_TO_STOP))
 
 
 def decide_reference(
@@ -210,7 +201,9 @@ def decide_reference(
         fits: Whether what comes along is in its range.
     """
     if kind not in ACCEPTS.get(facts.mode, ()):
-        return _ignored(facts, _unavailable(facts, Reason.OTHER_MODE))
+        known = any(kind in ACCEPTS.get(mode, ()) for mode in facts.joint.control_modes)
+        otherwise = Reason.OTHER_MODE if known else Reason.UNSUPPORTED
+        return _ignored(facts, _unavailable(facts, otherwise))
     if not all(math.isfinite(value) for value in values):
         return _ignored(facts, Reason.NOT_FINITE)
     return FINE if fits else _ignored(facts, Reason.OUT_OF_RANGE)
@@ -219,7 +212,7 @@ def decide_reference(
 def decide_feedforward(facts: Facts, values: tuple[float, ...]) -> Verdict:
     """What becomes of feed-forward terms (P11, K6, M4)."""
     if facts.mode in CALIBRATES:
-        return _ignored(facts, Reason.NO_FEEDFORWARD)
+        return _ignored(facts, Reason.CALIBRATING)
     if not all(math.isfinite(value) for value in values):
         return _ignored(facts, Reason.NOT_FINITE)
     return FINE

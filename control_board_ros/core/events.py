@@ -4,7 +4,9 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 #: Events that nobody takes are dropped from here on, oldest first.
 EVENTS_KEPT = 1000
@@ -25,20 +27,29 @@ class BoardEvent:
 
 
 class Events:
-    """The events of a board, until somebody takes them."""
+    """The events of a board, until somebody takes them.
 
-    def __init__(self) -> None:
-        self._waiting: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)
+    Args:
+        owners: names of parts by joint; events of others are the whole board's, whose name is
+            empty.
+    """
+
+    def __init__(self, owners: Mapping[str, str] = MappingProxyType({})) -> None:
+        self._owners = owners
+        parts = {"", *owners.values()}
+        self._waiting = {part: deque[BoardEvent](maxlen=EVENTS_KEPT) for part in parts}
 
     def __len__(self) -> int:
-        return len(self._waiting)
+        return sum(map(len, self._waiting.values()))
 
     def add(self, level: str, key: str, joint: str, text: str) -> None:
         """Add an event."""
-        self._waiting.append(BoardEvent(level, key, joint, text))
+        waiting = self._waiting[self._owners.get(joint, "")]
+        waiting.append(BoardEvent(level, key, joint, text))
 
-    def take(self) -> list[BoardEvent]:
-        """The events since the last call, oldest first."""
-        taken = list(self._waiting)
-        self._waiting.clear()
+    def take(self, part: str = "") -> list[BoardEvent]:
+        """Those of a part, or of the board, since the last call, oldest first."""
+        waiting = self._waiting[part]
+        taken = list(waiting)
+        waiting.clear()
         return taken

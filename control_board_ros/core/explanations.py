@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Verdicts in words: one line each with cause, value, what is allowed, and the next step.
+"""Verdicts in words: one line each with cause, value, and what is allowed; no tool is named.
 
 The only place where the texts of replies about single joints are made.
 """
@@ -7,22 +7,25 @@ The only place where the texts of replies about single joints are made.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from .config import JointConfig
-from .decisions import Facts, Reason, Wanted
-from .modes import CALIBRATES, FAULTED, MOVES, UNCONFIGURED, Event, Stage, modes_accepting
-from .reply import position_text, quantity
+from .decisions import Facts, Wanted
+from .modes import CALIBRATES, UNCONFIGURED, Event, Stage, modes_accepting
+from .reply import Reason, quantity
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
 ACTIVATE = "activate it first (transition activate of its lifecycle)"
 
 
-def how_to_configure(facts: Facts) -> str:
+UNTIL_CALIBRATED = "until it is, it takes idl, fidl and a calibration"
+
+
+def waits_for(facts: Facts) -> str:
     """What lets a joint leave NOT_CONFIGURED (N2)."""
     if facts.stage is Stage.UNCONFIGURED:
-        return "configure its node first (transition configure of its lifecycle)"
-    return "configure the board first (service configure)"
+        return "its node waits for configure (a transition of its lifecycle)"
+    return "the board waits for configure (a service)"
 
 
 #: Why a request for a joint is not carried out.
@@ -35,11 +38,10 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
         f"{facts.joint.name} is CALIBRATING; wait until it is done, or abort it with FORCE_IDLE"
     ),
     Reason.UNCALIBRATED: lambda facts, _: (
-        f"{facts.joint.name} is not calibrated; "
-        f"calibrate it first: cbctl calibrate {facts.joint.name}"
+        f"{facts.joint.name} is not calibrated; {UNTIL_CALIBRATED}"
     ),
     Reason.NOT_CONFIGURED: lambda facts, _: (
-        f"{facts.joint.name} is {facts.mode.name}; {how_to_configure(facts)}"
+        f"{facts.joint.name} is {facts.mode.name}; {waits_for(facts)}"
     ),
     Reason.INACTIVE: lambda facts, _: (
         f"{facts.joint.name} has no power while its node is inactive; {ACTIVATE}"
@@ -49,6 +51,7 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
         f"it has {offered(facts, wanted)}; send FORCE_IDLE, then one of these"
     ),
     Reason.CAUSE_PERSISTS: lambda facts, _: persisting(facts),
+    Reason.EMERGENCY_STOP: lambda facts, _: persisting(facts),
     Reason.NO_CALIBRATOR: lambda facts, _: (
         f"{facts.joint.name} has no calibrator; give it {facts.joint.name}.calibration.type"
     ),
@@ -60,9 +63,9 @@ LEFT_AS_IT_IS = "the others of the request stay as they are"
 #: What to do where a stop does nothing to a joint.
 STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
     **dict.fromkeys(CALIBRATES, lambda _: "abort it with FORCE_IDLE, or wait until it is done"),
-    **dict.fromkeys(UNCONFIGURED, how_to_configure),
+    **dict.fromkeys(UNCONFIGURED, waits_for),
 }
-STOP_OTHERWISE = "set idl to take its power"
+STOP_OTHERWISE = "idl takes its power"
 
 
 def explain(reason: Reason, facts: Facts, wanted: Wanted) -> str:
@@ -104,14 +107,13 @@ def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...])
     if reason is Reason.NONE:
         return ""
     mode = f"mode is {facts.mode.name}, where none acts"
-    why = mode if reason is Reason.NO_FEEDFORWARD else not_finite(values)
+    why = not_finite(values) if reason is Reason.NOT_FINITE else mode
     return f"feedforward for {facts.joint.name} ignored: {why}"
 
 
 def explain_bound(joint: JointConfig, kind: CommandKind, asked: float, taken: float) -> str:
     """What a limit made of a reference (P1, P9, P14)."""
-    sliding = joint.kind == "prismatic"
-    shown = quantity(kind, taken, sliding), quantity(kind, asked, sliding)
+    shown = quantity(kind, taken, joint.kind), quantity(kind, asked, joint.kind)
     return f"{joint.name}: {kind} bounded to {shown[0]} ({shown[1]} was asked for)"
 
 
@@ -120,18 +122,33 @@ def explain_limit(joint: JointConfig, position: float) -> str:
     limits = joint.limits
     beyond = max(limits.lower - position, position - limits.upper)
     at, over, low, high = (
-        position_text(joint.kind, value)
-        for value in (position, beyond, limits.lower, limits.upper)
+        joint.kind.position(value) for value in (position, beyond, limits.lower, limits.upper)
     )
-    where = f"{over} beyond" if beyond > 0.0 else "at"
+    where = f"{over} beyond" if beyond > 0.5 * joint.kind.resolution else "at"
     return f"at {at}, {where} its software limits, {low} to {high}; the protection pushes it back"
 
 
+def explain_strain(joint: JointConfig) -> str:
+    """Why a joint in a position mode falls behind its reference."""
+    torque = joint.kind.force(joint.limits.torque)
+    return (
+        f"its torque is at its limit, {torque}, and it falls behind its reference; "
+        "move slower, carry less, or look what blocks it"
+    )
+
+
 #: Moves shorter than this are slower than asked for without a word: rad, m where a joint slides.
-WORTH_A_WORD = {"revolute": 5e-4, "continuous": 5e-4, "prismatic": 5e-5}
+WORTH_A_WORD, SLIDE_WORTH_A_WORD = 5e-4, 5e-5
 
 
-def explain_slower(joint: JointConfig, way: float, speed: float, time: float) -> str:
+#: What makes a move slower than asked for.
+ALONE = "its limits of speed and acceleration"
+TOGETHER = "the torque limits of the joints that move together"
+
+
+def explain_slower(
+    joint: JointConfig, way: float, speed: float, time: float, *, factor: float = 1.0
+) -> str:
     """What limits make of a move (P1): how long it takes; empty where that is as asked for.
 
     Args:
@@ -139,15 +156,15 @@ def explain_slower(joint: JointConfig, way: float, speed: float, time: float) ->
         way: rad.
         speed: asked for, rad/s.
         time: of the move, s.
+        factor: how much of it is for the torque that the joints take together.
     """
-    if way >= 0.99 * speed * time or way <= WORTH_A_WORD[joint.kind]:
+    least = joint.kind.choose(WORTH_A_WORD, SLIDE_WORTH_A_WORD)
+    if way >= 0.99 * speed * time or way <= least:
         return ""
-    sliding = joint.kind == "prismatic"
-    mean = quantity(CommandKind.VELOCITY, way / time, sliding)
+    mean, asked = joint.kind.velocity(way / time), joint.kind.velocity(speed)
     return (
-        f"{joint.name}: takes {time:.3g} s, at a mean speed of {mean} "
-        f"({quantity(CommandKind.VELOCITY, speed, sliding)} was asked for), "
-        "by its limits of speed and acceleration"
+        f"{joint.name}: takes {time:.3g} s, at a mean speed of {mean} ({asked} was asked for), "
+        f"by {TOGETHER if factor > 1.0 else ALONE}"
     )
 
 
@@ -157,7 +174,7 @@ def explain_cut(joint: JointConfig, positions: Sequence[float]) -> str:
     beyond = next((i for i, q in enumerate(positions) if q < low or q > high), None)
     if beyond is None:
         return ""
-    shown = [position_text(joint.kind, q) for q in (low, high, positions[beyond])]
+    shown = [joint.kind.position(q) for q in (low, high, positions[beyond])]
     return (
         f"{joint.name} stays within {shown[0]} to {shown[1]} "
         f"(point {beyond} asks for {shown[2]}): software limit"
@@ -173,47 +190,22 @@ def range_text(what: str | None, value: float, most: float) -> str:
 #: Why a joint takes no references, whatever their kind.
 WITHHELD_TEXTS: dict[Reason, Callable[[Facts], str]] = {
     Reason.IN_FAULT: lambda facts: (
-        f"mode is {facts.mode.name} ({facts.fault.text}); "
-        f"clear it with: cbctl clear {facts.joint.name}"
+        f"mode is {facts.mode.name} ({facts.fault.text}), which FORCE_IDLE leaves"
     ),
-    Reason.NOT_CONFIGURED: lambda facts: f"mode is {facts.mode.name}; {how_to_configure(facts)}",
+    Reason.NOT_CONFIGURED: lambda facts: f"mode is {facts.mode.name}; {waits_for(facts)}",
     Reason.INACTIVE: lambda _: f"its node is inactive; {ACTIVATE}",
     Reason.CALIBRATING: lambda facts: f"mode is {facts.mode.name}; wait until it is done",
-    Reason.UNCALIBRATED: lambda facts: (
-        f"it is not calibrated; calibrate it first: cbctl calibrate {facts.joint.name}"
-    ),
+    Reason.UNCALIBRATED: lambda _: f"it is not calibrated; {UNTIL_CALIBRATED}",
 }
 
 
 def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
-    """Why a joint takes no references of a kind now, and what to do."""
+    """Why a joint takes no references of a kind now, and in which modes it does."""
     if reason in WITHHELD_TEXTS:
         return WITHHELD_TEXTS[reason](facts)
-    name, mode = facts.joint.name, facts.mode.name
     codes = [m.code for m in modes_accepting(kind) if m in facts.joint.control_modes]
-    if not codes:
-        return f"mode is {mode}, and the joint has no mode for it"
-    return f"mode is {mode}; switch with: cbctl mode {name} {codes[0]}"
-
-
-def way_to_move(modes: Mapping[str, ControlMode], everyone: Sequence[str]) -> str:
-    """What to type so that joints take position moves.
-
-    Args:
-        modes: of those that take none, by name.
-        everyone: the names of all joints of the board.
-    """
-    words = "all" if len(modes) == len(everyone) else " ".join(modes)
-    faulty = [name for name, mode in modes.items() if mode in FAULTED]
-    if faulty:
-        first = f"clear with: cbctl clear {' '.join(faulty)}, then "
-    elif not CALIBRATES.isdisjoint(modes.values()):
-        first = "wait until they have calibrated, then "
-    elif not UNCONFIGURED.isdisjoint(modes.values()):
-        first = "configure with: cbctl configure, then "
-    else:
-        first = ""
-    return f"{first}switch with: cbctl mode {words} {MOVES.code}"
+    taken = f"it is taken in {', '.join(codes)}" if codes else "the joint has no mode for it"
+    return f"mode is {facts.mode.name}; {taken}"
 
 
 def persisting(facts: Facts) -> str:

@@ -12,19 +12,21 @@ w = (1−a)/x − a/(1−a) (1 − (1−a)/x); 1/2 where T is short against L/R,
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..text import clean
 from .causes import ROWS_OF, Cause, Check, alarm_cause, bound_cause, slow_cause
 from .config import BoardConfig, JointConfig
+from .emergency import EmergencyStop
 from .faults import FaultCode
 from .heat import STRAINED, heat_constants, warnings
-from .measurement import ROWS, Array
+from .measurement import CREDIBLE, ROWS, Array, Row
 from .monitor import JointMonitor, Monitor
 from .parts import DEGREE
-from .state import Columns, StateArrays
+from .state import StateArrays
 
 #: Cycles from one look at the slow checks to the next.
 SLOW = 8
@@ -50,7 +52,9 @@ class FaultMonitor:
     plant says more than its code).
     """
 
-    def __init__(self, config: BoardConfig, state: StateArrays) -> None:
+    def __init__(
+        self, config: BoardConfig, state: StateArrays, emergency: EmergencyStop | None = None
+    ) -> None:
         self._state = state
         self._period = config.period
         self._values = np.zeros((ROWS, state.n))
@@ -58,6 +62,7 @@ class FaultMonitor:
         self.used: Array = np.zeros(state.n)
         self.joints = [JointMonitor() for _ in config.joints]
         self.reasons: Mapping[int, str] | None = None
+        self._emergency = emergency or EmergencyStop(0.0)
         self._warned: list[set[str]] = [set() for _ in config.joints]
         rows = (state.position, state.output, self.travelled, self.used)
         self.monitor = Monitor(
@@ -68,34 +73,52 @@ class FaultMonitor:
             config.period,
             math.exp(-SLOW * config.period / TRAVEL_MEMORY),
         )
-        for monitor in self.joints:
-            monitor.set(UNLIMITED)
-        self.reconfigure(config)
+        self._configs = config.joints
+        self._limits: list[dict[str, float]] = [{}] * state.n
+        self.power_on(range(state.n))
+
+    def power_on(self, joints: Sequence[int]) -> None:
+        """Joints are watched anew (N1)."""
+        for j in joints:
+            self.joints[j] = JointMonitor()
+            self.joints[j].set(UNLIMITED)
+            self.travelled[j] = self.used[j] = 0.0
+            self._warned[j] = set()
+            self._configure(j)
 
     def reconfigure(self, config: BoardConfig) -> None:
         """Take new constants; what has been watched so far is kept.
 
-        The limits come into force by ``arm``.
+        The limits come into force by ``arm`` or ``bound``. Joints whose configuration is as before
+        are left alone.
         """
-        self._configs = config.joints
-        for monitor, joint in zip(self.joints, config.joints, strict=True):
-            monitor.set(travel_constants(joint, self._period))
-            monitor.set(heat_constants(joint.limits))
-        self._limits = [checked_limits(joint, self._period) for joint in config.joints]
+        before, self._configs = self._configs, config.joints
+        for j, joint in enumerate(config.joints):
+            if joint != before[j]:
+                self._configure(j)
 
-    def arm(self, joints: Columns, *, on: bool, calibrated: NDArray[np.bool_]) -> None:
+    def _configure(self, j: int) -> None:
+        joint = self._configs[j]
+        self.joints[j].set(travel_constants(joint, self._period))
+        self.joints[j].set(heat_constants(joint.limits))
+        self._limits[j] = checked_limits(joint, self._period)
+
+    def arm(self, joints: Sequence[int], *, on: bool, calibrated: NDArray[np.bool_]) -> None:
         """Set the limits of joints, or none while they are not configured (N1).
 
         The hard limits are known of those only that are calibrated (a flag per joint).
         """
-        for j in self._state.numbers(joints):
-            monitor = self.joints[j]
-            monitor.set(self._limits[j] if on else UNLIMITED)
-            monitor.expect_anything()
-            if not calibrated[j]:
-                monitor.max_overrun = math.inf
+        for j in joints:
+            self.bound(j, on=on, calibrated=bool(calibrated[j]))
+            self.joints[j].expect_anything()
 
-    def power(self, joints: Columns, powered: Array) -> None:
+    def bound(self, j: int, *, on: bool, calibrated: bool) -> None:
+        """As :meth:`arm`, of a joint that is watched as before: no reading passes unseen."""
+        self.joints[j].set(self._limits[j] if on else UNLIMITED)
+        if not calibrated:
+            self.joints[j].max_overrun = math.inf
+
+    def power(self, joints: Sequence[int], powered: Array) -> None:
         """Say which bridges are on: only then does a motor tell its speed.
 
         Until the next reading, the motors still run with what they were given before.
@@ -104,7 +127,7 @@ class FaultMonitor:
             joints: whose power may have changed.
             powered: of all joints, shape (n,).
         """
-        for j in self._state.numbers(joints):
+        for j in joints:
             self.joints[j].live, self.joints[j].switched = float(powered[j]), True
 
     def let_cool(self, j: int, code: FaultCode) -> None:
@@ -123,6 +146,8 @@ class FaultMonitor:
                 it in its block already, and the last output still in force.
         """
         self._values[:] = values
+        if self._emergency.holds:
+            self._values[Row.ALARM] = 1.0 + FaultCode.EMERGENCY_STOP
         healthy: bool = self.monitor.step()
         return healthy
 
@@ -137,9 +162,11 @@ class FaultMonitor:
         if not failed:
             return None
         check = Check(failed)
+        if check is Check.ALARM and self._emergency.holds:
+            return Cause(FaultCode.EMERGENCY_STOP, *self._emergency.reason)
         if check is Check.ALARM and self.reasons and j in self.reasons:
             value = float(self._values[ROWS_OF[check], j])
-            return alarm_cause(value)._replace(text=self.reasons[j])
+            return alarm_cause(value)._replace(text=clean(self.reasons[j]))
         if check in ROWS_OF:
             return bound_cause(check, monitor, joint, float(self._values[ROWS_OF[check], j]))
         return slow_cause(check, monitor, joint, SLOW * self._period)
@@ -165,17 +192,13 @@ class FaultMonitor:
         self.joints[j].forget_travel()
 
     def replace_broken(self, last: Array) -> None:
-        """Replace what is not a number by the last good reading; it must not spread.
+        """Replace what no sensor gives by the last good reading: no law sees it.
 
         Args:
             last: the measured rows of the reading before, shape (ROWS, n).
         """
-        state = self._state
-        broken = ~np.isfinite(state.measured)
-        state.measured[broken] = last[broken]
-        readings = (state.position + state.offset).tolist()
-        for monitor, reading in zip(self.joints, readings, strict=True):
-            monitor.mend(reading)
+        measured = self._state.measured
+        np.copyto(measured, last, where=~(np.abs(measured) <= CREDIBLE))
 
 
 def travel_constants(joint: JointConfig, period: float) -> dict[str, float]:
@@ -195,16 +218,18 @@ def travel_constants(joint: JointConfig, period: float) -> dict[str, float]:
 def checked_limits(joint: JointConfig, period: float) -> dict[str, float]:
     """The limits of a joint that is configured; attributes of JointMonitor."""
     limits, timeouts = joint.limits, joint.timeouts
-    slack = JUMP_METRES if joint.kind == "prismatic" else JUMP_RADIANS
+    slack = joint.kind.choose(JUMP_RADIANS, JUMP_METRES)
     thrown = 2.0 * limits.torque / joint.inertia_min * period**2
-    return {
+    bounds = {
         "max_alarm": 0.0,
         "max_current": limits.peak_current,
         "max_encoder_age": timeouts.encoder,
         "max_jump": max(4.0 * limits.velocity * period, thrown) + slack,
-        "max_torque_age": timeouts.torque_sensor if joint.torque_sensor else math.inf,
-        "max_torque": 100.0 * limits.torque if joint.torque_sensor else math.inf,
+        "max_torque_age": timeouts.torque_sensor if joint.torque_sensor else CREDIBLE,
+        "max_torque": 100.0 * limits.torque if joint.torque_sensor else CREDIBLE,
         "max_temperature": limits.temperature,
+    }
+    return {name: min(bound, CREDIBLE) for name, bound in bounds.items()} | {
         "max_travel": joint.max_travel_error + 2.0 * limits.velocity * APART,
         "max_overrun": 0.5 * (limits.hard_upper - limits.hard_lower) + limits.hard_margin,
         "max_overload": heat_constants(limits)["budget"],
@@ -221,12 +246,9 @@ UNLIMITED = dict.fromkeys(
         "max_torque_age",
         "max_torque",
         "max_temperature",
-        "max_travel",
-        "max_overrun",
-        "max_overload",
     ),
-    math.inf,
-)
+    CREDIBLE,
+) | dict.fromkeys(("max_travel", "max_overrun", "max_overload"), math.inf)
 
 
 def first_weight(ratio: float) -> float:

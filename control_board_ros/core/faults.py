@@ -2,7 +2,7 @@
 """Fault codes and their record (SPEC F).
 
 Codes 0 to 18 follow the joint fault list of the iCub's motor boards; those that a simulated or
-generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 22 are ours.
+generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 24 are ours.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ class FaultCode(IntEnum):
     CALIBRATION = 20
     REFERENCE_TIMEOUT = 21
     PLANT = 22
+    CONTROLLER = 23
+    EMERGENCY_STOP = 24
 
     @property
     def title(self) -> str:
@@ -52,6 +54,8 @@ TITLES = {
     FaultCode.CALIBRATION: "calibration failed",
     FaultCode.REFERENCE_TIMEOUT: "reference timeout",
     FaultCode.PLANT: "plant",
+    FaultCode.CONTROLLER: "controller diverged",
+    FaultCode.EMERGENCY_STOP: "emergency stop",
 }
 
 

@@ -3,17 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ..protocols import Floats, Joints, Values
+from ..protocols import Floats, Values
 from .decisions import decide_feedforward
 from .explanations import explain_feedforward
 from .laws import Joint
 from .machine import Machine
-from .reply import Answer, Reply, decided
-from .selection import RequestError, Selector, spread
+from .reply import JointAnswer, Reply, decided
+from .requests import LEFT
+from .selection import RequestError, Selection, spread
 
 
 class Feedforward:
@@ -21,41 +24,44 @@ class Feedforward:
 
     Args:
         machine: whose laws take them.
-        selector: of the same joints.
-        reject: refuses and counts what is wrong as a whole.
     """
 
-    def __init__(
-        self, machine: Machine, selector: Selector, reject: Callable[[Joints, str], Reply]
-    ) -> None:
-        self._machine, self._selector, self._reject = machine, selector, reject
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
 
     def set_feedforward(
-        self, joints: Joints, outputs: Values | None = None, torques: Values | None = None
+        self, selection: Selection, terms: Sequence[Floats | None], *, together: bool
     ) -> Reply:
-        """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11."""
+        """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
+
+        Args:
+            selection: the joints.
+            terms: of :func:`terms_of`.
+            together: whether all joints take them or none does.
+        """
         machine = self._machine
-        try:
-            selection = self._selector.select(joints)
-            terms = terms_of(len(selection.names), outputs, torques)
-        except RequestError as error:
-            return self._reject(joints, f"feedforward ignored: {error}")
-        verdicts = []
-        for k, j in enumerate(selection.joints.tolist()):
-            output, torque = (None if term is None else float(term[k]) for term in terms)
-            values = tuple(value for value in (output, torque) if value is not None)
-            facts = machine.facts(j)
-            verdict = decide_feedforward(facts, values)
-            verdicts.append((verdict.answer, explain_feedforward(verdict.reason, facts, values)))
-            if verdict.answer is not Answer.ACCEPTED:
-                machine.state.rejected[j] += np.uint64(1)
-                continue
-            law = machine.controller.joints[j]
-            if output is not None:
-                feed_output(law, output)
-            if torque is not None:
-                feed_torque(law, torque)
-        return decided(selection.names, verdicts)
+        parts = [
+            (j, [None if term is None else float(term[k]) for term in terms])
+            for k, j in enumerate(selection.numbers)
+        ]
+        answers = [self._judge(j, given) for j, given in parts]
+        held = together and any(answer.code for answer in answers)
+        taken = []
+        for (j, given), answer in zip(parts, answers, strict=True):
+            machine.state.rejected[j] += np.uint64(bool(answer.code))
+            fine = not (held or answer.code)
+            taken.append(feed(machine.controller.joints[j], *given) if fine else math.nan)
+        if held:
+            answers = [answer if answer.code else LEFT for answer in answers]
+        return replace(decided(selection.names, answers), values=tuple(taken))
+
+    def _judge(self, j: int, given: Sequence[float | None]) -> JointAnswer:
+        """What becomes of the terms of a joint."""
+        facts = self._machine.facts(j)
+        values = tuple(value for value in given if value is not None)
+        verdict = decide_feedforward(facts, values)
+        text = explain_feedforward(verdict.reason, facts, values)
+        return JointAnswer(verdict.answer, text, verdict.reason)
 
 
 def terms_of(
@@ -74,11 +80,22 @@ def terms_of(
     )
 
 
-def feed_output(joint: Joint, output: float) -> None:
-    """Set u_ff within the limit of the output, percent (P11)."""
-    joint.output_offset = min(max(output, -joint.max_output), joint.max_output)
+def feed(joint: Joint, output: float | None, torque: float | None) -> float:
+    """Set u_ff (percent) and τ_ff (N·m), either or both; the first given, as bounded."""
+    taken = [] if output is None else [feed_output(joint, output)]
+    if torque is not None:
+        taken.append(feed_torque(joint, torque))
+    return taken[0]
 
 
-def feed_torque(joint: Joint, torque: float) -> None:
-    """Set τ_ff within the limit of the torque, N·m (P11)."""
-    joint.offer_torque(min(max(torque, -joint.max_torque), joint.max_torque))
+def feed_output(joint: Joint, output: float) -> float:
+    """Set u_ff within the limit of the output, percent (P11); as bounded."""
+    joint.output_offset = taken = float(min(max(output, -joint.max_output), joint.max_output))
+    return taken
+
+
+def feed_torque(joint: Joint, torque: float) -> float:
+    """Set τ_ff within the limit of the torque, N·m (P11); as bounded."""
+    taken = float(min(max(torque, -joint.max_torque), joint.max_torque))
+    joint.offer_torque(taken)
+    return taken

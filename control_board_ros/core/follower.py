@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Following paths in POSITION_DIRECT, joint by joint (SPEC T2, T3, M4).
 
+One for a board, also for the joints of its parts.
 Whoever holds the board calls, between two cycles, ``follow`` for a new path, ``stop`` to stop
 joints, ``check`` after every request, and ``step`` before every tick.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +16,10 @@ from numpy.typing import NDArray
 from ..protocols import Joints
 from .board import Board
 from .explanations import explain_cut
+from .group import JointGroup
 from .path import SAME_TIME, Path, Sample, Spline, braking
 from .path_run import Bools, Run
-from .reply import Answer, Reply, decided, joints_of
+from .reply import Answer, JointAnswer, Reply, decided, joints_of
 from .vocabs import CommandKind
 
 #: Why joints leave a path for a newer one.
@@ -56,27 +60,28 @@ class Follower:
             start: time of the board at which the path begins, s.
 
         Returns:
-            False where joints are not in POSITION_DIRECT (the others follow), or where all of
-            the path is past. Its message also tells what a limit cuts.
+            False where joints are not in POSITION_DIRECT (the others follow), where all of the
+            path is past, or where joints are missing that may not be. Its message also tells what
+            a limit cuts.
         """
         board = self._board
         self.check()
         selection = board.selector.select(joints)
+        if text := incomplete(board, selection.names):
+            return board.reject(selection.names, text)
         late = board.time - (start + path.duration)
         if late > 0.0:
             text = f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
             return board.reject(selection.names, text)
-        good = board.accepts[CommandKind.POSITION_DIRECT, selection.joints]
-        verdicts = dict(zip(selection.names, [(Answer.ACCEPTED, "")] * len(good), strict=True))
+        good = board.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
+        verdicts = dict(zip(selection.names, [JointAnswer()] * len(good), strict=True))
         if not good.all():  # the board counts them and says why
             names = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
             refusal = board.set_position(names, path.positions[-1, ~good])
-            verdicts |= dict(
-                zip(names, zip(refusal.answers, refusal.reasons, strict=True), strict=True)
-            )
+            verdicts |= zip(names, refusal.each(), strict=True)
         if good.any():
             run = self.take(selection.joints[good], path.of(good), start)
-            verdicts |= {name: (Answer.ACCEPTED, text) for name, text in cuts(board, run).items()}
+            verdicts |= {name: JointAnswer(text=text) for name, text in cuts(board, run).items()}
         return decided(tuple(verdicts), list(verdicts.values()))
 
     def take(
@@ -135,9 +140,9 @@ class Follower:
         for run in list(self._runs):
             self._drop(run, np.isin(run.joints, chosen), why)
 
-    def stop(self, joints: Joints) -> Reply:
-        """Stop joints (P3): the board does, and they follow nothing any more."""
-        reply = self._board.stop(joints)
+    def stop(self, group: JointGroup, joints: Joints) -> Reply:
+        """Stop joints of a group (P3): it does, and they follow nothing any more."""
+        reply = group.stop(joints)
         if stopped := joints_of(reply, Answer.ACCEPTED):
             self.end(stopped, "stopped")
         return reply
@@ -189,7 +194,7 @@ class Follower:
 
     def _check_modes(self, run: Run) -> None:
         board = self._board
-        kept = board.accepts[CommandKind.POSITION_DIRECT, run.joints]
+        kept = board.state.accepts[CommandKind.POSITION_DIRECT, run.joints]
         if not kept.all():
             j = int(run.joints[~kept][0])
             self._drop(run, ~kept, f"{board.names[j]} is in {board.state.control_modes[j].name}")
@@ -253,6 +258,16 @@ class Follower:
             self._runs.remove(run)
         else:
             run.keep(~columns)
+
+
+def incomplete(board: Board, names: Sequence[str]) -> str:
+    """Why parts of a board do not take a trajectory for these joints only; empty where they do."""
+    for part in board.bring_up.groups.values():
+        missing = [name for name in part.names if name not in names]
+        if 0 < len(missing) < part.count and not part.config.allow_partial_joints_goal:
+            text = f"{', '.join(missing)} missing"
+            return f"{text}; send all joints, or set allow_partial_joints_goal"
+    return ""
 
 
 def cuts(board: Board, run: Run) -> dict[str, str]:

@@ -49,22 +49,27 @@ def warnings(monitor: JointMonitor) -> dict[str, str]:
     return found
 
 
-def overload_advice(monitor: JointMonitor, period: float) -> str:
-    """What to do until an I²t fault can be cleared; period: from one look to the next, s."""
+def overload_time(monitor: JointMonitor, period: float) -> float:
+    """How long until an I²t fault can be cleared, s; period: from one look to the next, s."""
     above = monitor.overload - STRAINED * monitor.budget
-    wait = max(above, 0.0) / monitor.nominal_squared + 2.0 * period
-    return f"wait {_tenths(wait)} s; no power heats it meanwhile"
+    return float(max(above, 0.0) / monitor.nominal_squared) + 2.0 * period
 
 
-def cooling_advice(motor: Motor, temperature: float, until: float) -> str:
-    """What to do until an over-temperature fault can be cleared; °C."""
+def cooling_time(motor: Motor, temperature: float, until: float) -> float:
+    """How long until an over-temperature fault can be cleared, s; 0: not known; °C."""
     start, end = temperature - motor.ambient, until - motor.ambient
     if motor.thermal_time == 0.0 or not math.isfinite(start) or end <= 0.0:
+        return 0.0
+    return motor.thermal_time * math.log(max(start / end, 1.0)) + 0.1
+
+
+def cooling_advice(wait: float, until: float) -> str:
+    """What to do until an over-temperature fault can be cleared; s, °C."""
+    if wait == 0.0:
         return f"wait until it is below {until:.0f} °C"
-    wait = motor.thermal_time * math.log(max(start / end, 1.0))
-    return f"wait {_tenths(wait + 0.1)} s, until it is below {until:.0f} °C"
+    return f"wait {tenths(wait)} s, until it is below {until:.0f} °C"
 
 
-def _tenths(seconds: float) -> str:
+def tenths(seconds: float) -> str:
     """Rounded up: who waits that long has waited long enough."""
     return f"{math.ceil(10.0 * seconds) / 10.0:.1f}"

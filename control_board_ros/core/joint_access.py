@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 class JointAccess:
     """What a calibrator may do with its joint; see calibrator.Hand."""
 
-    __slots__ = ("_column", "_j", "_machine")
+    __slots__ = ("_j", "_machine")
 
     def __init__(self, machine: Machine, j: int) -> None:
-        self._machine, self._j, self._column = machine, j, slice(j, j + 1)
+        self._machine, self._j = machine, j
 
     @property
     def joint(self) -> JointConfig:
@@ -44,19 +44,19 @@ class JointAccess:
         return float(self._machine.state.current[self._j])
 
     def hold(self) -> None:
-        self._machine.references.reset(self._column, bounded=False)
-        self._machine.set_law(self._column, Law.POSITION, feeds=False)
+        self._machine.references.reset([self._j], bounded=False)
+        self._machine.set_law([self._j], Law.POSITION, feeds=False)
 
     def drive(self, output: float) -> None:
         self._machine.controller.joints[self._j].output_command = output
-        self._machine.set_law(self._column, Law.OUTPUT, feeds=False)
+        self._machine.set_law([self._j], Law.OUTPUT, feeds=False)
 
     def set_offset(self, offset: float) -> None:
         self._machine.calibrations.set_offset(self._j, offset)
-        self._machine.references.reset(self._column, bounded=False)
+        self._machine.references.reset([self._j], bounded=False)
 
     def move(self, target: float, speed: float) -> None:
-        self._machine.references.move(self._column, np.array([target]), np.array([speed]))
+        self._machine.references.move(np.array([self._j]), np.array([target]), np.array([speed]))
 
     def moving(self) -> bool:
         return not self._machine.state.done[self._j]

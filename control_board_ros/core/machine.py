@@ -7,7 +7,7 @@ decided in ``requests``, calibrations run in ``calibrations``, ``start_up`` begi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from .config import BoardConfig
 from .control import Controller
 from .decisions import Facts
 from .events import Events
-from .explanations import explain_limit
+from .explanations import explain_limit, explain_strain
 from .fault_monitor import FaultMonitor
 from .faults import FaultCode, FaultRecord
 from .measurement import Array, Row
@@ -37,13 +37,13 @@ from .modes import (
     next_mode,
 )
 from .references import References
-from .state import Columns, StateArrays, columns_of
+from .state import StateArrays
 from .timeouts import ReferenceTimeouts
 from .vocabs import CommandKind, ControlMode
 
-#: ACCEPTS as columns over the kinds of command, shape (kinds, 1).
+#: ACCEPTS as columns over the kinds of command, shape (kinds,).
 ACCEPTED = {
-    mode: np.array([[kind in ACCEPTS.get(mode, ())] for kind in CommandKind]) for mode in STATES
+    mode: np.array([kind in ACCEPTS.get(mode, ()) for kind in CommandKind]) for mode in STATES
 }
 
 
@@ -56,7 +56,8 @@ class Machine:
         controller, references, timeouts, monitor: what a change of mode starts afresh.
         events: takes what belongs in a log.
 
-    Attributes: calibrations, and what it is made of.
+    Attributes: calibrations, on_fault (called with each joint that faults), and what it is made
+    of.
     """
 
     def __init__(
@@ -74,22 +75,30 @@ class Machine:
         self.timeouts, self.monitor = timeouts, monitor
         self.events = events
         self.calibrations = Calibrations(self)
-        self._on_limit = [False] * state.n
-        for j in range(state.n):
+        self.on_fault: Callable[[int], None] = lambda _: None
+        self._on_limit, self._strained = [False] * state.n, [False] * state.n
+
+    def power_on(self, joints: Sequence[int]) -> None:
+        """Joints begin anew, NOT_CONFIGURED and without power (N1)."""
+        self.calibrations.forget(joints)
+        for j in joints:
+            self._on_limit[j] = self._strained[j] = False
             self.go(j, Event.POWER_ON)
 
     def reconfigure(self, config: BoardConfig, timeout_cycles: Array) -> None:
         """Take new limits and timeouts while running; timeouts in cycles, shape (kinds, n)."""
-        self.config = config
+        before, self.config = self.config, config
         self.timeouts.reconfigure(timeout_cycles)
         state = self.state
         for j in range(state.n):
-            joint = slice(j, j + 1)
-            self.monitor.arm(joint, on=self.is_configured(j), calibrated=state.calibrated)
+            if config.joints[j] == before.joints[j]:
+                continue
+            calibrated = bool(state.calibrated[j])
+            self.monitor.bound(j, on=self.is_configured(j), calibrated=calibrated)
             if state.faults[j].active:
                 self.monitor.let_cool(j, FaultCode(state.faults[j].code))
             if j not in self.calibrations and state.powered[j]:
-                self.references.bound(joint)
+                self.references.bound([j])
 
     # --- the engine -----------------------------------------------------------------------
 
@@ -101,7 +110,7 @@ class Machine:
         joint = self.config.joints[j]
         if target is Choice.STARTUP:
             self.state.interaction_modes[j] = joint.startup_interaction
-            target = joint.startup_mode if self.state.stage is Stage.ACTIVE else UNPOWERED
+            target = joint.startup_mode if self.state.stages[j] is Stage.ACTIVE else UNPOWERED
         elif target is Choice.CALIBRATED:
             assert joint.calibration is not None
             self.state.interaction_modes[j] = joint.calibration.interaction_mode
@@ -115,23 +124,22 @@ class Machine:
     def enter(self, joints: Sequence[int], mode: ControlMode) -> None:
         """Put joints into a mode: references and controllers start afresh (M9)."""
         state, controller = self.state, self.controller
-        chosen = columns_of(joints)
+        calibrating = mode in CALIBRATES
+        self.references.reset(joints, bounded=not calibrating)
+        self.timeouts.cancel(joints)
         for j in joints:
             state.control_modes[j] = mode
             controller.joints[j].output_command = 0.0
-        calibrating = mode in CALIBRATES
-        self.references.reset(chosen, bounded=not calibrating)
-        self.timeouts.cancel(chosen)
+            state.accepts[:, j] = ACCEPTED[mode]
         for interaction in {state.interaction_modes[j] for j in joints}:
             some = [j for j in joints if state.interaction_modes[j] is interaction]
             law = Law.POSITION if calibrating else law_of(mode, interaction)
-            self.set_law(columns_of(some), law, direct=mode in DIRECT_GAINS, feeds=not calibrating)
-        self.monitor.arm(chosen, on=mode in CONFIGURED, calibrated=state.calibrated)
-        state.accepts[:, chosen] = ACCEPTED[mode]
-        state.modes_version += 1
+            self.set_law(some, law, direct=mode in DIRECT_GAINS, feeds=not calibrating)
+        self.monitor.arm(joints, on=mode in CONFIGURED, calibrated=state.calibrated)
+        state.note_modes(joints)
 
     def set_law(
-        self, joints: Columns, law: Law, *, direct: bool = False, feeds: bool = True
+        self, joints: Sequence[int], law: Law, *, direct: bool = False, feeds: bool = True
     ) -> None:
         """Let a law of control run joints from their present torque on."""
         self.controller.arm(joints, law, direct=direct, feeds=feeds)
@@ -154,7 +162,7 @@ class Machine:
             fault=fault,
             cause=self.monitor.cause(j) if fault.active else None,
             time=state.time,
-            stage=state.stage,
+            stage=state.stages[j],
         )
 
     def is_configured(self, j: int) -> bool:
@@ -167,13 +175,16 @@ class Machine:
         """Put a joint into HW_FAULT; the first cause is kept (F1, F5)."""
         trigger = Event.UNSUPPORTED if code is FaultCode.UNSUPPORTED else Event.FAULT
         calibrating = j in self.calibrations
+        state, name = self.state, self.config.names[j]
+        before = state.control_modes[j], state.interaction_modes[j]
         if not self.go(j, trigger):
             return
-        state, name = self.state, self.config.names[j]
+        state.before[j] = before
         state.faults[j] = FaultRecord(
             name, active=True, code=int(code), text=f"{code.title}, {text}", stamp=state.time
         )
-        state.faults_version += 1
+        state.note_faults([j])
+        self.on_fault(j)
         if calibrating:  # K4
             self.calibrations.fail(j, state.faults[j].text)
         self.monitor.let_cool(j, code)
@@ -186,7 +197,7 @@ class Machine:
         if self.state.faults[j].active:
             self.monitor.forget(j)
             self.state.faults[j] = self.state.faults[j].cleared()
-            self.state.faults_version += 1
+            self.state.note_faults([j])
 
     def check_faults(self, last: Array) -> None:
         """Raise the faults that the last reading shows (F1).
@@ -212,15 +223,25 @@ class Machine:
                 if not self.state.faults[j].active:
                     self.report("warning", key, j, text)
 
+    def raise_divergence(self) -> None:
+        """Fault the joints whose laws gave an output that is not finite."""
+        for j, joint in enumerate(self.controller.joints):
+            if joint.diverged:
+                joint.diverged = False
+                text = "its laws gave an output that is not a number; look at its gains"
+                self.raise_fault(j, FaultCode.CONTROLLER, text)
+
     def warn_of_limits(self) -> None:
-        """Tell which joints are beyond their software limits that were not before (P9)."""
-        on_limit = [joint.on_limit for joint in self.controller.joints]
-        for j, (now, before) in enumerate(zip(on_limit, self._on_limit, strict=True)):
-            if now and not before:
+        """Tell which joints are beyond a limit that were not before: software's (P9), torque's."""
+        laws, joints = self.controller.joints, self.config.joints
+        on_limit, strained = [j.on_limit for j in laws], [j.strained for j in laws]
+        for j, joint in enumerate(joints):
+            if on_limit[j] and not self._on_limit[j]:
                 position = float(self.state.measured[Row.POSITION, j])
-                text = explain_limit(self.config.joints[j], position)
-                self.report("warning", "limit", j, text)
-        self._on_limit = on_limit
+                self.report("warning", "limit", j, explain_limit(joint, position))
+            if strained[j] and not self._strained[j]:
+                self.report("warning", "torque limit", j, explain_strain(joint))
+        self._on_limit, self._strained = on_limit, strained
 
     def expire(self) -> None:
         """Reference timeouts (P12): a velocity stops and holds, a torque or output faults."""

@@ -7,15 +7,21 @@ PWM of each motor and whether its bridge is on.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .faults import FaultCode
+
 Array = NDArray[np.float64]
+DOUBLE = np.dtype(np.float64)
+
+#: A reading beyond this is none of a sensor: products of such numbers need not be finite.
+CREDIBLE = 1e9
 
 
 class Row(IntEnum):
@@ -53,6 +59,40 @@ class Measurement:
     reasons: Mapping[int, str] | None = None
 
 
+class Intake:
+    """Takes what a plant reads; what is no reading becomes an alarm of all joints (B3).
+
+    Args:
+        count: Of joints.
+        period: From one reading to the next, s.
+    """
+
+    def __init__(self, count: int, period: float) -> None:
+        self._shape, self._period = (ROWS, count), period
+        self._time = 0.0
+
+    def take(self, found: Measurement) -> Measurement:
+        """The reading, or one that says why there is none and leaves the last one in force."""
+        values, time = found.values, found.time
+        if (
+            type(values) is np.ndarray
+            and values.shape == self._shape
+            and values.dtype is DOUBLE
+            and -CREDIBLE <= time <= CREDIBLE
+        ):
+            self._time = time
+            return found
+        self._time += self._period
+        if not -CREDIBLE <= time <= CREDIBLE:
+            reason = f"its reading is stamped {time:g} s"
+        else:
+            shape, kind = np.shape(values), getattr(values, "dtype", type(values).__name__)
+            reason = f"its reading is {kind} of shape {shape}; float64 of {self._shape} is wanted"
+        unread = np.full(self._shape, np.nan)
+        unread[Row.ALARM] = 1.0 + FaultCode.PLANT
+        return Measurement(self._time, unread, dict.fromkeys(range(self._shape[1]), reason))
+
+
 @dataclass(slots=True)
 class Actuation:
     """What the board asks of the plant for the next period.
@@ -78,4 +118,34 @@ class Plant(Protocol):
 
     def close(self) -> None:
         """Let go of what the plant holds; safe to call twice."""
+        ...
+
+
+#: Why a plant that is not a :class:`Simulation` refuses what only such a one bears (B4).
+NO_SIMULATION = (
+    "this board drives a plant that is no simulation: its time and its faults are real; "
+    "to simulate, start the node without the parameter plant"
+)
+
+
+@runtime_checkable
+class Simulation(Plant, Protocol):
+    """A plant whose time can stand still and begin anew, and that can be disturbed (B4)."""
+
+    def push(self, joint: int | str, torque: float) -> None:
+        """Push a joint from outside with a torque, N·m, until it is set to 0."""
+        ...
+
+    def inject(
+        self, joints: int | str | Sequence[int | str], kind: str, persistent: bool = False
+    ) -> None:
+        """Break something in joints: in all of them, or (ValueError) in none."""
+        ...
+
+    def clear_injected(self, joints: Sequence[int | str] | None = None) -> None:
+        """Mend what was broken in some joints, or (None) in all."""
+        ...
+
+    def reset(self) -> None:
+        """Back to the initial pose; time goes on."""
         ...

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The checks of every cycle that raise hardware faults, one joint at a time (SPEC F1, F3, F6).
 
-1. ``first_passed``  the bounds of a reading; NaN passes every bound
+1. ``first_passed``  the bounds of a reading; NaN and infinity pass every bound, and the last
+                     reading that was a number stands in for them from here on
 2. ``restart``       where the motor's bridge was switched: its travel is reckoned from here on
 3. ``look``          every SLOW cycles what changes slowly, or adds up: the travel of encoder
                      against motor, the hard limits, I²t; and what is to be warned of
@@ -17,12 +18,14 @@ try:
 except ImportError:
     from . import nocython as cython
 
+from .measurement import CREDIBLE
+
 if cython.compiled:
     from cython.cimports.libc.math import fabs
 else:
     from math import fabs
 
-#: What a joint fails, in the order in which a cause is looked for; watch.Check gives them names.
+#: What a joint fails, in the order in which a cause is looked for; causes.Check gives them names.
 NOTHING = cython.declare(cython.int, 0)
 ALARM = cython.declare(cython.int, 1)
 CURRENT = cython.declare(cython.int, 2)
@@ -41,6 +44,8 @@ RELIEF = cython.declare(cython.double, 0.1)
 COOLER = cython.declare(cython.double, 2.0)
 
 INFINITE = cython.declare(cython.double, float("inf"))
+
+BEYOND = cython.declare(cython.double, CREDIBLE)
 
 
 @cython.cclass
@@ -80,6 +85,7 @@ class JointMonitor:
     currents = cython.declare(cython.double, visibility="public")
     mark = cython.declare(cython.double, visibility="public")  # position where they begin
     first = cython.declare(cython.double, visibility="public")  # current where they begin
+    current = cython.declare(cython.double, visibility="public")  # at the last reading, A
     travel = cython.declare(cython.double, visibility="public")  # of motor less encoder
     overrun = cython.declare(cython.double, visibility="public")  # position from the middle
     overload = cython.declare(cython.double, visibility="public")  # s of I²t, A² s
@@ -127,24 +133,6 @@ class JointMonitor:
         """Start the comparison of encoder and motor afresh."""
         self.travel, self.slipped = 0.0, False
 
-    @cython.ccall
-    def mend(self, position: cython.double) -> cython.void:
-        """Forget what is not a number; position: of the joint where the mark is not."""
-        if not is_finite(self.lowest + self.highest):
-            self.seen = False
-            self.expect_anything()
-        if not is_finite(self.mark):
-            self.mark = position
-        if not is_finite(self.travel):
-            self.forget_travel()
-        if not is_finite(self.overrun):
-            self.overrun, self.overran = 0.0, False
-        if not is_finite(self.overload):
-            self.overload, self.overloaded = 0.0, False
-        self.currents = self.currents if is_finite(self.currents) else 0.0
-        self.outputs = self.outputs if is_finite(self.outputs) else 0.0
-        self.first = self.first if is_finite(self.first) else 0.0
-
 
 if not cython.compiled:  # attributes start at zero, as they do compiled
     for _name, _value in list(vars(JointMonitor).items()):
@@ -154,9 +142,9 @@ if not cython.compiled:  # attributes start at zero, as they do compiled
 
 @cython.cfunc
 @cython.inline
-def is_finite(value: cython.double) -> cython.bint:
-    """Neither infinite nor not a number."""
-    return value - value == 0.0
+def known(value: cython.double, before: cython.double) -> cython.double:
+    """The value, or the one before it where it is none of a sensor."""
+    return value if fabs(value) <= BEYOND else before
 
 
 @cython.cfunc
@@ -187,7 +175,7 @@ def motor_travel(m: JointMonitor, current: cython.double) -> cython.double:
 
         Ke Δq = T Σ V_k − R T Σ i_k − (L − w R T) (i_last − i_first)
 
-    w is the weight of a cycle's first current in its mean (``watch.first_weight``).
+    w is the weight of a cycle's first current in its mean (``fault_monitor.first_weight``).
     """
     return m.live * (
         m.travel_per_output * m.outputs
@@ -220,7 +208,11 @@ def check_overrun(m: JointMonitor, position: cython.double) -> cython.void:
 
 @cython.cfunc
 def check_overload(m: JointMonitor, current: cython.double, elapsed: cython.double) -> cython.void:
-    """I²t: s' = max(0, s + (p i² − i_nom²) Δt), p 1 with power and 0 without (F1)."""
+    """I²t: s' = max(0, s + (p i² − i_nom²) Δt), p 1 with power and 0 without (F1).
+
+    A current beyond the peak is an overcurrent, whose joint gets no power; it counts as the peak.
+    """
+    current = min(fabs(current), m.max_current)
     m.overload += (current * current * m.live - m.nominal_squared) * elapsed
     m.overload = max(m.overload, 0.0)
     m.used = m.overload / m.budget
@@ -304,6 +296,8 @@ class Monitor:
         """Watch one reading of all joints; false when any of them has a cause to fault."""
         k: cython.Py_ssize_t
         m: JointMonitor
+        position: cython.double
+        current: cython.double
         healthy: cython.bint = True
         self.countdown -= 1
         slowly: cython.bint = self.countdown == 0
@@ -312,47 +306,59 @@ class Monitor:
         for k in range(len(self.joints)):
             m = self.joints[k]
             m.passed = self.first_passed(m, k)
-            expect(m, self.position[k])
-            m.currents += self.current[k]
+            if fabs(self.position[k]) <= BEYOND:
+                expect(m, self.position[k])
+            else:
+                m.seen = False
+                m.expect_anything()
+            position, current = m.last, known(self.current[k], m.current)
+            m.current = current
+            m.currents += current
             m.outputs += self.output[k]
             if m.switched:
-                restart(m, self.position[k], self.current[k])
+                restart(m, position, current)
             if slowly:
-                self.look(m, k)
+                self.look(m, k, position, current)
             if m.passed or m.slipped or m.overran or m.overloaded:
                 healthy = False
         return healthy
 
     @cython.cfunc
     def first_passed(self, m: JointMonitor, k: cython.Py_ssize_t) -> cython.int:  # noqa: PLR0911
-        """The first bound that the reading of a joint passes; NaN passes every bound."""
-        if not self.alarm[k] <= m.max_alarm:
+        """The first bound that the reading of a joint passes; what is not finite passes any."""
+        if not fabs(self.alarm[k]) <= m.max_alarm:
             return ALARM
         if not fabs(self.current[k]) <= m.max_current:
             return CURRENT
-        if not self.encoder_age[k] <= m.max_encoder_age:
+        if not fabs(self.encoder_age[k]) <= m.max_encoder_age:
             return ENCODER_AGE
-        if not m.lowest <= self.position[k] <= m.highest:
+        if not (m.lowest <= self.position[k] <= m.highest and fabs(self.position[k]) <= BEYOND):
             return POSITION
-        if self.velocity[k] != self.velocity[k]:
+        if not fabs(self.velocity[k]) <= BEYOND:
             return VELOCITY
-        if not self.torque_age[k] <= m.max_torque_age:
+        if not fabs(self.torque_age[k]) <= m.max_torque_age:
             return TORQUE_AGE
         if not fabs(self.torque[k]) <= m.max_torque:
             return TORQUE
-        if not self.temperature[k] <= m.max_temperature:
+        if not (self.temperature[k] <= m.max_temperature and fabs(self.temperature[k]) <= BEYOND):
             return TEMPERATURE
         return NOTHING
 
     @cython.cfunc
-    def look(self, m: JointMonitor, k: cython.Py_ssize_t) -> cython.void:
-        """The slow checks of a joint."""
-        current: cython.double = self.current[k]
+    def look(
+        self,
+        m: JointMonitor,
+        k: cython.Py_ssize_t,
+        position: cython.double,
+        current: cython.double,
+    ) -> cython.void:
+        """The slow checks of a joint; what its last reading is reckoned to be."""
         travelled: cython.double = motor_travel(m, current)
         self.travelled[k] += travelled
-        check_travel(m, travelled, self.position[k], current, self.forget)
-        check_overrun(m, self.joint_position[k])
+        check_travel(m, travelled, position, current, self.forget)
+        if fabs(self.joint_position[k]) <= BEYOND:
+            check_overrun(m, self.joint_position[k])
         check_overload(m, current, self.elapsed)
         self.used[k] = m.used
-        if warn(m, self.temperature[k]):
+        if warn(m, known(self.temperature[k], m.temperature)):
             self.news = True

@@ -17,14 +17,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..protocols import Floats, Joints
-from .arrival import TOLERANCES, Outcome, Standing, ending, standing
+from .arrival import Outcome, Standing, ending, standing, tolerance
+from .joint_kind import JointKind
 from .modes import ACCEPTS
-from .reply import position_text, summary
+from .reply import summary
 from .selection import RequestError
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
 if TYPE_CHECKING:
-    from .robot import AnyBoard
+    from .group import JointGroup
 
 K = CommandKind
 
@@ -34,7 +35,7 @@ class JointMove:
     """One joint's part of a move, as it was accepted: kind of joint, target (rad or m), modes."""
 
     name: str
-    kind: str
+    kind: JointKind
     target: float
     control: ControlMode
     interaction: InteractionMode
@@ -59,7 +60,7 @@ class MoveTask:
 
     def __init__(
         self,
-        board: AnyBoard,
+        board: JointGroup,
         joints: Joints,
         positions: Sequence[float] | Floats,
         speeds: Sequence[float] | Floats | None = None,
@@ -68,17 +69,15 @@ class MoveTask:
         note: str = "",
     ) -> None:
         self._board = board
-        selection = board.selector.select(joints)
-        self.names = selection.names
-        if time is None:
-            said = start_move(board, self.names, positions, speeds)
-        else:
-            said = start_together(board, self.names, np.asarray(positions, np.float64), time)
-        self._note = summary([note, said])
+        self.names = board.selector.select(joints).names
+        reply = board.command(K.POSITION, self.names, positions, speeds, together=True, time=time)
+        if not reply:
+            raise RequestError(reply.message, codes=reply.codes)
+        self._note = summary([note, reply.message])
         self._joints = [
-            JointMove(board.names[j], board.config.joints[j].kind, target, control, interaction)
-            for j, target, control, interaction in zip(
-                selection.joints.tolist(),
+            JointMove(joint.name, joint.kind, target, control, interaction)
+            for joint, target, control, interaction in zip(
+                board.get_config(self.names),
                 board.get_target_position(self.names).tolist(),
                 board.get_control_mode(self.names),
                 board.get_interaction_mode(self.names),
@@ -96,8 +95,8 @@ class MoveTask:
             return Outcome(False, self._left(left[0]))
         for joint, target in zip(self._joints, self._targets(), strict=True):
             if target != joint.target:
-                taken = f"{joint.name} to {position_text(joint.kind, target)}"
-                wanted = position_text(joint.kind, joint.target)
+                taken = f"{joint.name} to {joint.kind.position(target)}"
+                wanted = joint.kind.position(joint.target)
                 return Outcome(False, f"another move took {taken} instead of {wanted}")
         if all(board.check_motion_done(self.names)):
             return self._arrival()
@@ -157,23 +156,22 @@ class MoveTask:
 
     def _standings(self, *, since: float) -> list[Standing]:
         board, names = self._board, self.names
-        joints = board.selector.select(names).joints
-        snapshot = board.snapshot()
+        joints, state = board.selector.select(names).joints, board.state
         return [
             standing(
                 joint.target,
                 reference,
                 velocity,
                 position,
-                tolerance=TOLERANCES[joint.kind],
+                tolerance=tolerance(joint.kind),
                 compliant=interaction is InteractionMode.COMPLIANT,
                 since=since,
             )
             for joint, reference, velocity, position, interaction in zip(
                 self._joints,
-                snapshot.position_reference[joints].tolist(),
-                snapshot.velocity_reference[joints].tolist(),
-                snapshot.position[joints].tolist(),
+                state.position_reference[joints].tolist(),
+                state.velocity_reference[joints].tolist(),
+                state.position[joints].tolist(),
                 board.get_interaction_mode(names),
                 strict=True,
             )
@@ -225,51 +223,3 @@ def change(joint: JointMove, control: ControlMode, interaction: InteractionMode)
         return f"its interaction mode became {interaction.name}"
     takes_both = {K.POSITION, K.VELOCITY} <= ACCEPTS.get(control, frozenset())
     return "it was stopped, or a velocity moved it" if takes_both else ""
-
-
-def start_move(
-    board: AnyBoard,
-    names: Sequence[str],
-    positions: Sequence[float] | Floats,
-    speeds: Sequence[float] | Floats | None,
-) -> str:
-    """Start a move of all these joints or of none; returns what the board said to it.
-
-    The joints that the board refuses for sure come first, then those with a speed above their
-    limit: what is refused is refused before anything has changed.
-
-    Raises:
-        RequestError: with the board's reason.
-    """
-    count = len(names)
-    if len(positions) != count or (speeds is not None and len(speeds) != count):
-        raise RequestError(board.position_move(names, positions, speeds).message)
-    targets = np.asarray(positions, dtype=np.float64)
-    rates = board.get_ref_speed(names) if speeds is None else np.asarray(speeds, np.float64)
-    joints = board.selector.select(names).joints
-    takes = np.array([takes_moves(mode) for mode in board.get_control_mode(names)], dtype=bool)
-    with np.errstate(invalid="ignore"):
-        good = takes & np.isfinite(targets) & np.isfinite(rates) & (rates > 0.0)
-        fast = good & (rates > [board.config.joints[j].limits.velocity for j in joints])
-    notes = []
-    for group in (~good, fast, good & ~fast):
-        if not group.any():
-            continue
-        some = [name for name, among in zip(names, group, strict=True) if among]
-        reply = board.position_move(some, targets[group], None if speeds is None else rates[group])
-        if not reply:
-            raise RequestError(reply.message)
-        notes.append(reply.message)
-    return summary(notes)
-
-
-def start_together(board: AnyBoard, names: Sequence[str], positions: Floats, time: float) -> str:
-    """Start a move whose joints all arrive after so many s; what the board said to it.
-
-    Raises:
-        RequestError: with the board's reason; nothing has changed.
-    """
-    reply = board.position_move_within(names, positions, time)
-    if not reply:
-        raise RequestError(reply.message)
-    return reply.message

@@ -49,6 +49,7 @@ class Parameter:
         unit: Of numbers; empty where there is none.
         low, high: Least and greatest value, inclusive; of numbers.
         above: What the value is greater than, by TINY at least.
+        or_zero: Whether 0 is allowed, too, where ``low`` is above it.
         choices: Of strings: the text of each allowed value, and the value.
         pattern: Of strings: the regular expression of the whole value; empty: any text.
         form: What the pattern allows, in words.
@@ -65,6 +66,7 @@ class Parameter:
     low: Bound = -HUGE
     high: Bound = HUGE
     above: Bound | None = None
+    or_zero: bool = False
     choices: Mapping[str, Any] = field(default_factory=dict)
     pattern: str = ""
     form: str = ""
@@ -80,7 +82,10 @@ class Parameter:
     @property
     def bounds(self) -> tuple[float, float]:
         """Both ends of the range, inclusive; of HUGE where another parameter is the bound."""
-        low, high = self.low, HUGE if isinstance(self.high, str) else self.high
+        low, high = (
+            0.0 if self.or_zero else self.low,
+            HUGE if isinstance(self.high, str) else self.high,
+        )
         if self.above is not None:
             low = self.above if isinstance(self.above, str) else self.above + TINY
         return -HUGE if isinstance(low, str) else low, high
@@ -95,7 +100,15 @@ class Parameter:
         nouns = {Kind.DOUBLES: "a list of numbers", Kind.INTEGER: "a whole number"}
         words = {Kind.BOOL: "true, false", Kind.STRING: "text", Kind.STRINGS: "a list of texts"}
         noun = nouns.get(self.kind, "a number")
-        return words.get(self.kind) or range_text(noun, self.low, self.high, self.above)
+        zero = "0, or " if self.or_zero else ""
+        return words.get(self.kind) or zero + range_text(noun, self.low, self.high, self.above)
+
+    def allows(self, number: float) -> bool:
+        """Whether a number is within the bounds."""
+        low, high = self.bounds
+        if self.or_zero and 0.0 < number < float(self.low):
+            return False
+        return low <= number <= high
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,7 +225,7 @@ def _or_none(default: Any) -> Any:
 def configuration(made: type[T]) -> type[T]:
     """A dataclass that is frozen and slotted, made by keywords: a configuration."""
     made = dataclass(frozen=True, slots=True, kw_only=True)(made)
-    types = get_type_hints(made)
+    types = get_type_hints(made, localns={made.__name__: made})  # a field may be of its own kind
     parameters, parts = [], []
     for item in fields(made):  # type: ignore[arg-type]  # it is a dataclass
         if (known := item.metadata.get("parameter")) is not None:

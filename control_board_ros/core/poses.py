@@ -17,17 +17,18 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..protocols import Floats
-from .arrival import TOLERANCES, Outcome, unit
-from .explanations import explain_slower, way_to_move
-from .modes import FAULTED, MOVES, POWERED
+from .arrival import Outcome, tolerance
+from .decisions import UNAVAILABLE
+from .explanations import explain_slower
+from .modes import FAULTED, MOVES, POWERED, modes_accepting
 from .move_task import MoveTask, takes_moves
 from .pose import NAME, Pose
-from .reply import position_text
+from .reply import Reason
 from .selection import RequestError
-from .vocabs import ControlMode
+from .vocabs import CommandKind, ControlMode
 
 if TYPE_CHECKING:
-    from .robot import AnyBoard
+    from .group import JointGroup
 
 
 class Plan(NamedTuple):
@@ -41,7 +42,7 @@ class PoseTask:
     """The move to a pose, started for all of its joints or for none.
 
     Args:
-        board: which moves; joints of several boards move as one where it stands for them all.
+        board: which moves.
         pose: where to.
         speed: mean speed of the slowest joint, rad/s or m/s; 0: the pose's.
 
@@ -51,7 +52,7 @@ class PoseTask:
     Attributes: names (of the joints).
     """
 
-    def __init__(self, board: AnyBoard, pose: Pose, speed: float = 0.0) -> None:
+    def __init__(self, board: JointGroup, pose: Pose, speed: float = 0.0) -> None:
         self._board = board
         self.names = board.selector.select(pose.joints).names
         require_moves(board, pose)
@@ -77,7 +78,7 @@ class PoseTask:
         return self._move.cancel()
 
 
-def start_parking(board: AnyBoard, pose: Pose) -> PoseTask:
+def start_parking(board: JointGroup, pose: Pose) -> PoseTask:
     """Start the move to the pose in which the robot is left without power (R6).
 
     Whoever asks for it at the end has asked for POSITION, too (M2): joints that have power in
@@ -102,7 +103,7 @@ def start_parking(board: AnyBoard, pose: Pose) -> PoseTask:
     return PoseTask(board, pose)
 
 
-def plan_move(board: AnyBoard, pose: Pose, speed: float = 0.0) -> Plan:
+def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:
     """How long the move to a pose lasts: T = max over joints of their own times (P1).
 
     The slowest joint moves at the mean speed asked for, the others as slowly as they must.
@@ -119,29 +120,36 @@ def plan_move(board: AnyBoard, pose: Pose, speed: float = 0.0) -> Plan:
     times = board.get_move_time(pose.joints, np.array(pose.positions), speeds)
     k = int(np.argmax(times))
     time = float(times[k])
-    joint = board.config.joints[int(board.selector.select(pose.joints[k]).joints[0])]
-    start = float(board.snapshot().position_reference[board.names.index(joint.name)])
+    (joint,) = board.get_config(pose.joints[k])
+    start = float(board.state.position_reference[board.selector.select(joint.name).joints[0]])
     target = min(max(pose.positions[k], joint.limits.lower), joint.limits.upper)
     way, rate = abs(target - start), float(speeds[k])
     return Plan(time, explain_slower(joint, way, rate, time))
 
 
-def require_moves(board: AnyBoard, pose: Pose) -> None:
+def require_moves(board: JointGroup, pose: Pose) -> None:
     """Refuse unless every joint of a pose takes position moves.
 
     Raises:
-        RequestError: naming every joint that does not, its mode, and the next step.
+        RequestError: naming every joint that does not, and its mode.
     """
     modes = board.get_control_mode(pose.joints)
     pairs = zip(pose.joints, modes, strict=True)
     others = {name: mode for name, mode in pairs if not takes_moves(mode)}
     if others:
-        where = told_by_mode(board, others)
-        step = way_to_move(others, board.names)
-        raise RequestError(f"{pose.name} is a {MOVES.name} move, and {where}; {step}")
+        codes = [
+            Reason.NONE if takes_moves(mode) else UNAVAILABLE.get(mode, Reason.OTHER_MODE)
+            for mode in modes
+        ]
+        takers = " or ".join(mode.code for mode in modes_accepting(CommandKind.POSITION))
+        raise RequestError(
+            f"{pose.name} is a {MOVES.name} move, and {told_by_mode(board, others)}; "
+            f"its joints must be in {takers}",
+            codes=codes,
+        )
 
 
-def told_by_mode(board: AnyBoard, modes: dict[str, ControlMode]) -> str:
+def told_by_mode(board: JointGroup, modes: dict[str, ControlMode]) -> str:
     """``a, b are in IDLE, c is in HW_FAULT (overcurrent …)``: every joint is named."""
     texts = []
     for mode in dict.fromkeys(modes.values()):
@@ -152,7 +160,7 @@ def told_by_mode(board: AnyBoard, modes: dict[str, ControlMode]) -> str:
     return ", ".join(texts)
 
 
-def pose_now(board: AnyBoard, name: str, joints: Sequence[str], speed: float = 0.0) -> Pose:
+def pose_now(board: JointGroup, name: str, joints: Sequence[str], speed: float = 0.0) -> Pose:
     """The pose in which joints are measured to be.
 
     Raises:
@@ -160,16 +168,15 @@ def pose_now(board: AnyBoard, name: str, joints: Sequence[str], speed: float = 0
     """
     chosen = board.selector.select(joints)
     positions = board.get_encoder(chosen.names).tolist()
-    for k, j in enumerate(chosen.joints.tolist()):
-        joint = board.config.joints[j]
-        low, high, slack = joint.limits.lower, joint.limits.upper, TOLERANCES[joint.kind]
+    for k, joint in enumerate(board.get_config(chosen.names)):
+        low, high, slack = joint.limits.lower, joint.limits.upper, tolerance(joint.kind)
         if low - slack <= positions[k] <= high + slack:  # a joint held at a limit is within
             positions[k] = min(max(positions[k], low), high)
     return made_pose(board, name, chosen.names, positions, speed)
 
 
 def made_pose(
-    board: AnyBoard,
+    board: JointGroup,
     name: str,
     joints: Sequence[str],
     positions: Sequence[float],
@@ -192,14 +199,14 @@ def made_pose(
         raise RequestError(
             f"pose {name!r}: speed {speed:g} is not valid; above 0, or 0 for the reference speeds"
         )
-    for j, position in zip(chosen.joints.tolist(), positions, strict=True):
-        joint = board.config.joints[j]
+    for joint, position in zip(board.get_config(chosen.names), positions, strict=True):
         low, high = joint.limits.lower, joint.limits.upper
         if not low <= position <= high:
-            shown, least, most = (position_text(joint.kind, q) for q in (position, low, high))
+            unit = joint.kind.unit
+            shown, least, most = map(joint.kind.position, (position, low, high))
             raise RequestError(
-                f"pose {name!r}: {joint.name} at {shown} is outside its limits, {least} to {most} "
-                f"({low:.6g} to {high:.6g} {unit(joint.kind)})"
+                f"pose {name!r}: {joint.name} at {shown} ({position:.6g} {unit}) is outside its "
+                f"limits, {least} to {most} ({low:.6g} to {high:.6g} {unit})"
             )
     # -0.0 + 0.0 is 0.0
     return Pose(name, chosen.names, tuple(float(q) + 0.0 for q in positions), float(speed))

@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import NamedTuple
 
-from .vocabs import CommandKind
+from .joint_kind import JointKind
+from .vocabs import CommandKind, Vocab
 
 
 class Answer(StrEnum):
@@ -18,46 +19,88 @@ class Answer(StrEnum):
     IGNORED = "ignored"  # a command that the mode does not take, or a bad value (M4, P13)
     REFUSED = "refused"  # nothing changed (F2, K2, M6, M7, N4)
     UNSUPPORTED = "unsupported"  # not implemented by the joint, now in HW_FAULT (M5, I7)
+    SENT = "sent"  # on its way by topic, which has no answer
+
+
+class Reason(StrEnum):
+    """Why a joint does not do what was asked for: words that programs can rely on."""
+
+    NONE = ""
+    IN_FAULT = "in_fault"
+    CALIBRATING = "calibrating"  # K2, K6
+    UNCALIBRATED = "uncalibrated"  # K7
+    INACTIVE = "inactive"  # of a managed board
+    NOT_CONFIGURED = "not_configured"  # N4
+    UNSUPPORTED = "unsupported"  # M5, I7
+    CAUSE_PERSISTS = "cause_persists"  # F2
+    EMERGENCY_STOP = "emergency_stop"  # E2
+    NO_CALIBRATOR = "no_calibrator"  # K1
+    OTHER_MODE = "other_mode"  # M3
+    NOT_FINITE = "not_finite"  # P13
+    OUT_OF_RANGE = "out_of_range"  # P13
+    NOTHING_TO_STOP = "nothing_to_stop"  # P3
+    INVALID = "invalid"  # the request is wrong in itself (M6, M7)
+    TOGETHER = "together"  # another joint of the request could not
+
+
+class JointAnswer(NamedTuple):
+    """What became of one joint's part of a request, in words and as a code; empty: as asked."""
+
+    answer: Answer = Answer.ACCEPTED
+    text: str = ""
+    code: Reason = Reason.NONE
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """The answer to a set method; true when every joint accepted.
+    """The answer to a set method; true when every joint accepted, or all was sent by topic.
 
     Attributes: joints (names in the order asked; empty when the request named none that
     exist), answers (one per joint), message (one line for a person, empty when all is well),
-    reasons (one text per joint, empty where it accepted; or none at all).
+    reasons (one text per joint, empty where it accepted; or none at all), codes (likewise, a
+    Reason), values (the references in force, as bounded, NaN where there is none; empty where no
+    reference was answered), modes (those after a request for modes), waits (s until the cause of a
+    fault can be gone, 0 where none is known; empty where no recovery was asked for).
     """
 
     joints: tuple[str, ...]
     answers: tuple[Answer, ...]
     message: str = ""
     reasons: tuple[str, ...] = ()
+    codes: tuple[Reason, ...] = ()
+    values: tuple[float, ...] = field(default=(), compare=False)
+    modes: tuple[Vocab, ...] = field(default=(), compare=False)
+    waits: tuple[float, ...] = field(default=(), compare=False)
 
     def __bool__(self) -> bool:
-        return bool(self.answers) and all(a is Answer.ACCEPTED for a in self.answers)
+        return bool(self.answers) and all(answer in GOOD for answer in self.answers)
+
+    def with_modes(self, modes: Sequence[Vocab]) -> Reply:
+        """The same, with the modes that the joints are in then."""
+        return replace(self, modes=tuple(modes))
+
+    def each(self) -> list[JointAnswer]:
+        """The answer of each joint, in the order asked."""
+        count = len(self.answers)
+        texts, codes = self.reasons or ("",) * count, self.codes or (Reason.NONE,) * count
+        return list(map(JointAnswer, self.answers, texts, codes))
 
     def __str__(self) -> str:
         """One line for a person: ``accepted``, with what will be done instead; else the reason."""
-        told = ["accepted", self.message] if self else [self.message]
+        told = [str(self.answers[0]), self.message] if self else [self.message]
         return "; ".join(text for text in told if text)
 
 
-def quantity(kind: CommandKind, value: float, sliding: bool) -> str:
-    """A reference with its unit, for people: degrees where the joint turns."""
-    if kind is CommandKind.OUTPUT:
+GOOD = frozenset({Answer.ACCEPTED, Answer.SENT})
+
+
+def quantity(command: CommandKind, value: float, joint: JointKind) -> str:
+    """A reference with its unit, for people."""
+    if command is CommandKind.OUTPUT:
         return f"{value:.6g} %"
-    if kind is CommandKind.TORQUE:
-        return f"{value:.6g} {'N' if sliding else 'N·m'}"
-    rate = "/s" if kind is CommandKind.VELOCITY else ""
-    if sliding:
-        return f"{value:.6g} m{rate}"
-    return f"{math.degrees(value):.4g}°{rate}"
-
-
-def position_text(kind: str, position: float) -> str:
-    """A position with its unit, for people, of a kind of joint."""
-    return quantity(CommandKind.POSITION, position, kind == "prismatic")
+    if command is CommandKind.TORQUE:
+        return joint.force(value)
+    return joint.velocity(value) if command is CommandKind.VELOCITY else joint.position(value)
 
 
 def accepted(joints: tuple[str, ...]) -> Reply:
@@ -65,20 +108,29 @@ def accepted(joints: tuple[str, ...]) -> Reply:
     return Reply(joints, (Answer.ACCEPTED,) * len(joints))
 
 
-def refused(message: str, joints: tuple[str, ...] = ()) -> Reply:
+def sent(joints: tuple[str, ...]) -> Reply:
+    """References of all of them are on their way by topic."""
+    return Reply(joints, (Answer.SENT,) * len(joints))
+
+
+def refused(message: str, joints: tuple[str, ...] = (), code: Reason = Reason.INVALID) -> Reply:
     """The whole request refused, for one reason."""
-    return Reply(joints, (Answer.REFUSED,) * len(joints), message, (message,) * len(joints))
+    count = len(joints)
+    answers = (Answer.REFUSED,) * count
+    return Reply(joints, answers, message, (message,) * count, (code,) * count)
 
 
-def decided(joints: tuple[str, ...], verdicts: list[tuple[Answer, str]]) -> Reply:
+def decided(joints: tuple[str, ...], answers: Sequence[JointAnswer]) -> Reply:
     """Each joint its own answer; the message tells the first reasons and counts the rest.
 
     What was accepted may have a text, too: what will be done instead of what was asked for.
     """
-    reasons = tuple(reason for _, reason in verdicts)
-    if not any(reasons):
-        reasons = ()
-    return Reply(joints, tuple(a for a, _ in verdicts), summary(reasons), reasons)
+    given, texts, codes = zip(*answers, strict=True) if answers else ((), (), ())
+    if not any(texts):
+        return Reply(joints, given)
+    told = sorted(answers, key=lambda answer: answer.code is Reason.TOGETHER)  # these say least
+    message = summary(answer.text for answer in told)
+    return Reply(joints, given, message, texts, codes if any(codes) else ())
 
 
 def summary(reasons: Iterable[str]) -> str:

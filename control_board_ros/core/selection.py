@@ -5,14 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import Any, TypeVar, cast
 
 import numpy as np
 
+from ..text import nearest
 from .measurement import Array
 from .modes import REQUESTABLE, REQUESTS
-from .reply import Reply, refused
+from .reply import Reason, Reply, refused
 from .state import Indices
 from .vocabs import (
     ControlMode,
@@ -29,24 +29,49 @@ REMEMBERED = 256
 
 
 class RequestError(ValueError):
-    """A request that is wrong as a whole; the text is the message of its reply (M7)."""
+    """A request that is refused as a whole (M7).
+
+    Args:
+        text: the message of its reply.
+        code: why.
+        codes: why, joint by joint, where joints have reasons of their own.
+    """
+
+    def __init__(
+        self, text: str, code: Reason = Reason.INVALID, codes: Sequence[Reason] = ()
+    ) -> None:
+        super().__init__(text)
+        self.code, self.codes = code, tuple(codes)
 
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Chosen joints in the order asked: indices, shape (k,), and names."""
+    """Chosen joints in the order asked: the board's numbers of them, shape (k,), and names;
+    the numbers as a list, too, for loops.
+    """
 
     joints: Indices
     names: tuple[str, ...]
+    numbers: list[int]
+
+    @classmethod
+    def of(cls, numbers: Sequence[int], names: Sequence[str]) -> Selection:
+        """The joints with these numbers."""
+        return cls(np.array(numbers, dtype=np.intp), tuple(names), list(numbers))
 
 
 class Selector:
-    """Resolves what users call joints."""
+    """Resolves what users call joints.
 
-    def __init__(self, names: tuple[str, ...]) -> None:
-        self.names = names
+    Args:
+        names: of the joints; users number them from 0 on.
+        first: the board's number of the first of them.
+    """
+
+    def __init__(self, names: tuple[str, ...], first: int = 0) -> None:
+        self.names, self._first = names, first
         self._index = {name: j for j, name in enumerate(names)}
-        self.everyone = Selection(np.arange(len(names)), names)
+        self.everyone = Selection.of(range(first, first + len(names)), names)
         self._known: dict[Any, Selection] = {}
 
     def select(self, joints: int | str | Sequence[int | str] | None) -> Selection:
@@ -76,16 +101,19 @@ class Selector:
             names = self.select(joints).names
         except RequestError:
             names = ()
-        return refused(str(error), names)
+        code = error.code if isinstance(error, RequestError) else Reason.INVALID
+        return refused(str(error), names, code)
 
     def known(self, joints: Any) -> list[int]:
-        """Those that exist of what a wrong request calls joints; all where it names none."""
+        """The board's numbers of those that exist of what a wrong request calls joints; all where
+        it names none.
+        """
         many = isinstance(joints, Iterable) and not isinstance(joints, str)
         named: list[Any] = list(cast(Any, joints)) if many else [joints]
         found: set[int] = set()
         for joint in named or [None]:
             try:
-                found |= set(self.select(joint).joints.tolist())
+                found |= set(self.select(joint).numbers)
             except RequestError:
                 continue  # the message of the request already tells of it
         return sorted(found)
@@ -99,7 +127,7 @@ class Selector:
                     f"joint {self.names[j]!r} named twice; name each joint once, or none for all"
                 )
             seen[j] = None
-        return Selection(np.array(list(seen)), tuple(self.names[j] for j in seen))
+        return Selection.of([self._first + j for j in seen], [self.names[j] for j in seen])
 
     def _one(self, joint: int | str) -> int:
         if isinstance(joint, str):
@@ -116,10 +144,8 @@ class Selector:
     def _unknown(self, joint: Any) -> str:
         text = str(joint)
         shown = text if len(text) <= 64 else text[:64] + "…"
-        near = get_close_matches(text[:64], self.names, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        many = ", …" if len(self.names) > 16 else ""
-        return f"joint {shown!r} unknown{hint}; joints: {', '.join(self.names[:16])}{many}"
+        known = ", ".join([*self.names[:16], *["…"] * (len(self.names) > 16)])
+        return f"joint {shown!r} unknown{nearest(text, self.names)}; joints: {known}"
 
 
 def spread(values: Any, count: int, what: str, *, one_for_all: bool = False) -> Array:
@@ -172,7 +198,8 @@ def all_within(
         allowed = f"from 0 to {high[k]:.6g}" if zero else f"above 0, up to {high[k]:.6g}"
         raise RequestError(
             f"{what} {array[k]:.6g} of {selection.names[k]} is not allowed; "
-            f"send a number {allowed}"
+            f"send a number {allowed}",
+            Reason.OUT_OF_RANGE if np.isfinite(array[k]) else Reason.NOT_FINITE,
         )
     return array
 

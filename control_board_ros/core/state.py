@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +17,6 @@ from .modes import INITIAL, INITIAL_INTERACTION, Stage
 from .vocabs import CommandKind
 
 Indices = NDArray[np.intp]
-
-#: Some joints, to index arrays by: neighbours as a slice, which costs numpy a third.
-Columns = Indices | slice
-
-
-def columns_of(joints: Sequence[int]) -> Columns:
-    """Joints as a slice where they are neighbours in ascending order, else their indices."""
-    first, count = joints[0], len(joints)
-    if list(joints) == list(range(first, first + count)):
-        return slice(first, first + count)
-    return np.array(joints)
 
 
 class Reference(IntEnum):
@@ -54,7 +42,8 @@ class Snapshot:
     position_reference, velocity_reference, torque_reference are in force; output is the PWM in
     percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
     false where a joint's angle is not known (K7); overload is the part of the I²t budget used up
-    (a fault above 1); torque_sensor is false where torque is NaN.
+    (a fault above 1); torque_sensor is false where torque is NaN; unknown_commands counts the
+    commands that name no joint of the board.
     """
 
     time: float
@@ -65,25 +54,7 @@ class Snapshot:
     calibrated: NDArray[np.bool_]
     overload: Array
     torque_sensor: NDArray[np.bool_]
-
-    @classmethod
-    def joined(cls, parts: Sequence[Snapshot]) -> Snapshot:
-        """The snapshots of several boards after the same cycle as one, side by side."""
-        return cls(
-            parts[0].time,
-            parts[0].cycle,
-            np.concatenate([part.block for part in parts], axis=1),
-            *(
-                np.concatenate([getattr(part, name) for part in parts])
-                for name in (
-                    "motion_done",
-                    "rejected_commands",
-                    "calibrated",
-                    "overload",
-                    "torque_sensor",
-                )
-            ),
-        )
+    unknown_commands: int = 0
 
     @property
     def position(self) -> Array:
@@ -132,15 +103,15 @@ class StateArrays:
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
     joint angle), calibrated, powered (1.0 where the bridge is on), done (no position move runs),
     control_modes and interaction_modes, accepts (by kind of reference, shape (kinds, n)), rejected
-    (commands ignored so far), faults (the last one of each joint), time (s, of the last reading),
-    cycle, modes_version and faults_version (they grow when a mode or a fault record changes),
-    stage (how far the joints may go).
+    (commands ignored so far), faults (the last one of each joint), before (its modes when that was
+    raised), time (s, of the last reading), cycle, modes_version and faults_version (they grow
+    when a mode or a fault record changes), modes_changed and faults_changed (at which of them each
+    joint changed last), stages (how far each joint may go).
     """
 
     def __init__(self, config: BoardConfig) -> None:
         n = len(config.joints)
         self.n = n
-        self.everyone: Indices = np.arange(n)
         self.block: Array = np.zeros((BLOCK_ROWS, n))
         self.measured: Array = self.block[:ROWS]
         self.drive: Array = self.block[Row.CURRENT : Reference.OUTPUT + 1]
@@ -161,21 +132,32 @@ class StateArrays:
         self.control_modes = [INITIAL] * n
         self.interaction_modes = [INITIAL_INTERACTION] * n
         self.faults = [FaultRecord(name) for name in config.names]
+        self.before = [(INITIAL, INITIAL_INTERACTION)] * n
         self.time = 0.0
         self.cycle = 0
         self.modes_version = 0
         self.faults_version = 0
-        self.stage = Stage.ACTIVE
+        self.modes_changed = [0] * n
+        self.faults_changed = [0] * n
+        self.stages = [Stage.ACTIVE] * n
 
-    def power_on(self) -> None:
+    def power_on(self, joints: Sequence[int]) -> None:
         """Forget what a power-on forgets (N1); records of faults stay readable (F5)."""
-        self.offset[:] = 0.0
-        self.calibrated[:] = False
-        self.accepts[:] = False
-        self.interaction_modes[:] = [INITIAL_INTERACTION] * self.n
-        self.faults[:] = [fault.cleared() for fault in self.faults]
-        self.faults_version += 1
+        for j in joints:
+            self.offset[j], self.calibrated[j] = 0.0, False
+            self.accepts[:, j] = False
+            self.interaction_modes[j] = INITIAL_INTERACTION
+            self.faults[j] = self.faults[j].cleared()
+        self.note_faults(joints)
 
-    def numbers(self, joints: Columns) -> list[int]:
-        """The indices of joints, for loops."""
-        return cast(list[int], self.everyone[joints].tolist())
+    def note_modes(self, joints: Sequence[int]) -> None:
+        """Modes of joints have changed."""
+        self.modes_version += 1
+        for j in joints:
+            self.modes_changed[j] = self.modes_version
+
+    def note_faults(self, joints: Sequence[int]) -> None:
+        """Fault records of joints have changed."""
+        self.faults_version += 1
+        for j in joints:
+            self.faults_changed[j] = self.faults_version

@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .measurement import Array
-from .state import Columns, Indices
+from .state import Indices
 from .vocabs import CommandKind
 
 
@@ -28,6 +29,7 @@ class ReferenceTimeouts:
         self._kind = np.full(n, -1)  # … and its kind; -1: none
         self._deadline = np.full(n, np.inf)
         self._next = math.inf
+        self._running: set[int] = set()  # joints with a reference of any kind
 
     def reconfigure(self, cycles: Array) -> None:
         """Take new durations, also for the references that run."""
@@ -38,12 +40,16 @@ class ReferenceTimeouts:
 
     def renew(self, kind: CommandKind, joints: Indices, cycle: int) -> None:
         """Let the timeouts of a kind run from this cycle."""
+        self._running.update(joints.tolist())
         self._renewed[joints], self._kind[joints] = cycle, kind
         self._deadline[joints] = cycle + self._cycles[kind, joints]
         self._next = float(self._deadline.min())
 
-    def cancel(self, joints: Columns) -> None:
+    def cancel(self, joints: Sequence[int]) -> None:
         """Let no reference of these joints expire."""
+        if self._running.isdisjoint(joints):
+            return
+        self._running.difference_update(joints)
         self._deadline[joints], self._kind[joints] = np.inf, -1
         self._next = float(self._deadline.min())
 
@@ -52,5 +58,5 @@ class ReferenceTimeouts:
         if cycle < self._next:
             return None
         late = np.flatnonzero(self._deadline <= cycle)
-        self.cancel(late)
+        self.cancel(late.tolist())
         return late

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .arrival import unit
+from .joint_kind import JointKind
 from .measurement import Array
 from .selection import RequestError
 
@@ -123,7 +123,7 @@ def excess(errors: Array, tolerances: Array) -> Excess | None:
     return Excess(column, QUANTITIES[row], error, tolerance)
 
 
-def explain(found: Excess, name: str, kind: str, which: str) -> str:
+def explain(found: Excess, name: str, kind: JointKind, which: str) -> str:
     """What is beyond which tolerance, and by how much.
 
     Args:
@@ -133,7 +133,7 @@ def explain(found: Excess, name: str, kind: str, which: str) -> str:
         which: ``path`` or ``goal``.
     """
     rate = "/s" if found.quantity == "velocity" else ""
-    units = unit(kind) + rate
+    units = kind.unit + rate
     return (
         f"{name} is {found.error:.4g} {units} away from the {found.quantity} it should have; "
         f"its {which} tolerance is {found.tolerance:.4g} {units}"

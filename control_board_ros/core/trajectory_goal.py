@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from ..protocols import Joints
 from .board import Board
-from .follower import Follower, cuts
+from .follower import Follower, cuts, incomplete
+from .group import JointGroup
 from .path import Path, Points, Sample, make_path
 from .path_run import Run
 from .reply import summary
-from .robot import Robot
-from .selection import RequestError, Selection, Selector
+from .selection import RequestError, Selection
 from .tolerances import Excess, Tolerances, Wish, chosen, excess, explain
 from .vocabs import CommandKind
 
@@ -71,7 +71,7 @@ class Wishes(NamedTuple):
 
 def start_goal(
     follower: Follower,
-    board: Board,
+    group: JointGroup,
     joints: Joints,
     points: Points,
     start: float,
@@ -81,7 +81,7 @@ def start_goal(
 
     Args:
         follower: of the board.
-        board: which moves.
+        group: whose joints move: of a part of a robot, or of several parts (R3).
         joints: as in every request.
         points: one number per joint in each field that is there.
         start: time of the board at which the trajectory begins, s.
@@ -91,88 +91,54 @@ def start_goal(
         GoalError: with the code and the reason; nothing has changed, but that joints in another
             mode count a rejected command (M4).
     """
-    selection = selected(board.selector, joints)
-    check_complete(board, selection.names)
-    path = made_path(selection, points)
-    tolerances = tolerances_of(board, selection, board.names, wishes)
-    check_start(board, selection, path, start)
-    return TrajectoryGoal(follower, board, selection.joints, path, start, tolerances)
-
-
-def selected(selector: Selector, joints: Joints) -> Selection:
-    """The joints of a goal; GoalError where one is not there."""
     try:
-        return selector.select(joints)
+        selection = group.selector.select(joints)
     except RequestError as error:
         raise GoalError(Code.INVALID_JOINTS, str(error)) from error
-
-
-def check_complete(board: Board, names: Sequence[str]) -> None:
-    """Raise GoalError where a board takes goals for all of its joints only."""
-    if len(names) < board.count and not board.config.allow_partial_joints_goal:
-        missing = [name for name in board.names if name not in names]
-        text = f"{', '.join(missing)} missing; send all joints, or set allow_partial_joints_goal"
+    if text := incomplete(group.board, selection.names):
         raise GoalError(Code.INVALID_JOINTS, text)
-
-
-def made_path(selection: Selection, points: Points) -> Path:
-    """The path through a goal's points; GoalError where they make none."""
     try:
-        return make_path(selection.names, *points)
+        path = make_path(selection.names, *points)
+        defaults = configured(group.board, selection)
+        tolerances = chosen(defaults, selection.names, group.names, **wishes._asdict())
     except RequestError as error:
         raise GoalError(Code.INVALID_GOAL, str(error)) from error
+    check_start(group, selection, path, start)
+    return TrajectoryGoal(follower, group, selection.joints, path, start, tolerances)
 
 
-def tolerances_of(
-    board: Board, selection: Selection, known: Sequence[str], wishes: Wishes
-) -> Tolerances:
-    """The tolerances of a board's joints: those that a goal names, else those configured.
-
-    Args:
-        board: with its configuration.
-        selection: of its joints.
-        known: joints for which the goal may name tolerances.
-        wishes: of the goal.
-
-    Raises:
-        GoalError: a wish that is not a number, or for a joint that is not there.
-    """
-    defaults = configured(board, selection.joints)
-    try:
-        return chosen(defaults, selection.names, known, **wishes._asdict())
-    except RequestError as error:
-        raise GoalError(Code.INVALID_GOAL, str(error)) from error
-
-
-def check_start(board: Board | Robot, selection: Selection, path: Path, start: float) -> None:
+def check_start(group: JointGroup, selection: Selection, path: Path, start: float) -> None:
     """Raise GoalError unless joints can follow a path that begins at this time of the board, s."""
-    late = board.time - (start + path.duration)
+    late = group.time - (start + path.duration)
     if late > 0.0:
         text = f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
         raise GoalError(Code.OLD_HEADER_TIMESTAMP, text)
-    good = board.accepts[CommandKind.POSITION_DIRECT, selection.joints]
+    good = group.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
     if not good.all():  # the board counts them and says why
         others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
-        refusal = board.set_position(others, path.positions[-1, ~good])
+        refusal = group.set_position(others, path.positions[-1, ~good])
         raise GoalError(Code.INVALID_GOAL, refusal.message)
 
 
-def configured(board: Board, joints: NDArray[np.intp]) -> Tolerances:
-    """The tolerances that the parameters give; a goal's velocity is that of a joint at rest."""
-    constraints, n = board.config.constraints, len(joints)
-    own = [board.config.joints[j].constraints for j in joints]
+def configured(board: Board, selection: Selection) -> Tolerances:
+    """The tolerances that the parameters give; a goal's velocity is that of a joint at rest.
+
+    Of joints of several parts, the first that has waited long enough after the last point ends it.
+    """
+    own = [
+        (joint.constraints, group.config.constraints)
+        for name, joint in zip(selection.names, board.get_config(selection.names), strict=True)
+        for group in board.bring_up.groups.values()
+        if name in group.names
+    ]
+    times = [part.goal_time for _, part in own if part.goal_time > 0.0]
     return Tolerances(
-        path=np.array([[one.trajectory for one in own], [0.0] * n]),
-        goal=np.array([[one.goal for one in own], [constraints.stopped_velocity_tolerance] * n]),
-        goal_time=constraints.goal_time,
+        path=np.array([[one.trajectory for one, _ in own], [0.0] * len(own)]),
+        goal=np.array(
+            [[one.goal for one, _ in own], [part.stopped_velocity_tolerance for _, part in own]]
+        ),
+        goal_time=min(times, default=0.0),
     )
-
-
-def references(board: Board) -> Sample:
-    """The references of a board's joints as they are, shapes (n,)."""
-    state = board.state
-    rows = (state.position_reference, state.velocity_reference, np.zeros(state.n))
-    return Sample(*(row.copy() for row in rows))
 
 
 class TrajectoryGoal:
@@ -180,8 +146,8 @@ class TrajectoryGoal:
 
     Args:
         follower: of the board that follows it.
-        board: which moves.
-        joints: indices, of the path's columns; all in POSITION_DIRECT.
+        group: whose joints move.
+        joints: the board's numbers, of the path's columns; all in POSITION_DIRECT.
         path: to follow.
         start: time of the board at which the path begins, s.
         tolerances: of the same joints.
@@ -193,13 +159,15 @@ class TrajectoryGoal:
     def __init__(
         self,
         follower: Follower,
-        board: Board,
+        group: JointGroup,
         joints: NDArray[np.intp],
         path: Path,
         start: float,
         tolerances: Tolerances,
     ) -> None:
-        self._follower, self._board, self._tolerances = follower, board, tolerances
+        board = group.board
+        self._follower, self._group, self._board = follower, group, board
+        self._tolerances = tolerances
         self.joints, self._duration, self.start = joints, path.duration, start
         self._run = follower.take(joints, path, start, held=True)
         self.notes = list(cuts(board, self._run).values())
@@ -246,11 +214,13 @@ class TrajectoryGoal:
         old._end(Code.INVALID_GOAL, PREEMPTED, others[~np.isin(others, self.joints)])
 
     def desired(self) -> Sample:
-        """What the joints of the board shall do now, shapes (n,): outside the goal, references."""
-        made = references(self._board)
+        """What the joints of the group shall do now, shapes (n,): outside the goal, references."""
+        state, joints = self._board.state, self._group.joints
+        rows = state.position_reference, state.velocity_reference, np.zeros(state.n)
+        made = Sample(*(row[joints.start : joints.stop].copy() for row in rows))
         if self._run.last is not None:
             for whole, row in zip(made, self._run.last, strict=True):
-                whole[self._run.joints] = row
+                whole[self._run.joints - joints.start] = row
         return made
 
     def _judge(self, last: Sample) -> None:

@@ -8,10 +8,12 @@ YARP sends and ``ControlMode.POSITION.code`` is what people read.
 
 from __future__ import annotations
 
-from difflib import get_close_matches
+import warnings
 from enum import IntEnum
 from functools import lru_cache
 from typing import TypeVar
+
+from ..text import nearest
 
 
 def encode(code: str) -> int:
@@ -49,8 +51,21 @@ class Vocab(IntEnum):
 
     A member equals its number, so it cannot equal its code, too: what is equal has one hash
     (docs/decisions/0024-modes-and-texts.md). Compare ``mode.code == "pos"``, or
-    ``mode is ControlMode("pos")``, which takes codes and long names.
+    ``mode is ControlMode("pos")``, which takes codes and long names; ``mode == "pos"`` is false
+    and warns, once for each line of a program.
     """
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, str):
+            self._warn_of(other)
+        return int.__eq__(self, other)
+
+    def __ne__(self, other: object) -> bool:
+        if isinstance(other, str):
+            self._warn_of(other)
+        return int.__ne__(self, other)
+
+    __hash__ = int.__hash__
 
     @classmethod
     def _missing_(cls, value: object) -> Vocab | None:
@@ -63,6 +78,14 @@ class Vocab(IntEnum):
     def code(self) -> str:
         """The text of the vocab, for example ``pos``."""
         return decode(int(self))
+
+    def _warn_of(self, text: str) -> None:
+        """Tell the line that compares this mode with a text."""
+        warnings.warn(
+            f"{self!s} never equals the text {text[:16]!r}; compare {type(self).__name__}.code",
+            SyntaxWarning,
+            stacklevel=3,
+        )
 
     def __str__(self) -> str:
         return self.name
@@ -144,8 +167,7 @@ def _parse(kind: type[V], what: str, text: str | int, words: dict[str | int, V])
     if mode is not None:
         return mode
     names = [word for word in words if isinstance(word, str)]
-    near = get_close_matches(text[:64].lower(), names, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = nearest(text.lower(), names)
     shown = text if len(text) <= 32 else text[:32] + "…"
     raise ValueError(f"{what} {shown!r} unknown{hint}; known: {_known(kind)}")
 

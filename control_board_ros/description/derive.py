@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..core.joint_kind import JointKind
 from ..core.parts import DEGREE
 from .assumed import Assumed
 from .derive_gains import gains
@@ -67,8 +68,8 @@ def complete(
     for name, moved in robot_loads.with_rotors(reflected).items():
         given = values[name]
         _moved(given, moved, load_of[name].gravity)
-        gains(given, 1.0 / control_rate, sliding=joints[name].kind == "prismatic")
-        _start_values(given, sliding=joints[name].kind == "prismatic")
+        gains(given, 1.0 / control_rate, joints[name].kind)
+        _start_values(given, joints[name].kind)
     return assumed
 
 
@@ -83,10 +84,10 @@ def _moved(values: dict[str, Any], moved: MotorLoad, gravity: float) -> None:
     give("limits.acceleration", min(10.0 * values["limits.velocity"], reached))
 
 
-def _start_values(values: dict[str, Any], *, sliding: bool) -> None:
+def _start_values(values: dict[str, Any], kind: JointKind) -> None:
     """Speeds at start, home and the calibration's way there."""
     give = values.setdefault
-    slow = 0.05 if sliding else 10.0 * DEGREE
+    slow = kind.choose(10.0 * DEGREE, 0.05)
     give("reference_speed", min(slow, 0.5 * values["limits.velocity"]))
     give("reference_acceleration", min(slow, 0.5 * values["limits.acceleration"]))
     home = give("home", min(max(0.0, values["limits.lower"]), values["limits.upper"]))
@@ -99,10 +100,9 @@ def _travel(values: dict[str, Any], joint: UrdfJoint) -> None:
     low = give("limits.hard_lower", -UNBOUNDED if joint.lower is None else joint.lower)
     high = give("limits.hard_upper", UNBOUNDED if joint.upper is None else joint.upper)
     inside = 0.02 * max(high - low, 0.0)
-    if joint.kind != "prismatic":
-        inside = min(inside, 2.0 * DEGREE)
+    inside = min(inside, joint.kind.choose(2.0 * DEGREE, inside))
     give("limits.lower", low + inside)
     give("limits.upper", high - inside)
-    tolerance = 0.005 if joint.kind == "prismatic" else 2.0 * DEGREE
+    tolerance = joint.kind.choose(2.0 * DEGREE, 0.005)
     give("limits.hard_margin", tolerance)
     give("max_travel_error", tolerance)

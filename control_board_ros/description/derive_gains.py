@@ -24,6 +24,7 @@ from dataclasses import fields
 from typing import Any
 
 from ..core.config import spring_damping
+from ..core.joint_kind import JointKind
 from ..core.parts import DERIVATIVE_CUTOFF, Pid
 
 MAX_CROSSOVER = 600.0  # 1/s
@@ -34,7 +35,7 @@ START_STIFFNESS_SHARE = 0.2  # stiffness at start, of the greatest
 MAX_STIFFNESS_SHARE = 0.25  # greatest stiffness, of the position loop's
 
 
-def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
+def gains(values: dict[str, Any], period: float, kind: JointKind) -> None:
     """Add the gains that are missing to the parameters of one joint, in place."""
 
     def give(name: str, value: float) -> float:
@@ -51,7 +52,7 @@ def gains(values: dict[str, Any], period: float, *, sliding: bool) -> None:
         min(
             kd_max * crossover / 8.0,
             kd_max**2 / (1.5 * greatest),
-            torque / (LEAST_SLIDE_ERROR if sliding else LEAST_ERROR),
+            torque / kind.choose(LEAST_ERROR, LEAST_SLIDE_ERROR),
         ),
     )
     kd = give("position_pid.kd", min(kd_max, 2.2 * math.sqrt(kp * greatest)))

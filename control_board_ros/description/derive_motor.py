@@ -40,6 +40,7 @@ TEMPERATURE_MARGIN = 20.0  # K below the temperature limit, at the nominal curre
 THERMAL_TIME = 120.0  # s
 MAX_CURRENT_GAIN = 3.0  # gain of the current loop, of the resistance
 FRICTION_SHARE = 0.01
+MOST_LOST = 0.8  # of the torque limit, in friction at full speed, without a warning
 
 
 def required_torque(load: Load, velocity: float) -> float:
@@ -49,10 +50,10 @@ def required_torque(load: Load, velocity: float) -> float:
 
 def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
     """Speed and torque limit: the URDF's, where it gives sane ones."""
-    name, slides = joint.name, joint.kind == "prismatic"
-    speed_unit, unit = ("m/s", "N") if slides else ("rad/s", "N·m")
+    name, kind = joint.name, joint.kind
+    speed_unit, unit = f"{kind.unit}/s", kind.force_unit
     if "limits.velocity" not in values:
-        velocity = joint.velocity or (DEFAULT_SLIDE_VELOCITY if slides else DEFAULT_VELOCITY)
+        velocity = joint.velocity or kind.choose(DEFAULT_VELOCITY, DEFAULT_SLIDE_VELOCITY)
         values["limits.velocity"] = min(velocity, MAX_VELOCITY)
         if joint.velocity is None:
             text = f"{velocity:.3g} {speed_unit}"
@@ -89,13 +90,19 @@ def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assu
     velocity, torque = values["limits.velocity"], values["limits.torque"]
     viscous = _or(joint.damping, 0.5 * FRICTION_SHARE * torque / velocity)
     stable = load.inertia_min / (4.0 * STEP)
-    if joint.kind == "prismatic" and viscous > stable and "motor.viscous" not in values:
+    if joint.kind.slides and viscous > stable and "motor.viscous" not in values:
         text = f"{stable:.3g} N·s/m instead of {viscous:.3g} N·s/m"
         what = "damping that the mass does not bear within a physics step, not taken"
         assumed.warn(joint.name, text, what, "give motor.viscous and a higher physics_rate")
         viscous = stable
     values.setdefault("motor.viscous", viscous)
     values.setdefault("motor.coulomb", _or(joint.friction, FRICTION_SHARE * torque))
+    lost = values["motor.coulomb"] + values["motor.viscous"] * velocity
+    if lost > MOST_LOST * torque:
+        text = f"{lost:.3g} of {torque:.3g} {joint.kind.force_unit}"
+        what = "friction and damping at full speed take most of the torque limit, or all"
+        advice = "expect slow or no motion, or give motor.coulomb, motor.viscous or limits.torque"
+        assumed.warn(joint.name, text, what, advice)
 
 
 def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
@@ -104,7 +111,7 @@ def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     velocity, torque = values["limits.velocity"], values["limits.torque"]
     supply, gear = values["motor.supply_voltage"], values["motor.gear_ratio"]
     share = EMF_SHARE
-    if joint.kind == "prismatic":  # no rotor inertia bears the back-EMF there
+    if joint.kind.slides:  # no rotor inertia bears the back-EMF there
         bearable = load.inertia_min * velocity / (4.0 * STEP * torque)
         share = min(share, bearable / (1.0 + bearable))
     emf = give("motor.torque_constant", share * supply / (velocity * gear)) * gear
@@ -140,7 +147,7 @@ def current_loop(values: dict[str, Any], period: float) -> None:
 
 def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     """The rotor's inertia; none where it slides: the physics has no place for it."""
-    if joint.kind == "prismatic":
+    if joint.kind.slides:
         values.setdefault("motor.inertia", 0.0)
         return
     torque, gear = values["limits.torque"], values["motor.gear_ratio"]

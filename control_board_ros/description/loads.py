@@ -162,7 +162,7 @@ def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
             continue
         spread = evenly_spread(1 + len(found), POSES)
         low, high = sorted(limits[joint.name])  # wrong ones are refused later, with their place
-        if joint.kind == "prismatic":
+        if joint.kind.slides:
             low, high = max(low, min(-REACH, high)), min(high, max(REACH, low))
         elif high - low > 2.0 * math.pi:
             low, high = max(low, -math.pi), min(high, math.pi)

@@ -7,10 +7,10 @@ import math
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 
+from ..text import nearest
 from .assembly import Piece, assemble
 from .meshes import package_folder, share_folders
 from .urdf import Urdf, UrdfError, load
@@ -91,10 +91,8 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     name, arguments = split_arguments(robot)
     if looks_like_path(name):
         return load(_find(name, folder), arguments=arguments)
-    near = get_close_matches(robot, NAMES, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
     raise UrdfError(
-        f"robot {robot[:60]!r} unknown; {hint}known: {', '.join(NAMES)}, "
+        f"robot {robot[:60]!r} unknown{nearest(robot, NAMES)}; known: {', '.join(NAMES)}, "
         "or the path of a URDF or xacro file"
     )
 

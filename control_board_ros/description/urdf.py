@@ -14,6 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..core.joint_kind import JointKind
+from ..urdf_xml import joint_of
 from .chain import cut
 from .geometry import numbers_of
 from .meshes import MeshFinder, MeshPathError, mesh_url
@@ -23,7 +25,7 @@ from .xacro_file import expand, is_xacro
 
 __all__ = ["MOVABLE", "Mimic", "Urdf", "UrdfError", "UrdfJoint", "load", "parse"]
 
-MOVABLE = ("revolute", "continuous", "prismatic")
+MOVABLE = tuple(JointKind)
 FLOATING = "; for a base that floats leave the joint out and set base_fixed to false"
 
 
@@ -48,7 +50,7 @@ class UrdfJoint:
     """
 
     name: str
-    kind: str
+    kind: JointKind
     parent: str
     child: str
     lower: float | None
@@ -178,33 +180,24 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
         )
     if not numbers_of(element.find("axis"), "xyz", (1.0, 0.0, 0.0)).any():
         raise UrdfError(f"{source}: joint {name!r}: its <axis> is zero; give it a direction")
-    limit = element.find("limit")
-    bounds = (
-        {}
-        if limit is None
-        else {
-            key: float(text)
-            for key, text in limit.attrib.items()
-            if key in ("lower", "upper", "effort", "velocity")
-        }
-    )
-    lower, upper = bounds.get("lower", 0.0), bounds.get("upper", 0.0)
-    if kind != "continuous" and not lower < upper:
-        found = "no <limit>" if limit is None else f"lower {lower:g}, upper {upper:g}"
+    told = joint_of(element)
+    bounded = kind != "continuous"
+    unlimited = element.find("limit") is None
+    if bounded and (unlimited or not told.lower < told.upper):
+        found = "no <limit>" if unlimited else f"lower {told.lower:g}, upper {told.upper:g}"
         raise UrdfError(
             f"{source}: joint {name!r} has {found}; give it <limit lower=… upper=…> with "
             "lower < upper, or make it continuous"
         )
-    bounded = kind != "continuous"
     return UrdfJoint(
         name=name,
-        kind=kind,
+        kind=JointKind(kind),
         parent=Tree.parent(element),
         child=Tree.child(element),
-        lower=lower if bounded else None,
-        upper=upper if bounded else None,
-        effort=bounds.get("effort") if bounds.get("effort", 0.0) > 0.0 else None,
-        velocity=bounds.get("velocity") if bounds.get("velocity", 0.0) > 0.0 else None,
+        lower=told.lower if bounded else None,
+        upper=told.upper if bounded else None,
+        effort=told.effort if (told.effort or 0.0) > 0.0 else None,
+        velocity=told.velocity if (told.velocity or 0.0) > 0.0 else None,
         mimic=_mimic(name, element),
         damping=_dynamics(element, "damping"),
         friction=_dynamics(element, "friction"),

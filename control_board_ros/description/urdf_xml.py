@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The XML of a robot description: bounded, without DTD and entities, its numbers checked."""
+"""The XML of a robot description that is loaded: its numbers checked, nothing left for xacro."""
 
 from __future__ import annotations
 
-import codecs
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
-from xml.parsers import expat
 
+from .. import urdf_xml
 from .errors import OneLineError
 
-SIZE_CAP = 5 * 1024 * 1024
-DEPTH_CAP = 64
-ELEMENT_CAP = 50_000
+SIZE_CAP = urdf_xml.SIZE_CAP
 
 
 class UrdfError(OneLineError):
@@ -85,68 +81,8 @@ def check_expanded(data: bytes, root: ET.Element, source: str) -> None:
 
 
 def parse_xml(data: bytes, source: str) -> ET.Element:
-    """XML without DTD and entities, bounded in size, depth and number of elements.
-
-    Blank lines before the XML declaration and zeros at the end of the file are left out; a tag
-    or attribute keeps the prefix of its namespace.
-    """
-    if len(data) > SIZE_CAP:
-        raise UrdfError(f"{source}: larger than {SIZE_CAP >> 20} MiB; no URDF is")
-    if not data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        data = data.rstrip(b"\0")
-    blank = len(data) - len(data.lstrip())
-    if blank == len(data):
-        raise UrdfError(f"{source}: is empty; a URDF begins with <robot name=…>")
-    skipped = data.count(b"\n", 0, blank)
-    return _BoundedParser(lambda line: f"{source}:{skipped + line}", source).parse(data[blank:])
-
-
-class _BoundedParser:
-    """Builds a tree, and refuses what no URDF has.
-
-    Args:
-        place: file and line, for people, of a line of what is parsed.
-        source: the file.
-    """
-
-    def __init__(self, place: Callable[[int], str], source: str) -> None:
-        self._place, self._source = place, source
-        self._parser, self._tree = expat.ParserCreate(), ET.TreeBuilder()
-        self._depth = self._count = 0
-        self._parser.buffer_text = True
-        self._parser.StartDoctypeDeclHandler = self._refuse
-        self._parser.EntityDeclHandler = self._refuse
-        self._parser.StartElementHandler = self._start
-        self._parser.EndElementHandler = self._end
-        self._parser.CharacterDataHandler = self._tree.data
-
-    def parse(self, data: bytes) -> ET.Element:
-        try:
-            self._parser.Parse(data, True)
-            return self._tree.close()
-        except UrdfError:
-            raise
-        except (expat.ExpatError, LookupError, ValueError) as error:
-            at_line = isinstance(error, expat.ExpatError)
-            where = self._place(self._parser.ErrorLineNumber) if at_line else self._source
-            reason = " ".join(str(error).partition(": line ")[0].split())
-            raise UrdfError(f"{where}: not well-formed XML ({reason})") from None
-
-    def _refuse(self, *_: object) -> None:
-        raise UrdfError(
-            f"{self._place(self._parser.CurrentLineNumber)}: document types and entities are not "
-            "allowed in a URDF; remove <!DOCTYPE …>"
-        )
-
-    def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        self._depth, self._count = self._depth + 1, self._count + 1
-        if self._depth > DEPTH_CAP or self._count > ELEMENT_CAP:
-            raise UrdfError(
-                f"{self._place(self._parser.CurrentLineNumber)}: nested deeper than {DEPTH_CAP} "
-                f"or more than {ELEMENT_CAP} elements; no URDF is"
-            )
-        self._tree.start(tag, attributes)
-
-    def _end(self, tag: str) -> None:
-        self._depth -= 1
-        self._tree.end(tag)
+    """As :func:`control_board_ros.urdf_xml.parse_xml`; UrdfError where it is not within bounds."""
+    try:
+        return urdf_xml.parse_xml(data, source)
+    except urdf_xml.XmlError as error:
+        raise UrdfError(str(error)) from None

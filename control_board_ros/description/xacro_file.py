@@ -13,11 +13,35 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from ..text import nearest
 from .urdf_xml import UrdfError
 
 #: A path, and arguments as the command xacro takes them.
 WITH_ARGUMENTS = re.compile(r"(.*?\.xacro)(\s.*)?", re.IGNORECASE | re.DOTALL)
-MAIN = "import xacro; xacro.main()"
+#: xacro takes arguments that no file asks for and says nothing. This is its command, which ends
+#: with UNKNOWN where one was never asked for, and tells the names that were.
+MAIN = """
+import sys, xacro
+
+class Asked(dict):
+    def __contains__(self, name):
+        names.add(name)
+        return super().__contains__(name)
+    def __getitem__(self, name):
+        names.add(name)
+        return super().__getitem__(name)
+
+def process_doc(doc, mappings=None, **options):
+    given.update(mappings or {})
+    return process(doc, mappings=Asked(given), **options)
+
+names, given = set(), {}
+process, xacro.process_doc = xacro.process_doc, process_doc
+xacro.main()
+if given.keys() - names:
+    sys.exit("\\n".join(["UNKNOWN", *sorted(names)]))
+"""
+UNKNOWN = b"UNKNOWN\n"
 TIMEOUT = 60.0  # s; a macro can include itself
 
 
@@ -51,8 +75,19 @@ def expand(path: Path, arguments: Sequence[str] = ()) -> bytes:
         done = subprocess.run(command, capture_output=True, timeout=TIMEOUT, check=False)
     except subprocess.TimeoutExpired:
         raise UrdfError(f"{path}: xacro takes longer than {TIMEOUT:g} s; check macros") from None
+    if done.returncode != 0 and done.stderr.startswith(UNKNOWN):
+        names = done.stderr.decode().split("\n")[1:]
+        raise UrdfError(f"{path}: {unknown_argument(arguments, [n for n in names if n])}")
     if done.returncode != 0:
         said = done.stderr.decode(errors="replace").partition("when processing file")[0]
         reason = " ".join(said.removeprefix("error: ").split())[:300]
         raise UrdfError(f"{path}: xacro does not take it ({reason}); check the file and arguments")
     return done.stdout
+
+
+def unknown_argument(arguments: Sequence[str], known: Sequence[str]) -> str:
+    """What is wrong with the first argument that the file does not ask for."""
+    given = [argument.partition(":=")[0] for argument in arguments]
+    name = next(one for one in given if one not in known)
+    hint = nearest(name, known)
+    return f"argument {name[:64]!r} unknown{hint}; arguments: {', '.join(known) or 'none'}"

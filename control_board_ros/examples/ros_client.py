@@ -43,7 +43,7 @@ def swing(board: ControlBoardClient, joints: list[str], speed: float, seconds: f
         start = due = time.monotonic()
         while (t := due - start) < seconds:
             velocity = speed * math.sin(2.0 * math.pi * t / PERIOD)
-            reply = board.velocity_move(joints, velocity, 4.0 * speed)
+            reply = board.velocity_move(joints, velocity, 4.0 * speed, answered=True)
             if not reply:
                 raise Refused(reply.message)
             due += 1.0 / RATE

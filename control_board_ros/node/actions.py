@@ -21,12 +21,14 @@ from rclpy.task import Future
 
 from ..core.arrival import Outcome
 from ..core.calibration_task import CalibrationTask
+from ..core.group import JointGroup
 from ..core.move_task import MoveTask
 from ..core.poses import PoseTask
-from ..core.robot import AnyBoard
+from ..core.selection import RequestError
 from ..interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
 from .member import Member
 from .messages import bounded, doubles, optional
+from .request_log import RequestLog
 
 #: s between two looks at the goals under way (wall clock), which is the feedback's period.
 PERIOD = 0.05
@@ -35,7 +37,7 @@ RESULT_KEPT = 60
 
 Task = MoveTask | CalibrationTask | PoseTask
 #: What starts a task, with the board held between two cycles.
-Begin = Callable[[AnyBoard], Task]
+Begin = Callable[[JointGroup], Task]
 
 
 def move(request: Any) -> Begin:
@@ -53,7 +55,7 @@ def calibration(request: Any) -> Begin:
     return lambda board: CalibrationTask(board, bounded(request.names, board.count))
 
 
-def feedback_of(board: AnyBoard, task: Task) -> Any:
+def feedback_of(board: JointGroup, task: Task) -> Any:
     """The feedback message of now."""
     if isinstance(task, MoveTask):
         return Move.Feedback(
@@ -89,16 +91,18 @@ class Actions:
         member: whose board moves.
         warn: takes what keeps a goal waiting and what repeats are called, for the throttled log.
         go_to_pose: gives what starts a goal of ~/go_to_pose.
+        requests: takes what becomes of goals.
     """
 
     def __init__(
         self,
         node: Node,
-        member: Member[AnyBoard],
+        member: Member,
         warn: Callable[[str, str], None],
         go_to_pose: Callable[[Any], Begin],
+        requests: RequestLog,
     ) -> None:
-        self._member, self._warn = member, warn
+        self._member, self._warn, self._requests = member, warn, requests
         self._goals: list[Goal] = []
         self._servers: Sequence[ActionServer] = [
             self._server(node, MOVE, move),
@@ -112,13 +116,20 @@ class Actions:
         kind = action.load()
 
         async def execute(handle: Any) -> Any:
+            asked = self._requests.goal(action, handle)
+            if handle.is_cancel_requested:
+                handle.canceled()
+                text = "cancelled before it began"
+                return asked.ended(kind.Result(success=False, message=text))
             try:
                 begin = start(handle.request)
                 with self._member.exclusive() as board:
                     task = begin(board)
             except ValueError as error:
                 handle.abort()
-                return kind.Result(success=False, message=str(error))
+                why = list(map(str, error.codes)) if isinstance(error, RequestError) else []
+                return asked.refused(kind.Result(success=False, message=str(error), codes=why))
+            asked.accepted()
             if self._member.loop.paused:
                 text = "the simulation is paused; let it go on with: cbctl resume"
                 self._warn(f"{action.short} waits: {text}", "times")
@@ -127,7 +138,7 @@ class Actions:
             if len(self._goals) == 1:
                 self._timer.reset()
             outcome = await ended
-            return kind.Result(success=outcome.success, message=outcome.message)
+            return asked.ended(kind.Result(success=outcome.success, message=outcome.message))
 
         return ActionServer(
             node,

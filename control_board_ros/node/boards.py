@@ -1,40 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
 """The boards of a process: the loop that runs them, their nodes, and what is there once.
 
-A board is alone, or one of a robot's parts: then the robot is what the loop runs, the parts are
-shown beside it, and each has a node of its own.
+A board is alone, or has a robot's parts: then each part has a node of its own beside that of the
+whole robot, and all of them offer the same of their joints.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 
 from ..compiled import describe, is_compiled
-from ..core.board import Board
 from ..core.measurement import Plant
-from ..core.robot import AnyBoard, Robot
 from ..interface import DIAGNOSTICS
-from ..settings.loading import Settings
 from ..simulation import made_board
 from ..startup import resume_collection
 from .diagnostics import Diagnostics
 from .lifecycle import make_node, manage
 from .loop import ControlLoop
-from .member import Member
 from .messages import stamp
-from .node import BoardNode
+from .node import ALONE, PART, ROBOT, BoardNode
 from .parameters import Start
 from .publishing import publisher
-from .robot_diagnostics import RobotDiagnostics
-from .robot_node import RobotNode
 from .scheduling import take_priority
+from .shared_parameters import SharedParameters
 from .state_thread import StateThread
 from .throttle import PERIOD
+from .trajectory import followed
 from .transforms import offer_transforms
 
 #: s after the start at which the graph is known well enough to look for another node of this name.
@@ -66,7 +62,7 @@ class Boards:
     ) -> None:
         self.settings = settings = start.settings
         values, simulated = settings.values, bool(settings.ros.get("use_sim_time", False))
-        self.loop: ControlLoop[AnyBoard] = ControlLoop(
+        self.loop = ControlLoop(
             made_board(settings),
             plant,
             state_rate=values["state_rate"],
@@ -76,8 +72,7 @@ class Boards:
         )
         self._start, self._context = start, context
         self.parts: dict[str, BoardNode] = {}
-        self._own = {name: settings.part(name) for name in settings.parts}
-        self.main = self._offer(plant)
+        self.main = self._offer()
         node = self.main.node
         offer_transforms(node, self.loop, self.main.publisher, settings)
         self._boards = [*self.parts.values(), self.main]
@@ -94,19 +89,22 @@ class Boards:
         self._same_name_timer = node.create_timer(SETTLED, self._warn_of_same_name, clock=steady)
         self._tell(simulated)
 
-    def _offer(self, plant: Plant) -> BoardNode | RobotNode:
-        """The node of the whole, and those of its parts."""
-        settings, whole = self.settings, self.loop.whole
-        if isinstance(whole.board, Board):
+    def _offer(self) -> BoardNode:
+        """The nodes of the parts, and last that of the whole."""
+        start, settings, loop = self._start, self.settings, self.loop
+        follower = followed(loop)
+        for name, group in loop.board.parts.items():
+            node = Node(name, **self._arguments(start.namespace))
+            self.parts[name] = BoardNode(
+                node, loop.add_part(group), settings.part(name), self._changed, follower, PART
+            )
+        if not self.parts:
             node = self._main_node("control_board", None)
-            return BoardNode(node, cast(Member[Board], whole), settings, plant, self._changed)
-        for name, board in whole.board.parts.items():
-            node = Node(name, **self._arguments(self._start.namespace))
-            own, member = self._own[name], self.loop.add_part(board)
-            self.parts[name] = BoardNode(node, member, own, plant, self._changed, part=True)
-        node = self._main_node(self._start.name, self._start.namespace)
-        robot = cast(Member[Robot], whole)
-        return RobotNode(node, robot, settings, plant, self.parts, self._changed)
+            return BoardNode(node, loop.whole, settings, self._changed, follower, ALONE)
+        node = self._main_node(start.name, start.namespace)
+        robot = BoardNode(node, loop.whole, settings, self._changed, follower, ROBOT)
+        self._shared_parameters = SharedParameters(robot, self.parts.values())
+        return robot
 
     def _main_node(self, name: str, namespace: str | None) -> Node:
         """The node that may be a managed one: of the whole."""
@@ -119,27 +117,16 @@ class Boards:
             "parameter_overrides": list(self._start.overrides),
         }
 
-    def _make_diagnostics(self) -> Diagnostics | RobotDiagnostics:
-        whole = self._diagnostics_of(self.settings, self.loop.whole)
-        if not self.parts:
-            return whole
-        return RobotDiagnostics(
-            whole,
-            {
-                name: self._diagnostics_of(self._own[name], part.member)
-                for name, part in self.parts.items()
-            },
-        )
-
-    def _diagnostics_of(self, settings: Settings, member: Member[Any]) -> Diagnostics:
+    def _make_diagnostics(self) -> Diagnostics:
+        settings = self.settings
         return Diagnostics(
             self.loop,
             settings.board.names,
             settings.urdf.name,
             settings.board.control_rate,
             [joint.limits.temperature for joint in settings.board.joints],
-            member.snapshots,
             board=self._statuses_of,
+            parts={name: part.joints for name, part in self.loop.board.parts.items()},
         )
 
     @property

@@ -10,7 +10,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..text import clean
 from .name_lock import temporary_folder
+
+#: Characters of a line.
+LONGEST = 2000
 
 
 class KnownError(Exception):
@@ -30,7 +34,7 @@ def say(text: str) -> None:
 def complain(text: str) -> None:
     """One line on standard error, also when nobody listens any more."""
     with contextlib.suppress(OSError, ValueError):
-        print(f"control_board: {text}", file=sys.stderr, flush=True)
+        print(f"control_board: {clean(text, LONGEST)}", file=sys.stderr, flush=True)
 
 
 def settle_stdout() -> None:

@@ -47,7 +47,12 @@ def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
     low, high = row.bounds
     if row.kind is Kind.DOUBLE:
         made.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-        if row.above is not None or isinstance(row.low, str) or isinstance(row.high, str):
+        if (
+            row.or_zero
+            or row.above is not None
+            or isinstance(row.low, str)
+            or isinstance(row.high, str)
+        ):
             made.additional_constraints = row.range_text
     elif row.kind is Kind.INTEGER:
         made.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]

@@ -186,10 +186,23 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
         if inspect.iscoroutine(response):
             self.create_task(self._answer_later, service, header, response)
         else:
+            self._send(service, header, response)
+
+    def _send(self, service: Any, header: Any, response: Any) -> None:
+        """Answer a request; where the response has what no message can, say that instead."""
+        try:
             service.send_response(response, header)
+        except InvalidHandle:
+            raise
+        except Exception as error:  # noqa: BLE001 - who asked waits for an answer
+            name, failed = describe(service), service.srv_type.Response()
+            if hasattr(failed, "success") and hasattr(failed, "message"):
+                failed.message = f"the answer of {name} is no message: {type(error).__name__}"
+            service.send_response(failed, header)
+            self._on_error(error, name)
 
     async def _answer_later(self, service: Any, header: Any, response: Any) -> None:
-        service.send_response(await response, header)
+        self._send(service, header, await response)
 
     def _serve_subscription(self, subscription: Any) -> None:
         callback = subscription.callback

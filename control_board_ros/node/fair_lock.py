@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lock that goes to the thread that waits for it, and the board while it is held."""
+"""A lock that goes to the thread that waits for it, and the joints while it is held."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Generic, TypeVar
 
-from ..core.robot import AnyBoard
-
-B_co = TypeVar("B_co", bound=AnyBoard, covariant=True)
+from ..core.group import JointGroup
 
 
 class FairLock:
@@ -41,18 +38,18 @@ class FairLock:
         self._lock.release()
 
 
-class Exclusive(Generic[B_co]):
-    """What :meth:`ControlLoop.exclusive` gives: the board while the lock is held.
+class Exclusive:
+    """What :meth:`Member.exclusive` gives: a group of joints while the lock is held.
 
     A class, as a generator would cost each request and command 1 µs more.
     """
 
     __slots__ = ("_board", "_end", "_lock")
 
-    def __init__(self, lock: FairLock, board: B_co, end: Callable[[], None]) -> None:
+    def __init__(self, lock: FairLock, board: JointGroup, end: Callable[[], None]) -> None:
         self._lock, self._board, self._end = lock, board, end
 
-    def __enter__(self) -> B_co:
+    def __enter__(self) -> JointGroup:
         self._lock.acquire()
         return self._board
 

@@ -21,9 +21,8 @@ from rclpy.node import Node
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from ..core.group import JointGroup
 from ..core.path import Points, Sample
-from ..core.robot import AnyBoard
-from ..core.robot_trajectory import RobotGoal
 from ..core.selection import RequestError
 from ..core.state import Snapshot
 from ..core.tolerances import Wish
@@ -38,10 +37,11 @@ from ..interface import FOLLOW_JOINT_TRAJECTORY
 from .actions import PERIOD, RESULT_KEPT
 from .member import Member
 from .messages import NANOSECONDS, bounded, doubles, set_stamp
+from .request_log import RequestLog
 from .trajectory import read_points, start_time
 
-#: What starts a goal of a board, or of a robot.
-StartGoal = Callable[[Sequence[str], Points, float, Wishes], TrajectoryGoal | RobotGoal]
+#: What starts a goal.
+StartGoal = Callable[[Sequence[str], Points, float, Wishes], TrajectoryGoal]
 
 
 @dataclass(slots=True, eq=False)
@@ -49,7 +49,7 @@ class Goal:
     """A goal under way: rclpy's handle, what it started, and the future of its end."""
 
     handle: Any
-    task: Any  # of one kind for each server: TrajectoryGoal or RobotGoal
+    task: TrajectoryGoal
     ended: Future
 
 
@@ -62,16 +62,19 @@ class FollowTrajectory:
         start_goal: starts a goal of these joints, points, start time and tolerances; the follower
             that it is for is stepped after the check of this server.
         on_error: told of exceptions that should not be.
+        requests: takes what becomes of goals.
     """
 
     def __init__(
         self,
         node: Node,
-        member: Member[AnyBoard],
+        member: Member,
         start_goal: StartGoal,
         on_error: Callable[[Exception, str], None],
+        requests: RequestLog,
     ) -> None:
         self._member, self._start_goal, self._on_error = member, start_goal, on_error
+        self._requests = requests
         self._logger = node.get_logger()
         self._goal: Goal | None = None
         # before the follower's step: reading and reference agree
@@ -93,6 +96,10 @@ class FollowTrajectory:
 
     async def _execute(self, handle: Any) -> Any:
         """Start a goal, and wait for its end; one that is refused has its code and text, too."""
+        asked = self._requests.goal(FOLLOW_JOINT_TRAJECTORY, handle)
+        if handle.is_cancel_requested:  # it moves nothing, and preempts no other
+            handle.canceled()
+            return asked.ended(result(End(Code.SUCCESSFUL, "cancelled before it began")))
         try:
             self._start(handle)
         except GoalError as error:
@@ -104,10 +111,11 @@ class FollowTrajectory:
             end = End(Code.INVALID_GOAL, "internal error; the board's log tells more")
         else:
             assert self._goal is not None
-            return result(await self._goal.ended)
+            asked.accepted()
+            return asked.ended(result(await self._goal.ended))
         self._logger.warning(f"{FOLLOW_JOINT_TRAJECTORY.short} refused: {end.text}")
         handle.abort()
-        return result(end)
+        return asked.refused(result(end))
 
     def _start(self, handle: Any) -> None:
         request, old = handle.request, self._goal
@@ -118,8 +126,6 @@ class FollowTrajectory:
             task = self._start_goal(joints, points, start, wishes)
             if old is not None:
                 task.take_over(old.task)
-            if handle.is_cancel_requested:  # before it began
-                task.cancel()
             self._goal = Goal(handle, task, Future())
         if old is not None:
             self._finish(old)
@@ -133,7 +139,7 @@ class FollowTrajectory:
                 goal.task.cancel()
         return CancelResponse.ACCEPT
 
-    def _check(self, _board: AnyBoard, _time: float) -> None:
+    def _check(self, _board: JointGroup, _time: float) -> None:
         """In every control cycle."""
         goal = self._goal
         if goal is not None:
@@ -203,7 +209,7 @@ def wishes_of(tolerances: Sequence[Any]) -> list[Wish]:
     return [Wish(one.name, one.position, one.velocity) for one in tolerances]
 
 
-def feedback(board: AnyBoard, task: TrajectoryGoal | RobotGoal) -> Any:
+def feedback(board: JointGroup, task: TrajectoryGoal) -> Any:
     """Where all joints of the board should be and where they are, in the board's order."""
     desired, elapsed = task.desired(), duration(task.elapsed)
     actual = Sample(board.get_encoder(), board.get_encoder_speed(), np.zeros(0))

@@ -22,7 +22,6 @@ from rclpy.lifecycle.managed_entity import ManagedEntity
 from rclpy.node import Node
 
 from ..core.modes import Stage
-from ..core.robot import AnyBoard
 from .member import Member
 
 SUCCESS, ERROR = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.ERROR
@@ -40,9 +39,7 @@ def starts_alone(values: Mapping[str, Any]) -> bool:
     return bool(values["autostart"] if values["lifecycle"] else values["autoconfigure"])
 
 
-def manage(
-    node: Node, member: Member[AnyBoard], values: Mapping[str, Any], on_error: OnError
-) -> None:
+def manage(node: Node, member: Member, values: Mapping[str, Any], on_error: OnError) -> None:
     """Let the node's transitions lead its board; call it before anything runs.
 
     Args:
@@ -70,7 +67,7 @@ def manage(
 class ManagedBoard(ManagedEntity):
     """What the transitions do to the board; rclpy calls it in the executor's thread."""
 
-    def __init__(self, node: Node, member: Member[AnyBoard], on_error: OnError) -> None:
+    def __init__(self, node: Node, member: Member, on_error: OnError) -> None:
         self._log, self._member, self._on_error = node.get_logger(), member, on_error
 
     def on_configure(self, _before: Any) -> TransitionCallbackReturn:

@@ -15,14 +15,21 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable
-from typing import Generic
 
 import numpy as np
 
 from ..core.board import Board
-from ..core.measurement import Actuation, Plant
-from ..core.robot import AnyBoard
-from .fair_lock import B_co, Exclusive, FairLock
+from ..core.group import JointGroup
+from ..core.measurement import (
+    NO_SIMULATION,
+    Actuation,
+    Intake,
+    Measurement,
+    Plant,
+    Simulation,
+)
+from ..core.selection import RequestError
+from .fair_lock import Exclusive, FairLock
 from .member import Member
 from .pacing import Divider, Pacer, Statistics, sharpen_timers
 from .stepping import Stepping
@@ -31,10 +38,10 @@ from .time_base import NANOSECONDS, TimeBase
 #: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
 PAUSED_PERIOD = 0.1
 
-Hook = Callable[[AnyBoard, float], None]
+Hook = Callable[[Board, float], None]
 
 
-class ControlLoop(Generic[B_co]):
+class ControlLoop:
     """Runs a board on a plant, one cycle after the other, in a thread of its own.
 
     Args:
@@ -45,15 +52,16 @@ class ControlLoop(Generic[B_co]):
         simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
         on_end: called when the thread ends, by :meth:`stop` or by a failure.
 
-    Attributes: whole (the board that is run, as a member), snapshots (its), parts (members, too),
+    Attributes: board, whole (it as a member), snapshots (its), parts (members, too),
     hooks (called in every cycle before the tick), exclusive_hooks (called at the end of each use
     of ``exclusive``, of any member); both are called with the lock held. after_lock (called by the
-    control thread whenever it has given the lock back).
+    control thread whenever it has given the lock back), when_shown (calls what it is given
+    when all states that are noted by now are published).
     """
 
     def __init__(
         self,
-        board: B_co,
+        board: Board,
         plant: Plant,
         *,
         state_rate: float = 100.0,
@@ -61,32 +69,35 @@ class ControlLoop(Generic[B_co]):
         simulated_stamps: bool = False,
         on_end: Callable[[], None] = lambda: None,
     ) -> None:
-        self._board, self._plant = board, plant
+        self.board, self._plant = board, plant
+        self._intake = Intake(board.count, board.period)
         self._lock = FairLock()
         self.on_end = on_end
-        self._pacer = Pacer(0.0)
+        self._wake = threading.Event()
+        self._pacer = Pacer(0.0, self._wake)
         self.hooks: list[Hook] = []
         self.exclusive_hooks: list[Callable[[], None]] = []
         self.after_lock: Callable[[], None] = lambda: None
+        self.when_shown: Callable[[Callable[[], None]], None] = lambda done: done()
         self.time_base = TimeBase(
             simulated=simulated_stamps or real_time_factor != 1.0,
             shrinkage=round(0.5 * board.period * NANOSECONDS),
         )
         self.failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
-        self._wake = threading.Event()
         self._stopping = self._paused = False
         self._stepping = Stepping()
         self._states = Divider(state_rate, board.config.control_rate)
         self._set_pace(real_time_factor)
-        self.time_base.note(plant.read().time, time.time_ns())
-        self.parts: list[Member[Board]] = []
+        self.time_base.note(self._read().time, time.time_ns())
+        self.parts: list[Member] = []
+        self._noted = -1, -1  # versions of modes and faults
         self.whole = Member(self, board, self._lock)
         self.snapshots = self.whole.snapshots
 
-    def add_part(self, board: Board) -> Member[Board]:
+    def add_part(self, group: JointGroup) -> Member:
         """Show a part of the board that is run, too; before the start."""
-        part = Member(self, board, self._lock)
+        part = Member(self, group, self._lock)
         self.parts.append(part)
         return part
 
@@ -100,18 +111,29 @@ class ControlLoop(Generic[B_co]):
         """End the thread: joints unpowered, the last state noted; then close the plant.
 
         Returns:
-            False if the thread did not end in time; the plant is then still in its hands.
+            False if the thread did not end in time. A simulation is then still in its hands;
+            another plant is closed, which takes the power off.
         """
         self._stopping = True
         self._wake.set()
         if self._thread.is_alive():
             self._thread.join(timeout)
-            if self._thread.is_alive():
-                return False
-        self._plant.close()
-        return True
+        ended = not self._thread.is_alive()
+        if ended or not isinstance(self._plant, Simulation):
+            self._plant.close()
+        return ended
 
-    def exclusive(self) -> Exclusive[B_co]:
+    def simulation(self) -> Simulation:
+        """The plant, for what only a simulation bears.
+
+        Raises:
+            RequestError: it is none (B4).
+        """
+        if isinstance(self._plant, Simulation):
+            return self._plant
+        raise RequestError(NO_SIMULATION)
+
+    def exclusive(self) -> Exclusive:
         """Hold the lock, between two cycles: ``with loop.exclusive() as board``."""
         return self.whole.exclusive()
 
@@ -124,6 +146,10 @@ class ControlLoop(Generic[B_co]):
 
     def note_changes(self) -> None:
         """Note what has changed; for callers holding the lock. The whole tells of it, at last."""
+        versions = self.board.modes_version, self.board.faults_version
+        if versions == self._noted:
+            return
+        self._noted = versions
         for part in self.parts:
             part.snapshots.note_changes()
         self.snapshots.note_changes()
@@ -162,15 +188,21 @@ class ControlLoop(Generic[B_co]):
 
         Stamps go on from where they are; once simulated and real time have parted, stamps do not
         follow the system's clock any more.
+
+        Raises:
+            RequestError: the plant is no simulation (B4); so for :meth:`pause`, :meth:`step` and
+                :meth:`reset`.
         """
+        self.simulation()
         with self.exclusive():
             if factor != 1.0:
                 self.time_base.free()
             self._set_pace(factor)
+        self._wake.set()
 
     def _set_pace(self, factor: float) -> None:
         self._real_time_factor = factor
-        self._pacer.period = self._board.period / factor if factor > 0.0 else 0.0
+        self._pacer.period = self.board.period / factor if factor > 0.0 else 0.0
         self._pacer.restart()
 
     @property
@@ -180,10 +212,11 @@ class ControlLoop(Generic[B_co]):
 
     def set_state_rate(self, rate: float) -> None:
         """Replace ``snapshots.latest`` so often on average, at most once per cycle."""
-        self._states = Divider(rate, self._board.config.control_rate)
+        self._states = Divider(rate, self.board.config.control_rate)
 
     def pause(self, paused: bool) -> None:
         """Stop or go on between two cycles; steps that have not run yet are dropped."""
+        self.simulation()
         with self.exclusive():
             self._paused = paused
             self._stepping.finish("the simulation was resumed before all steps had run")
@@ -202,6 +235,7 @@ class ControlLoop(Generic[B_co]):
 
         ``on_done`` is called from the control thread.
         """
+        self.simulation()
         with self.exclusive():
             refusal = self._stepping.begin(cycles, on_done, paused=self._paused)
         if not refusal:
@@ -209,17 +243,11 @@ class ControlLoop(Generic[B_co]):
         return refusal
 
     def reset(self) -> None:
-        """Back to the initial pose and power-on; simulated time goes on.
-
-        Raises:
-            TypeError: the plant cannot be reset.
-        """
-        with self.exclusive() as board:
-            reset = getattr(self._plant, "reset", None)
-            if reset is None:
-                raise TypeError("this plant has no reset; it is not a simulation")
-            reset()
-            board.power_cycle()
+        """Back to the initial pose and power-on; simulated time goes on."""
+        simulation = self.simulation()
+        with self.exclusive():
+            simulation.reset()
+            self.board.power_cycle()
             self.note_changes()  # the next cycle may configure it already
 
     # -- the thread ---------------------------------------------------------------------------
@@ -232,8 +260,7 @@ class ControlLoop(Generic[B_co]):
             while not self._stopping:
                 if self._paused:
                     self._stand_still()
-                else:
-                    self._pacer.wait()
+                elif self._pacer.wait():
                     self._cycle()
             self._unpower()
         except Exception as error:  # noqa: BLE001 - main tells, and chooses the exit code
@@ -253,19 +280,22 @@ class ControlLoop(Generic[B_co]):
     def _run_cycle(self) -> None:
         """With the lock held; the reading of t is taken before what is commanded at t acts."""
         show = self._states.pick()
-        measurement = self._plant.read()
+        measurement = self._read()
         if show and not self._paused:
             self.time_base.note(measurement.time, self._pacer.due_time())
         for hook in self.hooks:
-            hook(self._board, measurement.time)
-        self._plant.write(self._board.tick(measurement))
+            hook(self.board, measurement.time)
+        self._plant.write(self.board.tick(measurement))
         self.note_changes()
         if show:
             self._note_state()
         self._stepping.notify_cycle()
         if self._paused and self._stepping.count():
             self._note_state()  # of the last step, before its answer
-            self._stepping.finish()
+            self.when_shown(self._stepping.ended())
+
+    def _read(self) -> Measurement:
+        return self._intake.take(self._plant.read())
 
     def _stand_still(self) -> None:
         """Run the steps asked for, else wait; show the state to newcomers now and then."""
@@ -283,9 +313,9 @@ class ControlLoop(Generic[B_co]):
 
     def _unpower(self) -> None:
         """Every joint without power, one cycle to let it act, and the last state."""
-        with self.exclusive() as board:
-            board.power_off()
-            board.tick(self._plant.read())
+        with self.exclusive():
+            self.board.power_off()
+            self.board.tick(self._read())
             self._cut_power()
             self.note_changes()
             self._note_state()
@@ -294,5 +324,5 @@ class ControlLoop(Generic[B_co]):
         self.after_lock()
 
     def _cut_power(self) -> None:
-        zeros = np.zeros(self._board.count)
+        zeros = np.zeros(self.board.count)
         self._plant.write(Actuation(pwm=zeros, powered=zeros))

@@ -143,10 +143,12 @@ def run_alone(start: Start, ended: threading.Event, at_once: threading.Event) ->
         raise KnownError(4, str(error)) from None
     except (PlantError, ValueError) as error:
         raise KnownError(2, str(error)) from None
-    if refused := take_priority(start.settings.values):
-        complain(refused)
-    failure, unparked = serve(start, plant, ended, at_once)
-    plant.close()
+    try:
+        if refused := take_priority(start.settings.values, getattr(plant, "processes", ())):
+            complain(refused)
+        failure, unparked = serve(start, plant, ended, at_once)
+    finally:
+        plant.close()
     if isinstance(failure, PlantGone):
         raise KnownError(4, str(failure))
     if failure is not None:
@@ -172,7 +174,6 @@ def serve(
 
     from .boards import Boards
     from .executor import KeptWaitSetExecutor
-    from .lifecycle import starts_alone
 
     try:
         rclpy.init(args=start.arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -185,15 +186,12 @@ def serve(
         executor.add_node(node)
     thread = threading.Thread(target=executor.spin, name="executor", daemon=True)
     boards.start()
-    thread.start()
-    await_first_cycles(boards, ended)
-    name, settings = boards.nodes[0].get_fully_qualified_name(), boards.settings
-    parks, modes = bool(settings.values["park_on_exit"]), boards.loop.snapshots.modes.control
-    waits = bool(settings.values["lifecycle"]) and not starts_alone(settings.values)
-    say(welcome(name, settings.board, modes, settings.parts, parks=parks, managed=waits))
-    ended.wait()
-    unparked = park(boards, at_once) if parks and boards.loop.failure is None else ""
-    if not boards.stop():
+    try:
+        thread.start()
+        unparked = attend(boards, ended, at_once)
+    finally:
+        stopped = boards.stop()
+    if not stopped:
         complain("the control loop hangs; the process ends without it")
         os._exit(1)
     executor.end()
@@ -204,6 +202,19 @@ def serve(
             node.destroy_node()
         try_shutdown()
     return boards.loop.failure, unparked
+
+
+def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> str:
+    """Say that the board runs, wait until it is to end, and park; why it is not parked, if so."""
+    from .lifecycle import starts_alone
+
+    await_first_cycles(boards, ended)
+    name, settings = boards.nodes[0].get_fully_qualified_name(), boards.settings
+    parks, modes = bool(settings.values["park_on_exit"]), boards.loop.snapshots.modes.control
+    waits = bool(settings.values["lifecycle"]) and not starts_alone(settings.values)
+    say(welcome(name, settings.board, modes, settings.parts, parks=parks, managed=waits))
+    ended.wait()
+    return park(boards, at_once) if parks and boards.loop.failure is None else ""
 
 
 def park(boards: Boards, at_once: threading.Event) -> str:

@@ -15,7 +15,10 @@ from builtin_interfaces.msg import Time
 from control_board_msgs.msg import JointFault, JointFaults, JointModes
 
 from ..core.faults import FaultRecord
+from ..core.freeze_frame import FreezeFrame
+from ..core.measurement import Row
 from ..core.reply import Reply
+from ..core.state import Reference
 from ..core.vocabs import ControlMode, InteractionMode, Vocab
 
 NANOSECONDS = 1_000_000_000
@@ -49,6 +52,7 @@ def answered(response: Response, reply: Reply) -> Response:
     if hasattr(response, "answers"):
         response.answers = [str(answer) for answer in reply.answers]
         response.reasons = list(reply.reasons) or [""] * len(reply.answers)  # type: ignore[attr-defined]
+        response.codes = list(map(str, reply.codes)) or [""] * len(reply.answers)  # type: ignore[attr-defined]
     return response
 
 
@@ -103,6 +107,39 @@ def joint_fault(record: FaultRecord, raised: int) -> JointFault:
         text=record.text,
         stamp=stamp(raised),
     )
+
+
+#: Rows of the state block that a freeze frame shows.
+FRAME = {
+    "position": Row.POSITION,
+    "velocity": Row.VELOCITY,
+    "torque": Row.TORQUE,
+    "position_reference": Reference.POSITION,
+    "velocity_reference": Reference.VELOCITY,
+    "torque_reference": Reference.TORQUE,
+    "output": Reference.OUTPUT,
+    "current": Row.CURRENT,
+    "temperature": Row.TEMPERATURE,
+}
+
+
+def freeze_frame(
+    response: Response, frame: FreezeFrame, record: FaultRecord, raised: int, torque_sensor: bool
+) -> Response:
+    """A response that has a freeze frame; without a torque sensor the torque is NaN.
+
+    Its stamps are as far from that of the fault, ``raised``, as the readings were.
+    """
+    since = np.rint(NANOSECONDS * (frame.stamps - record.stamp)).astype(np.int64)
+    response.fault = joint_fault(record, raised)  # type: ignore[attr-defined]
+    response.stamps = [stamp(raised + k) for k in since.tolist()]  # type: ignore[attr-defined]
+    for name, row in FRAME.items():
+        values = frame.block[:, row]
+        if row is Row.TORQUE and not torque_sensor:
+            values = np.full(values.shape, np.nan)
+        setattr(response, name, doubles(values))
+    response.motion_done = frame.done.tolist()  # type: ignore[attr-defined]
+    return response
 
 
 def joint_faults(

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One board on a node: publishers, subscriptions, services, actions and parameters.
+"""Joints on a node: publishers, subscriptions, services, actions and parameters.
+
+The joints are those of a board that is alone, of a part of a robot, or of all parts (SPEC R1).
 
 Everything here is wiring. Callbacks run in the executor's thread, one at a time; what they do
 with the board they do between two control cycles (``member.exclusive``).
@@ -7,95 +9,136 @@ with the board they do between two control cycles (``member.exclusive``).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from rclpy.node import Node
 
-from ..core.board import Board
+from ..core.follower import Follower
 from ..core.trajectory_goal import start_goal
-from ..interface import JOINT_STATES, PART_JOINT_STATES
+from ..interface import JOINT_STATES, PART_JOINT_STATES, REQUEST_LOG, Endpoint
 from ..settings.loading import Settings
-from ..settings.schema import BOARD, PART_ROWS
+from ..settings.schema import BOARD, JOINT, PART_ROWS, ROBOT_ROWS, Parameter
 from ..settings.user_poses import UserPoses
 from .actions import Actions
 from .follow_trajectory import FollowTrajectory
 from .member import Member
 from .parameters import Parameters
 from .poses import Poses
-from .publishing import StatePublisher
+from .publishing import StatePublisher, publisher
 from .reporter import Reporter
+from .request_log import RequestLog
 from .services import Services
 from .topics import CommandTopics
-from .trajectory import TrajectoryTopic, followed
+from .trajectory import TrajectoryTopic
 from .yarp_interface import offer_yarp
+
+#: The emergency stop is one for the whole robot.
+EMERGENCY = ("external",)
+#: Of joints, a robot's node shows what a request is checked against; the rest is the parts'.
+LIMITS = tuple(row for row in JOINT if row.name.startswith("limits."))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Role:
+    """What sets a node apart: of a board that is alone, of a part, of a robot of several parts.
+
+    Attributes: board_rows and joint_rows (the parameters that it declares), joint_states (where
+    readings go), below (whether it is a part, whose robot has what is there once), for_all (faults
+    that reach all joints when they are injected, whichever are named), yarp (YARP's interface can
+    be had).
+    """
+
+    board_rows: Sequence[Parameter] = BOARD
+    joint_rows: Sequence[Parameter] = JOINT
+    joint_states: Endpoint = JOINT_STATES
+    below: bool = False
+    for_all: tuple[str, ...] = ()
+    yarp: bool = True
+
+
+ALONE = Role()
+PART = Role(board_rows=PART_ROWS, joint_states=PART_JOINT_STATES, below=True)
+ROBOT = Role(board_rows=ROBOT_ROWS, joint_rows=LIMITS, for_all=EMERGENCY, yarp=False)
 
 
 class BoardNode:
-    """What a board offers on a node of its own; ``Boards`` starts and stops it.
+    """What joints offer on a node of their own; ``Boards`` starts and stops it.
 
     Args:
         node: to offer it on.
-        member: the board, and the loop that runs it.
-        settings: of the board.
-        plant: what the board drives.
+        member: the joints, and the loop that runs them.
+        settings: of the same joints.
         changed: told of run-time parameters that are the loop's, by name and value.
-        part: whether it is a part of a robot, whose node has what is there once.
+        follower: of trajectories, for all joints of the board.
+        role: what sets the node apart.
 
-    Attributes: node, member, reporter, parameters, publisher, follower (of trajectories),
-    on_reconfigured (told of parameters of joints that were changed here, by name and value).
+    Attributes: node, member, reporter, parameters, publisher, on_reconfigured (told of parameters
+    of joints that were changed here, by name and value).
     """
 
     def __init__(
         self,
         node: Node,
-        member: Member[Board],
+        member: Member,
         settings: Settings,
-        plant: Any,
         changed: Callable[[str, Any], None],
-        *,
-        part: bool = False,
+        follower: Follower,
+        role: Role = ALONE,
     ) -> None:
         self.node, self.member = node, member
         self.on_reconfigured: Callable[[Mapping[str, Any]], None] = lambda _: None
+        self.requests = requests = RequestLog(publisher(node, REQUEST_LOG), member)
         self.reporter = reporter = Reporter(node)
         injection = bool(settings.values["allow_fault_injection"])
-        rows = PART_ROWS if part else BOARD
-        self.parameters = Parameters(node, settings, self._reconfigure, changed, rows)
-        self.publisher = StatePublisher(
+        self.parameters = Parameters(
             node,
-            member,
-            settings.board.names,
-            None if part else settings.description,
-            PART_JOINT_STATES if part else JOINT_STATES,
+            settings,
+            self._reconfigure,
+            changed,
+            role.board_rows,
+            role.joint_rows,
         )
-        self.follower = follower = followed(member)
+        names = settings.board.names
+        description = None if role.below else settings.description
+        self.publisher = StatePublisher(node, member, names, description, role.joint_states)
         self._trajectories = TrajectoryTopic(member, follower, reporter.warn)
-        self._services = Services(member, plant, injection, self._later, follower.stop)
-        self._poses = Poses(
-            member, settings.board.names, settings.poses, UserPoses(settings.urdf.name)
-        )
-        reporter.offer_services(self._services, self._poses)
+        stop = partial(follower.stop, member.board)
+        self._services = Services(member, injection, self._later, stop, role.for_all)
+        self._poses = Poses(member, names, settings.poses, UserPoses(settings.urdf.name))
+        reporter.offer_services(requests, self._services, self._poses)
         self._commands = CommandTopics(
             member,
-            plant,
             injection=injection,
             joint_trajectory=self._trajectories.on_message,
             warn=reporter.warn,
         )
         self._subscriptions = reporter.subscribe(self._commands.callbacks().items())
-        self._subscriptions += offer_yarp(
-            node, member, settings.values, self.publisher, reporter, part=part
-        )
-        self._actions = Actions(node, member, reporter.warn, self._poses.move)
+        if role.yarp:
+            self._subscriptions += offer_yarp(
+                node,
+                member,
+                settings.values,
+                self.publisher,
+                reporter,
+                requests,
+                part=role.below,
+            )
+        self._actions = Actions(node, member, reporter.warn, self._poses.move, requests)
         self._follow_trajectory = FollowTrajectory(
-            node, member, partial(start_goal, follower, member.board), reporter.on_error
+            node,
+            member,
+            partial(start_goal, follower, member.board),
+            reporter.on_error,
+            requests,
         )
 
     def publish(self) -> None:
         """One round of the thread that publishes: what is new, and the log."""
         self.publisher.publish()
+        self.requests.publish()
         self.reporter.log_events(self.member.snapshots)
 
     def each_second(self) -> None:

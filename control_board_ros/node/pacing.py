@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import ctypes
+import math
+import threading
 import time
 from dataclasses import dataclass
 from fractions import Fraction
@@ -12,11 +14,14 @@ import numpy as np
 
 #: Periods that the loop may lag before it gives up catching up and skips the rest.
 MAX_LAG = 100
+#: s before a deadline from which on the thread sleeps exactly, and is not woken.
+EXACT = 0.05
 #: Lateness values kept between two looks at the statistics.
 KEPT = 1 << 14
 PR_SET_TIMERSLACK = 29
-#: Two clocks that are read within so long count as read at once, ns; tries to read them so.
+#: Two clocks that are read within so long count as read at once, ns.
 AT_ONCE = 20_000
+#: Tries to read them so.
 TRIES = 4
 
 
@@ -44,12 +49,13 @@ class Pacer:
 
     Args:
         period: wall-clock time from one cycle to the next, s; 0 = no waiting at all.
+        wake: ends a long wait before the cycle is due.
 
     Attributes: due (when the present cycle was to begin, s of the monotonic clock).
     """
 
-    def __init__(self, period: float) -> None:
-        self.period = period
+    def __init__(self, period: float, wake: threading.Event | None = None) -> None:
+        self.period, self._wake = period, wake or threading.Event()
         self.cycles = self.overruns = self.skipped = 0
         self._lateness = np.zeros(KEPT)
         self._kept = 0
@@ -61,14 +67,23 @@ class Pacer:
         """The next cycle is due in a period: after a start, a pause or a change of the period."""
         self._deadline = time.monotonic() + self.period
 
-    def wait(self) -> None:
-        """Sleep until the next cycle is due, and note how late it starts."""
-        self.cycles += 1
+    def wait(self) -> bool:
+        """Sleep until the next cycle is due, and note how late it starts.
+
+        Returns:
+            False if it was woken: the cycle is not due yet, and the deadline may have changed.
+        """
         period = self.period
         if period <= 0.0:
+            self.cycles += 1
             self.due = time.monotonic()
-            return
+            return True
         ahead = self._deadline - time.monotonic()
+        if ahead > EXACT:
+            if self._woken(ahead - EXACT):
+                return False
+            ahead = self._deadline - time.monotonic()
+        self.cycles += 1
         if ahead > 0.0:
             time.sleep(ahead)
             late = time.monotonic() - self._deadline
@@ -79,6 +94,14 @@ class Pacer:
         self._kept = kept + 1
         self.due = self._deadline
         self._deadline += period
+        return True
+
+    def _woken(self, timeout: float) -> bool:
+        """Whether somebody wakes the thread meanwhile."""
+        woken = self._wake.wait(timeout)
+        if woken:
+            self._wake.clear()
+        return woken
 
     def due_time(self) -> int:
         """The system's time when the present cycle was to begin, ns."""
@@ -142,10 +165,10 @@ def system_ahead() -> int:
     A thread that loses the processor between the two readings would tell of a clock that was
     set; such readings are taken again, and the closest pair counts.
     """
-    best, ahead = 0, 0
-    for tried in range(TRIES):
+    best, ahead = math.inf, 0
+    for _ in range(TRIES):
         begun, now, ended = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
-        if not tried or ended - begun < best:
+        if ended - begun < best:
             best, ahead = ended - begun, now - (begun + ended) // 2
         if best < AT_ONCE:
             break

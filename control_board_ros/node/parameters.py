@@ -17,11 +17,14 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
+from ..core import stability
+from ..core.measurement import NO_SIMULATION
 from ..settings.loading import Settings, load_layers
 from ..settings.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
 from ..settings.parts import PARTS, PARTS_ROW, ROBOT
 from ..settings.poses import POSITION_ROW, SPEED, SPEED_ROW, values_of
 from ..settings.schema import BOARD, JOINT, JOINT_DEFAULTS, Parameter
+from ..text import clean
 from .declaring import Declaration, declare
 
 NODE = "control_board"
@@ -166,6 +169,8 @@ class Parameters:
             by name and value.
         board_rows: Those of the board that are declared.
         joint_rows: Those of each joint.
+
+    Attributes: settings, reconfigure.
     """
 
     def __init__(
@@ -178,7 +183,7 @@ class Parameters:
         joint_rows: Sequence[Parameter] = JOINT,
     ) -> None:
         self.settings = settings
-        self._reconfigure, self._changed, self._node = reconfigure, changed, node
+        self.reconfigure, self._changed, self._node = reconfigure, changed, node
         declarations = self._declarations(board_rows, joint_rows)
         self._declared = {one.name for one in declarations}
         declare(node, declarations)
@@ -221,6 +226,8 @@ class Parameters:
                     f"use_sim_time: {value} is not allowed now; the time base is chosen at the "
                     f"start, with -p use_sim_time:={str(value).lower()}"
                 )
+            if name == "real_time_factor" and value != 1.0 and self.settings.values["plant"]:
+                return f"real_time_factor: {value} is not allowed; {NO_SIMULATION}"
             if name == "state_rate" and isinstance(value, float) and value > control_rate:
                 return (
                     f"state_rate: {value:g} is not allowed; at most control_rate, "
@@ -243,14 +250,22 @@ class Parameters:
         try:
             settings = self.settings.changed(changes)
             if settings.board != self.settings.board:
-                self._reconfigure(settings, changes)
+                self.reconfigure(settings, changes)
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         self.settings = settings
         for name, value in changes.items():
             if "." not in name:
                 self._changed(name, value)
-        return SetParametersResult(successful=True)
+        self._warn(changes)
+        return SetParametersResult(successful=True)  # rclpy passes no reason of a success on
+
+    def _warn(self, changes: Iterable[str]) -> None:
+        """Log what no loop bears of the joints that were changed; it acts all the same."""
+        joints = {name.partition(".")[0] for name in changes if "." in name}
+        for name, text in stability.warnings(self.settings.board).items():
+            if name.partition(".")[0] in joints:
+                self._node.get_logger().warning(clean(text))
 
 
 def same(one: Any, other: Any) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any
 
 from ..core.pose import Pose
 from ..core.poses import start_parking
@@ -31,7 +30,7 @@ class Parking:
     Attributes: reason (why the robot is not parked; empty when it is).
     """
 
-    def __init__(self, member: Member[Any], pose: Pose, tell: Callable[[float], None]) -> None:
+    def __init__(self, member: Member, pose: Pose, tell: Callable[[float], None]) -> None:
         self._member, self._pose, self._tell = member, pose, tell
         self._left = threading.Event()
         self.reason = "a second signal came"

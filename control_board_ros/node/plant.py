@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..core.measurement import Plant
+from ..plants.errors import PlantSettingsError
 from ..sim.plant import SimulatedPlant
 from .parameters import Start
 
@@ -20,11 +21,22 @@ def make_plant(start: Start) -> tuple[Start, Plant]:
     settings = start.settings
     if not (name := settings.values["plant"]):
         return start, SimulatedPlant(settings.board, settings.simulation)
-    from ..plants.entry_points import make  # for those who have one
-    from ..plants.guarded import GuardedPlant
+    from ..plants.apart import PlantApart  # for those who have one
+    from ..plants.entry_points import make
+    from ..plants.guarded import GuardedPlant, patience
+    from ..plants.interface import RobotPlant
     from ..plants.offers import within
 
-    theirs = make(name, settings.board.names, settings.values["plant_arguments"])
-    settings = within(settings, name, theirs.describe())
+    joints, arguments = settings.board.names, settings.values["plant_arguments"]
     timeout = settings.values["plant_timeout"]
+    theirs: RobotPlant
+    if settings.values["plant_process"]:
+        theirs = PlantApart(name, joints, arguments, patience(timeout, settings.board.period))
+    else:
+        theirs = make(name, joints, arguments)
+    try:
+        settings = within(settings, name, theirs.describe())
+    except PlantSettingsError:
+        theirs.close()
+        raise
     return replace(start, settings=settings), GuardedPlant(theirs, settings.board, timeout)

@@ -7,14 +7,14 @@ The user's file is read and written outside of the loop's lock: a slow disk make
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any
 
+from ..core.group import JointGroup
 from ..core.pose import Pose
 from ..core.poses import PoseTask, made_pose, pose_now
-from ..core.robot import AnyBoard
 from ..core.selection import RequestError
 from ..settings.user_poses import UserPoses
+from ..text import nearest
 from .member import Member
 from .messages import bounded, doubles
 
@@ -31,7 +31,7 @@ class Poses:
 
     def __init__(
         self,
-        member: Member[AnyBoard],
+        member: Member,
         names: Sequence[str],
         configured: Mapping[str, Pose],
         user: UserPoses,
@@ -79,7 +79,7 @@ class Poses:
 
     # -- moves --------------------------------------------------------------------------------
 
-    def move(self, request: Any) -> Callable[[AnyBoard], PoseTask]:
+    def move(self, request: Any) -> Callable[[JointGroup], PoseTask]:
         """What starts the move of a goal of ~/go_to_pose.
 
         Raises:
@@ -109,9 +109,8 @@ class Poses:
                 f"pose {name!r} of {self._user.path} is of other joints, {others}; "
                 "mend the names, or ask the board that has them"
             )
-        near = get_close_matches(name[:64], list(poses), n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
-        raise RequestError(f"pose {name[:64]!r} unknown; {hint}poses: {', '.join(poses)}")
+        hint = nearest(name, poses)
+        raise RequestError(f"pose {name[:64]!r} unknown{hint}; poses: {', '.join(poses)}")
 
     def _all(self) -> dict[str, Pose]:
         """All poses by name.

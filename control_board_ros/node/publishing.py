@@ -17,7 +17,6 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from ..core.robot import AnyBoard
 from ..core.state import Snapshot
 from ..interface import (
     CLOCK,
@@ -73,7 +72,7 @@ class StatePublisher:
     def __init__(
         self,
         node: Node,
-        member: Member[AnyBoard],
+        member: Member,
         names: tuple[str, ...],
         description: str | None,
         joint_states: Endpoint = JOINT_STATES,

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import inspect
+import time
 import traceback
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -11,6 +13,7 @@ from rclpy.node import Node
 
 from ..interface import SERVICES, Endpoint
 from .command_subscription import CommandSubscription
+from .request_log import RequestLog
 from .snapshots import Snapshots
 from .throttle import ThrottledLog, writers
 
@@ -57,11 +60,14 @@ class Reporter:
         """Tell how often what was held back was repeated; to be called once a second."""
         self._throttled.flush()
 
-    def offer_services(self, *offered: Any) -> None:
-        """Offer every service of a board: one of ``offered`` has a method of each one's name."""
+    def offer_services(self, requests: RequestLog, *offered: Any) -> None:
+        """Offer every service of a board: one of ``offered`` has a method of each one's name.
+
+        What they answer is noted in ``requests``.
+        """
         for service in SERVICES:
             by = next(one for one in offered if hasattr(one, service.short))
-            callback = self._answering(service, getattr(by, service.short))
+            callback = self._answering(service, getattr(by, service.short), requests.answered)
             self._node.create_service(
                 service.load(), service.name, callback, qos_profile=service.qos.profile()
             )
@@ -75,11 +81,24 @@ class Reporter:
             for topic, callback in callbacks
         ]
 
-    def _answering(self, service: Endpoint, callback: Any) -> Any:
-        """A service's callback that always answers, and never raises."""
+    def _answering(self, service: Endpoint, callback: Any, note: Callable[..., None]) -> Any:
+        """A service's callback that always answers, notes it, and never raises."""
         name, kind = service.short, service.load()
 
+        async def later(request: Any, response: Any, begun: float) -> Any:
+            made = await response
+            note(service, request, made, begun)
+            return made
+
         def answer(request: Any, response: Any) -> Any:
+            begun = time.perf_counter()
+            made = answered(request, response)
+            if inspect.iscoroutine(made):
+                return later(request, made, begun)
+            note(service, request, made, begun)
+            return made
+
+        def answered(request: Any, response: Any) -> Any:
             try:
                 return callback(request, response)
             except ValueError as error:

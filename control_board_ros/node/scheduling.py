@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import getpass
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 
-def take_priority(values: Mapping[str, Any]) -> str:
+def take_priority(values: Mapping[str, Any], others: Sequence[int] = ()) -> str:
     """Apply ``realtime_priority`` and ``niceness`` to all threads, present and future.
+
+    Args:
+        values: parameters by name.
+        others: ids of further processes.
 
     A simulation that runs as fast as it can is never preferred, for it would take a whole core:
     it stays as it was started, by ``nice`` or without.
@@ -25,14 +29,15 @@ def take_priority(values: Mapping[str, Any]) -> str:
     priority, niceness = int(values["realtime_priority"]), int(values["niceness"])
     if priority:
         try:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+            for process in (0, *others):
+                os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))
         except OSError as error:
             return refusal(f"realtime_priority {priority}", error, "rtprio", priority)
         return ""
     if niceness < 0 and not values["real_time_factor"]:
         return ""
     try:
-        for thread in map(int, os.listdir("/proc/self/task")):
+        for thread in (*map(int, os.listdir("/proc/self/task")), *others):
             os.setpriority(os.PRIO_PROCESS, thread, niceness)
     except OSError as error:
         return refusal(f"niceness {niceness}", error, "nice", niceness)

@@ -7,17 +7,28 @@ whole and becomes the response's message.
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Awaitable, Callable, Collection, Sequence
 from typing import Any
 
 from rclpy.task import Future
 
+from ..core.group import JointGroup
+from ..core.measurement import Simulation
 from ..core.reply import Reply
-from ..core.robot import AnyBoard
 from ..core.selection import RequestError
 from .member import Member
-from .messages import answered, bounded, codes, doubles, joint_fault, optional
+from .messages import (
+    answered,
+    bounded,
+    codes,
+    doubles,
+    freeze_frame,
+    joint_fault,
+    optional,
+)
+from .topics import send
 
 
 class Services:
@@ -25,8 +36,7 @@ class Services:
 
     Args:
         member: whose board is asked.
-        plant: the simulation, for faults.
-        injection: whether faults may be injected.
+        injection: whether faults may be injected into a simulation.
         later: runs a function in the executor's thread; safe to call from any thread.
         stop: stops the motion of joints, trajectories as well; called with the lock held.
         for_all: faults that reach all joints, whichever are named.
@@ -34,55 +44,42 @@ class Services:
 
     def __init__(
         self,
-        member: Member[AnyBoard],
-        plant: Any,
+        member: Member,
         injection: bool,
         later: Callable[[Callable[[], None]], None],
         stop: Callable[[Sequence[str]], Reply],
         for_all: Collection[str] = (),
     ) -> None:
         self._member, self._loop = member, member.loop
-        self._plant, self._injection = plant, injection
+        self._injection = injection
         self._later, self._stop, self._for_all = later, stop, for_all
 
     # -- modes --------------------------------------------------------------------------------
 
     def set_control_mode(self, request: Any, response: Any) -> Any:
-        return self._set_modes(
-            request, response, lambda board: (board.set_control_mode, board.get_control_mode)
-        )
+        return self._set_modes(request, response, lambda board: board.set_control_mode)
 
     def get_control_mode(self, request: Any, response: Any) -> Any:
         return self._get_modes(request, response, lambda board: board.get_control_mode)
 
     def set_interaction_mode(self, request: Any, response: Any) -> Any:
-        return self._set_modes(
-            request,
-            response,
-            lambda board: (board.set_interaction_mode, board.get_interaction_mode),
-        )
+        return self._set_modes(request, response, lambda board: board.set_interaction_mode)
 
     def get_interaction_mode(self, request: Any, response: Any) -> Any:
         return self._get_modes(request, response, lambda board: board.get_interaction_mode)
 
     def _set_modes(
-        self,
-        request: Any,
-        response: Any,
-        methods: Callable[[AnyBoard], tuple[Callable[..., Reply], Callable[..., list[Any]]]],
+        self, request: Any, response: Any, method: Callable[[JointGroup], Callable[..., Reply]]
     ) -> Any:
-        """Set modes, and show those that joints are in then; ``methods`` of the board do that."""
+        """Set modes, and show those that joints are in then; ``method`` of the board sets them."""
         with self._member.exclusive() as board:
-            set_modes, get_modes = methods(board)
             joints = bounded(request.names, board.count)
-            reply = set_modes(joints, bounded(request.modes, board.count))
-            if reply.joints:
-                response.names = list(reply.joints)
-                response.modes = codes(get_modes(reply.joints))
+            reply = method(board)(joints, bounded(request.modes, board.count))
+        response.names, response.modes = list(reply.joints), codes(reply.modes)
         return answered(response, reply)
 
     def _get_modes(
-        self, request: Any, response: Any, method: Callable[[AnyBoard], Callable[..., list[Any]]]
+        self, request: Any, response: Any, method: Callable[[JointGroup], Callable[..., list[Any]]]
     ) -> Any:
         """Show modes as texts and vocabs; ``method`` of the board reads them."""
         with self._member.exclusive() as board:
@@ -101,6 +98,20 @@ class Services:
         return succeeded(response)
 
     # -- references ---------------------------------------------------------------------------
+
+    def send_reference(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            reply = send(
+                board,
+                request.kind,
+                bounded(request.names, board.count),
+                optional(request.values),
+                optional(request.along),
+                together=request.together,
+            )
+        response.names = list(reply.joints)
+        response.values = doubles(reply.values or [math.nan] * len(reply.joints))
+        return answered(response, reply)
 
     def set_impedance(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
@@ -149,11 +160,38 @@ class Services:
 
     def get_faults(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
-            joints = board.selector.select(bounded(request.names, board.count)).joints
+            joints = self._joints(board, request)
             self._member.snapshots.note_changes()
             faults = self._member.snapshots.faults
-        response.faults = [joint_fault(faults.records[j], faults.raised[j]) for j in joints]
+        found = faults.by_name()
+        response.faults = [joint_fault(*found[name]) for name in joints]
         return succeeded(response)
+
+    def recover(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            reply = board.recover(bounded(request.names, board.count), partial=request.partial)
+        response.names, response.modes = list(reply.joints), codes(reply.modes)
+        response.wait = doubles(reply.waits)
+        return answered(response, reply)
+
+    def emergency_stop(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            board.emergency_stop(request.data)
+        if self._loop.paused:
+            response.message = "the simulation is paused: it acts with the next cycle"
+            return succeeded(response)
+        return self._after_a_cycle(response)
+
+    def get_freeze_frame(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            joint = board.get_config(request.name)[0]
+            frame = board.get_freeze_frame(request.name)
+            self._member.snapshots.note_changes()
+            faults = self._member.snapshots.faults.by_name()
+        if frame is None:
+            raise RequestError(f"{request.name} has had no fault since the board was started")
+        record, raised = faults[request.name]
+        return succeeded(freeze_frame(response, frame, record, raised, joint.torque_sensor))
 
     def configure(self, _request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
@@ -167,22 +205,19 @@ class Services:
     # -- simulation ---------------------------------------------------------------------------
 
     def inject_fault(self, request: Any, response: Any) -> Any:
-        self._require_injection()
+        simulation = self._injectable()
         with self._member.exclusive() as board:
             names = self._joints(board, request)
             if request.fault in self._for_all:
                 names = list(board.names)
-            for name in names:
-                self._plant.inject(name, request.fault, request.persistent)
+            simulation.inject(names, request.fault, request.persistent)
         return succeeded(response)
 
     def clear_injected_faults(self, _request: Any, response: Any) -> Any:
-        self._require_injection()
+        simulation = self._injectable()
         with self._member.exclusive() as board:
-            self._plant.clear_injected(board.names)
-        seen = Future()  # with the next reading, so that FORCE_IDLE is not refused any more
-        self._loop.after_cycle(lambda: self._later(lambda: seen.set_result("")))
-        return answered_later(response, seen)
+            simulation.clear_injected(board.names)
+        return self._after_a_cycle(response)  # FORCE_IDLE is not refused any more
 
     def pause(self, request: Any, response: Any) -> Any:
         self._loop.pause(request.data)
@@ -201,14 +236,23 @@ class Services:
         self._loop.reset()
         return succeeded(response)
 
-    def _require_injection(self) -> None:
+    def _after_a_cycle(self, response: Any) -> Any:
+        """Answer when the next reading has been seen."""
+        seen = Future()
+        self._loop.after_cycle(lambda: self._later(lambda: seen.set_result("")))
+        return answered_later(response, seen)
+
+    def _injectable(self) -> Simulation:
+        """The simulation, where faults may be injected."""
+        simulation = self._loop.simulation()
         if not self._injection:
             raise RequestError(
                 "fault injection is off; start the node with allow_fault_injection: true"
             )
+        return simulation
 
     @staticmethod
-    def _joints(board: AnyBoard, request: Any) -> list[str]:
+    def _joints(board: JointGroup, request: Any) -> list[str]:
         """The names of the joints that a request reads; RequestError where one is unknown."""
         return list(board.selector.select(bounded(request.names, board.count)).names)
 

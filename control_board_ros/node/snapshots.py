@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from ..core.events import BoardEvent
 from ..core.faults import FaultRecord
-from ..core.robot import AnyBoard
+from ..core.group import JointGroup
 from ..core.state import Snapshot
 from ..core.vocabs import ControlMode, InteractionMode
 from .time_base import TimeBase
@@ -44,6 +44,14 @@ class StampedFaults:
     raised: list[int]
     stamp: int
 
+    def by_name(self) -> dict[str, tuple[FaultRecord, int]]:
+        """The same by joint."""
+        return {record.name: (record, at) for record, at in self.each()}
+
+    def each(self) -> Iterator[tuple[FaultRecord, int]]:
+        """The record of each joint, and when it was raised."""
+        return zip(self.records, self.raised, strict=True)
+
 
 class Snapshots:
     """The newest snapshots of a board.
@@ -55,7 +63,7 @@ class Snapshots:
     (called after a snapshot was replaced, from the thread that did it; must return at once).
     """
 
-    def __init__(self, board: AnyBoard, base: TimeBase) -> None:
+    def __init__(self, board: JointGroup, base: TimeBase) -> None:
         self._board, self._base = board, base
         self.on_change: Callable[[], None] = lambda: None
         self.events: deque[BoardEvent] = deque(maxlen=EVENTS_KEPT)

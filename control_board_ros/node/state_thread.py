@@ -10,9 +10,9 @@ the interpreter from each other a hundred times a simulated second.
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from queue import SimpleQueue
-from typing import Any
 
 from .loop import ControlLoop
 from .pacing import sharpen_timers
@@ -29,15 +29,17 @@ class StateThread:
         rounds: what is done in each round; after an exception the next ones follow.
     """
 
-    def __init__(self, loop: ControlLoop[Any], rounds: Sequence[Round]) -> None:
+    def __init__(self, loop: ControlLoop, rounds: Sequence[Round]) -> None:
         self._rounds, self._loop = rounds, loop
         self._wakes: SimpleQueue[None] = SimpleQueue()
+        self._due: deque[Callable[[], None]] = deque()  # called when what is noted is published
         self._noted = False  # of the control thread alone
         self._publishing = threading.Lock()
         self._running = True
         self._thread = threading.Thread(target=self._run, name="state", daemon=True)
         loop.snapshots.on_change = self._note
         loop.after_lock = self._publish_what_is_noted
+        loop.when_shown = self._due.append
 
     def start(self) -> None:
         """Start to publish."""
@@ -86,8 +88,11 @@ class StateThread:
 
     def _round(self) -> None:
         with self._publishing:
+            due = [self._due.popleft() for _ in range(len(self._due))]
             for publish, on_error in self._rounds:
                 try:
                     publish()
                 except Exception as error:  # noqa: BLE001 - the next state may pass
                     on_error(error, "state publisher")
+            for done in due:
+                done()

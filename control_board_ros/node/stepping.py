@@ -27,24 +27,26 @@ class Stepping:
             paused: whether simulated time stands still.
         """
         if not paused:
-            return (
-                "~/step needs a paused simulation, and this one runs; "
-                "call ~/pause with data: true first"
-            )
+            return "step needs a paused simulation, and this one runs; pause it first: ~/pause"
         if self.left:
-            return f"~/step refused: {self.left} cycles of the last one are still to run"
+            return f"step refused: {self.left} cycles of the last one are still to run"
         if cycles <= 0:
             return f"steps: {cycles} is not allowed; a number of control cycles above 0"
         self.left, self._on_steps = cycles, on_done
         return ""
+
+    def ended(self) -> Callable[[], None]:
+        """All steps have run: what answers who asked for them."""
+        done, self._on_steps = self._on_steps, None
+        return lambda: done("") if done is not None else None
 
     def count(self) -> bool:
         """One of the steps has run; whether it was the last one."""
         self.left -= 1
         return not self.left
 
-    def finish(self, message: str = "") -> None:
-        """Answer who asked for the steps, why they did not all run; none is left."""
+    def finish(self, message: str) -> None:
+        """Answer who asked for the steps why they did not all run; none is left."""
         done, self._on_steps, self.left = self._on_steps, None, 0
         if done is not None:
             done(message)

@@ -6,12 +6,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ..core.board import Board
 from ..core.follower import Follower
+from ..core.group import JointGroup
 from ..core.path import MAX_POINTS, Points, make_path
-from ..core.robot import AnyBoard
-from ..core.robot_trajectory import RobotFollower
+from ..core.reply import Reply
 from ..core.selection import RequestError
+from .loop import ControlLoop
 from .member import Member
 from .messages import NANOSECONDS, bounded
 from .time_base import TimeBase
@@ -35,18 +35,18 @@ def read_points(message: Any) -> Points:
     )
 
 
-def start_time(stamp: Any, board: AnyBoard, base: TimeBase) -> float:
+def start_time(stamp: Any, board: JointGroup, base: TimeBase) -> float:
     """When a trajectory with this stamp begins, time of the board, s; 0 means now."""
     nanoseconds = stamp.sec * NANOSECONDS + stamp.nanosec
     return (nanoseconds - base.offset) / NANOSECONDS if nanoseconds else board.time
 
 
-def followed(member: Member[Board]) -> Follower:
-    """A follower of a board, which the control loop steps; for callers holding the loop's lock."""
-    with member.exclusive() as board:
-        follower = Follower(board)
-    member.loop.hooks.append(lambda _board, time: follower.step(time))
-    member.loop.exclusive_hooks.append(follower.check)
+def followed(loop: ControlLoop) -> Follower:
+    """The follower of a loop's board, which the loop steps."""
+    with loop.exclusive():
+        follower = Follower(loop.board)
+    loop.hooks.append(lambda _board, time: follower.step(time))
+    loop.exclusive_hooks.append(follower.check)
     return follower
 
 
@@ -54,35 +54,35 @@ class TrajectoryTopic:
     """Takes trajectories and lets the control loop follow them.
 
     Args:
-        member: whose board follows, or whose robot.
-        follower: of the board or robot.
-        warn: takes a message for the throttled log.
+        member: whose joints follow.
+        follower: of the board.
+        warn: takes a message and what repeats are called, for the throttled log.
     """
 
     def __init__(
         self,
-        member: Member[AnyBoard],
-        follower: Follower | RobotFollower,
-        warn: Callable[[str], None],
+        member: Member,
+        follower: Follower,
+        warn: Callable[..., None],
     ) -> None:
         self._member, self._follower, self._warn = member, follower, warn
 
     def on_message(self, message: Any) -> None:
         """A trajectory; header.stamp says when it begins, 0 means now; without points: an end."""
         with self._member.exclusive() as board:
-            text = self._take(board, message)
-        if text:
-            self._warn(f"trajectory: {text}")
+            reply = self._take(board, message)
+        if reply is not None and reply.message:
+            self._warn(f"trajectory: {reply.message}", "times" if reply else "ignored")
 
-    def _take(self, board: AnyBoard, message: Any) -> str:
+    def _take(self, board: JointGroup, message: Any) -> Reply | None:
         joints = bounded(message.joint_names, board.count)
         try:
             names = board.selector.select(joints).names
             if not message.points:
                 self._follower.hold(names, "a trajectory without points came")
-                return ""
+                return None
             path = make_path(names, *read_points(message))
         except RequestError as error:
-            return board.reject(joints, f"refused, {error}").message
+            return board.reject(joints, f"refused, {error}")
         start = start_time(message.header.stamp, board, self._member.loop.time_base)
-        return self._follower.follow(names, path, start).message
+        return self._follower.follow(names, path, start)

@@ -35,7 +35,7 @@ FIRST_MARK = 0x01020304
 
 
 def offer_transforms(
-    node: Node, loop: ControlLoop[Any], states: StatePublisher, settings: Settings
+    node: Node, loop: ControlLoop, states: StatePublisher, settings: Settings
 ) -> None:
     """Publish /tf with every state and /tf_static at once, where ``publish_tf`` is set.
 

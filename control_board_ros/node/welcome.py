@@ -6,14 +6,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from ..core.arrival import unit
 from ..core.config import BoardConfig, JointConfig
+from ..core.joint_kind import ENDLESS
 from ..core.modes import ACCEPTS, CALIBRATES, CONFIGURED, MOVES
 from ..core.vocabs import CommandKind, ControlMode
 from ..interface import CONFIGURE, POSITION_COMMAND, SET_CONTROL_MODE
 
-#: A range that no joint has, rad or m: that of one without limits.
-ENDLESS = 1e5
 #: More characters than a table of plain terminals has.
 WIDE = 80
 
@@ -67,11 +65,9 @@ def table(
     columns: dict[str, list[str]] = {
         **({"part": [owner[joint.name] for joint in joints]} if owner else {}),
         "joint": [joint.name for joint in joints],
-        "limits": [travel(joint, joint.limits.lower, joint.limits.upper) for joint in joints],
-        "stops": [
-            travel(joint, joint.limits.hard_lower, joint.limits.hard_upper) for joint in joints
-        ],
-        "speed": [speed(joint) for joint in joints],
+        "limits": [one.kind.travel(one.limits.lower, one.limits.upper) for one in joints],
+        "stops": [one.kind.travel(one.limits.hard_lower, one.limits.hard_upper) for one in joints],
+        "speed": [one.kind.velocity(one.limits.velocity) for one in joints],
         "modes": [" ".join(mode.code for mode in joint.control_modes) for joint in joints],
     }
     if columns["limits"] == columns["stops"]:
@@ -92,31 +88,12 @@ def rows(columns: Mapping[str, Sequence[str]]) -> list[str]:
     return ["  ".join(line).rstrip() for line in zip(*cells, strict=True)]
 
 
-def travel(joint: JointConfig, lower: float, upper: float) -> str:
-    """A range of positions: ``-168.0…168.0°``, ``0.0…40.0 mm``."""
-    if not upper - lower < ENDLESS:
-        return "endless"
-    if unit(joint.kind) == "m":
-        return f"{lower * 1e3:z.1f}…{upper * 1e3:z.1f} mm"
-    return f"{math.degrees(lower):z.1f}…{math.degrees(upper):z.1f}°"
-
-
-def speed(joint: JointConfig) -> str:
-    """The largest speed: ``85.0°/s``, ``200.0 mm/s``."""
-    fastest = joint.limits.velocity
-    if unit(joint.kind) == "m":
-        return f"{fastest * 1e3:.1f} mm/s"
-    return f"{math.degrees(fastest):.1f}°/s"
-
-
 def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
     """When to try what with cbctl, such that the joint takes it."""
     if MOVES not in joint.control_modes:
         return "Try", [f"modes {joint.name}"]
     target = first_target(joint)
-    value = (
-        f"{target * 1e3:.3g}mm" if unit(joint.kind) == "m" else f"{math.degrees(target):.3g}deg"
-    )
+    value = f"{target * joint.kind.shown_factor:.3g}{joint.kind.choose('deg', 'mm')}"
     words = [f"mode {joint.name} {MOVES.code}", f"move {joint.name}={value}"]
     if mode in CALIBRATES:
         return "When they have calibrated, try", words
@@ -135,7 +112,7 @@ def transitions(name: str) -> str:
 
 def first_target(joint: JointConfig) -> float:
     """A position to try: 30 degrees or 20 mm, or what is well within the joint's limits."""
-    wanted = 0.02 if unit(joint.kind) == "m" else math.radians(30.0)
+    wanted = joint.kind.choose(math.radians(30.0), 0.02)
     low, high = joint.limits.lower, joint.limits.upper
     margin = 0.1 * (high - low) if high - low < ENDLESS else 0.0
     return min(max(wanted, low + margin), high - margin)

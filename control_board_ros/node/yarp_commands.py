@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..core.board import Board
 from ..core.commands import COMMANDS
+from ..core.group import JointGroup
 from ..core.modes import MOVES
 from ..core.reply import Answer, Reply, accepted, joints_of
 from ..core.selection import RequestError
@@ -20,7 +20,7 @@ from ..core.vocabs import CommandKind
 
 
 def send(
-    board: Board, kind: CommandKind, names: Sequence[str], values: Any, along: Any = None
+    board: JointGroup, kind: CommandKind, names: Sequence[str], values: Any, along: Any = None
 ) -> Reply:
     """Send references of one kind.
 
@@ -50,7 +50,7 @@ def send(
 
 
 def without_repeats(
-    board: Board, names: Sequence[str], positions: Any, speeds: Any
+    board: JointGroup, names: Sequence[str], positions: Any, speeds: Any
 ) -> tuple[Sequence[str], Any, Any] | None:
     """Names, positions and speeds of the moves that are new; None where none is.
 

@@ -7,6 +7,7 @@ and every refusal has its word in ``response`` and its reason in ``opt_descr``.
 
 from __future__ import annotations
 
+import time
 from array import array
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -15,8 +16,8 @@ from typing import Any
 from rclpy.node import Node
 from std_msgs.msg import Int8MultiArray, Int32MultiArray
 
-from ..core.board import Board
 from ..core.commands import COMMANDS
+from ..core.group import JointGroup
 from ..core.selection import RequestError, Selection
 from ..core.state import Snapshot
 from ..interface import ENDPOINTS, YARP, Endpoint
@@ -26,6 +27,7 @@ from .member import Member
 from .messages import bounded, doubles, optional
 from .publishing import StatePublisher, publisher
 from .reporter import Reporter
+from .request_log import RequestLog, left_out
 from .yarp_commands import send
 from .yarp_words import (
     GET_NAME_ERROR,
@@ -54,10 +56,11 @@ FAILURES = {"set_modes": SET_ERROR, "get_joints_names": GET_NAME_ERROR}
 
 def offer_yarp(
     node: Node,
-    member: Member[Board],
+    member: Member,
     values: Mapping[str, Any],
     states: StatePublisher,
     reporter: Reporter,
+    requests: RequestLog,
     *,
     part: bool = False,
 ) -> list[CommandSubscription]:
@@ -69,6 +72,7 @@ def offer_yarp(
         values: the parameters.
         states: tells the modes along with every state.
         reporter: of the node.
+        requests: takes what services answer.
         part: whether it is a part of a robot, with names below its own.
 
     Returns:
@@ -76,7 +80,7 @@ def offer_yarp(
     """
     if not values["yarp_interface"]:
         return []
-    offered = YarpInterface(member, reporter.warn, reporter.on_error)
+    offered = YarpInterface(member, reporter.warn, reporter.on_error, requests)
     states.also.append(offered.mode_publisher(node, "~/" if part else ""))
     if not values["yarp_msgs_name"]:
         return []
@@ -106,15 +110,18 @@ class YarpInterface:
         member: the board that is asked.
         warn: takes what was ignored or bounded, and the word to count it by, for the log.
         on_error: told of exceptions that should not be.
+        requests: takes what services answer.
     """
 
     def __init__(
         self,
-        member: Member[Board],
+        member: Member,
         warn: Callable[[str, str], None],
         on_error: Callable[[Exception, str], None],
+        requests: RequestLog,
     ) -> None:
         self._member, self._warn, self._on_error = member, warn, on_error
+        self._requests = requests
 
     # -- topics -------------------------------------------------------------------------------
 
@@ -159,6 +166,16 @@ class YarpInterface:
         failure = FAILURES.get(name, RETRIEVE_ERROR)
 
         def answer(request: Any, response: Any) -> Any:
+            begun = time.perf_counter()
+            made = answered(request, response)
+            if not left_out(service):
+                said, text = made.response == OK, made.opt_descr
+                self._requests.note(
+                    service, "answered", request, made, begun, success=said, message=text
+                )
+            return made
+
+        def answered(request: Any, response: Any) -> Any:
             try:
                 response.opt_descr = ask(request, response)
                 response.response = OK
@@ -182,7 +199,7 @@ class YarpInterface:
         with self._member.exclusive() as board:
             joints = chosen(board, request.names, INVALID)
             asked = wanted(request.modes, len(joints.names))
-            reply = board.requests.request_together(joints, asked)
+            reply = board.request(joints, asked)
         if not reply:
             raise RefusedError(SET_ERROR, reply.message)
         return reply.message
@@ -196,7 +213,7 @@ class YarpInterface:
         return ""
 
     def _measured(
-        self, request: Any, method: Callable[[Board], Callable[..., Floats]]
+        self, request: Any, method: Callable[[JointGroup], Callable[..., Floats]]
     ) -> array[float]:
         with self._member.exclusive() as board:
             joints = chosen(board, request.names, NAMES_ERROR).names
@@ -225,7 +242,7 @@ class YarpInterface:
         return ""
 
 
-def chosen(board: Board, names: Sequence[str], word: str) -> Selection:
+def chosen(board: JointGroup, names: Sequence[str], word: str) -> Selection:
     """The joints that a request names, all for none; else it is refused with a word."""
     try:
         return board.selector.select(bounded(names, board.count))
@@ -233,7 +250,7 @@ def chosen(board: Board, names: Sequence[str], word: str) -> Selection:
         raise RefusedError(word, str(error)) from None
 
 
-def require_reading(board: Board) -> None:
+def require_reading(board: JointGroup) -> None:
     """Refuse to tell a measurement that there is not."""
     if not board.cycle:
         raise RefusedError(RETRIEVE_ERROR, "nothing is measured yet; ask again")

@@ -7,6 +7,7 @@ import ipaddress
 import logging
 import socket
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import uvicorn
@@ -78,6 +79,8 @@ def run(
     *,
     read_only: bool,
     answer_timeout: float,
+    takeover: float,
+    recordings: Path,
     announce: Callable[[list[str]], None],
     report: Callable[[str], None],
 ) -> None:
@@ -89,6 +92,8 @@ def run(
         port: to listen on; 0: a free one.
         read_only: nobody may operate.
         answer_timeout: s that a board has to answer.
+        takeover: s that the operator has to answer who asks to take over.
+        recordings: folder that recordings go into, each into its own.
         announce: called with the addresses to open, before the first is served.
         report: called with lines for the log.
 
@@ -99,7 +104,14 @@ def run(
     try:
         port = listening.getsockname()[1]
         token = security.new_token()
-        hub = Hub(node, read_only=read_only, answer_timeout=answer_timeout, report=report)
+        hub = Hub(
+            node,
+            read_only=read_only,
+            answer_timeout=answer_timeout,
+            report=report,
+            answer_time=takeover,
+            recordings=recordings,
+        )
         app = make_app(hub, token, port, own_names(host), report)
         announce(addresses(host, port, token))
         server = uvicorn.Server(config_of(app))

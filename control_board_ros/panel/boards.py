@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections import deque
@@ -12,24 +13,31 @@ from typing import Any
 from rclpy.node import Node
 
 from control_board_ros.client import BoardError, ControlBoardClient
+from control_board_ros.client.joint_names import joint_names
 from control_board_ros.client.state import seconds
 from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import (
     COMMAND_TOPICS,
     FAULTS,
+    HEARTBEAT,
     MODES,
+    MOST_JOINTS,
+    NOTES,
+    REQUEST_LOG,
     ROBOT_DESCRIPTION,
     STATE,
     Endpoint,
 )
+from control_board_ros.joint_limits import FIELDS, JointLimits, limit_parameters, limits_of
+from control_board_ros.text import clean, clean_name, clean_names
 
 from . import robot
 from .listening import Newest
 
 #: s within which what comes back over ROS is taken for what the panel has sent itself.
 OWN = 2.0
-#: Parameters of a joint that the page draws, and what stands for one that a board does not tell.
-LIMITS = ("lower", "upper", "velocity", "acceleration", "torque", "output")
+#: s without a state of a board that is watched, after which it is listened for anew.
+SILENCE = 5.0
 
 
 class Board:
@@ -42,7 +50,8 @@ class Board:
         answer_timeout: s to wait for an answer.
 
     Attributes: name, number, client, state (heard while somebody watches; else None), robot (its
-    description), info (for the page; empty until it is known), modes and faults (for the page).
+    description), info (for the page; empty until it is known), modes and faults (for the page),
+    measured (a program of the panel's own commands it).
     """
 
     def __init__(self, node: Node, name: str, number: int, answer_timeout: float) -> None:
@@ -57,10 +66,16 @@ class Board:
         self.modes: dict[str, Any] = {}
         self.faults: dict[str, Any] = {"faults": []}
         self.targets: list[float] = []
+        self.measured = False
+        self._notes: Any = None
         self._modes = Newest(node, MODES, name)
         self._faults = Newest(node, FAULTS, name)
         self._description = Newest(node, ROBOT_DESCRIPTION, name)
-        self._commands = {topic: Newest(node, topic, name) for topic in COMMAND_TOPICS}
+        self._commands = {
+            topic: Newest(node, topic, name) for topic in COMMAND_TOPICS if topic is not HEARTBEAT
+        }
+        self._requests = Newest(node, REQUEST_LOG, name)
+        self._requests_known = False  # the first one heard may be an old one
         self._sent = deque[tuple[float, Endpoint, tuple[str, ...], tuple[float, ...]]](maxlen=256)
         self._asked = -math.inf
 
@@ -69,9 +84,23 @@ class Board:
         self.watch(on=False)
         for heard in (self._modes, self._faults, self._description):
             heard.close()
-        for heard in self._commands.values():
+        for heard in (*self._commands.values(), self._requests):
             heard.close()
+        if self._notes is not None:
+            self._node.destroy_publisher(self._notes)
         self.client.close()
+
+    def is_recorded(self) -> bool:
+        """Whether a recorder hears what is noted of it."""
+        if self._notes is None:
+            self._notes = self._node.create_publisher(NOTES.load(), NOTES.of(self.name), 10)
+        return bool(self._notes.get_subscription_count())
+
+    def note(self, text: str) -> bool:
+        """Write into the recordings of it; false where there are none."""
+        if recorded := self.is_recorded():
+            self._notes.publish(NOTES.load()(data=text))
+        return recorded
 
     def watch(self, *, on: bool) -> None:
         """Hear its state from now on, or no more: a hundred messages a second cost something."""
@@ -99,45 +128,72 @@ class Board:
 
     def hear(self) -> dict[str, Any]:
         """What is new since the last call, for the page, by kind."""
+        if self.state is not None and time.monotonic() - self.state.heard >= SILENCE:
+            self._renew()
         news: dict[str, Any] = {}
         if (modes := self._modes.take_read()) is not None:
-            changes = self._changes(modes)
-            self.modes = {
-                "names": list(modes.names),
-                "control": list(modes.control_modes),
-                "interaction": list(modes.interaction_modes),
-            }
-            news["modes"] = self.modes
+            heard = shown_modes(modes)
+            changes = self._changes(heard)
+            news["modes"] = self.modes = heard
             if changes and time.monotonic() - self._asked > OWN:
                 news["elsewhere"] = changes
         if (faults := self._faults.take_read()) is not None:
-            self.faults = {"faults": [shown_fault(fault) for fault in faults.faults]}
+            self.faults = {"faults": [shown_fault(one) for one in faults.faults[:MOST_JOINTS]]}
             news["faults"] = self.faults
         if (description := self._description.take_read()) is not None:
             self.robot = robot.read(description.data, f"mesh/{self.number}/")
             news["robot"] = True
         return news
 
-    def _changes(self, modes: Any) -> str:
+    def _renew(self) -> None:
+        """Hear the board by new subscriptions: the old ones hear it no more."""
+        heard = (self.state, self._modes, self._faults, self._description)
+        for one in (*heard, *self._commands.values(), self._requests):
+            if one is not None:
+                one.renew()
+
+    def _changes(self, modes: dict[str, Any]) -> str:
         """Which joints changed their control mode, and to what."""
         before = dict(zip(self.names, self.modes.get("control", ()), strict=True))
-        now = zip(modes.names, modes.control_modes, strict=True)
+        now = zip(modes["names"], modes["control"], strict=True)
         changed = [(name, mode) for name, mode in now if before.get(name, mode) != mode]
         words = [f"{name} {before[name]} → {mode}" for name, mode in changed[:3]]
         return ", ".join(words) + (f" and {len(changed) - 3} more" if len(changed) > 3 else "")
 
     def overhear(self) -> list[str]:
         """What other programs command, in words: the newest on each topic."""
-        found = []
+        found: list[str] = []
+        if self.measured:
+            self.asking()
         for topic, heard in self._commands.items():
             raw = heard.take()
             if raw is None:
                 continue
             message = heard.read()
-            names, values = tuple(getattr(message, "names", ())), first_values(message)
-            if not self._was_sent(topic, names, values):
+            names, values = tuple(names_of(message)), first_values(message)
+            if not self.measured and not self._was_sent(topic, names, values):
                 found.append(f"{topic.short}: {in_words(names, values)}")
+        if (asked := self._requests.take_read()) is not None and self._requests_known:
+            found += self._asked_elsewhere(asked)
+        self._requests_known = True
         return found
+
+    def _asked_elsewhere(self, asked: Any) -> list[str]:
+        """A request of another program in words; nothing where it is the panel's own."""
+        names, values, what = tuple(names_of(asked)), tuple[float, ...](), asked.name
+        try:
+            fields = json.loads(asked.request)
+            if isinstance(fields, dict) and "values" in fields:  # a reference, as on its topic
+                what = f"{fields['kind']}"
+                values = tuple(float(value) for value in fields["values"])
+        except (TypeError, ValueError, KeyError, RecursionError):
+            return [f"{clean(asked.name)}, with fields that are not to be read"]
+        topic = next((t for t in COMMAND_TOPICS if t.short == f"command/{what}"), None)
+        if topic is not None and self._was_sent(topic, names, values):
+            return []
+        if topic is None and time.monotonic() - self._asked <= OWN:
+            return []
+        return [f"{clean(what)}: {in_words(names, values)}"]
 
     def asking(self) -> None:
         """The panel itself asks for something: changes of modes that follow are its own."""
@@ -179,18 +235,13 @@ class Board:
 
     async def _limits(self, names: list[str]) -> dict[str, list[float | None]]:
         """The limits in force, by kind; of a board that does not tell, what its URDF says."""
-        wanted = [f"{name}.limits.{kind}" for kind in LIMITS for name in names]
         try:
-            values = list((await self.client.aio.get_parameters(wanted)).values())
+            values = await self.client.aio.get_parameters(limit_parameters(names))
+            known = limits_of(names, values.values())
         except (BoardError, RequestError):
-            stops = [self.robot.stops.get(name, (-math.inf, math.inf)) for name in names]
-            values = [q for ends in zip(*stops, strict=True) for q in ends]
-            values += [math.inf] * (len(LIMITS) - 2) * len(names)
-        n = len(names)
-        return {
-            kind: [finite(value) for value in values[n * k : n * (k + 1)]]
-            for k, kind in enumerate(LIMITS)
-        }
+            known = {}
+        rows = [known.get(n) or JointLimits(*self.robot.stops.get(n, ())) for n in names]
+        return {field: [finite(getattr(row, field)) for row in rows] for field in FIELDS}
 
     async def ask_targets(self) -> bool:
         """Ask for the targets of moves; whether they are new.
@@ -205,9 +256,8 @@ class Board:
     def torque_reference(self, joint: str) -> float | None:
         """The torque in force for a joint, N·m; None where its state is not heard."""
         state = None if self.state is None else self.state.take_read() or self.state.read()
-        if state is None or joint not in state.names:
-            return None
-        return finite(state.torque_reference[list(state.names).index(joint)])
+        torques = dict(zip(state.names, state.torque_reference, strict=False)) if state else {}
+        return finite(torques.get(joint))
 
 
 def finite(value: Any) -> float | None:
@@ -215,14 +265,45 @@ def finite(value: Any) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
 
+def shown_modes(message: Any) -> dict[str, Any]:
+    """A JointModes message for the page.
+
+    Raises:
+        RequestError: it is none of a board.
+    """
+    return {
+        "names": list(joint_names(message.names)),
+        "control": list(map(clean_name, fitting(message, "control_modes"))),
+        "interaction": list(map(clean_name, fitting(message, "interaction_modes"))),
+    }
+
+
+def fitting(message: Any, field: str) -> Any:
+    """A field with one entry per name.
+
+    Raises:
+        RequestError: it has another number of them.
+    """
+    values, count = getattr(message, field), len(message.names)
+    if len(values) != count:
+        raise RequestError(f"a message with {count} names and {len(values)} {field} is left out")
+    return values
+
+
 def shown_fault(fault: Any) -> dict[str, Any]:
     """A JointFault for the page."""
     return {
-        "name": fault.name,
+        "name": clean_name(fault.name),
         "code": fault.code,
-        "text": fault.text,
+        "text": clean(fault.text),
         "stamp": seconds(fault.stamp),
     }
+
+
+def names_of(message: Any) -> Sequence[str]:
+    """The joints that a command names; none: all of them."""
+    names: Sequence[str] = getattr(message, "names", ()) or getattr(message, "joint_names", ())
+    return names
 
 
 def first_values(message: Any) -> tuple[float, ...]:
@@ -238,5 +319,7 @@ def in_words(names: Sequence[str], values: Sequence[float]) -> str:
     """References for people, in the board's units; the first three."""
     if not names:
         return "all joints"
-    pairs = [f"{name} {value:.4g}" for name, value in zip(names, values, strict=False)]
+    shown = clean_names(names)
+    pairs = [f"{name} {value:.4g}" for name, value in zip(shown, values, strict=False)]
+    pairs = pairs or list(shown)  # of a trajectory
     return ", ".join(pairs[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")

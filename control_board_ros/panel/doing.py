@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
+from functools import partial
 from typing import Any
 
 from control_board_ros.core.reply import Reply
@@ -18,14 +19,33 @@ Progress = Callable[[float, str], None]
 CONTROLLERS = ("position", "direct", "torque", "current")
 
 
+#: What to do next, by the code of a reply, in the words of the page.
+ADVICE = {
+    "in_fault": "clear the fault",
+    "uncalibrated": "calibrate it in its details",
+    "not_configured": "configure the board",
+    "other_mode": "choose another mode",
+    "emergency_stop": "release the emergency stop",
+}
+
+
 def told(reply: Reply) -> dict[str, Any]:
     """A reply for the page."""
     answers = {name: str(answer) for name, answer in zip(reply.joints, reply.answers, strict=True)}
-    return {"ok": bool(reply), "message": reply.message, "answers": answers}
+    steps = [ADVICE[code] for code in dict.fromkeys(reply.codes) if code in ADVICE]
+    message = "; ".join(filter(None, (reply.message, ", then ".join(steps))))
+    return {"ok": bool(reply), "message": message, "answers": answers}
 
 
 async def mode(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     return told(await board.client.aio.set_control_mode(given["joints"] or None, given["mode"]))
+
+
+async def recover(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    """Back to the modes before a fault; the answer has the times to wait, s."""
+    partial = given.get("partial", False)
+    reply = await board.client.aio.recover(given["joints"] or None, partial)
+    return told(reply) | {"waits": dict(zip(reply.joints, reply.waits, strict=False))}
 
 
 async def interaction(board: Board, given: Given, _: Progress) -> dict[str, Any]:
@@ -42,7 +62,13 @@ async def position(board: Board, given: Given, _: Progress) -> dict[str, Any]:
 async def direct(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     names, targets = given["joints"] or board.names, given["positions"]
     board.sending(POSITION_DIRECT_COMMAND, names, targets)
-    return told(await board.client.aio.set_position(names, *one_or_many(given)))
+    return told(await board.client.aio.set_position(names, *one_or_many(given), answered=True))
+
+
+async def targets(board: Board, _given: Given, _: Progress) -> dict[str, Any]:
+    """Where the moves go that are under way, whoever commanded them."""
+    await board.ask_targets()
+    return {"ok": True, "message": "", "targets": board.targets}
 
 
 async def move(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
@@ -55,8 +81,8 @@ async def move(board: Board, given: Given, progress: Progress) -> dict[str, Any]
         whole = max(whole, left)
         progress(1.0 - left / whole if whole > 0.0 else 1.0, f"{left:.1f} s")
 
-    aio, names = board.client.aio, given["joints"] or board.names
-    return told(await aio.move(names, *one_or_many(given), feedback=feedback))
+    move = partial(board.client.aio.move, feedback=feedback)
+    return told(await move(given["joints"] or board.names, *one_or_many(given)))
 
 
 def one_or_many(given: Given) -> list[Any]:
@@ -69,7 +95,7 @@ async def send_held(board: Board, kind: str, joint: str, value: float) -> Reply:
     """Send what a control that is held asks for."""
     topic, _, _, method = HELD[kind]
     board.sending(topic, [joint], [value])
-    reply: Reply = await getattr(board.client.aio, method)(joint, value)
+    reply: Reply = await getattr(board.client.aio, method)(joint, value, answered=True)
     return reply
 
 
@@ -165,9 +191,11 @@ Doer = Callable[[Board, Given, Progress], Awaitable[dict[str, Any]]]
 #: What goes to one board; the rest is the hub's own.
 DOERS: dict[str, Doer] = {
     "mode": mode,
+    "recover": recover,
     "interaction": interaction,
     "position": position,
     "direct": direct,
+    "targets": targets,
     "move": move,
     "impedance": impedance,
     "speed": speed,

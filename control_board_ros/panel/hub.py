@@ -7,7 +7,9 @@ import asyncio
 import itertools
 import json
 import time
+from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from rclpy.node import Node
@@ -16,12 +18,15 @@ from control_board_ros.client import BoardError
 from control_board_ros.client.discovery import Discovery
 from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import MODES
+from control_board_ros.text import clean
 
 from .boards import Board
 from .browser import Browser
+from .lease import ANSWER_TIME
 from .listening import OperatorTopic
 from .operating import Operating
 from .operators import LOOK_ROUND, Operators, Topic
+from .recordings import Recordings
 from .requests import KINDS, BadRequest, Request, parse
 
 #: Frames a second of a few joints, and of many.
@@ -30,6 +35,12 @@ FAST, SLOW, MANY = 60.0, 30.0, 16
 HEAR, OVERHEAR, TARGETS, DISCOVER = 0.05, 0.5, 1.0, 1.0
 #: s between questions for the limits of a board.
 INFO = 30.0
+
+
+#: Entries of the log that somebody who comes sees.
+HISTORY = 500
+#: Complaints that are known not to be new.
+COMPLAINTS = 100
 
 
 class Hub:
@@ -42,8 +53,11 @@ class Hub:
         report: called with a line for the log of the program.
         topic: where panels of the domain say who operates; None: that of ROS.
         look_round: s to look for other panels first.
+        answer_time: s that the operator has to answer who asks to take over.
+        recordings: where recordings go; None: ``recordings`` in the working directory.
 
-    Attributes: boards (by name), browsers (by number), read_only, operating, operators.
+    Attributes: boards (by name), browsers (by number), read_only, operating, operators,
+    recordings.
     """
 
     def __init__(
@@ -55,21 +69,29 @@ class Hub:
         report: Callable[[str], None],
         topic: Topic | None = None,
         look_round: float = LOOK_ROUND,
+        answer_time: float = ANSWER_TIME,
+        recordings: Path | None = None,
     ) -> None:
         self.read_only, self._report = read_only, report
         self.boards: dict[str, Board] = {}
         self.browsers: dict[int, Browser] = {}
         self.operating = Operating(self)
         self.operators = Operators(
-            self, topic or OperatorTopic(node), look_round, self.operating.dismiss
+            self,
+            topic or OperatorTopic(node),
+            look_round,
+            answer_time,
+            self.operating.dismiss,
         )
+        self.recordings = Recordings(recordings or Path("recordings"), self.tell_recordings)
         self._node, self._answer_timeout = node, answer_timeout
         self._discovery = Discovery(node, "", MODES.of(""), 0.0, 0.0)
         self._numbers, self._board_numbers = itertools.count(1), itertools.count()
         self._asked: dict[str, float] = {}
         self._known = set[str]()
         self._heard = 0.0
-        self._complaint = ""
+        self._complaints = set[str]()
+        self._history = deque[dict[str, Any]](maxlen=HISTORY)
 
     # Browsers
 
@@ -80,6 +102,8 @@ class Hub:
         browser.tell("hello", you=browser.number, read_only=self.read_only)
         for board in self.boards.values():
             self._introduce(board, browser)
+        browser.tell("recordings", **self.recordings.shown())
+        browser.tell("history", entries=list(self._history))
         self.tell_boards()
         self.operators.enter(browser)
         return browser
@@ -104,9 +128,15 @@ class Hub:
         shown = [{"name": b.name, "number": b.number} for b in self.boards.values()]
         self.tell_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
 
+    def tell_recordings(self) -> None:
+        """Tell what is recorded, and which reports there are."""
+        self.tell_all("recordings", **self.recordings.shown())
+
     def log(self, who: str, what: str, **more: Any) -> None:
-        """Tell everybody what was done."""
-        self.tell_all("log", who=who, what=what, **more)
+        """Tell everybody what was done, also those who come later; at is in s since 1970."""
+        entry = {"at": time.time(), "who": who, "what": what} | more
+        self._history.append(entry)
+        self.tell_all("log", **entry)
 
     def _introduce(self, board: Board, browser: Browser) -> None:
         for what in ("info", "modes", "faults"):
@@ -144,7 +174,8 @@ class Hub:
         commands = KINDS[request.do].commands
         if self.read_only and (commands or request.do in ("operate", "hand_over")):
             raise BadRequest("the panel is read-only; start it without --read-only", request.id)
-        if commands and request.do != "stop":
+        stops = request.do == "stop" or (request.do == "estop" and request.given["on"])
+        if commands and not stops:  # who watches may stop, too
             self.operators.check(browser, request)
         if request.board and request.board not in self.boards:
             raise BadRequest(f"no board {request.board}; it may have ended", request.id)
@@ -161,6 +192,7 @@ class Hub:
                 group.create_task(self._every(lambda: DISCOVER, self._discover))
                 group.create_task(self.operating.run())
         finally:
+            await self.recordings.close()
             self.operators.close()
             for board in self.boards.values():
                 board.close()
@@ -177,10 +209,12 @@ class Hub:
             await asyncio.sleep(due - time.monotonic())
 
     def _complain(self, text: str) -> None:
-        """Report it, unless it was the last thing reported."""
-        if text != self._complaint:
-            self._complaint = text
-            self._report(text)
+        """Report it, unless it was reported already."""
+        if text not in self._complaints:
+            if len(self._complaints) >= COMPLAINTS:
+                self._complaints.clear()
+            self._complaints.add(text)
+            self._report(clean(text))
 
     def _watched(self) -> set[str]:
         return {name for browser in self.browsers.values() for name in browser.watched}
@@ -220,7 +254,11 @@ class Hub:
     def _hear(self) -> None:
         """Pass on modes, faults and descriptions, and who operates."""
         for board in list(self.boards.values()):
-            news = board.hear()
+            try:
+                news = board.hear()
+            except Exception as error:  # noqa: BLE001  (whoever speaks ROS can send nonsense)
+                self._complain(f"{board.name}: {type(error).__name__}: {error}")
+                continue
             for what in ("modes", "faults"):
                 if what in news:
                     self.tell_all(what, board=board.name, **news[what])
@@ -233,7 +271,12 @@ class Hub:
     async def _overhear(self) -> None:
         """Tell what other programs command."""
         for board in list(self.boards.values()):
-            for words in board.overhear():
+            try:
+                heard = board.overhear()
+            except Exception as error:  # noqa: BLE001  (as above)
+                self._complain(f"{board.name}: {type(error).__name__}: {error}")
+                continue
+            for words in heard:
                 self.log("another program", f"{board.name} {words}", board=board.name)
 
     async def _targets(self) -> None:
@@ -254,6 +297,8 @@ class Hub:
                 self.tell_targets(board)
         except (BoardError, RequestError) as error:
             self._complain(f"{board.name}: {error}")
+        except Exception as error:  # noqa: BLE001  (whoever speaks ROS can send nonsense)
+            self._complain(f"{board.name}: {type(error).__name__}: {error}")
 
     def tell_targets(self, board: Board) -> None:
         """Tell where the joints of a board are going."""

@@ -20,12 +20,13 @@ class Lease:
     """The operator, and who asks to take over.
 
     Attributes: holder (None: nobody), asking (None: nobody), until (s, when silence means yes;
-    where another panel holds the lease, that panel counts).
+    where another panel holds the lease, that panel counts), answer_time (s).
     """
 
     holder: Who | None = None
     asking: Who | None = None
     until: float = math.inf
+    answer_time: float = ANSWER_TIME
 
     def ask(self, who: Who, now: float) -> str:
         """Somebody wants to operate.
@@ -40,8 +41,8 @@ class Lease:
             return "somebody else is asking already; wait for the operator's answer"
         if self.asking is None:
             self.asking = who
-            self.until = now + ANSWER_TIME if isinstance(self.holder, int) else math.inf
-        return f"the operator is asked; without an answer you operate in {ANSWER_TIME:g} s"
+            self.until = now + self.answer_time if isinstance(self.holder, int) else math.inf
+        return f"the operator is asked; without an answer you operate in {self.answer_time:g} s"
 
     def answer(self, who: int, *, yes: bool) -> Who | None:
         """The operator's answer; who asked, or None where it is nobody's to give."""

@@ -5,18 +5,20 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from control_board_ros.interface import (
     CALIBRATE,
     CONFIGURE,
+    EMERGENCY_STOP,
     GO_TO_POSE,
     MOVE,
     OUTPUT_COMMAND,
     POSITION_COMMAND,
     POSITION_DIRECT_COMMAND,
+    RECOVER,
     SAVE_POSE,
     SET_CONTROL_MODE,
     SET_IMPEDANCE,
@@ -214,6 +216,24 @@ def of_stop(board: str, joints: list[str], _: Mapping[str, Any]) -> Lines:
     )
 
 
+def of_estop(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+    on = bool(given["on"])
+    return Lines(
+        cbctl(board, "estop", *([] if on else ["release"])),
+        called(board, EMERGENCY_STOP, {"data": on}),
+        python("emergency_stop", *([] if on else [False])),
+    )
+
+
+def of_recover(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
+    partial = bool(given.get("partial"))
+    return Lines(
+        cbctl(board, "recover", *joints, *(["--partial"] if partial else [])),
+        called(board, RECOVER, {"names": joints, "partial": partial}),
+        python("recover", joints, *([True] if partial else [])),
+    )
+
+
 def of_calibrate(board: str, joints: list[str], _: Mapping[str, Any]) -> Lines:
     return Lines(
         cbctl(board, "calibrate", *joints),
@@ -245,6 +265,16 @@ def of_configure(board: str, *_: Any) -> Lines:
     return Lines(cbctl(board, "configure"), called(board, CONFIGURE, {}), python("configure"))
 
 
+def of_measure(verb: str, option: str, size: str) -> Callable[..., Lines]:
+    """Writes the line of a step or a chirp, which cbctl alone has."""
+
+    def write(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
+        options = [f"{option}={given[size]:.6g}"] if size in given else []
+        return Lines(cbctl(board, verb, given["joint"], *options))
+
+    return write
+
+
 def pairs(joints: list[str], values: list[float]) -> list[str]:
     """``JOINT=VALUE`` words; one value goes to every joint."""
     each = values * len(joints) if len(values) == 1 else values
@@ -262,8 +292,12 @@ WRITERS = {
     "speed": of_speed,
     "gains": of_gains,
     "stop": of_stop,
+    "estop": of_estop,
+    "recover": of_recover,
     "calibrate": of_calibrate,
     "configure": of_configure,
     "pose": of_pose,
     "save_pose": of_save_pose,
+    "step": of_measure("step", "--size", "size"),
+    "chirp": of_measure("chirp", "--amplitude", "amplitude"),
 }

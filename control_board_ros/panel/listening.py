@@ -8,6 +8,8 @@ The state goes on to the browser as it came (CDR), which costs this process noth
 
 from __future__ import annotations
 
+import time
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -28,6 +30,9 @@ class Newest:
         node: whose subscription it is.
         topic: of the board.
         board: full name of its node.
+
+    Attributes: raw (the message last taken), heard (when, s of ``time.monotonic``, or since when
+    it is listened for).
     """
 
     def __init__(self, node: Node, topic: Endpoint, board: str) -> None:
@@ -38,9 +43,11 @@ class Newest:
             durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
         )
         self._node, self._kind = node, topic.load()
-        self._subscription = node.create_subscription(
-            self._kind, topic.of(board), ignore, qos, raw=True
+        self._make = partial(
+            node.create_subscription, self._kind, topic.of(board), ignore, qos, raw=True
         )
+        self._subscription = self._make()
+        self.heard = time.monotonic()
         self.raw: bytes | None = None
 
     def take(self) -> bytes | None:
@@ -50,8 +57,14 @@ class Newest:
             while (taken := handle.take_message(self._kind, True)) is not None:
                 raw = taken[0]
         if raw is not None:
-            self.raw = raw
+            self.raw, self.heard = raw, time.monotonic()
         return raw
+
+    def renew(self) -> None:
+        """Hear it by a new subscription."""
+        self.close()
+        self._subscription = self._make()
+        self.heard = time.monotonic()
 
     def read(self) -> Any:
         """The message last taken; None where there was none yet."""

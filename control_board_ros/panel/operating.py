@@ -6,6 +6,8 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from control_board_ros.client import BoardError
@@ -24,8 +26,8 @@ if TYPE_CHECKING:
 
 #: s between two sendings of a reference that is held.
 REPEAT = 0.04
-#: Requests that move joints until they end: STOP cancels them.
-LASTING = ("move", "calibrate", "pose")
+#: Requests that move joints: STOP cancels those that are under way.
+LASTING = ("position", "direct", "move", "calibrate", "pose", "step", "chirp")
 #: Modes in which the board's own stop does nothing: STOP makes these joints hold their position.
 UNHELD = frozenset(mode.code for mode in NOT_HOLDING)
 #: Modes in which a joint follows positions: the board's own stop acts.
@@ -39,6 +41,7 @@ class Operating:
         self._hub = hub
         self.holds = Holds()
         self._holding = asyncio.Event()
+        self._letting_go: set[asyncio.Task[None]] = set()
         #: Held references of a board go out one after the other: the last word is to let go.
         self._in_order = defaultdict[str, asyncio.Lock](asyncio.Lock)
 
@@ -59,8 +62,10 @@ class Operating:
         except asyncio.CancelledError:
             answer = {"ok": False, "message": "cancelled"}
         except (BoardError, RequestError) as error:
-            answer = {"ok": False, "message": str(error)}
-        lines = (lines_of(request) if request.board else Lines()).shown()
+            gone = bool(request.board) and request.board not in self._hub.boards
+            text = f"{request.board} does not answer: it has ended" if gone else str(error)
+            answer = {"ok": False, "message": text}
+        lines = self._lines(request).shown()
         browser.tell("answer", id=request.id, lines=lines, **answer)
         if KINDS[request.do].commands and not answer.pop("quiet", False):
             self._hub.log(
@@ -71,28 +76,36 @@ class Operating:
                 lines=lines,
                 ok=answer["ok"],
                 message=answer["message"],
+                live=request.given.get("live", False),
             )
 
+    def _lines(self, request: Request) -> Lines:
+        """The lines of a request; of STOP, one for each board."""
+        if request.board:
+            return lines_of(request)
+        if request.do not in ("stop", "estop"):
+            return Lines()
+        boards = list(self._hub.boards.values())
+        if request.do == "estop":  # a robot's stop is that of its parts
+            boards = [b for b in boards if not any(other.repeats(b) for other in boards)]
+        each = [lines_of(replace(request, board=board.name)) for board in boards]
+        return Lines(
+            " && ".join(line.cbctl for line in each),
+            " && ".join(line.ros2 for line in each),
+            "\n".join(dict.fromkeys(line.python for line in each)),
+        )
+
     async def _do(self, browser: Browser, request: Request) -> dict[str, Any]:
-        if request.do == "stop" and not request.board:
-            return await self._stop_everything()
-        if request.do == "cancel":
-            task = browser.running.get(int(request.given["request"]))
-            if task is not None:
-                task.cancel()
-            return {"ok": task is not None, "message": "" if task else "it has ended already"}
+        if not request.board:
+            return await self._do_for_all(browser, request)
         board = self._hub.boards[request.board]
         for other in self._hub.boards.values():  # a robot's board shows what its parts do
-            if other.space == board.space:
+            if other.space == board.space and KINDS[request.do].commands:
                 other.asking()
-        if request.do == "hold":
-            return await self._hold(browser, board, request)
-        if request.do == "release":
-            hold = self.holds.release(board.name, request.given["joint"])
-            await self.let_go([hold] if hold else [])
-            return {"ok": True, "message": "", "quiet": True}
-        if request.do == "stop":
-            return await self._stop(board, request.given.get("joints") or board.names)
+        own = {"hold": self._hold, "release": self._release, "stop": self._stop_some}
+        own |= {"step": self._measure, "chirp": self._measure}
+        if request.do in own:
+            return await own[request.do](browser, board, request)
 
         def progress(share: float, words: str) -> None:
             browser.tell("progress", id=request.id, share=share, words=words)
@@ -101,6 +114,47 @@ class Operating:
         if request.do in ("position", "direct", "move") and await board.ask_targets():
             self._hub.tell_targets(board)
         return answer
+
+    async def _do_for_all(self, browser: Browser, request: Request) -> dict[str, Any]:
+        """What names no board, or several."""
+        recordings, given = self._hub.recordings, request.given
+        if request.do == "stop":
+            return await self._stop_everything()
+        if request.do == "estop":
+            return await self._emergency_stop(given["on"])
+        if request.do == "cancel":
+            task = browser.running.get(int(given["request"]))
+            if task is not None:
+                task.cancel()
+            return {"ok": task is not None, "message": "" if task else "it has ended already"}
+        if request.do == "note":
+            return recordings.note(given["text"], self._hub.boards)
+        if given["on"]:
+            return await recordings.begin(given.get("boards", []), self._hub.boards)
+        return await recordings.end()
+
+    async def _release(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
+        hold = self.holds.release(board.name, request.given["joint"])
+        await self.let_go([hold] if hold else [])
+        return {"ok": True, "message": "", "quiet": True}
+
+    async def _stop_some(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
+        return await self._stop(board, request.given.get("joints") or board.names)
+
+    async def _measure(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
+        """A step or a chirp, by a program beside the panel: what it commands is no news."""
+        given, do = request.given, request.do
+        if given["joint"] not in board.names or given["joint"].startswith("-"):
+            return {"ok": False, "message": f"{board.name} has no joint {given['joint']}"}
+        unit = "m" if board.robot.kinds.get(given["joint"]) == "prismatic" else "rad"
+        size = given.get("size", given.get("amplitude"))
+        option = "--size" if do == "step" else "--amplitude"
+        options = [] if size is None else [f"{option}={size:.6g}{unit}"]
+        board.measured = True
+        try:
+            return await self._hub.recordings.measure(board.name, do, given["joint"], *options)
+        finally:
+            board.measured = False
 
     async def _hold(self, browser: Browser, board: Board, request: Request) -> dict[str, Any]:
         """A control is held: send its value at once; the loop repeats it."""
@@ -146,7 +200,9 @@ class Operating:
     def dismiss(self, number: int) -> None:
         """Somebody operates no more: what he held is let go, what he had begun is cancelled."""
         holds = self.holds.of_browser(number)
-        self._letting_go = asyncio.get_running_loop().create_task(self.let_go(holds))
+        task = asyncio.get_running_loop().create_task(self.let_go(holds))
+        self._letting_go.add(task)  # else nobody keeps it from the garbage collector
+        task.add_done_callback(self._letting_go.discard)
         browser = self._hub.browsers.get(number)
         for task in list(browser.running.values()) if browser is not None else ():
             task.cancel()
@@ -178,27 +234,38 @@ class Operating:
         if not reply:  # the joint has left its mode, or the board is gone
             self.holds.release(hold.board, hold.joint)
 
-    async def _stop_everything(self) -> dict[str, Any]:
-        """STOP: let go of every control, cancel what lasts, stop every joint of every board."""
-        held = self.holds.everything()
+    async def _emergency_stop(self, on: bool) -> dict[str, Any]:
+        """Take the power of every joint of every board, or release the stop; a robot once."""
+        if on:
+            self.holds.everything()
+            self._end_what_lasts()
+        boards = list(self._hub.boards.values())
+        boards = [b for b in boards if not any(other.repeats(b) for other in boards)]
+        for board in boards:
+            board.asking()
+        return summed(
+            boards,
+            await asyncio.gather(
+                *(board.client.aio.emergency_stop(on) for board in boards), return_exceptions=True
+            ),
+        )
+
+    def _end_what_lasts(self) -> None:
         for browser in self._hub.browsers.values():
             for task in list(browser.running.values()):
                 if task.get_name() in LASTING:
                     task.cancel()
+
+    async def _stop_everything(self) -> dict[str, Any]:
+        """STOP: let go of every control, cancel what lasts, stop every joint of every board."""
+        held = self.holds.everything()
+        self._end_what_lasts()
         boards = list(self._hub.boards.values())
         answers = await asyncio.gather(
             *(self._stop(board, board.names) for board in boards), return_exceptions=True
         )
         await self._stop_late(held)
-        failed = []
-        for board, answer in zip(boards, answers, strict=True):
-            if isinstance(answer, asyncio.CancelledError):
-                raise answer
-            if isinstance(answer, BaseException):
-                failed.append(f"{board.name}: {answer}")
-            elif not answer["ok"]:
-                failed.append(f"{board.name}: {answer['message']}")
-        return {"ok": not failed, "message": "; ".join(failed)}
+        return summed(boards, answers)
 
     async def _stop(self, board: Board, names: list[str]) -> dict[str, Any]:
         """Stop joints of a board; those under torque or output hold their position from now on."""
@@ -227,3 +294,18 @@ def holding_mode(board: Board, name: str) -> str:
     available = dict(zip(board.names, board.info.get("control", ()), strict=False))
     moves = MOVES.code
     return moves if moves in available.get(name, (moves,)) else UNPOWERED.code
+
+
+def summed(boards: Sequence[Board], answers: Sequence[Any]) -> dict[str, Any]:
+    """The answers of several boards as one; each a reply, an answer for the page, or an error."""
+    told, ok = [], True
+    for board, answer in zip(boards, answers, strict=True):
+        if isinstance(answer, asyncio.CancelledError):
+            raise answer
+        shown: dict[str, Any] = {"ok": False, "message": str(answer)}
+        if not isinstance(answer, BaseException):
+            shown = answer if isinstance(answer, dict) else doing.told(answer)
+        ok = ok and bool(shown["ok"])
+        if shown["message"]:
+            told.append(f"{board.name}: {shown['message']}")
+    return {"ok": ok, "message": "; ".join(told)}

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 from .browser import Browser
-from .lease import ANSWER_TIME, Lease, Who
+from .lease import Lease, Who
 from .panels import PERIOD, Beat, Panels
 from .requests import BadRequest, Request
 
@@ -39,14 +39,20 @@ class Operators:
         hub: whose browsers they are.
         topic: where panels say what is so with them.
         look_round: s to look for other panels first.
+        answer_time: s that the operator has to answer who asks to take over.
         dismiss: called with the number of a browser that operates no more.
     """
 
     def __init__(
-        self, hub: Hub, topic: Topic, look_round: float, dismiss: Callable[[int], None]
+        self,
+        hub: Hub,
+        topic: Topic,
+        look_round: float,
+        answer_time: float,
+        dismiss: Callable[[int], None],
     ) -> None:
         now = time.monotonic()
-        self.lease = Lease()
+        self.lease = Lease(answer_time=answer_time)
         self._hub, self._topic, self._dismiss = hub, topic, dismiss
         self._panels = Panels(uuid.uuid4().hex, self.lease, now)
         self._ready, self._open = now + look_round, False
@@ -154,7 +160,7 @@ class Operators:
         return {
             "holder": self.lease.holder,
             "asking": self.lease.asking,
-            "seconds": ANSWER_TIME,
+            "seconds": self.lease.answer_time,
             "browsers": names,
         }
 

@@ -7,7 +7,6 @@ may name is bounded, too, for whoever speaks ROS can publish one: files of meshe
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from dataclasses import dataclass
@@ -15,13 +14,14 @@ from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
+from control_board_ros.urdf_xml import XmlError, heard, joints_in
+
 #: What the page can draw, and how a browser is to take it.
 MEDIA = {
     ".stl": "model/stl",
     ".obj": "text/plain; charset=utf-8",
     ".dae": "text/xml; charset=utf-8",
 }
-MAX_URDF = 8 * 1024 * 1024
 MAX_MESH = 64 * 1024 * 1024
 MAX_MESHES = 1000
 
@@ -50,17 +50,13 @@ def read(urdf: str, prefix: str) -> Robot:
         urdf: the description.
         prefix: of the address of each mesh; its number and ending follow.
     """
-    if len(urdf) > MAX_URDF or "<!DOCTYPE" in urdf:  # no entities, hence no bombs
-        return NO_ROBOT
     try:
-        root = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError:
+        root = heard(urdf)
+    except XmlError:
         return NO_ROBOT
-    kinds, stops = {}, {}
-    for joint in root.findall("joint"):
-        name, kind = joint.get("name", ""), joint.get("type", "")
-        kinds[name] = kind
-        stops[name] = (-math.inf, math.inf) if kind == "continuous" else stops_of(joint)
+    joints = joints_in(root)
+    kinds = {name: joint.kind for name, joint in joints.items()}
+    stops = {name: (joint.lower, joint.upper) for name, joint in joints.items()}
     numbers: dict[Path, int] = {}
     for link in root.iter("link"):
         for collision in link.findall("collision"):  # nobody sees it
@@ -73,17 +69,6 @@ def read(urdf: str, prefix: str) -> Robot:
         number = numbers.setdefault(path, len(numbers))
         mesh.set("filename", f"{prefix}{number}{path.suffix.lower()}")
     return Robot(kinds, stops, ElementTree.tostring(root, "unicode"), tuple(numbers))
-
-
-def stops_of(joint: ElementTree.Element) -> tuple[float, float]:
-    """The stops of a joint; infinite where the description has none that can be read."""
-    limit = joint.find("limit")
-    if limit is None:
-        return -math.inf, math.inf
-    try:
-        return float(limit.get("lower", 0.0)), float(limit.get("upper", 0.0))
-    except ValueError:
-        return -math.inf, math.inf
 
 
 def mesh_file(name: str) -> Path | None:

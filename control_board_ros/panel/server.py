@@ -23,6 +23,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from . import security
 from .hub import Hub
+from .recordings import REPORT_POLICY
 from .robot import MEDIA
 
 PAGE = Path(__file__).with_name("page")
@@ -96,7 +97,9 @@ class Guard:
     def _with_headers(self, send: Any) -> Any:
         async def send_with_headers(message: dict[str, Any]) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [*message.get("headers", ()), *self._headers]
+                given = list(message.get("headers", ()))
+                own = {name for name, _ in given}  # a report has a policy of its own
+                message["headers"] = given + [h for h in self._headers if h[0] not in own]
             await send(message)
 
         return send_with_headers
@@ -183,11 +186,25 @@ def make_app(
             Route("/page/{path:path}", file),
             Route("/robot/{number:int}.urdf", robot),
             Route("/mesh/{number:int}/{mesh}", mesh),
+            Route("/report/{name}", report_of(hub)),
             WebSocketRoute("/ws", socket),
         ],
         lifespan=lifespan,
     )
     return Guard(app, token, cookie, names, policy_of(index))
+
+
+def report_of(hub: Hub) -> Callable[[Request], Awaitable[Response]]:
+    """Serves reports of the panel's recordings, which may do less than its page."""
+
+    async def serve_report(request: Request) -> Response:
+        path = hub.recordings.report(request.path_params["name"])
+        if path is None or not path.is_file():
+            return PlainTextResponse("no such report\n", 404)
+        policy = {"Content-Security-Policy": REPORT_POLICY}
+        return FileResponse(path, media_type=TYPES[".html"], headers=policy)
+
+    return serve_report
 
 
 def by_number(hub: Hub, number: int) -> Any:

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from difflib import get_close_matches
 from importlib.metadata import entry_points
 
+from ..text import nearest
 from .errors import PlantSettingsError
 from .interface import RobotPlant
 
@@ -23,10 +23,9 @@ def find(name: str) -> Maker:
     """
     offered = {point.name: point for point in entry_points(group=GROUP)}
     if name not in offered:
-        near = get_close_matches(name, list(offered), n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
+        hint = nearest(name, offered)
         known = ", ".join(sorted(offered)) or "none; pip install the package of the plant"
-        raise PlantSettingsError(f"plant: {name[:60]!r} unknown; {hint}known: {known}")
+        raise PlantSettingsError(f"plant: {name[:60]!r} unknown{hint}; known: {known}")
     try:
         made: Maker = offered[name].load()
     except Exception as error:  # noqa: BLE001 - it is somebody else's module

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.config import BoardConfig
 from ..core.measurement import ROWS, Array, Row
+from ..text import clean
 from .interface import JointDescription, Readings, RobotPlant
 
 
@@ -110,7 +111,7 @@ class Exchange:
             raise NonsenseError(f"faults has {len(found.faults)} entries; {self._count} or none")
         if not found.faults:
             return {}
-        texts = [str(found.faults[number]) for number in self.numbers]
+        texts = [clean(found.faults[number]) for number in self.numbers]
         return {j: text for j, text in enumerate(texts) if text}
 
     def _row(self, what: str, found: object) -> Array:
@@ -121,7 +122,7 @@ class Exchange:
             row = np.array(found, dtype=np.float64)
         except (TypeError, ValueError):
             raise NonsenseError(
-                f"{what} is {found!r:.60}; {self._count} numbers are wanted"
+                f"{what} is {clean(repr(found), 60)}; {self._count} numbers are wanted"
             ) from None
         if row.shape != (self._count,):
             raise NonsenseError(f"{what} has shape {row.shape}; ({self._count},) is wanted")

@@ -10,6 +10,10 @@ reason in words, while
 * its drive reports a fault of its own, which is reset there once the joint is without power.
 
 After an error the thread connects anew, every RETRY seconds, with all joints without power.
+
+The thread watches the control loop, too (B5): outputs that are older than ``timeout`` count no
+more, and it takes the power off all joints. A loop that goes on then finds an alarm of each joint
+that it drove, and gives no power before it has taken note of it.
 """
 
 from __future__ import annotations
@@ -18,19 +22,45 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.config import BoardConfig
 from ..core.faults import FaultCode
 from ..core.measurement import ROWS, Actuation, Array, Measurement, Row
+from ..text import clean
 from .exchange import Exchange, Sample
 from .interface import Clock, RobotPlant
 
 RETRY = 0.2
+#: Cycles that a control loop may be late, however short the timeout is.
+CYCLES = 3.0
+#: s beyond the timeout that the thread sleeps, so that it wakes after it.
+LEAST_WAIT = 1e-4
 #: s that a start waits for the first sample; after it the joints begin in HW_FAULT.
 FIRST_SAMPLE = 5.0
 ALARM = 1.0 + FaultCode.PLANT
+
+
+def patience(timeout: float, period: float) -> float:
+    """For how long a control loop may say nothing: the timeout, and some cycles at least, s."""
+    return max(timeout, CYCLES * period)
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Outputs that the loop left: of which cycle, when (s), pwm and powered, shape (n,)."""
+
+    cycle: int
+    time: float
+    pwm: Array
+    powered: Array
+
+    @property
+    def drives(self) -> bool:
+        """Whether any joint has power."""
+        return bool(self.powered.any())
 
 
 class GuardedPlant:
@@ -39,12 +69,14 @@ class GuardedPlant:
     Args:
         plant: Of somebody else.
         board: Its joints are among the plant's.
-        timeout: After which a plant that does not answer is a fault, s.
+        timeout: After which a plant that does not answer is a fault, and a control loop that
+            says nothing loses the power, s.
         clock: For tests, s.
         first: s to wait for the first sample.
 
     Attributes:
         applied: What the plant says that it applied last, percent, shape (n,).
+        processes: The ids of those that run the plant, beside this one.
     """
 
     def __init__(
@@ -56,6 +88,7 @@ class GuardedPlant:
         first: float = FIRST_SAMPLE,
     ) -> None:
         self._plant, self._timeout, self._clock = plant, timeout, clock
+        self._patience = patience(timeout, board.period)
         self._exchange = Exchange(plant, board, board.period)
         self._owns_clock = plant.describe().clock is Clock.PLANT
         n = len(board.joints)
@@ -67,8 +100,12 @@ class GuardedPlant:
         # Replaced whole by one thread, read by the other.
         self._sample: tuple[float, int, Sample] | None = None  # when, of which cycle, what
         self._error = ""
-        self._wanted: tuple[int, Array, Array] = 0, np.zeros(n), np.zeros(n)
+        self._wanted = Wanted(0, clock(), np.zeros(n), np.zeros(n))
+        process = getattr(plant, "process", None)
+        self.processes = () if process is None else (process.pid,)
         self._waiting = self._looked = clock()  # since when an answer is owed; the last reading
+        self._silence: dict[int, str] = {}  # of the loop: the reason by joint, until it acts on it
+        self._told = False  # whether the loop has read it
         self._turn, self._answered = threading.Event(), threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="plant", daemon=True)
@@ -83,6 +120,8 @@ class GuardedPlant:
 
     def read(self) -> Measurement:
         """The last readings; their alarms say what is wrong with them."""
+        self._notice_silence()
+        self._told = True
         error, sample = self._error, self._sample
         faults: dict[int, str] = {}
         if sample is not None:
@@ -95,7 +134,7 @@ class GuardedPlant:
             late = f"no answer for {1e3 * silent:.0f} ms > {1e3 * self._timeout:.0f} ms"
             reasons = dict.fromkeys(self._everybody, late)
         else:
-            reasons = {j: f"its drive: {text}" for j, text in faults.items()}
+            reasons = {j: f"its drive: {text}" for j, text in faults.items()} | self._silence
         alarm = self._values[Row.ALARM]
         alarm[:] = 0.0
         alarm[list(reasons)] = ALARM
@@ -103,10 +142,17 @@ class GuardedPlant:
 
     def write(self, actuation: Actuation) -> None:
         """Leave the next outputs to the plant; one control period passes."""
+        now = self._clock()
         if not self.owes_an_answer:
-            self._waiting = self._clock()
+            self._waiting = now
+        self._notice_silence()
+        powered = actuation.powered.copy()
+        if self._silence and self._told and not powered[list(self._silence)].any():
+            self._silence = {}
+        if self._silence:
+            powered[:] = 0.0
         self._cycle += 1
-        self._wanted = self._cycle, actuation.pwm.copy(), actuation.powered.copy()
+        self._wanted = Wanted(self._cycle, now, actuation.pwm.copy(), powered)
         self._turn.set()
 
     def close(self) -> None:
@@ -130,6 +176,21 @@ class GuardedPlant:
             return 0.0
         return now - self._waiting
 
+    def _notice_silence(self) -> None:
+        """Find out in the loop's own thread that it said nothing for too long (B5)."""
+        wanted, now = self._wanted, self._clock()
+        if self._silence or not (wanted.drives and self._is_old(wanted, now)):
+            return
+        reason = (
+            f"the control loop was silent for {1e3 * (now - wanted.time):.0f} ms "
+            f"> {1e3 * self._patience:.0f} ms; the motors lost their power"
+        )
+        self._silence = {int(j): reason for j in np.flatnonzero(wanted.powered)}
+        self._told = False
+
+    def _is_old(self, wanted: Wanted, now: float) -> bool:
+        return now - wanted.time > self._patience
+
     def _run(self) -> None:
         """The plant's thread: connect, exchange until something fails, and again."""
         while not self._ending.is_set():
@@ -138,7 +199,7 @@ class GuardedPlant:
                 self._plant.connect()
                 self._talk()
             except Exception as error:  # noqa: BLE001 - somebody else's code; told as a fault
-                self._error = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+                self._error = f"{type(error).__name__}: {' '.join(clean(error, 200).split())}"
                 self._answered.set()
                 self._let_go()
                 self._ending.wait(RETRY)
@@ -150,17 +211,27 @@ class GuardedPlant:
         unpowered = np.zeros(len(self._everybody))
         first = True  # of this connection: no power before there is a reading
         while not self._ending.is_set():
-            cycle, pwm, powered = self._wanted
-            if first:
-                pwm = powered = unpowered
-            sample = self._exchange.run(pwm, powered, faults)
+            wanted = self._wanted
+            if first or self._is_old(wanted, self._clock()):
+                sample = self._exchange.run(unpowered, unpowered, faults)
+            else:
+                sample = self._exchange.run(wanted.pwm, wanted.powered, faults)
             first, faults = False, sample.faults
-            self._sample, self._error = (self._clock(), cycle, sample), ""
+            self._sample, self._error = (self._clock(), wanted.cycle, sample), ""
             self._answered.set()
             if not self._owns_clock:
-                self._turn.wait()
-                self._turn.clear()
+                self._await_turn(wanted)
         self._exchange.run(unpowered, unpowered, {})
+
+    def _await_turn(self, wanted: Wanted) -> None:
+        """Until there are other outputs than these, or these become too old (B5)."""
+        left = wanted.time + self._patience - self._clock()
+        watched = wanted.drives and left >= 0.0
+        while not self._turn.wait(left + LEAST_WAIT if watched else None):
+            left = wanted.time + self._patience - self._clock()
+            if left < 0.0:
+                return
+        self._turn.clear()
 
     def _let_go(self) -> None:
         """After an error: every bridge open, as far as the plant still listens."""

@@ -39,7 +39,7 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
     if settings.values["real_time_factor"] != 1.0:
         raise PlantSettingsError(
             f"real_time_factor: {settings.values['real_time_factor']:g} is not allowed; "
-            f"plant {name!r} is no simulation of ours, its time is real: 1.0"
+            f"plant {name!r} is no simulation, its time is real: 1.0"
         )
     try:
         board = cut(settings.board, has)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the charts of a report show; ``svg`` and ``png`` draw them."""
+"""What the charts of a report show; ``drawing`` and ``png`` draw them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from control_board_ros.core.joint_kind import JointKind
 from control_board_ros.core.modes import STATES
 from control_board_ros.protocols import Floats
 
@@ -20,6 +21,8 @@ from .reading import BoardRecording
 
 Bools = NDArray[np.bool_]
 
+#: Values from here on are no joint's, in whatever unit: no chart is stretched to them.
+BEYOND = 1e30
 #: The colours of the control modes, light enough to stand behind text.
 MODE_COLOURS = {
     "idl": "#f2d64b",
@@ -80,46 +83,32 @@ class Chart:
         return (low, high) if high > low else (low, low + 1.0)
 
     def y_range(self) -> tuple[float, float]:
-        """From the least to the greatest value, with some air."""
-        values = [trace.y[np.isfinite(trace.y)] for trace in self.traces]
+        """From the least to the greatest value, with some air; of what any joint could have."""
+        values = [trace.y[np.abs(trace.y) < BEYOND] for trace in self.traces]
         known = np.concatenate([v for v in values if v.size] or [np.zeros(1)])
         if self.show_limits and self.limits:
             known = np.concatenate([known, np.array(self.limits)])
         low, high = float(known.min()), float(known.max())
         short = max(self.least - (high - low), 0.0)
-        air = 0.06 * max(high - low, self.least) + 1e-12
+        air = 0.06 * max(high - low, self.least) + 1e-12 + 1e-9 * max(abs(low), abs(high))
         return low - 0.5 * short - air, high + 0.5 * short + air
-
-
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """How positions and torques of a joint are shown: factor from rad or m, names."""
-
-    factor: float
-    position: str
-    torque: str
-
-
-def unit_of(slides: bool) -> Unit:
-    """Degrees and N·m; of a sliding joint mm and N."""
-    return Unit(1000.0, "mm", "N") if slides else Unit(180.0 / math.pi, "°", "N·m")
 
 
 @dataclass(slots=True)
 class JointCharts:
-    """The charts of a joint: name, charts (on one time axis), moves, unit."""
+    """The charts of a joint: name, charts (on one time axis), moves, kind."""
 
     joint: str
     charts: list[Chart] = field(default_factory=list)
     moves: list[Move] = field(default_factory=list)
-    unit: Unit = field(default_factory=lambda: unit_of(False))
+    kind: JointKind = JointKind.REVOLUTE
 
 
 def tracking_charts(
-    recording: BoardRecording, joint: str, moves: Sequence[Move], unit: Unit
+    recording: BoardRecording, joint: str, moves: Sequence[Move], kind: JointKind
 ) -> list[Chart]:
     """Position over reference, error, torque and output with their limits."""
-    time, factor = recording.time, unit.factor
+    time, factor = recording.time, kind.shown_factor
     position = factor * recording.signal("position", joint)
     reference = factor * recording.signal("position_reference", joint)
     controlled = in_modes(recording, joint, FOLLOWING)
@@ -140,7 +129,7 @@ def tracking_charts(
     return [
         Chart(
             "Position",
-            unit.position,
+            kind.shown_unit,
             [Trace("measured", time, position), Trace("reference", time, followed, "reference")],
             [bound for bound in bounds if math.isfinite(bound)],
             spans,
@@ -149,13 +138,13 @@ def tracking_charts(
         ),
         Chart(
             "Error: reference − position",
-            unit.position,
+            kind.shown_unit,
             [Trace("error", time, followed - position, "error")],
             least=0.02,
         ),
         Chart(
-            f"{'Torque' if unit.torque == 'N·m' else 'Force'}{within(torque)}",
-            unit.torque,
+            f"{kind.choose('Torque', 'Force')}{within(torque)}",
+            kind.force_unit,
             torques,
             [-torque, torque] if math.isfinite(torque) else [],
             least=0.1,
@@ -212,26 +201,27 @@ def bode_charts(response: Response) -> list[Chart]:
     ]
 
 
-def step_chart(recording: BoardRecording, move: Move, unit: Unit) -> Chart:
+def step_chart(recording: BoardRecording, move: Move, kind: JointKind) -> Chart:
     """One step from close by, with the band in which it has settled."""
     time = recording.time
     low, high = np.searchsorted(time, (move.begin - 0.05, move.until))
     chosen = slice(int(low), int(high))
     x = time[chosen] - move.begin
     settled = 0.02 * abs(move.target - move.start)
-    band = [unit.factor * (move.target - settled), unit.factor * (move.target + settled)]
+    factor = kind.shown_factor
+    band = [factor * (move.target - settled), factor * (move.target + settled)]
     marks = []
     if move.step is not None:
         marks = [(move.step.settling, "settled")] if math.isfinite(move.step.settling) else []
     return Chart(
         f"Step at {move.begin:.2f} s, with the band of 2 % around its end",
-        unit.position,
+        kind.shown_unit,
         [
-            Trace("measured", x, unit.factor * recording.signal("position", move.joint)[chosen]),
+            Trace("measured", x, factor * recording.signal("position", move.joint)[chosen]),
             Trace(
                 "reference",
                 x,
-                unit.factor * recording.signal("position_reference", move.joint)[chosen],
+                factor * recording.signal("position_reference", move.joint)[chosen],
                 "reference",
             ),
         ],

@@ -8,6 +8,7 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 
 from control_board_ros.interface import FAULTS
+from control_board_ros.text import clean
 
 from .topics import Topic
 
@@ -27,4 +28,5 @@ class NewFaults:
         now = {(f.name, f.code, f.stamp.sec, f.stamp.nanosec): f for f in message.faults}
         known = self._known.get(topic, set())
         self._known[topic] = set(now)
-        return "; ".join(f"{f.name}: {f.text}" for key, f in now.items() if key not in known)
+        new = [f"{f.name}: {f.text}" for key, f in now.items() if key not in known]
+        return clean("; ".join(new))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from control_board_ros.core.joint_kind import JointKind
 from control_board_ros.core.modes import STOPPABLE
 from control_board_ros.protocols import Floats
 
@@ -64,9 +65,9 @@ class Move:
     saturated: float
 
 
-def moves_of(recording: BoardRecording, joint: str, *, slides: bool = False) -> list[Move]:
+def moves_of(recording: BoardRecording, joint: str, kind: JointKind) -> list[Move]:
     """The moves of a joint, in order."""
-    least = LEAST_SLIDING if slides else LEAST
+    least = kind.choose(LEAST, LEAST_SLIDING)
     return [
         move(recording, joint, mode, *found)
         for begin, end, mode in recording.control_modes(joint)

@@ -10,21 +10,19 @@ from html import escape
 from pathlib import Path
 
 from .. import __version__
+from ..core.joint_kind import JointKind
 from .charts import (
     MODE_COLOURS,
     MODE_NAMES,
     Chart,
     JointCharts,
-    Unit,
     step_chart,
     tracking_charts,
-    unit_of,
 )
+from .drawing import draw, foot, head, timeline
 from .errors import RecordingError
 from .moves import Move, moves_of
-from .reading import BoardRecording, sliding
-from .style import SCRIPT, STYLE
-from .svg import draw, timeline
+from .reading import BoardRecording, kinds_of
 
 #: Steps that are drawn for themselves, per joint.
 STEPS_SHOWN = 4
@@ -36,13 +34,13 @@ LINES_SHOWN = 100
 
 def joint_charts(recording: BoardRecording) -> list[JointCharts]:
     """The charts of every joint."""
-    slides = sliding(recording.urdf, recording.names)
+    kinds = kinds_of(recording.urdf, recording.names)
     found = []
     for joint in recording.names:
-        unit = unit_of(slides[joint])
-        moves = moves_of(recording, joint, slides=slides[joint])
-        charts = tracking_charts(recording, joint, moves, unit)
-        found.append(JointCharts(joint, charts, moves, unit))
+        kind = kinds[joint]
+        moves = moves_of(recording, joint, kind)
+        charts = tracking_charts(recording, joint, moves, kind)
+        found.append(JointCharts(joint, charts, moves, kind))
     return found
 
 
@@ -78,9 +76,9 @@ def document(title: str, body: str, note: str) -> str:
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{STYLE}</style></head><body><main>"
+        f"<title>{escape(title)}</title>{head()}</head><body><main>"
         f"<h1>{escape(title)}</h1>{body}<footer>{escape(note)} "
-        f"control_board_ros {__version__}.</footer></main><script>{SCRIPT}</script></body></html>"
+        f"control_board_ros {__version__}.</footer></main>{foot()}</body></html>"
     )
 
 
@@ -88,7 +86,7 @@ def board_section(recording: BoardRecording) -> str:
     """What there is to say of a board."""
     joints = joint_charts(recording)
     moves = sorted((m for j in joints for m in j.moves), key=lambda m: (m.begin, m.joint))
-    units = {j.joint: j.unit for j in joints}
+    kinds = {j.joint: j.kind for j in joints}
     shorts = dict(zip(recording.names, short_names(recording.names), strict=True))
     parts = [
         f"<h2>{escape(recording.board)}</h2>",
@@ -97,17 +95,21 @@ def board_section(recording: BoardRecording) -> str:
         timeline(recording, list(shorts.values())),
         mode_legend(recording),
         fault_table(recording),
+        note_table(recording),
+        gap_table(recording),
+        request_table(recording),
         log_table(recording),
     ]
     if moves:
-        parts.append(move_table(moves, units, shorts))
+        parts.append(move_table(moves, kinds, shorts))
     for joint in joints:
         steps = [m for m in joint.moves if m.mode == "posd" and m.step is not None]
         charts = [
             *joint.charts,
-            *(step_chart(recording, m, joint.unit) for m in steps[:STEPS_SHOWN]),
+            *(step_chart(recording, m, joint.kind) for m in steps[:STEPS_SHOWN]),
         ]
-        opened = " open" if joint.moves or len(joints) <= 2 else ""
+        faulted = any(fault.joint == joint.joint for fault in recording.faults)
+        opened = " open" if joint.moves or faulted or len(joints) <= 2 else ""
         drawn = "".join(draw(chart) for chart in charts)
         parts.append(
             f'<details class="joint"{opened}><summary><b>{escape(joint.joint)}</b> '
@@ -172,6 +174,36 @@ def fault_table(recording: BoardRecording) -> str:
     return "<h3>Faults</h3>" + table(["at, s", "for, s", "joint", "code", "cause"], rows, text=3)
 
 
+def note_table(recording: BoardRecording) -> str:
+    """What the operator has noted."""
+    if not recording.notes:
+        return ""
+    rows = [[f"{note.time:.3f}", note.text] for note in recording.notes]
+    return "<h3>Notes</h3>" + table(["at, s", "note"], rows, text=2)
+
+
+def gap_table(recording: BoardRecording) -> str:
+    """When the board was not heard."""
+    if not recording.gaps:
+        return ""
+    rows = [[f"{gap.time:.3f}", f"{gap.until - gap.time:.2f}"] for gap in recording.gaps]
+    return "<h3>Gaps: the board was not heard</h3>" + table(["at, s", "for, s"], rows)
+
+
+def request_table(recording: BoardRecording) -> str:
+    """What the board was asked."""
+    if not recording.requests:
+        return ""
+    rows = [[f"{one.time:.3f}", one.text] for one in recording.requests[:LINES_SHOWN]]
+    if (more := len(recording.requests) - len(rows)) > 0:
+        rows.append(["", f"and {more} more"])
+    return (
+        f"<details><summary>{len(recording.requests)} answers to requests</summary>"
+        + table(["at, s", "request and answer"], rows, text=2)
+        + "</details>"
+    )
+
+
 def log_table(recording: BoardRecording) -> str:
     """What the board warned of."""
     if not recording.log:
@@ -181,7 +213,7 @@ def log_table(recording: BoardRecording) -> str:
     if more > 0:
         rows.append(["", f"and {more} more"])
     return (
-        f"<details><summary>{len(recording.log)} warnings of the board</summary>"
+        f"<details open><summary>{len(recording.log)} warnings of the board</summary>"
         + table(["at, s", "warning"], rows, text=2)
         + "</details>"
     )
@@ -196,48 +228,45 @@ def number(value: float, digits: int = 3) -> str:
     return text.replace("-", "−")
 
 
-def move_table(moves: Sequence[Move], units: dict[str, Unit], shorts: dict[str, str]) -> str:
+def move_table(moves: Sequence[Move], kinds: dict[str, JointKind], shorts: dict[str, str]) -> str:
     """Every move with its figures."""
     heads = [
         "at, s", "joint", "mode", "from", "to", "takes, s", "rise, s", "settling, s",
         "overshoot, %", "steady error", "RMS error", "peak error", "lag, ms", "saturated, s",
     ]  # fmt: skip
-    rows = [move_row(move, units[move.joint], shorts[move.joint]) for move in moves[:MOVES_SHOWN]]
+    rows = [move_row(move, kinds[move.joint], shorts[move.joint]) for move in moves[:MOVES_SHOWN]]
     if len(moves) > MOVES_SHOWN:
         rows.append(["", f"and {len(moves) - MOVES_SHOWN} more", *[""] * (len(heads) - 2)])
     return "<h3>Moves</h3>" + table(heads, rows)
 
 
-def move_row(move: Move, unit: Unit, short: str) -> list[str]:
+def move_row(move: Move, kind: JointKind, short: str) -> list[str]:
     """A row of the table; positions in degrees or mm."""
     step = move.step
-
-    def length(value: float) -> str:
-        return position_text(value, unit)
 
     return [
         f"{move.begin:.2f}",
         short,
         move.mode,
-        length(move.start),
-        length(move.target),
+        kind.position(move.start),
+        kind.position(move.target),
         number(move.end - move.begin),
         number(step.rise) if step else "–",
         number(step.settling) if step else "–",
         number(step.overshoot, 2) if step else "–",
-        length(move.steady_error),
-        length(move.tracking.rms),
-        length(move.tracking.peak),
+        difference(move.steady_error, kind),
+        difference(move.tracking.rms, kind),
+        difference(move.tracking.peak, kind),
         number(1e3 * move.tracking.lag, 1),
         number(move.saturated),
     ]
 
 
-def position_text(value: float, unit: Unit) -> str:
-    """A position or an error in the unit of the joint: 12.5°, 0.0004°."""
+def difference(value: float, kind: JointKind) -> str:
+    """A difference of positions, with more digits than a position has: 0.0004°; 0.012 mm."""
     if not math.isfinite(value):
         return "–"
-    return number(unit.factor * value, 4) + ("°" if unit.position == "°" else f" {unit.position}")
+    return number(kind.shown_factor * value, 4) + kind.choose("°", " mm")
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], text: int = 0) -> str:
@@ -256,7 +285,7 @@ def summary(joint: JointCharts) -> str:
         return '<span class="quiet">no moves</span>'
     worst = max(joint.moves, key=lambda m: m.tracking.rms)
     count = f"{len(joint.moves)} move{'s' if len(joint.moves) > 1 else ''}"
-    rms, peak = (position_text(e, joint.unit) for e in (worst.tracking.rms, worst.tracking.peak))
+    rms, peak = (difference(e, joint.kind) for e in (worst.tracking.rms, worst.tracking.peak))
     return f'<span class="quiet">{count}, worst RMS error {rms}, peak {peak}</span>'
 
 

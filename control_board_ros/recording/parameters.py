@@ -45,6 +45,11 @@ class Parameters:
         event.new_parameters = [Parameter(name=n, value=v) for n, v in self._values.items()]
         return serialize(event, PARAMETERS.type)
 
+    def number(self, name: str) -> float:
+        """The value of a parameter that is a number; 0 of one that the board does not tell."""
+        value = self._values.get(name)
+        return float(value.double_value) if value is not None else 0.0
+
     def change(self, data: bytes) -> bool:
         """Take over what an event on ``/parameter_events`` says of this board; whether it did."""
         event = deserialize_message(data, ParameterEvent)

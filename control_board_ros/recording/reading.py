@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,11 +11,22 @@ from typing import Any
 
 import numpy as np
 
-from control_board_ros.interface import FAULTS, MODES, ROBOT_DESCRIPTION, STATE
+from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.interface import (
+    FAULTS,
+    MODES,
+    MOST_JOINTS,
+    NOTES,
+    REQUEST_LOG,
+    ROBOT_DESCRIPTION,
+    STATE,
+)
 from control_board_ros.protocols import Floats
+from control_board_ros.text import clean, clean_name, clean_names
+from control_board_ros.urdf_xml import heard_joints
 
 from .errors import RecordingError, library
-from .topics import PARAMETERS, ROSOUT
+from .topics import GAPS, PARAMETERS, ROSOUT
 
 #: The fields of a state that are numbers per joint, with their unit for rotating joints.
 SIGNALS = {
@@ -73,6 +85,48 @@ class LogLine:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A request to the board that was answered: time (s) of the answer, and what it says."""
+
+    time: float
+    name: str
+    event: str
+    joints: tuple[str, ...]
+    request: str
+    success: bool
+    message: str
+
+    @property
+    def text(self) -> str:
+        """In one line: what was asked, of which joints, and what became of it."""
+        fields = self.request if self.request != "{}" else ""
+        asked = " ".join(filter(None, [self.name, ", ".join(self.joints), fields]))
+        end = self.event if self.success or self.event != "answered" else "failed"
+        return f"{asked}: {end}" + (f", {self.message}" if self.message else "")
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What an operator has noted: time (s), text."""
+
+    time: float
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """A time without the board: from, until (s); it was not heard in between."""
+
+    time: float
+    until: float
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        return f"nothing heard for {self.until - self.time:.1f} s"
+
+
 @dataclass(slots=True)
 class BoardRecording:
     """What a recording holds of one board. Times are s from its first state.
@@ -87,7 +141,10 @@ class BoardRecording:
         rejected: Commands ignored, shape (n, joints).
         modes: In order; the first from before the first state on.
         faults: In order.
+        gaps: When the board was not heard.
+        requests: Services called and goals, in the order of their answers.
         log: Warnings and errors.
+        notes: Of the operator.
         parameters: As they were last.
         urdf: The robot description; empty where there is none.
     """
@@ -101,7 +158,10 @@ class BoardRecording:
     rejected: Any
     modes: list[Modes] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
+    gaps: list[Gap] = field(default_factory=list)
+    requests: list[Request] = field(default_factory=list)
     log: list[LogLine] = field(default_factory=list)
+    notes: list[Note] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
     urdf: str = ""
 
@@ -115,11 +175,18 @@ class BoardRecording:
         return float(value) if isinstance(value, int | float) else default
 
     def control_modes(self, joint: str) -> list[tuple[float, float, str]]:
-        """The control modes of a joint: from, until (s), code."""
-        marks = [(max(m.time, 0.0), m.control.get(joint, "")) for m in self.modes]
+        """The control modes of a joint: from, until (s), code; none where no modes were heard."""
+        return self._spans([(max(m.time, 0.0), m.control.get(joint, "")) for m in self.modes])
+
+    def interaction_modes(self, joint: str) -> list[tuple[float, float, str]]:
+        """The interaction modes of a joint, likewise."""
+        return self._spans([(max(m.time, 0.0), m.interaction.get(joint, "")) for m in self.modes])
+
+    def _spans(self, marks: list[tuple[float, str]]) -> list[tuple[float, float, str]]:
+        """What is so from, until (s): each change once."""
         merged = [m for k, m in enumerate(marks) if k == 0 or m[1] != marks[k - 1][1]]
         end = float(self.time[-1]) if self.time.size else 0.0
-        ends = [mark[0] for mark in merged[1:]] + [end]
+        ends = [mark[0] for mark in merged[1:]] + [end] if merged else []
         return [(begin, stop, code) for (begin, code), stop in zip(merged, ends, strict=True)]
 
 
@@ -177,10 +244,12 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
     stamps = np.array([stamp_of(message.header.stamp) for message in states])
     newer = np.concatenate(([True], stamps[1:] > np.maximum.accumulate(stamps)[:-1]))
     kept = [message for message, is_newer in zip(states, newer, strict=True) if is_newer]
+    if len(kept[0].names) > MOST_JOINTS:
+        raise ValueError(f"{clean(board)} has {len(kept[0].names)} joints, {MOST_JOINTS} at most")
     recording = BoardRecording(
-        board=board,
+        board=clean(board),
         start=float(stamps[0]),
-        names=tuple(kept[0].names),
+        names=clean_names(kept[0].names),
         time=stamps[newer] - stamps[0],
         signals={
             name: np.array([getattr(message, name) for message in kept], dtype=np.float64)
@@ -195,7 +264,10 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
         recording.urdf = str(message.data)
     recording.modes = read_modes(reader, recording)
     recording.faults = read_faults(reader, recording)
+    recording.gaps = read_gaps(reader, recording)
+    recording.requests = read_requests(reader, recording)
     recording.log = read_log(reader, recording)
+    recording.notes = read_notes(reader, recording)
     return recording
 
 
@@ -212,8 +284,9 @@ def read_modes(reader: Any, recording: BoardRecording) -> list[Modes]:
     """The changes of modes, each once: files that follow repeat the last one."""
     found: list[Modes] = []
     for _, message in messages(reader, MODES.of(recording.board)):
-        control = dict(zip(message.names, message.control_modes, strict=True))
-        interaction = dict(zip(message.names, message.interaction_modes, strict=True))
+        names = clean_names(message.names)
+        control = dict(zip(names, clean_names(message.control_modes), strict=True))
+        interaction = dict(zip(names, clean_names(message.interaction_modes), strict=True))
         time = stamp_of(message.header.stamp) - recording.start
         if not found or (found[-1].control, found[-1].interaction) != (control, interaction):
             found.append(Modes(time, control, interaction))
@@ -232,8 +305,48 @@ def read_faults(reader: Any, recording: BoardRecording) -> list[Fault]:
             over.append(Fault(gone.time, gone.joint, gone.code, gone.text, now))
         for key, f in active.items():
             begun = stamp_of(f.stamp) - recording.start
-            running.setdefault(key, Fault(begun, str(f.name), int(f.code), str(f.text)))
+            running.setdefault(key, Fault(begun, clean_name(f.name), int(f.code), clean(f.text)))
     return sorted([*over, *running.values()], key=lambda fault: fault.time)
+
+
+def read_gaps(reader: Any, recording: BoardRecording) -> list[Gap]:
+    """When the board was not heard, by its own stamps.
+
+    The recorder's clock is not the board's: what lies between is that of the first state.
+    """
+    found: list[Gap] = []
+    told = [json.loads(message.data) for _, message in messages(reader, GAPS.of(recording.board))]
+    if not told:
+        return found
+    heard, _ = next(messages(reader, STATE.of(recording.board)))
+    for times in told:
+        found.append(Gap(float(times["begin"]) - heard, float(times["end"]) - heard))
+    return found
+
+
+def read_notes(reader: Any, recording: BoardRecording) -> list[Note]:
+    """What was noted, by the board's stamps: notes have none, so what counts is when they came."""
+    found = [(at, message) for at, message in messages(reader, NOTES.of(recording.board))]
+    if not found:
+        return []
+    heard, _ = next(messages(reader, STATE.of(recording.board)))
+    return [Note(at - heard, clean(message.data)) for at, message in found]
+
+
+def read_requests(reader: Any, recording: BoardRecording) -> list[Request]:
+    """What the board was asked while the recording ran."""
+    return [
+        Request(
+            stamp_of(message.header.stamp) - recording.start,
+            str(message.name),
+            str(message.event),
+            tuple(message.names),
+            str(message.request),
+            bool(message.success),
+            str(message.message),
+        )
+        for _, message in messages(reader, REQUEST_LOG.of(recording.board))
+    ]
 
 
 def read_log(reader: Any, recording: BoardRecording) -> list[LogLine]:
@@ -243,21 +356,15 @@ def read_log(reader: Any, recording: BoardRecording) -> list[LogLine]:
         LogLine(
             stamp_of(message.stamp) - recording.start,
             int(message.level),
-            str(message.name),
-            str(message.msg),
+            clean_name(message.name),
+            clean(message.msg),
         )
         for _, message in messages(reader, ROSOUT.name)
         if message.level >= WARNING and message.name == node
     ]
 
 
-def sliding(urdf: str, names: tuple[str, ...]) -> Mapping[str, bool]:
-    """Which joints are prismatic; false for those that the URDF does not tell."""
-    from xml.etree import ElementTree
-
-    try:
-        robot = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError:
-        return dict.fromkeys(names, False)
-    kinds = {joint.get("name", ""): joint.get("type", "") for joint in robot.findall("joint")}
-    return {name: kinds.get(name) == "prismatic" for name in names}
+def kinds_of(urdf: str, names: tuple[str, ...]) -> Mapping[str, JointKind]:
+    """The kinds of joints; REVOLUTE of those that the URDF does not tell."""
+    joints = heard_joints(urdf)
+    return {name: JointKind.of(joints[name].kind if name in joints else None) for name in names}

@@ -19,8 +19,17 @@ from control_board_ros.client.executor_thread import GONE, ExecutorThread
 from control_board_ros.interface import MODES
 
 from .errors import RecordingError
+from .gaps import Gaps
 from .parameters import Parameters
-from .topics import DEPTH, PARAMETER_EVENTS, Topic, topics_for_yarp, topics_of
+from .topics import (
+    DEPTH,
+    GAPS,
+    PARAMETER_EVENTS,
+    Topic,
+    topic_of,
+    topics_for_yarp,
+    topics_of,
+)
 
 #: s that latched topics have to come first.
 PATIENCE = 2.0
@@ -59,6 +68,9 @@ class Recorder:
     def __init__(self, context: Context, parameters: Sequence[Parameters], sink: Sink) -> None:
         self._parameters, self._sink = parameters, sink
         self._boards = [known.board for known in parameters]
+        self._context, self._own_context = context, False
+        rates = {known.board: known.number("state_rate") for known in parameters}
+        self._gaps = Gaps(rates, time.monotonic(), time.time_ns())
         self.ended = ""
         self.counts: dict[Topic, int] = {}
         self.dropped = 0
@@ -68,25 +80,45 @@ class Recorder:
         self._latched = {known.topic: known.message() for known in parameters}
         self._early: list[tuple[Topic, int, bytes]] = []
         self._start = time.monotonic()
-        self._subscriptions: list[Any] = []
-        self._node = Node(
-            f"_recorder_{next(_numbers)}",
-            context=context,
-            use_global_arguments=False,
-            enable_rosout=False,
-            start_parameter_services=False,
-        )
+        self._node = node_of(context)
         topics = topics_of(self._boards) + topics_for_yarp(self._node, self._boards)
         self._awaited = {topic for topic in topics if topic.latched and topic.board}
         loaded = [(topic, load(topic)) for topic in topics]
         self.skipped = [topic.name for topic, kind in loaded if kind is None]
-        for topic, kind in loaded:
-            if kind is not None:
-                made = self._node.create_subscription(
-                    kind, topic.name, partial(self._hear, topic), qos(topic), raw=True
-                )
-                self._subscriptions.append(made)
+        self._loaded = [(topic, kind) for topic, kind in loaded if kind is not None]
+        self._listen()
+
+    def _listen(self) -> None:
+        """Subscribe to all topics, and hear them in a thread."""
+        self._subscriptions = [
+            self._node.create_subscription(
+                kind, topic.name, partial(self._hear, topic), qos(topic), raw=True
+            )
+            for topic, kind in self._loaded
+        ]
         self._thread = ExecutorThread(self._node, self._report)
+
+    def look(self) -> None:
+        """Look for boards that are silent, in a participant of its own; to be called now and then.
+
+        One that has been forgotten by the other side, or has forgotten it, is a stranger to
+        nobody then. A gap that ends is written into the recording.
+        """
+        if self.ended or not self._gaps.look(time.monotonic()):
+            return
+        self._thread.close()
+        context = Context()
+        context.init(args=[], domain_id=self._context.get_domain_id())
+        self._let_go()
+        self._context, self._own_context = context, True
+        self._node = node_of(context)
+        self._listen()
+
+    def _let_go(self) -> None:
+        """End the node, and the participant where it is the recorder's own."""
+        self._node.destroy_node()
+        if self._own_context:
+            self._context.try_shutdown()
 
     def await_first(self, name: str, patience: float) -> bool:
         """Wait until a topic is heard; false when nothing of it comes for so many s."""
@@ -98,7 +130,13 @@ class Recorder:
         return True
 
     def board_is_gone(self) -> bool:
-        """Whether none of the boards publishes its modes any more."""
+        """Whether none of the boards publishes its modes any more, nor was silent before.
+
+        One that ends says so at once; of one that is cut off nothing is heard for a while, and
+        then the middleware forgets it: that one is looked for.
+        """
+        if self._gaps.silent:
+            return False
         return not any(self._node.count_publishers(MODES.of(board)) for board in self._boards)
 
     def close(self) -> None:
@@ -112,7 +150,7 @@ class Recorder:
         with contextlib.suppress(*GONE):  # the context was shut down: nothing is left to take
             for subscription in self._subscriptions:
                 self._take_rest(subscription, now)
-        self._node.destroy_node()
+        self._let_go()
         self._guard(self._finish)
 
     def _take_rest(self, subscription: Any, until: int) -> None:
@@ -131,6 +169,8 @@ class Recorder:
         self.counts[topic] = self.counts.get(topic, 0) + 1
         if topic.board:
             self._count_dropped(topic, info.get("publication_sequence_number"))
+            if ended := self._gaps.heard(topic.board, time.monotonic(), stamp):
+                self._guard(partial(self._take, topic_of(GAPS, topic.board), stamp, ended))
         if not self.ended:
             self._guard(partial(self._take, topic, stamp, bytes(data)))
 
@@ -172,6 +212,9 @@ class Recorder:
     def _finish(self) -> None:
         if not self._begun:
             self._begin()
+        now = time.time_ns()
+        for board, ended in self._gaps.running(now).items():
+            self._sink.write(topic_of(GAPS, board), now, ended)
         self._sink.close()
 
     def _guard(self, work: Callable[[], None]) -> None:
@@ -182,6 +225,17 @@ class Recorder:
 
     def _report(self, error: Exception) -> None:
         self.ended = self.ended or f"{type(error).__name__}: {error}"
+
+
+def node_of(context: Context) -> Node:
+    """A node that only listens."""
+    return Node(
+        f"_recorder_{next(_numbers)}",
+        context=context,
+        use_global_arguments=False,
+        enable_rosout=False,
+        start_parameter_services=False,
+    )
 
 
 def load(topic: Topic) -> Any:

@@ -6,6 +6,8 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
+from control_board_ros.text import file_name
+
 from .errors import RecordingError
 from .reading import SIGNALS, BoardRecording, read
 
@@ -19,7 +21,7 @@ def write_csv(folder: Path) -> list[Path]:
     recordings = read(folder)
     files = []
     for recording in recordings:
-        prefix = "" if len(recordings) == 1 else recording.board.strip("/").replace("/", "_") + "_"
+        prefix = "" if len(recordings) == 1 else file_name(recording.board.strip("/")) + "_"
         states, events = folder / f"{prefix}state.csv", folder / f"{prefix}events.csv"
         try:
             write_states(recording, states)
@@ -44,11 +46,16 @@ def write_states(recording: BoardRecording, path: Path) -> None:
 
 
 def write_events(recording: BoardRecording, path: Path) -> None:
-    """A row per change of a joint's mode, per fault, and per warning of the log."""
+    """A row per change of a joint's modes, fault, request, note and warning of the log."""
     rows: list[tuple[float, str, str, str]] = []
     for joint in recording.names:
         rows += [(begin, joint, "mode", code) for begin, _, code in recording.control_modes(joint)]
+        spans = recording.interaction_modes(joint)
+        rows += [(begin, joint, "interaction", code) for begin, _, code in spans]
+    rows += [(note.time, "", "note", note.text) for note in recording.notes]
     rows += [(f.time, f.joint, "fault", f"{f.code}: {f.text}") for f in recording.faults]
+    rows += [(gap.time, "", "gap", gap.text) for gap in recording.gaps]
+    rows += [(r.time, "", "request", r.text) for r in recording.requests]
     rows += [(line.time, "", "log", line.text) for line in recording.log]
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)

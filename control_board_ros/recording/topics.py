@@ -7,13 +7,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from control_board_ros.interface import COMMAND_TOPICS, PUBLISHED, Endpoint, QoS, topic
+from control_board_ros.interface import COMMAND_TOPICS, NOTES, PUBLISHED, Endpoint, QoS, topic
 
 #: The parameters of a board with all their values, in the recording only: at its beginning, in
 #: every file of it, and after every change.
 PARAMETERS = topic(
     "~/recorded_parameters", "rcl_interfaces/msg/ParameterEvent", QoS(depth=1, latched=True), ""
 )
+#: A board that was not heard for a while, in the recording only: JSON with begin and end, s of the
+#: recorder's clock.
+GAPS = topic("~/recorded_gaps", "std_msgs/msg/String", QoS(depth=100), "")
 #: Every node's log, with the warnings of commands that a board ignores, and changed parameters.
 ROSOUT = topic("/rosout", "rcl_interfaces/msg/Log", QoS(depth=1000), "")
 PARAMETER_EVENTS = topic(
@@ -44,15 +47,16 @@ def topic_of(endpoint: Endpoint, board: str) -> Topic:
     """The topic of an endpoint of a board, by its absolute name."""
     shared = endpoint.name.startswith("/") or endpoint.kind == "command"
     qos = endpoint.qos
-    return Topic(
-        endpoint.of(board), endpoint.type, qos.reliable, qos.latched, "" if shared else board
-    )
+    state = qos.latched and qos.depth == 1  # a history of events is heard from now on
+    return Topic(endpoint.of(board), endpoint.type, qos.reliable, state, "" if shared else board)
 
 
 def topics_of(boards: Iterable[str]) -> list[Topic]:
     """What boards publish and listen to, and what all nodes share, each once."""
     found: dict[str, Topic] = {}
     for board in boards:
+        notes = replace(topic_of(NOTES, board), board="")  # of whoever publishes them
+        found[notes.name] = notes
         for endpoint in (*PUBLISHED, *COMMAND_TOPICS, ROSOUT, PARAMETER_EVENTS):
             topic = topic_of(endpoint, board)
             if topic.name in found:  # of two boards in one namespace

@@ -6,10 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
+from ..core.arm_model import ArmModel
 from ..core.config import BoardConfig, JointConfig
 from ..core.parameter import Parameter, parameters_of, parts_of
+from ..description.arm_model import Motors, arm_model
 from ..description.urdf import Urdf
-from ..sim.config import JointSimulation, SimulationConfig
+from ..sim.config import IDEAL, PYBULLET, JointSimulation, SimulationConfig
 
 T = TypeVar("T")
 Values = Mapping[str, Any]
@@ -60,11 +62,39 @@ def board(values: Values, urdf: Urdf, names: tuple[str, ...]) -> BoardConfig:
         ConfigError: a value is not allowed.
     """
     kinds = {one.name: one.kind for one in urdf.joints}
-    return board_of(values, tuple(joint(values, name, kinds[name]) for name in names))
+    joints = tuple(joint(values, name, kinds[name]) for name in names)
+    return board_of(values, joints, model(values, urdf, names))
 
 
-def board_of(values: Values, joints: tuple[JointConfig, ...]) -> BoardConfig:
-    """The configuration of the board with joints that are made already.
+def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None:
+    """The masses of some joints, the rest of the robot standing at its home pose.
+
+    None where the URDF's masses are not what the joints feel: the base floats, the body is ideal,
+    or the plant is somebody else's.
+    """
+    if not values["base_fixed"] or values["physics"] == IDEAL or values["plant"]:
+        return None
+    homes = {
+        one.name: values[f"{one.name}.home"] for one in urdf.joints if f"{one.name}.home" in values
+    }
+    rotors = {
+        name: values[f"{name}.motor.inertia"] * values[f"{name}.motor.gear_ratio"] ** 2
+        for name in names
+    }
+    motors = Motors(
+        rotors=rotors,
+        coulomb={name: values[f"{name}.motor.coulomb"] for name in names},
+        viscous={name: values[f"{name}.motor.viscous"] for name in names},
+        in_links=values["physics"] == PYBULLET,
+    )
+    x, y, z = values["gravity"]
+    return arm_model(urdf, names, motors, homes, (x, y, z))
+
+
+def board_of(
+    values: Values, joints: tuple[JointConfig, ...], masses: ArmModel | None
+) -> BoardConfig:
+    """The configuration of the board with joints and their masses, made already.
 
     Raises:
         ConfigError: a value is not allowed.
@@ -74,6 +104,7 @@ def board_of(values: Values, joints: tuple[JointConfig, ...]) -> BoardConfig:
         values,
         "",
         joints=joints,
+        model=masses,
         calibration_groups=tuple(
             tuple(name.strip() for name in group.split(","))
             for group in values["calibration_groups"]

@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from ..core.parameter import Parameter
 from ..description.urdf import Urdf
+from ..text import nearest
 from .params_file import Entry, Layer, SettingsError, shown
 from .poses import known_names
 from .schema import BOARD_BY_NAME, JOINT, JOINT_DEFAULTS, find_row
@@ -113,14 +113,13 @@ def joints_of(
         if name in urdf.independent and names.count(name) == 1:
             continue
         if name in urdf.mimics:
-            reason = f"it follows {urdf.mimics[name].leader!r}; leave it out"
+            reason = f"; it follows {urdf.mimics[name].leader!r}; leave it out"
         elif name in urdf.independent:
-            reason = "it is there twice; leave one out"
+            reason = "; it is there twice; leave one out"
         else:
-            near = get_close_matches(name, urdf.independent, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
-            reason = f"{hint}joints: {', '.join(urdf.independent)}"
-        raise SettingsError(f"{at}{key}: {shown(name)} is not allowed; {reason}")
+            hint = nearest(name, urdf.independent)
+            reason = f"{hint}; joints: {', '.join(urdf.independent)}"
+        raise SettingsError(f"{at}{key}: {shown(name)} is not allowed{reason}")
     for reserved, whose in RESERVED.items():
         if reserved in names:
             raise SettingsError(
@@ -132,6 +131,5 @@ def joints_of(
 
 def unknown(name: str, known: Iterable[str]) -> str:
     """The message for a parameter name that does not exist."""
-    near = get_close_matches(name[:200], list(known), n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}?" if near else "see docs/parameters.md"
-    return f"{shown(name)}: no such parameter; {hint}"
+    hint = nearest(name, known, 0.5) or "; see docs/parameters.md"
+    return f"{shown(name)}: no such parameter{hint}"

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..core import stability
 from ..core.bring_up import complete_levels
 from ..core.config import BoardConfig, ConfigError
 from ..core.modes import SENSE_TORQUE
@@ -94,7 +95,8 @@ class Settings:
         )
         by_name = {joint.name: joint for joint in self.board.joints}
         joints = tuple(by_name[joint] for joint in names)
-        board = replace(self.board, joints=joints, calibration_groups=groups)
+        model = build.model(self.values, self.urdf, names) if self.board.model else None
+        board = replace(self.board, joints=joints, calibration_groups=groups, model=model)
         values = {key: value for key, value in self.values.items() if not key.startswith(others)}
         values |= {
             "joints": list(names),
@@ -136,7 +138,7 @@ class Settings:
                 build.joint(values, one.name, one.kind) if one.name in touched else one
                 for one in self.board.joints
             )
-            board = build.board_of(values, joints)
+            board = build.board_of(values, joints, self.board.model)
         except ConfigError as error:
             raise SettingsError(_blame(error, changes, values)) from None
         return replace(self, board=board, values=values)
@@ -238,6 +240,7 @@ def _settings(
     values |= values_of(poses)
     values |= {f"{PARTS}.{part}": list(entry.value) for part, entry in table.items()}
     warnings = urdf.warnings + assumed.warnings + _slow(rate) + beyond
+    warnings += tuple(stability.warnings(board).values())
     notes = () if values["robot"] in NAMES else assumed.notes
     return Settings(board, simulation, urdf, values, ros, warnings, notes, where, poses, parts)
 
@@ -280,6 +283,7 @@ def _explain(error: ConfigError, where: Mapping[str, str]) -> str:
     """A configuration error with the place of the value that caused it."""
     key = error.key.removeprefix("simulation.")
     # Where nobody gave this end of a range, the other end is what does not fit.
-    other = key.replace("upper", "lower") if "upper" in key else key.replace("lower", "upper")
-    at = where.get(key) or where.get(other)
+    owner, dot, end = key.rpartition(".")
+    ends = ("upper", "lower") if "upper" in end else ("lower", "upper")
+    at = where.get(key) or where.get(owner + dot + end.replace(*ends))
     return f"{at}: {key}: {error.value!r} is not allowed; {error.allowed}" if at else str(error)

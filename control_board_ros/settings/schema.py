@@ -95,10 +95,18 @@ NODE = (
         name="plant_timeout",
         kind=Kind.DOUBLE,
         default=0.1,
-        text="A plant that does not answer for so long is a fault of its joints",
+        text="A plant that does not answer for so long is a fault of its joints; one that hears "
+        "nothing of the control loop for so long, and three cycles, takes the power off",
         unit="s",
         low=0.001,
         high=60.0,
+    ),
+    Parameter(
+        name="plant_process",
+        kind=Kind.BOOL,
+        default=True,
+        text="That plant runs in a process of its own, which takes the power off also when the "
+        "board's is stopped, hangs or ends; false: in a thread of the board's",
     ),
     Parameter(
         name="state_rate",
@@ -115,7 +123,8 @@ NODE = (
         kind=Kind.DOUBLE,
         default=1.0,
         text="Simulated seconds per second; 0: as fast as every state can be published",
-        low=0.0,
+        low=0.001,
+        or_zero=True,
         high=1000.0,
         run_time=True,
     ),

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import os
 import sys
-from difflib import get_close_matches
 from pathlib import Path
 
+from ..text import nearest
 from .yaml_tree import SettingsError, shown
 
 PACKAGE = "control_board_ros"
@@ -38,9 +38,8 @@ def find_config(name: str) -> Path:
                 known.setdefault(path.stem, path)
     if name in known:
         return known[name]
-    near = get_close_matches(name, list(known), n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
+    hint = nearest(name, known)
     raise SettingsError(
-        f"configuration {shown(name)} unknown; {hint}known: {', '.join(known) or 'none'}, "
+        f"configuration {shown(name)} unknown{hint}; known: {', '.join(known) or 'none'}, "
         "or the path of a YAML file"
     )

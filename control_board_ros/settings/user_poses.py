@@ -15,6 +15,7 @@ import fcntl
 import os
 import re
 import tempfile
+import time
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,9 @@ from .yaml_tree import Mapping as Tree
 
 #: So many poses are enough for anybody; more would not be read again.
 MOST = 100
+#: How often a save asks for the file's lock, and s between: saving takes a few ms, and whoever
+#: saves keeps all other services waiting.
+TRIES, PAUSE = 10, 0.005
 HEAD = "# Poses of {robot}, saved by ~/save_pose and `cbctl pose save`; rad, rad/s; m, m/s.\n"
 FORM = "write NAME: {speed: 0.0, positions: {joint: 0.5}}"
 
@@ -101,10 +105,25 @@ class UserPoses:
 
     @contextlib.contextmanager
     def _locked(self) -> Iterator[None]:
-        """Keep other processes from saving meanwhile."""
+        """Keep other processes from saving meanwhile.
+
+        Raises:
+            RequestError: another one saves for longer than anybody should wait.
+        """
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        with (self.path.parent / f".{self.path.name}.lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+        path = self.path.parent / f".{self.path.name}.lock"
+        with path.open("w") as lock:
+            for left in reversed(range(TRIES)):
+                try:
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                except BlockingIOError:
+                    if not left:
+                        raise RequestError(
+                            f"{self.path}: another program is saving poses, or holds {path.name} "
+                            "without end; try again, or end that program"
+                        ) from None
+                    time.sleep(PAUSE)
             yield
 
     def _write(self, text: str) -> None:

@@ -49,8 +49,7 @@ def _number(row: Parameter, value: Any) -> float | None:
         number = float(value)
     except OverflowError:
         return None
-    low, high = row.bounds
-    return number if low <= number <= high else None
+    return number if row.allows(number) else None
 
 
 def _choice(row: Parameter, value: Any) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,7 +56,7 @@ def parse_yaml(text: str, source: str) -> Mapping | Leaf | None:
         SettingsError: not YAML, or more than plain YAML; one line with the line number.
     """
     try:
-        return _Builder(source).build(yaml.parse(text, Loader=_LOADER))
+        return _Builder(source, yaml.parse(text, Loader=_LOADER)).build()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark is not None else 1
@@ -64,87 +65,80 @@ def parse_yaml(text: str, source: str) -> Mapping | Leaf | None:
         hint = "; indent with spaces, not tabs" if tab else "; mend the YAML there"
         reason = " ".join(str(error.problem or error.context).split())
         raise SettingsError(f"{source}:{line}: not YAML ({reason}){hint}") from None
+    except UnicodeEncodeError:
+        raise SettingsError(f"{source}: is no UTF-8 text; write it as UTF-8") from None
     except yaml.YAMLError as error:
         reason = " ".join(str(error).split())[:120]
         raise SettingsError(f"{source}: not YAML ({reason}); mend the file") from None
 
 
 class _Builder:
-    """Builds mappings and values from parser events, without recursion."""
+    """Builds mappings and values from parser events; recursion ends at DEPTH_CAP.
 
-    def __init__(self, source: str) -> None:
-        self.source = source
-        self.stack: list[Any] = []  # open mappings and lists
-        self.keys: list[tuple[str, int] | None] = []  # the key that awaits a value, per mapping
+    Events, not PyYAML's compose(): that resolves aliases unseen, has no end of its depth, and its
+    nodes do not tell a tag that was written from one that was found (decision 29).
+    """
+
+    def __init__(self, source: str, events: Iterator[Any]) -> None:
+        self.source, self.events = source, events
         self.count = 0
-        self.root: Mapping | Leaf | None = None
 
     def fail(self, event: Any, text: str) -> SettingsError:
         return SettingsError(f"{self.source}:{event.start_mark.line + 1}: {text}")
 
-    def build(self, events: Any) -> Mapping | Leaf | None:
+    def build(self) -> Mapping | Leaf | None:
+        root: Mapping | Leaf | None = None
         documents = 0
-        for event in events:
+        while (event := next(self.events, None)) is not None:
             if isinstance(event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
                     raise self.fail(event, "a second document (---); a file has one")
-            elif isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-                raise self.fail(event, "anchors (&) and aliases (*) are not allowed; write it out")
-            elif isinstance(event, yaml.NodeEvent):
-                self._node(event)
-            elif isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
-                done = self.stack.pop()
-                if isinstance(done, Mapping):
-                    self.keys.pop()
-                else:
-                    done.value = _uniform(done.value)
-        return self.root
+                root = self._node(next(self.events), 0)
+        return root
 
-    def _node(self, event: Any) -> None:
+    def _node(self, event: Any, depth: int) -> Mapping | Leaf:
+        """What begins with an event; it lies in so many mappings and lists."""
+        self._check(event, depth)
+        line = event.start_mark.line + 1
+        if isinstance(event, yaml.ScalarEvent):
+            return Leaf(self._scalar(event), line)
+        if isinstance(event, yaml.MappingStartEvent):
+            return Mapping(self._items(depth + 1), line)
+        values = []
+        while not isinstance(inside := next(self.events), yaml.SequenceEndEvent):
+            self._check(inside, depth + 1)
+            if not isinstance(inside, yaml.ScalarEvent):
+                raise self.fail(inside, "a list in a list; lists hold plain values")
+            values.append(self._scalar(inside))
+        return Leaf(_uniform(values), line)
+
+    def _items(self, depth: int) -> dict[str, Mapping | Leaf]:
+        """The nodes of a mapping by key, with the lines of their keys."""
+        items: dict[str, Mapping | Leaf] = {}
+        while not isinstance(key := next(self.events), yaml.MappingEndEvent):
+            self._check(key, depth)
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarEvent):
+                raise self.fail(key, "a key is a list or a mapping; keys are names")
+            if key.value in items:
+                first = items[key.value].line
+                raise self.fail(key, f"{shown(key.value)} again, first in line {first}")
+            items[key.value] = node = self._node(next(self.events), depth)
+            node.line = line
+        return items
+
+    def _check(self, event: Any, depth: int) -> None:
+        """Refuse what is more than plain YAML of a bounded size."""
+        if isinstance(event, yaml.AliasEvent) or event.anchor:
+            raise self.fail(event, "anchors (&) and aliases (*) are not allowed; write it out")
         self.count += 1
-        if self.count > VALUE_CAP or len(self.stack) >= DEPTH_CAP:
+        if self.count > VALUE_CAP or depth >= DEPTH_CAP:
             raise self.fail(
                 event, f"nested deeper than {DEPTH_CAP} or more than {VALUE_CAP} values"
             )
         if event.tag is not None:
             raise self.fail(event, f"tag {shown(event.tag)} is not allowed; write plain values")
-        line = event.start_mark.line + 1
-        parent = self.stack[-1] if self.stack else None
-        if isinstance(parent, Mapping) and self.keys[-1] is None:
-            if not isinstance(event, yaml.ScalarEvent):
-                raise self.fail(event, "a key is a list or a mapping; keys are names")
-            if event.value in parent.items:
-                first = parent.items[event.value].line
-                raise self.fail(event, f"{shown(event.value)} again, first in line {first}")
-            self.keys[-1] = (event.value, line)
-            return
-        node: Mapping | Leaf
-        if isinstance(event, yaml.ScalarEvent):
-            node = Leaf(self._scalar(event), line)
-        elif isinstance(event, yaml.MappingStartEvent):
-            node = Mapping({}, line)
-        else:
-            node = Leaf([], line)
-        self._attach(event, parent, node)
-        if not isinstance(event, yaml.ScalarEvent):
-            self.stack.append(node)
-            if isinstance(node, Mapping):
-                self.keys.append(None)
-
-    def _attach(self, event: Any, parent: Any, node: Mapping | Leaf) -> None:
-        if parent is None:
-            self.root = node
-        elif isinstance(parent, Mapping):
-            key = self.keys[-1]
-            assert key is not None  # _node has set it before a value comes
-            node.line = key[1]
-            parent.items[key[0]] = node
-            self.keys[-1] = None
-        elif isinstance(node, Leaf) and not isinstance(event, yaml.SequenceStartEvent):
-            parent.value.append(node.value)
-        else:
-            raise self.fail(event, "a list in a list; lists hold plain values")
 
     def _scalar(self, event: Any) -> Any:
         text = event.value

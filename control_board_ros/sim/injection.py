@@ -127,6 +127,18 @@ class Injector:
         self._powered = np.zeros(len(joints), dtype=bool)
         self.active = False
 
+    def check(self, joint: int, kind: str) -> None:
+        """A joint can have a fault.
+
+        Raises:
+            ValueError: the kind is unknown, or the joint has no such sensor.
+        """
+        config = self._joints[joint]
+        if kind not in KINDS:
+            raise ValueError(f"fault {kind!r} unknown; faults: {', '.join(KINDS)}")
+        if kind == "torque_sensor" and not config.torque_sensor:
+            raise ValueError(f"{config.name} has no torque sensor to break; choose another fault")
+
     def add(self, joint: int, kind: str, persistent: bool, cycle: int, truth: Array) -> None:
         """Let a fault begin with the reading of this cycle.
 
@@ -138,13 +150,10 @@ class Injector:
             truth: True readings of now, shape (ROWS, n).
 
         Raises:
-            ValueError: the kind is unknown, or the joint has no such sensor.
+            ValueError: see :meth:`check`.
         """
+        self.check(joint, kind)
         config = self._joints[joint]
-        if kind not in KINDS:
-            raise ValueError(f"fault {kind!r} unknown; faults: {', '.join(KINDS)}")
-        if kind == "torque_sensor" and not config.torque_sensor:
-            raise ValueError(f"{config.name} has no torque sensor to break; choose another fault")
         self._faults[joint, kind] = Injection(
             joint,
             config.limits,

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -174,14 +174,22 @@ class SimulatedPlant:
         self._external[self._index(joint)] = torque
         self._pushed = bool(self._external.any())
 
-    def inject(self, joint: int | str, kind: str, persistent: bool = False) -> None:
+    def inject(
+        self, joints: int | str | Sequence[int | str], kind: str, persistent: bool = False
+    ) -> None:
         """Break something: one of ``injection.KINDS``, until it is found or until it is cleared.
 
         Raises:
-            ValueError: unknown joint or kind, or no such sensor; the message says what is allowed.
+            ValueError: unknown joint or kind, or no such sensor; the message says what is allowed,
+                and nothing is broken.
         """
-        index = self._index(joint)
-        self._faults.add(index, kind, persistent, self._cycle, self._sensors.values)
+        one = isinstance(joints, str) or not isinstance(joints, Sequence)
+        chosen = cast("Sequence[int | str]", [joints] if one else joints)
+        indices = [self._index(joint) for joint in chosen]
+        for index in indices:
+            self._faults.check(index, kind)
+        for index in indices:
+            self._faults.add(index, kind, persistent, self._cycle, self._sensors.values)
 
     def clear_injected(self, joints: Sequence[int | str] | None = None) -> None:
         """Remove the injected faults of some joints, or (None) every one."""

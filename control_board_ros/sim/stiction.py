@@ -36,7 +36,7 @@ def bristle_constants(
         step: The physics step h, s.
     """
     torque = min(TORQUE_SHARE * joint.limits.torque, COULOMB_SHARE * model.coulomb)
-    deflection = SLIP_DISTANCE if joint.kind == "prismatic" else SLIP_ANGLE
+    deflection = joint.kind.choose(SLIP_ANGLE, SLIP_DISTANCE)
     deflection = max(deflection, step**2 * torque / (0.05 * inertia))
     stiffness = torque / deflection
     largest = max(inertia, joint.inertia_max)

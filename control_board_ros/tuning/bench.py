@@ -153,12 +153,12 @@ class Stand:
 
 def position_motions(stand: Stand, start: float) -> list[Take]:
     """A quick move, a step, a push: STIFF."""
-    slides = stand.config.kind == "prismatic"
+    step = stand.config.kind.choose(STEP, STEP_SLIDING)
     takes = [move(stand, start, SPEED)]
     stand.mode(ControlMode.POSITION_DIRECT, InteractionMode.STIFF)
     place = float(stand.board.snapshot().position_reference[stand.j])
     way = 1.0 if place < stand.config.limits.upper - 2.0 * STEP else -1.0
-    stand.board.set_position(stand.j, place + way * (STEP_SLIDING if slides else STEP))
+    stand.board.set_position(stand.j, place + way * step)
     takes.append(stand.take("step", AFTER))
     stand.push(PUSH * stand.config.limits.torque)
     takes.append(stand.take("push", PUSHED))
@@ -178,8 +178,8 @@ def compliant_motions(stand: Stand, start: float) -> list[Take]:
 
 def move(stand: Stand, start: float, speed: float) -> Take:
     """A minimum-jerk move away from the nearer limit."""
-    limits, slides = stand.config.limits, stand.config.kind == "prismatic"
-    size = min(TRAVEL_SLIDING if slides else TRAVEL, PART * (limits.upper - limits.lower))
+    limits, kind = stand.config.limits, stand.config.kind
+    size = min(kind.choose(TRAVEL, TRAVEL_SLIDING), PART * (limits.upper - limits.lower))
     way = 1.0 if limits.upper - start > start - limits.lower else -1.0
     stand.board.position_move(stand.j, start + way * size, speed * limits.velocity)
     return stand.take("move", float(stand.board.get_remaining_time(stand.j)[0]) + AFTER)

@@ -33,10 +33,14 @@ FAULTED = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Of the motions in one scene, by name; overshoot (%)."""
+    """Of the motions in one scene, by name; overshoot (%); whether the joint settled in time.
+
+    Where it did not, ``settling`` is for how long it was looked at, and its settling time more.
+    """
 
     values: Mapping[str, float]
     overshoot: float
+    settled: bool = True
 
 
 def figures(stage: str, takes: Sequence[Take]) -> Figures:
@@ -58,7 +62,7 @@ def figures(stage: str, takes: Sequence[Take]) -> Figures:
         found["settling"] = longest(answer.settling, step)
         rest = move.output[-move.output.size // 5 :]
         found["chatter"] = float(np.sqrt(np.mean(np.diff(rest) ** 2)))
-        return Figures(found, answer.overshoot)
+        return Figures(found, answer.overshoot, math.isfinite(answer.settling))
     release, push = by_name["release"], by_name["push"]
     errors = [take.torque_reference - take.torque for take in takes]
     found["torque"] = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
@@ -66,7 +70,7 @@ def figures(stage: str, takes: Sequence[Take]) -> Figures:
         release.time, release.position, float(push.position[-1]), float(release.reference[-1])
     )
     found["settling"] = longest(back.settling, release)
-    return Figures(found, back.overshoot)
+    return Figures(found, back.overshoot, math.isfinite(back.settling))
 
 
 def longest(settling: float, take: Take) -> float:

@@ -6,21 +6,28 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import yaml
 
 from .. import __version__
 from ..core.config import JointConfig
-from ..recording.charts import Chart, Trace, Unit, unit_of
-from ..recording.page import chart_section, document, number
+from ..core.joint_kind import JointKind
+from ..recording.charts import Chart, Trace
+from ..recording.page import chart_section, difference, document, number
 from .bench import Take
-from .cost import GUARDED, WEIGHTS
+from .cost import GUARDED, WEIGHTS, Figures
 from .errors import TuningError
 from .outcome import Outcome, mean
 from .search import Plan, settings_of
 from .space import POSITION
 
+#: What gains that a search found are to be taken for.
+CAUTION = (
+    "Tuned on a simulation with ideal sensors (the encoder's resolution, no noise, no delay) and "
+    "the drives of its file: try each joint of a robot slowly first."
+)
 #: What the stages are called.
 TITLES = {POSITION: "position", "compliant": "impedance and torque"}
 #: The figures as they are shown, with the factor to their unit.
@@ -54,6 +61,7 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
         f"# Gains found by cbctl tune (control_board_ros {__version__}) for {plan.robot}:",
         f"# {plan.trials} trials for each controller, payload up to {plan.payload:.3g} kg, "
         f"seed {plan.seed}.",
+        *(f"# {line}" for line in wrap(CAUTION, 97)),
         "# In poses that the search did not see, mean figures before -> after:",
         *(f"#   {line}" for line in summary(outcomes, plan)),
     ]
@@ -68,47 +76,54 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
 
 def summary(outcomes: Sequence[Outcome], plan: Plan) -> list[str]:
     """A line for each controller."""
-    units = units_of(plan.robot)
+    units = kinds_of(plan.robot)
     return [line_of(outcome, units[outcome.joint]) for outcome in outcomes]
 
 
-def line_of(outcome: Outcome, unit: Unit) -> str:
+def line_of(outcome: Outcome, kind: JointKind) -> str:
     """What counts most, before and after, and where the gains are not those found, why."""
     head = f"{outcome.joint}, {TITLES[outcome.stage]}: "
     if not outcome.changes:
         return f"{head}as before, {outcome.why}"
     if outcome.why:
         head += f"the derived gains ({outcome.why}), "
-    told = []
+    texts = []
     for name in ("tracking", "push") if outcome.stage == POSITION else ("torque", "tracking"):
-        text = f"{SHOWN[name]} {before_and_after(outcome, name, unit, '->')}"
+        text = f"{SHOWN[name]} {before_and_after(outcome, name, kind, '->')}"
         if outcome.derived and not outcome.why:
-            text += f" (derived gains: {shown(name, mean(name, outcome.derived), unit)})"
-        told.append(text)
-    return head + ", ".join(told)
+            text += f" (derived gains: {told(name, outcome.derived, kind)})"
+        texts.append(text)
+    return head + ", ".join(texts)
 
 
-def before_and_after(outcome: Outcome, name: str, unit: Unit, arrow: str) -> str:
+def before_and_after(outcome: Outcome, name: str, kind: JointKind, arrow: str) -> str:
     """A figure of both, with its unit."""
-    then, now = (shown(name, mean(name, f), unit) for f in (outcome.before, outcome.after))
+    then, now = (told(name, found, kind) for found in (outcome.before, outcome.after))
     return f"{then} {arrow} {now}"
 
 
-def units_of(robot: str) -> Mapping[str, Unit]:
-    """How each joint's positions are shown."""
+def kinds_of(robot: str) -> Mapping[str, JointKind]:
+    """The kind of each joint."""
     joints: Sequence[JointConfig] = settings_of(robot).board.joints
-    return {joint.name: unit_of(joint.kind == "prismatic") for joint in joints}
+    return {joint.name: joint.kind for joint in joints}
 
 
-def shown(name: str, value: float, unit: Unit) -> str:
+def told(name: str, found: Sequence[Figures], kind: JointKind) -> str:
+    """The mean of a figure with its unit; a joint that did not settle has no settling time."""
+    text, late = shown(name, mean(name, found), kind), sum(not one.settled for one in found)
+    if name != "settling" or not late:
+        return text
+    return f"more than {text} (not settled in {late} of {len(found)} poses)"
+
+
+def shown(name: str, value: float, kind: JointKind) -> str:
     """A figure with its unit."""
     if not math.isfinite(value):
         return "–"
     if name in ("tracking", "push"):
-        return number(unit.factor * value, 4) + (
-            "°" if unit.position == "°" else f" {unit.position}"
-        )
-    return f"{number(value)} " + {"settling": "s", "chatter": "%", "torque": unit.torque}[name]
+        return difference(value, kind)
+    units = {"settling": "s", "chatter": "%", "torque": kind.force_unit}
+    return f"{number(value)} {units[name]}"
 
 
 def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
@@ -117,12 +132,12 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
     Raises:
         TuningError: it cannot be written.
     """
-    units = units_of(plan.robot)
+    units = kinds_of(plan.robot)
     sections = [section(outcome, units[outcome.joint]) for outcome in outcomes]
     note = (
         f"Gains for {plan.robot}: {plan.trials} trials for each controller, payload up to "
         f"{plan.payload:.3g} kg, seed {plan.seed}. Grey: before. All figures are from poses that "
-        "the search did not see, with the gains of all joints together; mean over them."
+        f"the search did not see, with the gains of all joints together; mean over them. {CAUTION}"
     )
     try:
         path.write_text(
@@ -132,12 +147,12 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
         raise TuningError(f"cannot write {path}: {error.strerror}") from error
 
 
-def section(outcome: Outcome, unit: Unit) -> str:
+def section(outcome: Outcome, kind: JointKind) -> str:
     """One controller."""
     facts = [
         (
             SHOWN[name],
-            before_and_after(outcome, name, unit, "→"),
+            before_and_after(outcome, name, kind, "→"),
         )
         for name in WEIGHTS[outcome.stage]
     ]
@@ -151,47 +166,47 @@ def section(outcome: Outcome, unit: Unit) -> str:
         return chart_section(f"{title}, as before", [("kept, because", outcome.why)], [])
     if outcome.derived:
         facts += [
-            (f"{SHOWN[name]}, derived gains", shown(name, mean(name, outcome.derived), unit))
+            (f"{SHOWN[name]}, derived gains", told(name, outcome.derived, kind))
             for name in GUARDED[outcome.stage]
         ]
     if outcome.why:
         facts.append(("the derived gains, because", outcome.why))
-    return chart_section(title, facts, charts(outcome, unit))
+    return chart_section(title, facts, charts(outcome, kind))
 
 
-def charts(outcome: Outcome, unit: Unit) -> list[Chart]:
+def charts(outcome: Outcome, kind: JointKind) -> list[Chart]:
     """The motions of the first fresh scene, before and after."""
     found = []
     then = {take.what: take for take in outcome.takes_before}
     for now in outcome.takes_after:
         old = then.get(now.what)
         if now.what == "step":
-            traces = [end_trace("after", now, unit, "measured")]
-            traces[:0] = [end_trace("before", old, unit, "before")] if old else []
-            found.append(Chart("Step: position from its end", unit.position, traces))
+            traces = [end_trace("after", now, kind, "measured")]
+            traces[:0] = [end_trace("before", old, kind, "before")] if old else []
+            found.append(Chart("Step: position from its end", kind.shown_unit, traces))
             continue
-        traces = [error_trace("after", now, unit, "error")]
-        traces[:0] = [error_trace("before", old, unit, "before")] if old else []
+        traces = [error_trace("after", now, kind, "error")]
+        traces[:0] = [error_trace("before", old, kind, "before")] if old else []
         names = {
             "move": "Error of the move",
             "push": "Error under a push",
             "release": "Error after its release",
         }
-        found.append(Chart(names[now.what], unit.position, traces))
+        found.append(Chart(names[now.what], kind.shown_unit, traces))
         if outcome.stage != POSITION and now.what == "move":
             torques = [Trace("after", now.time, now.torque_reference - now.torque, "error")]
             if old:
                 error = old.torque_reference - old.torque
                 torques.insert(0, Trace("before", old.time, error, "before"))
-            found.append(Chart("Torque error of the move", unit.torque, torques))
+            found.append(Chart("Torque error of the move", kind.force_unit, torques))
     return found
 
 
-def end_trace(label: str, take: Take, unit: Unit, kind: str) -> Trace:
+def end_trace(label: str, take: Take, kind: JointKind, role: str) -> Trace:
     """Position from where the reference ends."""
-    return Trace(label, take.time, unit.factor * (take.position - take.reference[-1]), kind)
+    return Trace(label, take.time, kind.shown_factor * (take.position - take.reference[-1]), role)
 
 
-def error_trace(label: str, take: Take, unit: Unit, kind: str) -> Trace:
+def error_trace(label: str, take: Take, kind: JointKind, role: str) -> Trace:
     """Reference − position of a motion."""
-    return Trace(label, take.time, unit.factor * (take.reference - take.position), kind)
+    return Trace(label, take.time, kind.shown_factor * (take.reference - take.position), role)

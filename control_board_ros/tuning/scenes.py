@@ -70,7 +70,7 @@ def simulation_of(settings: Settings, scene: Scene) -> SimulationConfig:
 def last_link(urdf: Urdf, names: Sequence[str]) -> str:
     """The link that the last turning joint moves: with a hand, that of the wrist."""
     joints = [joint for joint in urdf.joints if joint.name in names]
-    turning = [joint for joint in joints if joint.kind != "prismatic"]
+    turning = [joint for joint in joints if not joint.kind.slides]
     return (turning or joints)[-1].child
 
 
@@ -95,7 +95,7 @@ def usual_payload(settings: Settings) -> float:
     urdf = settings.simulation.urdf
     if urdf is None:
         return 0.0
-    torques = {j.name: j.limits.torque for j in settings.board.joints if j.kind != "prismatic"}
+    torques = {j.name: j.limits.torque for j in settings.board.joints if not j.kind.slides}
     tree = urdf.tree
     most, lever, link = math.inf, 0.0, last_link(urdf, settings.board.names)
     while (element := tree.parent_joint.get(link)) is not None:

@@ -89,7 +89,7 @@ def space_of(settings: Settings, joint: str, stage: str) -> Space:
     for name in (*(f"{pid}.{gain}" for pid in PIDS for gain in GAINS), "impedance.damping"):
         own.pop(name, None)
     own |= {"inertia_min": config.inertia_min, "inertia_max": config.inertia_max}
-    gains(own, settings.board.period, sliding=config.kind == "prismatic")
+    gains(own, settings.board.period, config.kind)
     if stage == POSITION:
         derived = {name: own[f"position_pid.{name}"] for name in GAINS}
     else:

@@ -171,7 +171,8 @@ def test_poses(cbctl: Any, ask: Any) -> None:
     ask.mode("1", "vel")
     refused = cbctl("home")
     assert refused.code == 1
-    assert f"{SECOND} is in VELOCITY; switch with: cbctl mode {SECOND} pos" in refused.err
+    assert f"and {SECOND} is in VELOCITY; its joints must be in pos or mix" in refused.err
+    assert refused.err.endswith(f"; switch with: cbctl mode {SECOND} pos\n")
     assert "did you mean 'wave'?" in ask("pose", "wav")["message"]
     assert cbctl("pose", "home", "joint_1").code == cbctl("park", "--speed", "0").code == 2
 
@@ -304,6 +305,46 @@ def test_faults_and_clear(cbctl: Any, ask: Any) -> None:
     assert ask("faults", "--all")[FIRST]["active"] is False
 
 
+def test_stop_everything_and_recover(cbctl: Any, ask: Any) -> None:
+    """E1 to E3: one line each, with what to type next; the fault as a picture and as numbers."""
+    stopped = cbctl("estop")
+    assert stopped.code == 0, stopped.err
+    assert stopped.out.startswith("every joint is without power, and falls where no brake holds")
+    assert stopped.out.endswith("; let the stop go with: cbctl estop release\n")
+    assert {mode["control_mode"] for mode in ask("modes").values()} == {"hwfa"}
+    held = cbctl("recover")
+    assert held.code == 1
+    assert "emergency stop, asked for); release it" in held.err
+    assert "release with: cbctl estop release" in held.err
+    stuck = cbctl("clear")
+    assert (stuck.code, stuck.out.count("the cause persists")) == (1, 7)
+    assert stuck.err.endswith("release with: cbctl estop release\n")
+    released = cbctl("estop", "release")
+    assert (released.code, released.out.endswith("recover with: cbctl recover\n")) == (0, True)
+    one = ask("recover", "0")
+    assert (one["success"], one["modes"], one["wait"]) == (True, {FIRST: "pos"}, {FIRST: 0.0})
+    assert cbctl("recover").out.startswith(f"recovered: {SECOND} pos, ")
+    frame = ask("faults", "--frame", "0")
+    assert frame["fault"]["joint"] == FIRST
+    assert len(frame["position"]) == len(frame["stamps"]) > 0
+    drawn = cbctl("faults", "--frame", "0")
+    assert "emergency stop, asked for" in drawn.out
+    assert "position" in drawn.out
+    assert cbctl("estop", "now").code == 1
+
+
+def test_an_emergency_stop_that_waits_for_time_says_so(cbctl: Any, ask: Any) -> None:
+    """E2: of a paused simulation nothing is said that has not been seen."""
+    assert cbctl("pause").code == 0
+    stopped = cbctl("estop")
+    assert (stopped.code, "without power" in stopped.out) == (0, False)
+    assert "paused: it acts with the next cycle" in stopped.out
+    assert cbctl("resume").code == 0
+    until(lambda: {mode["control_mode"] for mode in ask("modes").values()} == {"hwfa"})
+    assert cbctl("estop", "release").code == 0
+    assert cbctl("recover").code == 0
+
+
 def test_who_has_no_power_is_told_at_once(cbctl: Any, ask: Any) -> None:
     """M10, F1: a joint without power falls; where it is, and what holds it."""
     idle = cbctl("mode", "0", "idl")
@@ -434,7 +475,7 @@ def test_param(cbctl: Any, ask: Any, tmp_path: Any) -> None:
 
 def test_the_simulation(cbctl: Any, ask: Any) -> None:
     """The verbs that concern the whole board: pause, step, resume, reset, configure."""
-    assert ask("step", "10")["message"].endswith("; pause it first with: cbctl pause")
+    assert ask("step", "10")["message"].endswith("; pause it first: ~/pause")
     assert "cbctl resume" in cbctl("pause").out
     assert cbctl("step", "10").out == "advanced by 10\n"
     assert "is not valid" in ask("step", "0")["message"]

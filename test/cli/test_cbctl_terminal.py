@@ -147,6 +147,16 @@ def test_the_prompt(cbctl: Any, tmp_path: Any) -> None:
     assert "modes lbr_iiwa_joint_5" in (tmp_path / "cbctl" / "history").read_text()
 
 
+def test_a_prompt_in_a_home_that_cannot_be_written(cbctl: Any) -> None:
+    """It works all the same, and says what it does not keep."""
+    with terminal(cbctl, "shell", XDG_STATE_HOME="/proc/nowhere") as at:
+        at.see("typed lines are not kept (/proc/nowhere")
+        at.see("cbctl>")
+        at.type("modes lbr_iiwa_joint_5\r")
+        at.see("POSITION")
+        at.type("quit\r")
+
+
 def test_a_move_on_a_paused_board(cbctl: Any) -> None:
     """It says why nothing moves, and goes on with the simulation."""
     assert cbctl("pause").code == 0

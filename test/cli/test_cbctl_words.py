@@ -12,11 +12,10 @@ import pytest
 
 from control_board_ros.cli.app import explain
 from control_board_ros.cli.arguments import Parser, arguments_of
-from control_board_ros.cli.limits import JointLimits, check_targets, limits_of
+from control_board_ros.cli.limits import check_limits
 from control_board_ros.cli.options import Options, hoist, split_ros_arguments
 from control_board_ros.cli.output import bar, conclude, plain
 from control_board_ros.cli.progress import Standstill
-from control_board_ros.cli.robot import describe
 from control_board_ros.cli.streaming import duration
 from control_board_ros.cli.verbs.look import when
 from control_board_ros.cli.verbs.modes import joints_and_mode
@@ -31,7 +30,10 @@ from control_board_ros.cli.words import (
     find_joints,
     quantity,
 )
+from control_board_ros.core.joint_kind import JointKind
 from control_board_ros.core.reply import Answer, Reply
+from control_board_ros.joint_limits import JointLimits, limit_parameters, limits_of
+from control_board_ros.urdf_xml import heard_joints
 
 NAMES = ("l_shoulder_pitch", "l_shoulder_roll", "l_elbow", "slide", "3")
 
@@ -217,7 +219,7 @@ def test_options_that_are_none(words: list[str], text: str) -> None:
 
 def test_limits_from_a_urdf() -> None:
     """Kinds and stops; a continuous joint has none; what is no URDF has no joints."""
-    joints = describe(
+    joints = heard_joints(
         """<robot name="r">
         <joint name="a" type="revolute"><limit lower="-1" upper="2"/></joint>
         <joint name="b" type="continuous"><limit velocity="1"/></joint>
@@ -227,8 +229,8 @@ def test_limits_from_a_urdf() -> None:
     )
     assert (joints["a"].lower, joints["a"].upper, joints["a"].dimension) == (-1.0, 2.0, "angle")
     assert joints["b"].upper == math.inf
-    assert joints["c"].prismatic
-    assert describe("no xml") == {}
+    assert joints["c"].dimension == "length"
+    assert heard_joints("no xml") == {}
 
 
 def test_bars() -> None:
@@ -255,9 +257,10 @@ def test_stamps() -> None:
     assert when(1_700_000_000.0).count(":") == 2
 
 
-SHOULDER = JointLimits(-1.666789, 0.139626, -1.701696, 0.174533, 1.7, 20.0, 40.0)
-IIWA = JointLimits(-2.93215, 2.93215, -2.96706, 2.96706, 1.5, 15.0, 320.0)
-RAIL = JointLimits(0.0, 0.4, -0.01, 0.41, 0.5, 2.0, 100.0)
+SHOULDER = JointLimits(-1.666789, 0.139626, -1.701696, 0.174533, 1.7, 20.0, 40.0, 100.0)
+IIWA = JointLimits(-2.93215, 2.93215, -2.96706, 2.96706, 1.5, 15.0, 320.0, 100.0)
+KINDS = (JointKind.REVOLUTE, JointKind.PRISMATIC)
+RAIL = JointLimits(0.0, 0.4, -0.01, 0.41, 0.5, 2.0, 100.0, 100.0)
 
 
 @pytest.mark.parametrize(
@@ -299,30 +302,76 @@ def test_targets_outside_the_limits(joint: JointLimits, word: str, told: str) ->
     """P9: what was understood in both units, what is allowed, and what may have been meant."""
     target = {"joint": quantity(word, "position")}
     with pytest.raises(Refused) as refused:
-        check_targets(target, {"joint": joint}, {"joint": joint is RAIL})
+        check_limits("position", target, {"joint": joint}, {"joint": KINDS[joint is RAIL]})
     assert str(refused.value) == told
 
 
 def test_targets_within_the_limits() -> None:
     """A limit itself is allowed however it is rounded; without limits the board decides."""
     for word in ("168deg", "-168°", "168.04deg", "2.9322", "0"):
-        check_targets({"joint": quantity(word, "position")}, {"joint": IIWA}, {})
-    check_targets({"joint": Quantity(1e9)}, {"joint": None}, {})
-    check_targets({"joint": Quantity(1e9)}, {}, {})
+        check_limits("position", {"joint": quantity(word, "position")}, {"joint": IIWA}, {})
+    check_limits("position", {"joint": Quantity(1e9)}, {"joint": None}, {})
+    check_limits("position", {"joint": Quantity(1e9)}, {}, {})
+
+
+@pytest.mark.parametrize(
+    ("joint", "kind", "word", "told"),
+    [
+        (
+            IIWA,
+            "speed",
+            "-20",
+            "joint: -20 rad/s = -1145.9°/s is beyond its limit, 1.5 rad/s = 85.9°/s; "
+            "did you mean -20deg?",
+        ),
+        (
+            RAIL,
+            "speed",
+            "2",
+            "joint: 2 m/s = 2000.0 mm/s is beyond its limit, 0.5 m/s = 500.0 mm/s; "
+            "did you mean 2mm?",
+        ),
+        (
+            IIWA,
+            "acceleration",
+            "2000deg",
+            "joint: 34.91 rad/s² = 2000.0°/s² is beyond its limit, 15 rad/s² = 859.4°/s²",
+        ),
+        (IIWA, "torque", "-400", "joint: -400 N·m is beyond its limit, 320 N·m"),
+        (RAIL, "torque", "101N", "joint: 101 N is beyond its limit, 100 N"),
+        (IIWA, "output", "120%", "joint: 120 % is beyond its limit, 100 %"),
+    ],
+)
+def test_other_values_beyond_the_limits(
+    joint: JointLimits, kind: str, word: str, told: str
+) -> None:
+    """P14: velocities, accelerations, torques and outputs, as positions."""
+    with pytest.raises(Refused) as refused:
+        check_limits(
+            kind,
+            {"joint": quantity(word, kind)},
+            {"joint": joint},
+            {"joint": KINDS[joint is RAIL]},
+        )
+    assert str(refused.value) == told
+    check_limits(kind, {"joint": quantity("0.2", kind)}, {"joint": joint}, {})
 
 
 def test_every_joint_that_is_outside_is_named() -> None:
     """Of several targets all that are wrong are told at once."""
     targets = {"a": Quantity(3.0), "b": Quantity(0.0), "c": Quantity(-3.0)}
     with pytest.raises(Refused, match=r"^a: 3 rad.*; c: -3 rad"):
-        check_targets(targets, dict.fromkeys(targets, IIWA), {})
+        check_limits("position", targets, dict.fromkeys(targets, IIWA), {})
 
 
 def test_limits_are_known_whole_or_not_at_all() -> None:
-    """A board that does not tell one of them tells none."""
-    values = [-1.0, 1.0, -2.0, 2.0, 3.0, 4.0, 5.0]
-    assert limits_of(values) == JointLimits(*values)
-    assert limits_of([*values[:6], None]) is None
+    """Of a joint with one that is no number, none is known; a whole number is one."""
+    values = [-1.0, 1, -2.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert limit_parameters(["a", "b"])[7:9] == ["a.limits.output", "b.limits.lower"]
+    for wrong in (None, True, "7"):
+        found = limits_of(["a", "b"], [*values, *values[:7], wrong])
+        assert found == {"a": JointLimits(*values), "b": None}
+    assert limits_of(["a"], []) == {"a": None}
 
 
 @pytest.mark.parametrize(

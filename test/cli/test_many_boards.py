@@ -16,11 +16,12 @@ from rich.text import Text
 from control_board_ros.cli.app import for_several
 from control_board_ros.cli.boards import is_pattern, robots_among
 from control_board_ros.cli.dense import dense, fitting
-from control_board_ros.cli.limits import limits_of
 from control_board_ros.cli.options import Options
-from control_board_ros.cli.output import addressed
-from control_board_ros.cli.tables import short_names
+from control_board_ros.cli.session import Session
 from control_board_ros.cli.verbs.watch import DISPENSABLE, View, on_screen
+from control_board_ros.cli.words import short_names
+from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.joint_limits import JointLimits
 from control_board_ros.testing import board_process
 
 PARTS = {
@@ -39,8 +40,8 @@ def view(board: str, names: list[str], faulty: tuple[str, ...] = ()) -> View:
     """What was read of a board."""
     made: Any = object.__new__(View)
     made.board = board
-    made.session = SimpleNamespace(slides=lambda _: False, names=tuple(names))
-    made._limits = dict.fromkeys(names, limits_of([-3.0, 3.0, -3.1, 3.1, 2.0, 10.0, 100.0]))
+    made.session = SimpleNamespace(kind=lambda _: JointKind.REVOLUTE, names=tuple(names))
+    made._limits = dict.fromkeys(names, JointLimits(-3.0, 3.0, -3.1, 3.1, 2.0, 10.0, 100.0, 100.0))
     row = {
         "control_mode": "posd",
         "interaction_mode": "stif",
@@ -127,7 +128,8 @@ def test_what_a_pattern_is_and_who_takes_it() -> None:
         True,
         False,
     ]
-    taken = {"modes", "watch", "info", "references", "faults", "poses", "clear", "stop", "record"}
+    taken = {"modes", "watch", "info", "references", "faults", "poses", "record"}
+    taken |= {"clear", "recover", "estop", "stop"}
     assert set(for_several()) == taken
 
 
@@ -176,22 +178,17 @@ def test_two_boards() -> None:
 @pytest.mark.parametrize(
     ("options", "shown"),
     [
-        (Options(), "in IDLE; hold with: cbctl mode all pos; see cbctl --help"),
+        (Options(), "cbctl mode all pos"),
         (
             Options(board="/icub/left_arm", domain=3),
-            "in IDLE; hold with: cbctl --board /icub/left_arm --domain 3 mode all pos; "
-            "see cbctl --help",
+            "cbctl --board /icub/left_arm --domain 3 mode all pos",
         ),
-        (
-            Options(namespace="/left"),
-            "in IDLE; hold with: cbctl --namespace /left mode all pos; see cbctl --help",
-        ),
+        (Options(namespace="/left"), "cbctl --namespace /left mode all pos"),
     ],
 )
 def test_the_next_step_is_for_the_board_that_is_meant(options: Options, shown: str) -> None:
     """As one types it; in the shell, which has the board already, without its name."""
-    text = "in IDLE; hold with: cbctl mode all pos; see cbctl --help"
-    session: Any = SimpleNamespace(options=options, shared=False)
-    assert addressed(session, text) == shown
+    session = Session(options)
+    assert session.line("mode", "all", "pos") == shown
     session.shared = True
-    assert addressed(session, text) == text
+    assert session.line("mode", "all", "pos") == "cbctl mode all pos"

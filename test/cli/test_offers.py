@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import pytest
 
-from control_board_ros.cli.completion import MODE_CODES, complete, line_offers, offers
+from control_board_ros.cli.completion import complete, line_offers, offers
 from control_board_ros.cli.verbs import VERBS as ALL_VERBS
 from control_board_ros.cli.verbs import load
+from control_board_ros.cli.verbs.modes import MODE_CODES
 from control_board_ros.cli.verbs.terminal import HELP, LEAVE
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 4)]
@@ -42,7 +43,7 @@ def test_modes_are_those_that_can_be_set() -> None:
     ],
 )
 def test_a_line_of_the_shell(line: str, words: list[str]) -> None:
-    assert line_offers(line, VERBS, IIWA, (*HELP, *LEAVE)) == words
+    assert line_offers(line, VERBS, load, IIWA, (*HELP, *LEAVE)) == words
 
 
 def test_poses() -> None:
@@ -57,23 +58,29 @@ def test_poses() -> None:
         "pose save here joint_2": ["joint_2"],
         "home ": [],
     }.items():
-        assert line_offers(line, known, IIWA, (*HELP, *LEAVE), lambda: poses) == words
+        assert line_offers(line, known, load, IIWA, (*HELP, *LEAVE), lambda: poses) == words
 
 
 def test_a_fault_follows_joints() -> None:
-    assert offers("inject", ["joint_1"], "e", IIWA) == ["encoder", "external"]
-    assert offers("inject", [], "", IIWA) == [*SHORT, "all"]
-    assert offers("move", [], "--", IIWA) == []
+    assert offers(load("inject"), ["joint_1"], "e", lambda: IIWA) == ["encoder", "external"]
+    assert offers(load("inject"), [], "", lambda: IIWA) == [*SHORT, "all"]
+    assert offers(load("move"), [], "--", lambda: IIWA) == []
+
+
+def test_one_joint() -> None:
+    """Verbs that measure one joint offer joints, and not all."""
+    assert offers(load("step"), [], "", lambda: IIWA) == SHORT
+    assert offers(load("chirp"), [], "joint_2", lambda: IIWA) == ["joint_2"]
 
 
 def test_signals() -> None:
     """A joint, then what it has; or a kind of all joints."""
-    assert offers("plot", [], "jo", IIWA) == [f"{name}." for name in SHORT]
-    assert offers("plot", ["joint_1.torque"], "joint_2.po", IIWA) == [
+    assert offers(load("plot"), [], "jo", lambda: IIWA) == [f"{name}." for name in SHORT]
+    assert offers(load("plot"), ["joint_1.torque"], "joint_2.po", lambda: IIWA) == [
         "joint_2.position",
         "joint_2.position_reference",
     ]
-    assert offers("plot", [], "cu", IIWA) == ["current"]
+    assert offers(load("plot"), [], "cu", lambda: IIWA) == ["current"]
 
 
 @pytest.mark.parametrize(
@@ -86,6 +93,9 @@ def test_signals() -> None:
         ("cbctl impedance 0 --d", ["--damping", "--domain"]),
         ("cbctl completion z", ["zsh"]),
         ("cbctl pause x", []),
+        ("cbctl mode 4 po", ["pos", "posd"]),
+        ("cbctl param s", ["show", "set", "save"]),
+        ("cbctl report x", []),
         ("cbctl nonsense x", []),
         ("cbctl --board x", []),
         ("cbctl --timeout x mo", []),

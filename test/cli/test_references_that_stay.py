@@ -3,18 +3,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from control_board_ros.cli.options import Options
 from control_board_ros.cli.verbs.streams import set_once
 from control_board_ros.core.reply import accepted, refused
 
-SESSION: Any = SimpleNamespace(options=Options(), shared=False)
 ASKED = {"elbow": 500.0, "wrist": 2.0}
+SESSION: Any = SimpleNamespace(options=Options(), shared=False, names=list(ASKED), line=str)
 
 
 def test_a_reference_that_was_bounded_is_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -22,22 +22,16 @@ def test_a_reference_that_was_bounded_is_told(capsys: pytest.CaptureFixture[str]
 
     def send(names: list[str], values: list[float]) -> Any:
         sent.append((names, values))
-        return accepted(tuple(names))
+        return replace(accepted(tuple(names)), values=(176.0, 2.0))
 
-    def get(_names: list[str]) -> Any:
-        return np.array([176.0, 2.0])
-
-    assert set_once(SESSION, send, get, ASKED, "torque references", "{:g}") == 0
+    assert set_once(SESSION, send, ASKED, "torque references", "{:g}", "torq") == 0
     assert sent == [(["elbow", "wrist"], [500.0, 2.0])]
     assert capsys.readouterr().out == (
-        "torque references: elbow 176, bounded, instead of 500, wrist 2; they stay until changed\n"
+        "torque references: elbow 176, wrist 2; they stay until changed\n"
     )
 
 
 def test_what_was_not_taken_is_not_told(capsys: pytest.CaptureFixture[str]) -> None:
-    def get(_names: list[str]) -> Any:
-        raise AssertionError("nothing is in force")
-
     reply = refused("elbow is in POSITION", ("elbow",))
-    assert set_once(SESSION, lambda *_: reply, get, ASKED, "torque references", "{:g}") == 1
+    assert set_once(SESSION, lambda *_: reply, ASKED, "torque references", "{:g}", "torq") == 1
     assert capsys.readouterr().out == ""

@@ -92,7 +92,7 @@ def test_a_part_leaves_the_others_as_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["iiwa", "arm.urdf"])
 def test_a_robot_is_found_from_any_folder(name: str, tmp_path: Path) -> None:
     """A relative path is shown in full; a name stays."""
-    arm = Path(__file__).parents[1] / "spec" / "arm.urdf"
+    arm = Path(__file__).parents[1] / "support" / "arm.urdf"
     (tmp_path / "arm.urdf").write_bytes(arm.read_bytes())
     path = tmp_path / "board.yaml"
     path.write_text(f"control_board: {{ros__parameters: {{robot: {name}}}}}")

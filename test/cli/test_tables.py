@@ -10,9 +10,11 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from control_board_ros.cli.tables import grid, short_names
+from control_board_ros.cli.tables import grid
 from control_board_ros.cli.verbs.look import joints_table, references_table
 from control_board_ros.cli.verbs.modes import impedance_table
+from control_board_ros.cli.words import short_names
+from control_board_ros.core.joint_kind import JointKind
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
 WIDTHS = [40, 60, 80, 120]
@@ -56,7 +58,7 @@ def narrowed(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
 def test_references(monkeypatch: pytest.MonkeyPatch, width: int, names: list[str]) -> None:
     """Every number is there whole, with its unit, beside the short name of its joint."""
     narrowed(monkeypatch, width)
-    session: Any = SimpleNamespace(slides=lambda name: False, names=IIWA)
+    session: Any = SimpleNamespace(kind=lambda _: JointKind.REVOLUTE, names=IIWA)
     text = drawn(references_table(session, dict.fromkeys(names, REFERENCE)), width)
     assert all(len(line) <= width for line in text.splitlines())
     for value in ("-168.0°", "-135.0°/s", "-320.25 N·m", "-100.0 %", "135.0°/s", "1432.4°/s²"):

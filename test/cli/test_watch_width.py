@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from control_board_ros.cli.limits import limits_of
-from control_board_ros.cli.tables import short_names
 from control_board_ros.cli.verbs.watch import TITLES, watch_table
+from control_board_ros.cli.words import short_names
+from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.joint_limits import JointLimits
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
 ICUB = ["l_shoulder_pitch", "l_shoulder_roll", "l_elbow"]
@@ -29,8 +30,8 @@ def drawn(names: list[str], width: int, fault: str = "", **more: Any) -> list[st
         "fault": fault,
         "calibrated": True,
     }
-    session: Any = SimpleNamespace(slides=lambda name: False, names=names)
-    limits: Any = dict.fromkeys(names, limits_of([-3.0, 3.0, -3.1, 3.1, 2.0, 10.0, 100.0]))
+    session: Any = SimpleNamespace(kind=lambda _: JointKind.REVOLUTE, names=names)
+    limits: Any = dict.fromkeys(names, JointLimits(-3.0, 3.0, -3.1, 3.1, 2.0, 10.0, 100.0, 100.0))
     rows = dict.fromkeys(names, row | more)
     out = io.StringIO()
     Console(file=out, width=width).print(watch_table(session, rows, limits, width))

@@ -173,30 +173,41 @@ def test_reference_speeds(client: ControlBoardClient) -> None:
     assert client.get_ref_speed(0).tolist() == [0.3]
 
 
-def test_commands_out_of_mode_are_foretold_and_counted(client: ControlBoardClient) -> None:
-    """M4: ignored, said so at once, counted by the board; the other joints are served."""
+def test_commands_out_of_mode_are_told_and_counted(client: ControlBoardClient) -> None:
+    """M4: ignored, the board says so where it is asked, and counts; the others are served."""
     before = client.get_state().rejected_commands
     assert client.set_control_mode(0, "vel")
-    reply = client.velocity_move([0, 1], 0.01)
+    reply = client.velocity_move([0, 1], 0.01, answered=True)
     assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
+    assert reply.codes == ("", "other_mode")
     assert reply.message == (
-        f"velocity reference for {NAMES[1]} ignored: mode is POSITION; "
-        f"switch with: cbctl mode {NAMES[1]} vel"
+        f"velocity reference for {NAMES[1]} ignored: mode is POSITION; it is taken in vel, mix"
     )
+    assert reply.values[0] == 0.01
+    assert math.isnan(reply.values[1])
     assert client.get_ref_velocity(0).tolist() == [0.01]
     counted = client.get_state().rejected_commands - before
     assert counted.tolist() == [0, 1, 0, 0, 0, 0, 0]
+    assert str(client.velocity_move([0, 1], 0.02)) == "sent"  # a stream has no answer
+    assert client.get_ref_velocity(0).tolist() == [0.02]
+    counted = client.get_state().rejected_commands - before
+    assert counted.tolist() == [0, 2, 0, 0, 0, 0, 0]
 
 
 def test_a_mode_just_set_is_the_mode_that_counts(client: ControlBoardClient) -> None:
-    """M4: a command right after the request is not judged by an old ~/modes message."""
-    for _ in range(30):
-        assert client.set_control_mode(0, "torq")
-        assert client.set_ref_torque(0, 0.0)
-        assert not client.set_output(0, 0.0)
+    """M4: what is published right after the mode's answer meets the board in the new mode."""
+    before = client.get_state().rejected_commands[0]
+    for k in range(30):
+        assert client.set_control_mode(0, "torq").modes == (M.TORQUE,)
+        assert client.set_ref_torque(0, 0.01 * k)
+        assert client.get_ref_torque(0).tolist() == [0.01 * k]
+        assert not client.set_output(0, 0.0, answered=True)
         assert client.set_control_mode(0, "open")
-        assert client.set_output(0, 0.0)
-        assert not client.set_ref_torque(0, 0.0)
+        assert client.set_output(0, 0.0, answered=True).values == (0.0,)
+        assert client.set_output(0, 0.01 * k)
+        assert client.get_output(0).tolist() == [0.01 * k]
+        assert not client.set_ref_torque(0, 0.0, answered=True)
+    assert client.get_state().rejected_commands[0] - before == 60
 
 
 @pytest.mark.parametrize(
@@ -230,7 +241,10 @@ def test_speeds_that_are_no_speeds(client: ControlBoardClient) -> None:
     assert client.position_move(0, 0.2, limit)
     assert not client.position_move(0, 0.3, 1.001 * limit)
     assert client.set_control_mode(2, "vel")
-    assert "accelerations must be above 0 and up to" in client.velocity_move(2, 0.1, 1e6).message
+    assert (
+        "accelerations must be above 0 and up to"
+        in client.velocity_move(2, 0.1, 1e6, answered=True).message
+    )
     counted = client.get_state().rejected_commands - before
     assert counted.tolist() == [1, 1, 1, 0, 0, 0, 0]
 
@@ -301,8 +315,20 @@ def test_a_bounded_move_says_so(client: ControlBoardClient) -> None:
     assert client.move(5, 0.1, 0.5).message == ""
     reply = client.move([5, 1], [40.0, 0.6], [1.2, 0.1])
     assert reply
-    assert reply.message == f"{NAMES[5]}: position bounded to 118° (2292° was asked for)"
+    assert reply.message == f"{NAMES[5]}: position bounded to 118.0° (2291.8° was asked for)"
     assert client.get_encoder(5) == pytest.approx([math.radians(118.0)], abs=0.01)
+
+
+def test_a_move_that_is_only_started_says_so_too(client: ControlBoardClient) -> None:
+    """P1, P9: the board answers: what a limit cuts of a target, and the target in force."""
+    reply = client.position_move(0, -40.0)
+    assert reply
+    assert reply.message.startswith(
+        f"{NAMES[0]}: position bounded to -168.0° (-2291.8° was asked for)"
+    )
+    assert reply.values == tuple(client.get_target_position(0))
+    assert client.relative_move(0, 0.1, 0.2).message == ""
+    assert client.stop(0)
 
 
 def test_move_fails_with_the_reason(client: ControlBoardClient) -> None:
@@ -311,6 +337,7 @@ def test_move_fails_with_the_reason(client: ControlBoardClient) -> None:
     reply = client.move(0, 0.5)
     assert not reply
     assert "mode is VELOCITY" in reply.message
+    assert reply.codes == ("other_mode",)
     assert "unknown" in client.move("nobody", 0.5).message
     assert "2 position references for 1 joint" in client.move(0, [0.1, 0.2]).message
 
@@ -402,7 +429,8 @@ def test_faults_of_the_hardware(client: ControlBoardClient) -> None:
     assert "the cause persists" in reply.message
     reply = client.position_move(3, 0.0)
     assert reply.answers == (Answer.IGNORED,)
-    assert "cbctl clear lbr_iiwa_joint_4" in reply.message
+    assert reply.codes == ("in_fault",)
+    assert "mode is HW_FAULT" in reply.message
     assert client.clear_injected_faults()
     assert client.set_control_mode(3, "fidl")
     assert not client.inject_fault(3, "nonsense")
@@ -434,9 +462,12 @@ def test_feedforward(client: ControlBoardClient) -> None:
     """P11: any mode; values are checked."""
     assert client.set_feedforward(0, torques=0.5)
     assert client.get_torque_offset(0).tolist() == [0.5]
+    assert client.set_feedforward(0, 250.0, 0.0, answered=True).values == (100.0,)
     assert client.set_feedforward(0, 0.0, 0.0)
     assert not client.set_feedforward(0)
-    assert "not a finite number" in client.set_feedforward(0, outputs=math.nan).message
+    reply = client.set_feedforward(0, outputs=math.nan, answered=True)
+    assert "not a finite number" in reply.message
+    assert reply.codes == ("not_finite",)
 
 
 def test_the_urdf(client: ControlBoardClient) -> None:

@@ -11,13 +11,12 @@ import time
 from typing import Any
 
 import pytest
-from control_board_msgs.msg import JointModes
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from control_board_msgs.msg import JointFault, JointFaults
 from talk import TIMEOUT, patient
 
 from control_board_ros.client import BoardError, ControlBoardClient
-from control_board_ros.core.vocabs import ControlMode as M
-from control_board_ros.core.vocabs import InteractionMode
+from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.interface import FAULTS
 from control_board_ros.testing import BoardProcess, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
@@ -169,25 +168,29 @@ def test_a_node_that_was_destroyed(process: BoardProcess) -> None:
 
 def test_a_message_that_cannot_be_read(process: BoardProcess, capfd: Any) -> None:
     """One line in the log, however many there are, and the next good one is taken."""
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    read: list[str] = []
+
+    def take(message: Any) -> None:
+        (fault,) = message.faults
+        read.append(ControlMode[fault.text].code)
+
     with (
         ros_node(process.domain, "newer", spin=False) as newer,
         ros_node(process.domain, "reader", spin=False) as node,
         patient(node, "newer") as client,
     ):
-        publisher = newer.create_publisher(JointModes, "newer/modes", latched)
-        message = JointModes(names=["a"], control_modes=["?"], interaction_modes=["stif"])
-        message.interaction_mode_vocabs = [int(InteractionMode.STIFF)]
-        message.control_mode_vocabs = [5]
+        client._link.subscribe(FAULTS, take)
+        publisher = newer.create_publisher(JointFaults, "newer/faults", FAULTS.qos.profile())
         said, later = "", 5
         while not said or later:  # until it is said, and some more
-            publisher.publish(message)
+            publisher.publish(JointFaults(faults=[JointFault(text="?")]))
             time.sleep(0.02)
             said += capfd.readouterr().err
             later -= bool(said)
-        message.control_mode_vocabs = [int(M.IDLE)]
-        publisher.publish(message)
-        assert client.names == ("a",)
+        while not read:
+            publisher.publish(JointFaults(faults=[JointFault(text="IDLE")]))
+            time.sleep(0.02)
+    assert read[0] == "idl"
     (line,) = said.splitlines()
-    assert "client of /newer: a message was lost: ValueError: 5 is not a valid" in line
+    assert "client of /newer: a message was lost: KeyError: '?'" in line
     assert line.endswith("are client and board of the same version?")

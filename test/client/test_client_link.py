@@ -14,11 +14,12 @@ from control_board_msgs.msg import JointModes, PositionCommand
 from control_board_msgs.srv import GetControlMode
 from rclpy.action import ActionServer
 from rclpy.qos import QoSProfile
+from talk import until
 
-from control_board_ros.client import BoardNotFound
+from control_board_ros.client import BoardNotFound, BoardTimeout, InvalidAnswer, state
 from control_board_ros.client.link import Link
 from control_board_ros.client.waiting import run
-from control_board_ros.interface import MOVE, POSITION_COMMAND
+from control_board_ros.interface import MOVE, POSITION_COMMAND, STATE
 from control_board_ros.testing import ros_node
 from control_board_ros.testing.domains import free_domain
 
@@ -67,6 +68,38 @@ def test_a_command_waits_for_the_board_itself() -> None:
             link.close()
 
 
+def test_what_was_published_is_settled_when_a_call_has_been_answered() -> None:
+    """A call that failed settles nothing: the next one asks again."""
+    sent: list[str] = []
+    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
+        link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
+        with ros_node(domain, "board") as board:
+            board.create_publisher(JointModes, "~/modes", 1)
+            ear = Ear(board)
+            asked = board.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
+            answer = asked.send_response
+
+            def send(*of: Any) -> None:
+                sent.append("lost" if not sent else "answered")
+                if sent[-1] == "answered":
+                    answer(*of)
+
+            asked.send_response = send
+            try:
+                run(link.publish(POSITION_COMMAND, positions=[1.0]))
+                assert ear.hears(1.0)
+                link.answer_timeout = 0.5
+                with pytest.raises(BoardTimeout):
+                    run(link.settle())
+                link.answer_timeout = GUARD
+                run(link.settle())
+                assert sent == ["lost", "answered"]
+                run(link.settle())
+                assert sent == ["lost", "answered"]
+            finally:
+                link.close()
+
+
 def test_a_goal_waits_until_the_board_has_heard_of_the_client() -> None:
     """Answers to a client that the board does not know yet go nowhere; it is asked again."""
     sent: list[str] = []
@@ -102,3 +135,49 @@ def test_a_goal_waits_until_the_board_has_heard_of_the_client() -> None:
                 assert run(gone)
         finally:
             link.close()
+
+
+def test_a_state_is_heard_again_by_new_subscriptions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the old ones hear the board no more, as after a long cut of the network."""
+    monkeypatch.setattr(state, "SILENCE", 0.3)
+    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
+        link = Link(user, "board", find_timeout=GUARD, answer_timeout=0.2)
+        try:
+            with ros_node(domain, "board") as node:
+                states = node.create_publisher(STATE.load(), "/board/state", 10)
+                whole = state_of(["a"])
+                node.create_timer(0.02, lambda: states.publish(whole))
+                view = state.StateView(link)
+                until(lambda: heard(view))
+                deaf = link._entities[STATE]
+                deaf.callback = lambda *_: None  # as one that nobody sends to any more
+                until(lambda: run(view.following(0.1)) is not None)
+                assert link._entities[STATE] is not deaf
+        finally:
+            link.close()
+
+
+def state_of(names: list[str], **other: Any) -> Any:
+    """A state with one value of each kind for each joint, but for the other fields."""
+    floats = {field: [0.0] * len(names) for field in state.FLOAT_FIELDS}
+    flags = {field: [True] * len(names) for field in ("motion_done", "calibrated")}
+    counts = {"rejected_commands": [0] * len(names)}
+    return STATE.load()(**({"names": names} | floats | flags | counts | other))
+
+
+@pytest.mark.parametrize("field", ["position", "temperature", "motion_done", "calibrated"])
+def test_a_state_without_one_value_for_each_joint_is_refused(field: str) -> None:
+    """Whoever speaks ROS can send one; the error says what is wrong with it."""
+    assert state.State.of(state_of(["a", "b"])).checked().names == ("a", "b")
+    short = state.State.of(
+        state_of(["a", "b"], **{field: [1.0 if field in state.FLOAT_FIELDS else True] * 3})
+    )
+    with pytest.raises(InvalidAnswer, match=f"2 joints has 3 values of {field}"):
+        short.checked()
+
+
+def heard(view: state.StateView) -> bool:
+    """Whether a state came within a moment."""
+    with contextlib.suppress(BoardTimeout):
+        return bool(run(view.latest()).names)
+    return False

@@ -4,63 +4,70 @@
 from __future__ import annotations
 
 import asyncio
-import math
 import threading
 import time
 from types import SimpleNamespace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 from control_board_msgs.msg import BoardState
 
 from control_board_ros.client.calibrations import CalibrationView
 from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTimeout
+from control_board_ros.client.joint_names import JointNames
 from control_board_ros.client.link import Link
 from control_board_ros.client.modes import mode_texts
-from control_board_ros.client.modes_view import ANSWER_HOLDS, ModesView
-from control_board_ros.client.operations import Aio, operation
-from control_board_ros.client.prediction import KnownJoint, predict
-from control_board_ros.client.services import reply_of
+from control_board_ros.client.operations import Awaitable, Blocking, Interface, operation
+from control_board_ros.client.services import Services, reply_of
 from control_board_ros.client.state import StateView
 from control_board_ros.client.values import as_given
-from control_board_ros.client.waiting import Steps, Wait, run
-from control_board_ros.core.config import JointConfig
-from control_board_ros.core.decisions import Facts
-from control_board_ros.core.faults import FaultRecord
-from control_board_ros.core.reply import Answer, accepted, refused
+from control_board_ros.client.waiting import Wait, run
+from control_board_ros.core.reply import Answer, accepted, refused, sent
 from control_board_ros.core.selection import Selection
 from control_board_ros.core.vocabs import (
-    CommandKind,
     ControlMode,
-    InteractionMode,
     parse_control_mode,
 )
 
 
-class Part:
-    """A part with an operation that waits twice."""
+class Pair(Interface):
+    """An interface with an operation that waits twice."""
 
     def __init__(self, *waits: Wait) -> None:
+        link = SimpleNamespace(wake_user=int)
+        super().__init__(cast(Services, SimpleNamespace(link=link)))
         self.waits, self.interrupted = waits, False
 
-    def both(self, word: str, *, loud: bool = False) -> Steps[str]:
+    @operation
+    async def both(self, word: str, *, loud: bool = False) -> str:
         """Wait for both."""
         try:
-            yield from self.waits
+            for wait in self.waits:
+                await wait
         except (KeyboardInterrupt, asyncio.CancelledError):
             self.interrupted = True
             raise
         return word.upper() if loud else word
 
+    @operation
+    async def twice(self, word: str) -> str:
+        """Wait for both, and once more."""
+        return await self.both(word) + await self.both(word)
 
-class Waiter:
-    """What has the part, as a client has its parts."""
+
+class Waiter(Blocking, Pair):
+    """What a client is of its interfaces."""
 
     def __init__(self, *waits: Wait) -> None:
-        self.part = Part(*waits)
+        self.pair = Pair(*waits)
+        Blocking.__init__(self, self.pair._services, self.pair)
+        self.aio = AioWaiter(self._services, self.pair)
 
-    both = operation("part", Part.both)
+
+class AioWaiter(Awaitable, Pair):
+    """What ``client.aio`` is of them."""
+
+    __init__ = Awaitable.__init__
 
 
 def later(*waits: Wait, **how: Any) -> None:
@@ -75,20 +82,21 @@ def later(*waits: Wait, **how: Any) -> None:
 
 
 def test_the_blocking_form() -> None:
-    """The steps run in the caller's thread and return their value."""
+    """The coroutine runs in the caller's thread and returns its value."""
     waits = Wait(None), Wait(None)
     later(*waits)
     assert Waiter(*waits).both("done", loud=True) == "DONE"
     assert Waiter.both.__doc__ == "Wait for both."
+    assert Waiter(*waits).twice("ho") == "hoho"  # one operation of another
 
 
 def test_the_awaitable_form() -> None:
-    """The same steps under asyncio, beside others."""
+    """The same coroutine under asyncio, beside others."""
     waits = Wait(None), Wait(None)
     other = Wait(None)
 
     async def talk() -> list[str]:
-        first, second = Aio(Waiter(*waits), int), Aio(Waiter(other), int)
+        first, second = Waiter(*waits).aio, Waiter(other).aio
         later(*waits, other)
         return list(await asyncio.gather(first.both("a"), second.both("b", loud=True)))
 
@@ -99,7 +107,7 @@ def test_a_wait_that_was_closed() -> None:
     """The reason comes out of both forms."""
     for ask in (
         lambda waiter: waiter.both("x"),
-        lambda waiter: asyncio.run(Aio(waiter, int).both("x")),
+        lambda waiter: asyncio.run(waiter.aio.both("x")),
     ):
         wait = Wait(None)
         later(wait, error=BoardError("the end"))
@@ -119,100 +127,32 @@ def test_the_first_end_counts() -> None:
     assert called == [1]
 
 
-def test_an_exception_of_the_steps_comes_out() -> None:
+def test_an_exception_of_the_coroutine_comes_out() -> None:
     """Not swallowed, not changed."""
 
-    def steps() -> Steps[None]:
+    async def fails() -> None:
         wait = Wait(None)
         wait.finish()
-        yield wait
+        assert await wait
         raise ValueError("as it is")
 
     with pytest.raises(ValueError, match="as it is"):
-        run(steps())
+        run(fails())
 
 
-def test_a_cancelled_task_reaches_the_steps() -> None:
+def test_a_cancelled_task_reaches_the_coroutine() -> None:
     """Asyncio's cancellation is seen where the steps wait."""
     waiter = Waiter(Wait(None))
 
     async def talk() -> None:
-        task = asyncio.create_task(Aio(waiter, int).both("x"))
+        task = asyncio.create_task(waiter.aio.both("x"))
         await asyncio.sleep(0.02)
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task
 
     asyncio.run(talk())
-    assert waiter.part.interrupted
-
-
-def modes_message(**modes: str) -> Any:
-    """A JointModes message, STIFF throughout."""
-    codes = {mode.code: mode for mode in ControlMode}
-    return SimpleNamespace(
-        names=list(modes),
-        control_mode_vocabs=[int(codes[code]) for code in modes.values()],
-        interaction_mode_vocabs=[int(InteractionMode.STIFF)] * len(modes),
-    )
-
-
-def test_an_answer_outweighs_an_older_message() -> None:
-    """A ~/modes message that was on its way does not undo the answer to a request."""
-    view = ModesView()
-    assert not view.known()
-    view.on_message(modes_message(a="pos", b="idl"))
-    assert view.names == ("a", "b")
-    view.on_answer(["a"], ["vel"])
-    assert view.control_mode("a") is ControlMode.VELOCITY
-    view.on_message(modes_message(a="pos", b="pos"))  # of before the request
-    assert view.control_mode("a") is ControlMode.VELOCITY
-    assert view.control_mode("b") is ControlMode.POSITION
-    view.on_message(modes_message(a="vel", b="pos"))  # of the request
-    view.on_message(modes_message(a="hwfa", b="pos"))  # a fault since
-    assert view.control_mode("a") is ControlMode.HW_FAULT
-
-
-def test_what_answer_and_message_disagree_on_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Either may be the older one when the answer's time is over; the next answer tells."""
-    view, now = ModesView(), at_time(monkeypatch)
-    view.on_message(modes_message(a="idl", b="idl"))
-    view.on_answer(["a", "b"], ["vel", "idl"])
-    assert view.certain(["a", "b"])
-    now[0] += ANSWER_HOLDS
-    assert not view.certain(["a", "b"])
-    assert view.certain(["b"])
-    view.on_answer(["a"], ["vel"])  # the message is on its way still
-    assert view.certain(["a"])
-    assert view.control_mode("a") is ControlMode.VELOCITY
-    now[0] += ANSWER_HOLDS
-    view.on_answer(["a"], ["idl"])  # it was of after the answer
-    assert view.certain(["a"])
-    assert view.control_mode("a") is ControlMode.IDLE
-
-
-def test_doubt_ends_with_an_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """After what may change all modes the board is asked: for a while, and once afterwards."""
-    view, now = ModesView(), at_time(monkeypatch)
-    view.on_message(modes_message(a="idl", b="idl"))
-    view.on_answer(["a"], ["vel"])
-    view.doubt()
-    assert view.control_mode("a") is ControlMode.IDLE
-    view.on_answer(["a"], ["cfgn"])
-    assert not view.certain(["a"])  # that may pass
-    now[0] += ANSWER_HOLDS
-    assert not view.certain(["a"])
-    view.on_answer(["a"], ["idl"])
-    assert view.certain(["a"])
-    assert not view.certain(["a", "b"])
-
-
-def at_time(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The time that the view of modes reads, s: the one entry of this list."""
-    now = [100.0]
-    clock = SimpleNamespace(monotonic=lambda: now[0])
-    monkeypatch.setattr("control_board_ros.client.modes_view.time", clock)
-    return now
+    assert waiter.pair.interrupted
 
 
 class NoLink:
@@ -227,13 +167,12 @@ class NoLink:
     def subscribe(self, *_: object) -> None:
         """What is heard, the test tells."""
 
-    def settle(self) -> Steps[None]:
-        yield from ()
+    async def settle(self) -> None:
+        """Nothing was published."""
 
-    def until(self, condition: Any, _: float) -> Steps[bool]:
+    async def until(self, condition: Any, _: float) -> bool:
         """Note whether the condition held at once."""
         self.asked.append(condition())
-        yield from ()
         return self.asked[-1]
 
 
@@ -258,26 +197,33 @@ def test_states_that_waited_in_line_are_no_fresh_ones() -> None:
 
 def test_other_joints_on_another_board() -> None:
     """A board that comes back with other joints is taken as it is."""
-    view = ModesView()
-    view.on_message(modes_message(a="idl"))
-    view.on_message(modes_message(x="idl", y="pos"))
-    assert view.names == ("x", "y")
-    assert view.interaction_mode("y") is InteractionMode.STIFF
+    joints = JointNames()
+    assert joints.names == ()
+    joints.on_message(SimpleNamespace(names=["a"]))
+    joints.on_message(SimpleNamespace(names=["x", "y"]))
+    assert joints.names == ("x", "y")
+    before = joints.selector
+    joints.on_message(SimpleNamespace(names=["x", "y"]))
+    assert joints.selector is before
 
 
 def test_answers_are_the_boards() -> None:
     """M5, M7: one for each joint with its reason; none where the request was wrong as a whole."""
-    both = Selection(np.array([0, 1]), ("a", "b"))
+    both = Selection.of([0, 1], ("a", "b"))
     response = SimpleNamespace(
-        answers=["accepted", "unsupported"], reasons=["", "no such mode"], message="no such mode"
+        answers=["accepted", "unsupported"],
+        reasons=["", "no such mode"],
+        codes=["", "unsupported"],
+        message="no such mode",
     )
     reply = reply_of(response, both)
     assert reply.joints == ("a", "b")
     assert reply.answers == (Answer.ACCEPTED, Answer.UNSUPPORTED)
     assert reply.reasons == ("", "no such mode")
-    fine = SimpleNamespace(answers=["accepted"] * 2, reasons=["", ""], message="")
+    assert reply.codes == ("", "unsupported")
+    fine = SimpleNamespace(answers=["accepted"] * 2, reasons=["", ""], codes=["", ""], message="")
     assert reply_of(fine, both) == accepted(("a", "b"))
-    wrong = SimpleNamespace(answers=[], reasons=[], message="named twice")
+    wrong = SimpleNamespace(answers=[], reasons=[], codes=[], message="named twice")
     assert reply_of(wrong, both) == refused("named twice")
 
 
@@ -298,55 +244,13 @@ def test_malformed_values_are_sent_as_far_as_they_go() -> None:
     assert as_given({"positions": 3}) == {"positions": [3.0]}
 
 
-def facts(mode: ControlMode, *control_modes: ControlMode) -> Facts:
-    """What a client knows of a joint ``a``."""
-    joint = cast(JointConfig, KnownJoint("a", control_modes))
-    fault = FaultRecord("a", active=mode is ControlMode.HW_FAULT, text="encoder silent")
-    return Facts(joint, mode, InteractionMode.STIFF, True, fault, None, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("mode", "answer", "reason"),
-    [
-        (ControlMode.TORQUE, Answer.ACCEPTED, ""),
-        (ControlMode.IDLE, Answer.IGNORED, "mode is IDLE; switch with: cbctl mode a torq"),
-        (ControlMode.CALIBRATING, Answer.IGNORED, "mode is CALIBRATING; wait"),
-        (ControlMode.HW_FAULT, Answer.IGNORED, "(encoder silent); clear it with: cbctl clear a"),
-        (ControlMode.NOT_CONFIGURED, Answer.REFUSED, "configure the board first"),
-    ],
-)
-def test_predictions_are_core_s_decisions(mode: ControlMode, answer: Answer, reason: str) -> None:
-    """M3, M4, N4: of a command, with the words that the board's log has."""
-    predicted = predict(CommandKind.TORQUE, facts(mode, ControlMode.TORQUE), (1.0,))
-    assert predicted[0] is answer
-    assert reason in predicted[1]
-    assert bool(predicted[1]) == bool(reason)
-
-
-def test_predictions_without_a_mode_to_offer() -> None:
-    """M4: nobody is sent into a mode that the joint does not implement (M5)."""
-    _, reason = predict(CommandKind.TORQUE, facts(ControlMode.IDLE, ControlMode.POSITION), (1.0,))
-    assert reason.endswith("mode is IDLE, and the joint has no mode for it")
-
-
-def test_predictions_of_feedforward() -> None:
-    """P11, K6: it acts in all modes but one."""
-    assert predict(None, facts(ControlMode.IDLE), (1.0,)) == (Answer.ACCEPTED, "")
-    answer, reason = predict(None, facts(ControlMode.CALIBRATING), (1.0,))
-    assert answer is Answer.IGNORED
-    assert "mode is CALIBRATING" in reason
-    assert predict(None, facts(ControlMode.IDLE), (math.nan,))[0] is Answer.IGNORED
-
-
-def test_predictions_know_the_limit() -> None:
-    """P2: what goes along with references lies above 0 and within the limit."""
-    moving = facts(ControlMode.POSITION)
-    for speed, answer in ((0.0, "ignored"), (0.5, "accepted"), (1.0, "accepted")):
-        predicted = predict(CommandKind.POSITION, moving, (0.1, speed), "speeds", 1.0)
-        assert predicted[0] == answer
-    answer, reason = predict(CommandKind.POSITION, moving, (0.1, 2.0), "speeds", 1.0)
-    assert answer is Answer.IGNORED
-    assert reason.endswith("speeds must be above 0 and up to 1, not 2")
+def test_a_stream_that_is_published_says_so() -> None:
+    """A: nobody has answered; it is true, and prints what became of it."""
+    reply = sent(("a", "b"))
+    assert reply
+    assert reply.answers == (Answer.SENT, Answer.SENT)
+    assert str(reply) == "sent"
+    assert reply != accepted(("a", "b"))
 
 
 def test_a_condition_that_fails_ends_its_wait_only() -> None:
@@ -354,8 +258,12 @@ def test_a_condition_that_fails_ends_its_wait_only() -> None:
     wait = Wait(None, lambda: 1 / 0 > 0)
     wait.look(time.monotonic())
     assert wait.finished
+
+    async def waits() -> bool:
+        return await wait
+
     with pytest.raises(ZeroDivisionError):
-        wait.check()
+        run(waits())
 
 
 def test_calibrations() -> None:

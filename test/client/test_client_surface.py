@@ -17,7 +17,7 @@ import pytest
 
 from control_board_ros import protocols
 from control_board_ros.client import ControlBoardClient
-from control_board_ros.client.operations import Aio
+from control_board_ros.client.board import Aio
 
 GOLDEN = Path(__file__).with_name("client_surface.txt")
 
@@ -26,7 +26,7 @@ METHODS = {
     for name in dir(ControlBoardClient)
     if not name.startswith("_") and inspect.isfunction(getattr(ControlBoardClient, name))
 }
-AWAITABLE = dir(Aio(object.__new__(ControlBoardClient), int))
+AWAITABLE = {name for name in dir(Aio) if inspect.iscoroutinefunction(getattr(Aio, name))}
 
 
 def surface() -> Iterator[str]:

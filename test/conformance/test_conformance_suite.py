@@ -1,86 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The conformance suite on boards that are right, and on boards with one rule broken each."""
+"""The conformance suite on boards that are right, its reports and its command line."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import json
-import sys
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from conformance_sessions import ARM, RATE, session_on
 from plants import ENGINES
-from wrong_boards import WRONG
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_json, as_junit, as_text
 from control_board_ros.conformance.rules import NotTestable, in_order
-from control_board_ros.conformance.runner import Session, lightest, run
-from control_board_ros.testing import BoardProcess, board_process
-
-ARM = Path(__file__).parents[1] / "spec" / "arm.yaml"
-RATE = {"state_rate": 100.0}
-LAUNCHER = Path(__file__).with_name("wrong_boards.py")
-
-
-@contextlib.contextmanager
-def session_on(board: BoardProcess, **options: Any) -> Iterator[Session]:
-    from control_board_ros.client import ControlBoardClient
-    from control_board_ros.testing import ros_node
-
-    with (
-        ros_node(board.domain, "conformance", spin=False) as node,
-        ControlBoardClient(node, board.name, find_timeout=30.0, answer_timeout=30.0) as client,
-        contextlib.closing(Session(node, client, patience=30.0, **options)) as session,
-    ):
-        yield session
-
-
-def tried(board: BoardProcess, names: Sequence[str] | None = None) -> dict[str, Result]:
-    """Run rules on a board: the results by rule."""
-    rules = [rule for rule in in_order() if names is None or rule.name in names]
-    with session_on(board) as session:
-        results, problems = run(session, rules)
-    assert not problems
-    return {result.rule.name: result for result in results}
-
-
-def wrong_board(name: str) -> Any:
-    return board_process(RATE, config=ARM, command=[sys.executable, str(LAUNCHER), name])
-
-
-def not_held(results: dict[str, Result]) -> dict[str, str]:
-    return {n: r.evidence for n, r in results.items() if r.outcome is Outcome.NOT_HELD}
-
+from control_board_ros.conformance.runner import lightest, run
+from control_board_ros.testing import board_process
 
 # -- boards ------------------------------------------------------------------------------------
-
-
-@pytest.mark.ros
-def test_a_rule_that_is_broken_is_reported() -> None:
-    with wrong_board("idle_leaves_a_fault") as board:
-        results = tried(board, ["M5", "F1", "F2", "F5"])
-    assert set(not_held(results)) == {"F2"}
-    assert results["F2"].evidence == "IDLE was accepted in HW_FAULT"
-    assert results["M5"].outcome is Outcome.HELD
-
-
-@pytest.mark.ros
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.slow if k % 12 == 0 else pytest.mark.soak)
-        for k, name in enumerate(WRONG)
-    ],
-)
-def test_exactly_the_broken_rule_is_reported(name: str) -> None:
-    with wrong_board(name) as board:
-        results = tried(board)
-    assert set(not_held(results)) == {WRONG[name][1]}, not_held(results)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-from spec import profiles
+import profiles
 
 profiles.choose()

@@ -8,12 +8,14 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.core.arrival import SETTLING, TOLERANCES, Standing, ending, standing, unit
+from control_board_ros.core.arrival import SETTLING, Standing, ending, standing, tolerance
+from control_board_ros.core.joint_kind import JointKind
 
 S = Standing
+TURNS, SLIDES = JointKind.REVOLUTE, JointKind.PRISMATIC
 
 
-@pytest.mark.parametrize("kind", TOLERANCES)
+@pytest.mark.parametrize("kind", JointKind)
 @pytest.mark.parametrize(
     ("reference", "velocity", "position", "compliant", "since", "expected"),
     [
@@ -29,7 +31,7 @@ S = Standing
     ],
 )
 def test_standings(
-    kind: str,
+    kind: JointKind,
     reference: float,
     velocity: float,
     position: float,
@@ -38,13 +40,13 @@ def test_standings(
     expected: Standing,
 ) -> None:
     """P3, I4: in multiples of the tolerance of each kind of joint, from a target of 1."""
-    tolerance = TOLERANCES[kind]
+    near = tolerance(kind)
     found = standing(
         0.5,
-        0.5 + (reference - 1.0) * tolerance,
+        0.5 + (reference - 1.0) * near,
         velocity,
-        0.5 + (position - 1.0) * tolerance,
-        tolerance=tolerance,
+        0.5 + (position - 1.0) * near,
+        tolerance=near,
         compliant=compliant,
         since=since,
     )
@@ -54,22 +56,21 @@ def test_standings(
 def test_metres_are_not_radians() -> None:
     """A blocked sliding joint 5 mm from its target has not arrived; 5 mrad are near enough."""
     values: dict[str, Any] = {"compliant": False, "since": 2.0}
-    assert TOLERANCES["prismatic"] == 1e-3
-    assert math.isclose(TOLERANCES["revolute"], 0.01)
-    for kind, expected in (("prismatic", S.AWAY), ("revolute", S.ARRIVED)):
-        found = standing(0.02, 0.02, 0.0, 0.015, tolerance=TOLERANCES[kind], **values)
+    assert tolerance(SLIDES) == 1e-3
+    assert math.isclose(tolerance(TURNS), 0.01)
+    for kind, expected in ((SLIDES, S.AWAY), (TURNS, S.ARRIVED)):
+        found = standing(0.02, 0.02, 0.0, 0.015, tolerance=tolerance(kind), **values)
         assert found is expected
 
 
 def test_what_is_said() -> None:
     """One line with the joint, where it is, in its unit, why, and what to do."""
-    assert ending("a", "revolute", S.ARRIVED, 1.0, 1.001) == ""
-    assert ending("a", "revolute", S.ARRIVED, 1.0, 0.999, compliant=True) == ""
-    text = ending("a", "revolute", S.ARRIVED, -1.0, -0.9, compliant=True)
-    assert text.startswith("a is at -51.57°, its reference at -57.3°: it is COMPLIANT")
-    text = ending("a", "revolute", S.DROPPED, -1.0, 0.17, changed="its mode became COMPLIANT")
-    assert text.startswith("a is at 9.74°, not at its target -57.3°: its mode became COMPLIANT")
-    assert "it was stopped" in ending("a", "revolute", S.DROPPED, -1.0, 0.17)
-    text = ending("f", "prismatic", S.AWAY, 0.04, 0.031)
-    assert text.startswith("f is at 0.031 m, 0.009 m away from its target 0.04 m: it is blocked")
-    assert [unit(kind) for kind in TOLERANCES] == ["rad", "rad", "m"]
+    assert ending("a", TURNS, S.ARRIVED, 1.0, 1.001) == ""
+    assert ending("a", TURNS, S.ARRIVED, 1.0, 0.999, compliant=True) == ""
+    text = ending("a", TURNS, S.ARRIVED, -1.0, -0.9, compliant=True)
+    assert text.startswith("a is at -51.6°, its reference at -57.3°: it is COMPLIANT")
+    text = ending("a", TURNS, S.DROPPED, -1.0, 0.17, changed="its mode became COMPLIANT")
+    assert text.startswith("a is at 9.7°, not at its target -57.3°: its mode became COMPLIANT")
+    assert "it was stopped" in ending("a", TURNS, S.DROPPED, -1.0, 0.17)
+    text = ending("f", SLIDES, S.AWAY, 0.04, 0.031)
+    assert text.startswith("f is at 31.0 mm, 9.0 mm away from its target 40.0 mm: it is blocked")

@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -75,6 +74,18 @@ def test_every_kind_is_bounded_by_its_limit(kind: CommandKind) -> None:
     assert board.references.last[kind].tolist() == [high[0], low[1], 0.0]
 
 
+@pytest.mark.parametrize("kind", [kind for kind, row in COMMANDS.items() if row.along is None])
+def test_what_comes_along_with_nothing_is_refused(kind: CommandKind) -> None:
+    """P13: a reply for the caller, and the joints count it."""
+    board = Board(CONFIG)
+    reply = board.command(kind, ["a"], [0.0], [1.0])
+    assert not reply
+    assert reply.message == (
+        f"{kind} reference ignored: nothing comes along with it; send the values alone"
+    )
+    assert board.rejected_commands.tolist() == [1, 0, 0]
+
+
 def test_fields_are_those_of_the_messages() -> None:
     """One name from the wire to the law."""
     from control_board_msgs import msg
@@ -94,10 +105,10 @@ def test_moves_that_arrive_together_start_all_or_none(bad: float) -> None:
     rig.enter("pos")
     before = rig.everything()
     for targets in ([0.2, bad, 0.1], [bad, 0.2, 0.1]):
-        reply = rig.board.position_move_within(None, np.array(targets), 1.0)
+        reply = rig.board.command(CommandKind.POSITION, None, targets, together=True, time=1.0)
         assert not reply
         assert "".join(reply.reasons).count("finite") == 1
         assert rig.everything() == before
-    assert rig.board.position_move_within(None, np.array([0.2, 0.1, 0.1]), 1.0)
+    assert rig.board.command(CommandKind.POSITION, None, [0.2, 0.1, 0.1], together=True, time=1.0)
     rig.run(1.0)
     assert all(rig.board.check_motion_done())

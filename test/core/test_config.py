@@ -9,7 +9,7 @@ from dataclasses import FrozenInstanceError, replace
 from typing import Any
 
 import pytest
-from spec.rig import LIMITS, MOTOR, board_config, joint, plain
+from rig import LIMITS, MOTOR, board_config, joint, plain
 
 from control_board_ros.core.config import (
     BoardConfig,
@@ -45,6 +45,8 @@ def one(**changes: Any) -> Callable[[], object]:
 
 BAD: list[tuple[str, Callable[[], object]]] = [
     ("joints: ''", one(name="")),
+    ("joints: 'l.arm'", one(name="l.arm")),
+    ("joints: 'a,b'", one(name="a,b")),
     ("joints: 'j'", lambda: board_config(joint("j"), joint("j"))),
     ("joints: []", lambda: BoardConfig(joints=())),
     ("control_rate: 9.9", board(control_rate=9.9)),

@@ -55,14 +55,39 @@ def test_new_gains_make_no_jump(before: Pid, after: Pid, loop: str) -> None:
     assert now - last == pytest.approx(integrated + after.kd * (pid.derivative - rate), abs=1e-6)
 
 
-def test_an_integral_limit_that_falls_cuts_the_integral() -> None:
-    """I5: the bound of the new gains holds from the next cycle on, whatever was made up for."""
+@pytest.mark.parametrize("kp", [0.0, 200.0])
+def test_an_integral_limit_that_falls_takes_the_integral_along(kp: float) -> None:
+    """I5, M9: the output makes no jump; what is beyond the new limit leaves evenly in 0.5 s."""
     one = resting()
-    set_gains(one.joint.position_pid, Pid(kp=0.0, ki=1000.0, integral_limit=30.0), PERIOD)
+    before = Pid(kp=0.0, ki=1000.0, integral_limit=30.0)
+    set_gains(one.joint.position_pid, before, PERIOD)
     one.joint.start(Law.POSITION)
     one.set(position=-0.1)
     assert outputs(one, 400)[-1] == pytest.approx(30.0)
-    set_gains(one.joint.position_pid, Pid(kp=0.0, ki=1000.0, integral_limit=4.0), PERIOD)
+    set_gains(one.joint.position_pid, replace(before, kp=kp, integral_limit=4.0), PERIOD)
+    told = np.array([30.0, *outputs(one, 600)])
+    steps = np.diff(told)
+    span = 30.0 - (4.0 + kp * 0.1)
+    assert np.abs(steps).max() == pytest.approx(abs(span) * PERIOD / 0.5, rel=1e-6)
+    assert (steps <= 0.0).all()
+    assert told[250] == pytest.approx(30.0 - span / 2.0)
+    np.testing.assert_allclose(told[501:], 4.0 + kp * 0.1)
+
+
+def test_an_integral_on_its_way_below_a_new_limit_may_leave_faster() -> None:
+    """I5: an error of the other sign takes it there sooner; it does not grow back."""
+    one = resting()
+    before = Pid(kp=0.0, ki=1000.0, integral_limit=30.0)
+    set_gains(one.joint.position_pid, before, PERIOD)
+    one.joint.start(Law.POSITION)
+    one.set(position=-0.1)
+    outputs(one, 400)
+    set_gains(one.joint.position_pid, replace(before, integral_limit=4.0), PERIOD)
+    outputs(one, 100)
+    one.set(position=0.1)
+    assert outputs(one, 250)[-1] == pytest.approx(0.0, abs=1.0)
+    one.set(position=-0.1)
+    assert max(outputs(one, 600)) <= 30.0 - 26.0 * 350 / 500
     assert outputs(one, 1)[0] == pytest.approx(4.0)
 
 
@@ -227,5 +252,5 @@ def test_at_power_on_no_reference_is_taken() -> None:
     """N1, M3: whatever a joint took before."""
     state = StateArrays(board_config(joint("a"), joint("b")))
     state.accepts[:] = True
-    state.power_on()
+    state.power_on(range(2))
     assert not state.accepts.any()

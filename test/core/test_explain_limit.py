@@ -14,10 +14,15 @@ LIMITS = {"lower": -1.0, "upper": 2.0}
 @pytest.mark.parametrize(
     ("kind", "position", "text"),
     [
-        ("revolute", -1.1, "at -63.03°, 5.73° beyond its software limits, -57.3° to 114.6°"),
-        ("revolute", 2.001, "at 114.6°, 0.0573° beyond its software limits, -57.3° to 114.6°"),
+        ("revolute", -1.1, "at -63.0°, 5.7° beyond its software limits, -57.3° to 114.6°"),
+        ("revolute", 2.001, "at 114.6°, 0.1° beyond its software limits, -57.3° to 114.6°"),
+        ("revolute", 2.0008, "at 114.6°, at its software limits, -57.3° to 114.6°"),
         ("revolute", 1.999, "at 114.5°, at its software limits, -57.3° to 114.6°"),
-        ("prismatic", 2.5, "at 2.5 m, 0.5 m beyond its software limits, -1 m to 2 m"),
+        (
+            "prismatic",
+            2.5,
+            "at 2500.0 mm, 500.0 mm beyond its software limits, -1000.0 mm to 2000.0 mm",
+        ),
     ],
 )
 def test_where_it_is_and_how_far_beyond(kind: str, position: float, text: str) -> None:
@@ -30,7 +35,7 @@ def test_where_it_is_and_how_far_beyond(kind: str, position: float, text: str) -
     [
         ((0.0, -1.0, 2.0, 1.0), ""),  # at a limit is within
         ((0.0, 2.1, 3.0), "a stays within -57.3° to 114.6° (point 1 asks for 120.3°)"),
-        ((-1.1, 2.1), "a stays within -57.3° to 114.6° (point 0 asks for -63.03°)"),
+        ((-1.1, 2.1), "a stays within -57.3° to 114.6° (point 0 asks for -63.0°)"),
     ],
 )
 def test_the_first_point_of_a_path_that_is_cut(positions: tuple[float, ...], text: str) -> None:

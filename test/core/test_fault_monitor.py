@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from spec.rig import MOTOR, RATE, Held, Rig, board_config, held, joint, ready
+from rig import MOTOR, RATE, Held, Rig, board_config, held, joint, ready
 
 from control_board_ros.core.causes import Check, bound_cause
 from control_board_ros.core.fault_monitor import checked_limits, first_weight, travel_constants
@@ -45,6 +45,23 @@ def test_a_motor_tells_its_travel_whatever_its_inductance(rate: float, electrica
     assert abs(state.position[0] - start) > 0.1
     assert travelled == pytest.approx(state.position[0] - start, abs=2.5e-3 * fastest)
     assert rig.modes() == [M.OPENLOOP]
+
+
+@pytest.mark.parametrize("spiked", ["left", "right"])
+def test_an_encoder_spike_in_the_cycle_of_a_new_parameter_is_found(spiked: str) -> None:
+    """F1: a live parameter blinds no check, neither of its own joint nor of another."""
+    rig = held(joint("left"), joint("right"))
+    rig.enter("pos")
+    rig.tick(5)
+    left, right = rig.board.config.joints
+    slower = replace(left, limits=replace(left.limits, velocity=0.9 * left.limits.velocity))
+    rig.board.reconfigure(replace(rig.board.config, joints=(slower, right)))
+    rig.plant.values[Row.POSITION, rig.board.names.index(spiked)] += 0.5
+    rig.tick()
+    (fault,) = rig.board.get_faults(spiked)
+    assert fault.active
+    assert "encoder" in fault.text
+    assert rig.modes().count(M.HW_FAULT) == 1
 
 
 def test_the_weight_of_a_cycle_s_first_current() -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,8 @@ class Following(Rig):
 
     def request(self, method: str, *arguments: Any) -> Any:
         """A request between two cycles."""
+        if method == "stop":
+            arguments = (self.board, *arguments)
         asked = self.follower if method == "stop" else self.board
         reply = getattr(asked, method)(*arguments)
         self.follower.check()
@@ -302,3 +305,15 @@ def test_braking_begins_no_faster_than_the_joint_may(rig: Following) -> None:
     rig.follower.brake(np.array([0]), "cancelled")
     assert rig.cycle(300)[0] == pytest.approx(before + 3.0**2 / (2 * 20.0), abs=1e-6)
     assert not rig.follower.busy
+
+
+def test_a_board_that_takes_whole_trajectories_only(rig: Following) -> None:
+    """T1: without allow_partial_joints_goal, one for some joints is refused and counted."""
+    rig.board.reconfigure(replace(rig.board.config, allow_partial_joints_goal=False))
+    reply = rig.follower.follow(["c", "a"], line(("c", "a"), (0.2, 0.1)), rig.board.time)
+    assert not reply
+    assert "b missing; send all joints" in reply.message
+    assert rig.board.rejected_commands.tolist() == [1, 0, 1]
+    np.testing.assert_array_equal(rig.cycle(50), 0.0)
+    assert rig.follower.follow(["c", "a", "b"], line(NAMES, (0.2, 0.1)), rig.board.time)
+    np.testing.assert_allclose(rig.cycle(250), 0.1)

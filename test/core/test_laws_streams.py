@@ -99,9 +99,9 @@ def test_the_end_of_a_stream_is_a_stop(every: int) -> None:
     assert rows[-1].tolist() == [last, 0.0, 0.0]
 
 
-@pytest.mark.parametrize("gap", [26, 40, 200])
+@pytest.mark.parametrize("gap", [60, 100, 200])
 def test_positions_that_come_slowly_are_steps(gap: int) -> None:
-    """P4: more than 25 ms apart they have no velocity: each is reached, and not passed."""
+    """P4: below 20 Hz they have no velocity: each is reached, and not passed."""
     path = dict(zip(range(0, CYCLES, gap), np.arange(CYCLES) * 0.01, strict=False))
     rows = fed(lambda t: path[round(t / PERIOD)], path)
     ends = [rows[k + gap - 1, 0] for k in path if k + gap <= CYCLES]
@@ -170,15 +170,15 @@ def test_a_position_with_a_velocity_starts_a_stream_anew() -> None:
 
 
 def test_a_single_step_is_followed_until_it_can_be_no_stream() -> None:
-    """P4: at rest at its target, a joint waits for the next position of a stream, STREAM long."""
+    """P4: at rest at its target, a joint waits for the next position of a stream, LAST long."""
     one = OneJoint()
     one.step(2)
     one.joint.start(Law.POSITION)
     one.joint.step_to(1e-6)
     active = []
-    for _ in range(60):
+    for _ in range(300):
         one.step()
         active.append(bool(one.joint.active))
     last = max(k for k, followed in enumerate(active) if followed)
     assert active[: last + 1] == [True] * (last + 1)
-    assert 0.024 <= (last + 1) * PERIOD <= 0.027
+    assert 0.249 <= (last + 1) * PERIOD <= 0.252

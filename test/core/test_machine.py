@@ -16,7 +16,7 @@ from control_board_ros.core.events import EVENTS_KEPT, Events
 from control_board_ros.core.explanations import LEFT_AS_IT_IS
 from control_board_ros.core.faults import FaultCode
 from control_board_ros.core.machine import Machine
-from control_board_ros.core.measurement import ROWS, Measurement, Row
+from control_board_ros.core.measurement import CREDIBLE, ROWS, Measurement, Row
 from control_board_ros.core.modes import (
     ACCEPTS,
     CONFIGURED,
@@ -118,7 +118,7 @@ def test_entering_a_mode(board: Board, mode: ControlMode, interaction: Interacti
     taken = {kind for kind in CommandKind if state.accepts[kind, 0]}
     assert taken == ACCEPTS.get(mode, frozenset())
     assert state.position_reference[0] == 0.4
-    checked = machine.monitor.joints[0].max_current < float("inf")
+    checked = machine.monitor.joints[0].max_current < CREDIBLE
     assert checked is (mode in CONFIGURED)
 
 
@@ -192,8 +192,10 @@ def modes_of(board: Board) -> list[tuple[ControlMode, InteractionMode]]:
 def test_a_request_together_sets_both_modes_of_all(board: Board) -> None:
     """In the order asked: the interaction mode is stored, then the control mode is entered."""
     assert modes_of(board) == [(M.POSITION, COMPLIANT), (M.IDLE, STIFF)]
-    reply = board.requests.request_together(
-        board.selector.everyone, [[STIFF, M.VELOCITY], [COMPLIANT, M.POSITION]]
+    reply = board.requests.request(
+        board.selector.everyone,
+        [(STIFF, M.VELOCITY), (COMPLIANT, M.POSITION)],
+        together=True,
     )
     assert reply
     assert modes_of(board) == [(M.VELOCITY, STIFF), (M.POSITION, COMPLIANT)]
@@ -205,8 +207,8 @@ def test_a_request_together_changes_nothing_where_one_refuses(board: Board) -> N
     """F2: joint b is in a fault; joint a could, and stays as it is."""
     board.machine.raise_fault(1, FaultCode.EXTERNAL, "for the test")
     before = [everything(board.machine, j) for j in range(2)]
-    reply = board.requests.request_together(
-        board.selector.everyone, [[STIFF, M.VELOCITY], [STIFF, M.VELOCITY]]
+    reply = board.requests.request(
+        board.selector.everyone, [(STIFF, M.VELOCITY)] * 2, together=True
     )
     assert reply.answers == (Answer.REFUSED, Answer.REFUSED)
     assert reply.reasons[0] == LEFT_AS_IT_IS
@@ -219,7 +221,9 @@ def test_a_request_together_faults_who_does_not_implement_it() -> None:
     poor = joint("b", interaction_modes=(STIFF,))
     board = Board(board_config(joint("a", startup_mode=M.POSITION), poor))
     board.tick(measured())
-    reply = board.requests.request_together(board.selector.everyone, [[COMPLIANT, M.VELOCITY]] * 2)
+    reply = board.requests.request(
+        board.selector.everyone, [(COMPLIANT, M.VELOCITY)] * 2, together=True
+    )
     assert reply.answers == (Answer.REFUSED, Answer.UNSUPPORTED)
     assert modes_of(board) == [(M.POSITION, STIFF), (M.HW_FAULT, STIFF)]
     assert board.get_faults("b")[0].code == FaultCode.UNSUPPORTED

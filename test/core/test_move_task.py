@@ -78,7 +78,7 @@ def test_a_compliant_joint_is_judged_by_its_reference(rig: Rig) -> None:
     success, message = outcome(rig, MoveTask(rig.board, ["a"], [0.2], [0.5]))
     assert success
     assert re.match(r"a is at 1[4-8]\.\d*°", message)
-    assert "its reference at 11.46°" in message
+    assert "its reference at 11.5°" in message
 
 
 def test_a_blocked_sliding_joint_fails(rig: Rig) -> None:
@@ -87,7 +87,7 @@ def test_a_blocked_sliding_joint_fails(rig: Rig) -> None:
     rig.run(10.0)
     success, message = outcome(rig, MoveTask(rig.board, ["c"], [0.02], [0.1]))
     assert not success
-    assert re.match(r"c is at 0\.01\d* m, 0\.00\d* m away from its target 0\.02 m", message)
+    assert re.match(r"c is at 1\d\.\d mm, \d\.\d mm away from its target 20\.0 mm", message)
 
 
 REFUSED = [
@@ -145,15 +145,15 @@ def test_a_failed_goal_leaves_joints_that_others_move(rig: Rig) -> None:
 
 def test_what_was_bounded_is_told_at_the_end(rig: Rig, monkeypatch: Any) -> None:
     """P1: what the board says to a move that it accepts is the result's message."""
-    original = rig.board.position_move
+    original = rig.board.command
 
-    def bounded(*arguments: Any) -> Reply:
-        reply = original(*arguments)
+    def bounded(*arguments: Any, **how: Any) -> Reply:
+        reply = original(*arguments, **how)
         assert reply
         text = "a: bounded to 0.1 rad (0.2 was asked for): software limit"
         return Reply(reply.joints, (Answer.ACCEPTED,), text, (text,))
 
-    monkeypatch.setattr(rig.board, "position_move", bounded)
+    monkeypatch.setattr(rig.board, "command", bounded)
     success, message = outcome(rig, MoveTask(rig.board, ["a"], [0.2], [0.5]))
     assert success
     assert message == "a: bounded to 0.1 rad (0.2 was asked for): software limit"
@@ -163,5 +163,5 @@ def test_a_target_beyond_the_limits_succeeds_and_says_so(rig: Rig) -> None:
     """P1, P9: it arrives at the limit; the result says what was asked and what was done."""
     success, message = outcome(rig, MoveTask(rig.board, ["a"], [2.6], [1.2]))
     assert success
-    assert message.startswith("a: position bounded to 114.6° (149° was asked for)")
+    assert message.startswith("a: position bounded to 114.6° (149.0° was asked for)")
     assert rig.board.get_encoder("a")[0] == pytest.approx(2.0, abs=0.01)

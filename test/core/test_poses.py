@@ -12,6 +12,7 @@ from rig import Rig, with_a_slide
 from control_board_ros.core.arrival import Outcome
 from control_board_ros.core.pose import Pose
 from control_board_ros.core.poses import PoseTask, made_pose, plan_move, pose_now
+from control_board_ros.core.reply import Reason
 from control_board_ros.core.selection import RequestError
 
 READY = Pose("ready", ("a", "b", "c"), (0.5, -1.0, 0.01), 0.4)
@@ -111,8 +112,9 @@ def test_joints_in_another_mode_refuse_it_whole_and_are_all_named(rig: Rig) -> N
         PoseTask(board, READY)
     assert str(caught.value) == (
         "ready is a POSITION move, and b is in VELOCITY, c is in IDLE; "
-        "switch with: cbctl mode b c pos"
+        "its joints must be in pos or mix"
     )
+    assert caught.value.codes == (Reason.NONE, Reason.OTHER_MODE, Reason.OTHER_MODE)
     rig.run(0.5)
     assert board.snapshot().position_reference == pytest.approx(before, abs=1e-9)
     assert [mode.code for mode in board.get_control_mode()] == ["pos", "vel", "idl"]
@@ -123,8 +125,9 @@ def test_a_joint_in_fault_is_told_with_its_cause(rig: Rig) -> None:
     """R5, F5."""
     rig.plant.inject("a", "external")
     rig.tick(2)
-    with pytest.raises(RequestError, match=r"a is in HW_FAULT \(.*external.*cbctl clear a, then"):
+    with pytest.raises(RequestError, match=r"a is in HW_FAULT \(.*external") as caught:
         PoseTask(rig.board, READY)
+    assert caught.value.codes[0] is Reason.IN_FAULT
 
 
 def test_joints_that_a_pose_does_not_name_may_do_what_they_like(rig: Rig) -> None:
@@ -164,8 +167,11 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"joints": ["nobody"]}, "'nobody' unknown"),
     ({"joints": ["a", "a"]}, "twice"),
     ({"positions": [0.1]}, "1 positions for 3 joints"),
-    ({"positions": [0.1, 2.1, 0.0]}, r"b at 120\.3° is outside its limits, -114\.6° to 114\.6°"),
-    ({"positions": [0.1, float("nan"), 0.0]}, "b at nan° is outside"),
+    (
+        {"positions": [0.1, 2.1, 0.0]},
+        r"b at 120\.3° \(2\.1 rad\) is outside its limits, -114\.6° to 114\.6°",
+    ),
+    ({"positions": [0.1, float("nan"), 0.0]}, r"b at - \(nan rad\) is outside"),
     ({"speed": -1.0}, "speed -1 is not valid"),
 ]
 

@@ -59,23 +59,23 @@ def test_a_reset_holds_where_the_joint_is(made: Made) -> None:
     """M9, P9: at rest; a joint outside its limits may stay there and move inwards."""
     made.state.position[:] = 0.3, -1.5
     made.references.move(np.array([0]), np.array([1.0]), np.array([0.5]))
-    made.references.reset(slice(0, 2), bounded=True)
+    made.references.reset(range(2), bounded=True)
     assert made.state.position_reference.tolist() == [0.3, -1.5]
     assert made.state.velocity_reference.tolist() == [0.0, 0.0]
     assert made.state.done.all()
     assert [(j.lower, j.upper) for j in made.laws] == [(-2.0, 2.0), (-1.5, 2.0)]
-    made.references.reset(slice(0, 2), bounded=False)
+    made.references.reset(range(2), bounded=False)
     assert all(math.isinf(j.lower) and math.isinf(j.upper) for j in made.laws)
 
 
 def test_a_move_takes_its_time(made: Made) -> None:
     """P1: T = distance/speed where the limits allow it, counted down cycle by cycle."""
-    (took,) = made.references.move(np.array([1]), np.array([0.5]), np.array([0.1]))
+    (took,) = made.references.move(np.array([1]), np.array([0.5]), np.array([0.1])).times
     assert took == pytest.approx(5.0)
     assert made.state.done.tolist() == [True, False]
     assert made.references.remaining(np.array([0, 1])).tolist() == pytest.approx([0.0, 5.0])
     made.controller.step()
-    assert made.references.remaining(slice(1, 2))[0] == pytest.approx(5.0 - CONFIG.period)
+    assert made.references.remaining(np.array([1]))[0] == pytest.approx(5.0 - CONFIG.period)
 
 
 def test_a_ramp_and_its_halt(made: Made) -> None:
@@ -149,7 +149,7 @@ def test_cancelled_and_endless_references_do_not_expire(timeouts: ReferenceTimeo
     """M9: a change of mode leaves nothing to expire; an output here never does."""
     timeouts.renew(K.VELOCITY, np.array([0]), 0)
     timeouts.renew(K.OUTPUT, np.array([1]), 0)
-    timeouts.cancel(slice(0, 1))
+    timeouts.cancel([0])
     assert timeouts.expired(10**6) is None
 
 

@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from control_board_ros.core.reply import Answer, Reply, accepted, decided, refused
+from control_board_ros.core.reply import Answer, JointAnswer, Reply, accepted, decided, refused
 
-FINE = (Answer.ACCEPTED, "")
+FINE = JointAnswer()
 
 
 def test_true_only_when_all_accepted() -> None:
@@ -13,12 +13,12 @@ def test_true_only_when_all_accepted() -> None:
     assert not refused("no")
     assert not refused("no", ("a",))
     assert not Reply((), ())
-    assert not decided(("a", "b"), [FINE, (Answer.REFUSED, "a fault")])
+    assert not decided(("a", "b"), [FINE, JointAnswer(Answer.REFUSED, "a fault")])
     assert decided(("a", "b"), [FINE, FINE])
 
 
 def test_each_joint_has_its_answer_and_reason() -> None:
-    reply = decided(("a", "b"), [FINE, (Answer.IGNORED, "b is IDLE")])
+    reply = decided(("a", "b"), [FINE, JointAnswer(Answer.IGNORED, "b is IDLE")])
     assert reply.joints == ("a", "b")
     assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
     assert reply.reasons == ("", "b is IDLE")
@@ -27,13 +27,13 @@ def test_each_joint_has_its_answer_and_reason() -> None:
 
 def test_message_tells_three_reasons_and_counts_the_rest() -> None:
     names = tuple("abcdef")
-    reply = decided(names, [(Answer.REFUSED, f"no {n}") for n in names])
+    reply = decided(names, [JointAnswer(Answer.REFUSED, f"no {n}") for n in names])
     assert reply.message == "no a; no b; no c (and 3 more)"
     assert reply.reasons[5] == "no f"
 
 
 def test_equal_reasons_are_told_once() -> None:
-    reply = decided(("a", "b"), [(Answer.REFUSED, "same")] * 2)
+    reply = decided(("a", "b"), [JointAnswer(Answer.REFUSED, "same")] * 2)
     assert reply.message == "same"
     assert accepted(("a",)).message == ""
     assert refused("why", ("a", "b")).reasons == ("why", "why")
@@ -41,7 +41,7 @@ def test_equal_reasons_are_told_once() -> None:
 
 def test_what_was_accepted_may_have_a_text() -> None:
     """P1: what will be done instead reaches the user, and the reply is true."""
-    reply = decided(("a", "b"), [FINE, (Answer.ACCEPTED, "b: bounded to 2")])
+    reply = decided(("a", "b"), [FINE, JointAnswer(Answer.ACCEPTED, "b: bounded to 2")])
     assert reply
     assert (reply.message, reply.reasons) == ("b: bounded to 2", ("", "b: bounded to 2"))
     assert decided(("a", "b"), [FINE, FINE]) == accepted(("a", "b"))
@@ -50,9 +50,9 @@ def test_what_was_accepted_may_have_a_text() -> None:
 def test_it_prints_as_one_line() -> None:
     """A: what a user wants to read of a reply, without a look at its fields."""
     assert str(accepted(("a", "b"))) == "accepted"
-    assert f"{decided(('a',), [(Answer.ACCEPTED, 'a: bounded to 1°')])}" == (
+    assert f"{decided(('a',), [JointAnswer(Answer.ACCEPTED, 'a: bounded to 1°')])}" == (
         "accepted; a: bounded to 1°"
     )
     assert str(refused("joint 'x' unknown")) == "joint 'x' unknown"
-    some = decided(("a", "b"), [(Answer.ACCEPTED, ""), (Answer.REFUSED, "b is CALIBRATING")])
+    some = decided(("a", "b"), [FINE, JointAnswer(Answer.REFUSED, "b is CALIBRATING")])
     assert str(some) == "b is CALIBRATING"

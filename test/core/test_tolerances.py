@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from control_board_ros.core.joint_kind import JointKind
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.tolerances import (
     Excess,
@@ -75,9 +76,9 @@ def test_the_farthest_beyond_is_found() -> None:
 
 
 def test_the_text_names_joint_amount_and_tolerance_with_units() -> None:
-    assert explain(Excess(0, "position", 0.4, 0.2), "elbow", "revolute", "path") == (
+    assert explain(Excess(0, "position", 0.4, 0.2), "elbow", JointKind.REVOLUTE, "path") == (
         "elbow is 0.4 rad away from the position it should have; its path tolerance is 0.2 rad"
     )
-    assert explain(Excess(0, "velocity", 0.04, 0.02), "lift", "prismatic", "goal") == (
+    assert explain(Excess(0, "velocity", 0.04, 0.02), "lift", JointKind.PRISMATIC, "goal") == (
         "lift is 0.04 m/s away from the velocity it should have; its goal tolerance is 0.02 m/s"
     )

@@ -53,6 +53,8 @@ class Goals(Rig):
 
     def request(self, method: str, *arguments: Any) -> Any:
         """A request between two cycles."""
+        if method == "stop":
+            arguments = (self.board, *arguments)
         asked = self.follower if method == "stop" else self.board
         reply = getattr(asked, method)(*arguments)
         self.follower.check()
@@ -260,7 +262,7 @@ def test_joints_in_another_mode_are_named_with_the_way_out(rig: Goals) -> None:
     """T2, M2, M4: nobody but the user switches modes; it counts, once, and nothing moves."""
     rig.request("set_control_mode", "b", "pos")
     with pytest.raises(
-        GoalError, match="for b ignored: mode is POSITION; switch with: cbctl mode b posd"
+        GoalError, match="for b ignored: mode is POSITION; it is taken in posd"
     ) as refused:
         rig.send(ONE)
     assert refused.value.code is Code.INVALID_GOAL

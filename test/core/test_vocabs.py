@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import contextlib
 import re
+import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -132,6 +134,37 @@ def test_a_mode_of_its_code_or_name(kind: type[Vocab]) -> None:
             assert kind(word) is mode  # type: ignore[arg-type]
         assert mode == int(mode)
         assert hash(mode) == hash(int(mode))
-        assert mode != mode.code
+        with pytest.warns(SyntaxWarning, match="never equals the text"):
+            assert mode != mode.code
     with pytest.raises(ValueError, match="'nope' is not a valid"):
         kind("nope")  # type: ignore[arg-type]
+
+
+def test_a_mode_compared_with_a_text_warns_once_for_each_line() -> None:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        for _ in range(3):
+            assert (ControlMode.POSITION == "pos") is False  # type: ignore[comparison-overlap]
+        assert InteractionMode.STIFF != "stif"  # type: ignore[comparison-overlap]
+    texts = [str(one.message) for one in caught]
+    assert len(texts) == 2
+    assert all(one.category is SyntaxWarning for one in caught)
+    assert {Path(one.filename).name for one in caught} == {"test_vocabs.py"}
+    assert "'pos'" in texts[0]
+    assert ".code" in texts[0]
+
+
+def test_a_mode_is_its_number_to_comparison_and_hash() -> None:
+    mode, number = ControlMode.POSITION, encode("pos")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert mode == number
+        assert number == mode
+        assert mode == float(number)
+        assert (mode != number) is False
+        assert mode != ControlMode.IDLE
+        assert mode is not None
+        assert mode != None  # noqa: E711
+        assert hash(mode) == hash(number)
+        assert {number: 1}[mode] == {mode: 1}[number] == 1
+        assert {"pos": 1}.get(mode) is None  # type: ignore[call-overload]

@@ -40,6 +40,7 @@ def test_shipped_robots_of_parts() -> None:
     """Their tables name the joints of the arms and grippers."""
     pair, gripper = load("panda_pair"), load("iiwa_gripper")
     assert [*pair.parts] == ["left", "right"]
+    assert (pair.robot_name, gripper.robot_name) == ("panda_pair", "iiwa_gripper")
     assert {name: len(joints) for name, joints in gripper.parts.items()} == {
         "arm": 7,
         "gripper": 1,

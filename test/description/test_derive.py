@@ -127,6 +127,19 @@ def test_damping_that_a_sliding_mass_does_not_bear_is_told(tmp_path: Path) -> No
     assert "hinge 500 N·s/m instead of 5e+03 N·s/m" in made.warnings[0]
 
 
+def test_friction_that_leaves_no_torque_is_told(tmp_path: Path) -> None:
+    """With the numbers: friction and damping at full speed, of the torque limit."""
+    limit = '<limit lower="-2" upper="2" effort="100" velocity="2"/>'
+    made = derived(arm(tmp_path, limit, '<dynamics damping="35" friction="12"/>'))
+    (told,) = made.warnings
+    assert "friction and damping at full speed" in told
+    assert "hinge 82 of 100 N·m" in told
+    most = derived(arm(tmp_path, limit, '<dynamics damping="35" friction="9"/>'))
+    assert most.warnings == ()
+    own = derived(arm(tmp_path, limit), **{"hinge.motor.coulomb": 120.0})
+    assert "of 100 N·m" in own.warnings[0]
+
+
 def test_a_nominal_current_that_overheats_is_told() -> None:
     made = load("iiwa", {"lbr_iiwa_joint_2.motor.thermal_resistance": 0.8})
     assert "the nominal current overheats the winding" in made.warnings[0]

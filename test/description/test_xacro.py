@@ -72,3 +72,22 @@ def test_a_xacro_file_by_the_name_of_a_urdf_says_what_it_is(arm: Path) -> None:
     urdf = arm.with_suffix(".urdf")
     urdf.write_text(ARM)
     assert "give the .xacro file itself as robot" in refusal(str(urdf))
+
+
+@needs_xacro
+def test_a_misspelt_argument_is_refused_with_the_near_word(arm: Path) -> None:
+    text = refusal(f"{arm} sied:=left")
+    assert "'sied'" in text
+    assert "did you mean 'side'" in text
+    assert refusal(f"{arm} height:=1").endswith("argument 'height' unknown; arguments: side")
+
+
+@needs_xacro
+def test_an_argument_of_an_included_file_is_known(arm: Path, tmp_path: Path) -> None:
+    whole = tmp_path / "whole.xacro"
+    whole.write_text(
+        '<robot name="whole" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        f'<xacro:include filename="{arm.name}"/></robot>'
+    )
+    assert load_robot(f"{whole} side:=left").independent == ("left_elbow",)
+    assert "'sied'" in refusal(f"{whole} sied:=left")

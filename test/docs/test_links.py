@@ -12,16 +12,17 @@ from documents import ROOT
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 CODE = re.compile(r"^```.*?^```$|`[^`\n]*`", re.M | re.S)
+ANCHOR = re.compile(r'<a id="([^"]+)">')
 HEADING = re.compile(r"^#+ +(.+)$", re.M)
 
 
 def anchors(page: Path) -> set[str]:
-    """What GitHub makes of the headings of a page."""
+    """What GitHub makes of the headings of a page, and the anchors that it has itself."""
     text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
     return {
         re.sub(r"[^\w\- ]", "", title.strip().lower()).replace(" ", "-")
         for title in HEADING.findall(text)
-    }
+    } | set(ANCHOR.findall(text))
 
 
 def links(page: Path) -> list[str]:

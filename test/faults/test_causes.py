@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from spec.rig import POSITION_MODES, RATE, Rig, board_config, held, joint, ready
+from rig import POSITION_MODES, RATE, Rig, board_config, held, joint, ready
 
 from control_board_ros.core.config import Calibration, Timeouts
 from control_board_ros.core.faults import FaultCode as F

@@ -13,7 +13,7 @@ import pytest
 
 from control_board_ros.testing import child_environment, free_domain
 
-SCRIPT = Path(__file__).with_name("islands.py")
+SCRIPT = Path(__file__).parents[1] / "support" / "islands.py"
 
 
 def allowed(kind: str) -> bool:
@@ -30,7 +30,7 @@ def island(kind: str, *words: str) -> str:
     with free_domain() as domain:
         environment = child_environment(domain)
         environment["PYTHONPATH"] = os.pathsep.join(
-            [str(SCRIPT.parents[1] / "node"), environment.get("PYTHONPATH", "")]
+            [str(SCRIPT.parent), environment.get("PYTHONPATH", "")]
         )
         done = subprocess.run(
             ["unshare", f"--{kind}", sys.executable, str(SCRIPT), *words],

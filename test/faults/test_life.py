@@ -24,7 +24,7 @@ from control_board_ros.testing import BoardProcess, board_process
 
 pytestmark = pytest.mark.ros
 
-HURT = Path(__file__).with_name("hurt.py")
+HURT = Path(__file__).parents[1] / "support" / "hurt.py"
 J1, J7 = "lbr_iiwa_joint_1", "lbr_iiwa_joint_7"
 GOAL_ABORTED = 6
 

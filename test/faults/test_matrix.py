@@ -9,7 +9,7 @@ from __future__ import annotations
 import random
 
 import pytest
-from spec.rig import COMPLIANT, STATUSES, STIFF, board_config, in_status, joint, plain, ready
+from rig import COMPLIANT, STATUSES, STIFF, board_config, in_status, joint, plain, ready
 
 from control_board_ros.core.config import Calibration
 from control_board_ros.core.reply import Answer
@@ -175,7 +175,7 @@ def test_many_joints_switch_in_the_same_cycle():
     [
         (M.HW_FAULT, "FORCE_IDLE first"),
         (M.CALIBRATING, "abort it with FORCE_IDLE"),
-        (M.NOT_CONFIGURED, "configure the board first"),
+        (M.NOT_CONFIGURED, "the board waits for configure"),
     ],
 )
 def test_what_refuses_says_what_to_do(mode, words):

@@ -9,7 +9,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from spec.rig import board_config, joint, plain, ready
+from rig import board_config, joint, plain, ready
 
 from control_board_ros.core.config import Calibration
 from control_board_ros.core.modes import STATES

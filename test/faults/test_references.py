@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from spec.rig import COMMANDS, TAKES, ready
+from rig import COMMANDS, TAKES, ready
 
 from control_board_ros.core.reply import Answer
 from control_board_ros.core.vocabs import ControlMode as M

@@ -158,7 +158,7 @@ def test_a_pose_is_refused_whole(talker: Talker) -> None:
     assert talker.state().position_reference[1] == before[1]
     status, answer = result(talker, talker.goal("go_to_pose", GoToPose, pose="prak"))
     assert status == GoalStatus.STATUS_ABORTED
-    assert answer.message == "pose 'prak' unknown; did you mean 'park'? poses: home, park"
+    assert answer.message == "pose 'prak' unknown; did you mean 'park'?; poses: home, park"
 
 
 def test_poses_are_listed_and_saved(talker: Talker) -> None:

@@ -14,7 +14,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 
-from control_board_ros.interface import TORQUE_COMMAND
+from control_board_ros.interface import NOT_KNOWN_YET, TORQUE_COMMAND
 from control_board_ros.node import command_subscription
 from control_board_ros.node.command_subscription import HANDOVER, CommandSubscription
 
@@ -41,6 +41,7 @@ class PlayedNode:
     def __init__(self) -> None:
         self.there: list[Subscription] = []
         self.best_effort: list[Any] = []
+        self.warnings: list[str] = []
 
     def create_subscription(
         self, _kind: Any, topic: str, callback: Any, qos: Any, **_: Any
@@ -55,7 +56,7 @@ class PlayedNode:
         return self.best_effort
 
     def get_logger(self) -> Any:
-        return SimpleNamespace(warning=lambda _text: None)
+        return SimpleNamespace(warning=self.warnings.append)
 
     def publish(self, stamp: int) -> None:
         """A reliable publisher's message, for all that are there."""
@@ -134,3 +135,24 @@ def test_messages_without_a_time_stamp_all_count(rig: Rig) -> None:
         rig.best_effort.publish(0)
     rig.best_effort.serve()
     assert rig.heard == [0, 0, 0]
+
+
+def test_who_publishes_with_best_effort_is_told_of_by_name(rig: Rig) -> None:
+    """Once, as soon as the graph knows the name."""
+    publisher = rig.node.best_effort[0]
+    publisher.node_name = NOT_KNOWN_YET
+    rig.pass_time()
+    assert rig.node.warnings == []
+    publisher.node_name = "teleoperation"
+    for _ in range(3):
+        rig.pass_time()
+    (told,) = rig.node.warnings
+    assert told.startswith("/teleoperation publishes ")
+
+
+def test_one_that_never_has_a_name_is_told_of_all_the_same(rig: Rig) -> None:
+    """A program that is not of ROS."""
+    rig.node.best_effort[0].node_name = NOT_KNOWN_YET
+    for _ in range(3):
+        rig.pass_time()
+    assert len(rig.node.warnings) == 1

@@ -39,11 +39,12 @@ class Plant:
         self.simulated = SimulatedPlant(board, simulation_config(board))
         self.slow: dict[int, float] = {}
         self.fails: dict[int, Exception] = {}
+        self.lies: dict[int, Measurement] = {}
         self.cycle = 0
         self.actuation: Actuation | None = None
 
     def read(self) -> Measurement:
-        return self.simulated.read()
+        return self.lies.get(self.cycle) or self.simulated.read()
 
     def write(self, actuation: Actuation) -> None:
         self.cycle += 1
@@ -56,6 +57,15 @@ class Plant:
 
     def reset(self) -> None:
         self.simulated.reset()
+
+    def push(self, joint: int | str, torque: float) -> None:
+        self.simulated.push(joint, torque)
+
+    def inject(self, joints: Any, kind: str, persistent: bool = False) -> None:
+        self.simulated.inject(joints, kind, persistent)
+
+    def clear_injected(self, joints: Any = None) -> None:
+        self.simulated.clear_injected(joints)
 
     def close(self) -> None:
         self.simulated.close()
@@ -193,6 +203,45 @@ def test_after_a_restart_the_deadlines_start_anew(clock: ManualClock) -> None:
     assert (pacer.overruns, pacer.skipped, pacer.take().worst) == (0, 0, 0.0)
 
 
+@pytest.mark.parametrize("factor", [1e-6, 0.001])
+def test_a_loop_whose_next_cycle_is_far_away_stops(factor: float) -> None:
+    """The joints without power, and without waiting for the cycle."""
+    rig = Rig(real_time_factor=0.0)
+    rig.loop.start()
+    rig.run_to(50)
+    rig.loop.set_real_time_factor(factor)
+    assert rig.loop.stop(TIMEOUT)
+    assert rig.plant.actuation is not None
+    assert not rig.plant.actuation.powered.any()
+
+
+def test_another_pace_acts_before_the_next_cycle_of_the_slow_one() -> None:
+    rig = Rig(real_time_factor=1e-6)
+    rig.loop.start()
+    rig.loop.set_real_time_factor(1e-7)
+    rig.loop.set_real_time_factor(1.0)
+    rig.run_to(50)
+    rig.loop.set_real_time_factor(1e-7)
+    rig.loop.pause(True)
+    done = threading.Event()
+    assert rig.loop.step(3, lambda _: done.set()) == ""
+    assert done.wait(TIMEOUT)
+    assert rig.loop.stop(TIMEOUT)
+
+
+def test_a_pacer_that_is_woken_counts_no_cycle(clock: ManualClock) -> None:
+    wake = threading.Event()
+    pacer = Pacer(10.0, wake)
+    pacer.restart()
+    wake.set()
+    assert not pacer.wait()
+    assert (pacer.cycles, clock.now) == (0, 100.0)
+    clock.now += 9.98
+    assert pacer.wait()
+    assert (pacer.cycles, pacer.due) == (1, 110.0)
+    assert clock.now == pytest.approx(110.0)
+
+
 def test_stop_cuts_the_power_and_notes_the_last_state(rig: Rig) -> None:
     """P5, P11 of the promises: the last actuation has no power, the last modes are IDLE."""
     rig.loop.start()
@@ -293,6 +342,39 @@ def test_steps_are_exact(fast: Rig) -> None:
         assert done.wait(TIMEOUT)
         assert texts == [""]
         assert fast.board.cycle == before + count
+
+
+@pytest.mark.parametrize("factor", [0.0, 1.0])
+def test_steps_are_answered_when_their_last_state_is_published(factor: float) -> None:
+    """Who has the answer has the state of the last step, however slow publishing is."""
+    rig = Rig(real_time_factor=factor, state_rate=500.0)
+    published: list[int] = []
+    answered: list[tuple[list[int], int]] = []
+
+    def publish() -> None:
+        while rig.loop.snapshots.states:
+            time.sleep(0.001)
+            published.append(rig.loop.snapshots.states.popleft().snapshot.cycle)
+
+    def fail(error: Exception, _: str) -> None:
+        raise error
+
+    thread = StateThread(rig.loop, [(publish, fail)])
+    thread.start()
+    rig.loop.pause(True)
+    rig.loop.start()
+    for count in (1, 7, 40):
+        due, done = rig.board.cycle + count, threading.Event()
+
+        def tell(_: str, due: int = due, done: threading.Event = done) -> None:
+            answered.append((published[-1:], due))
+            done.set()
+
+        assert rig.loop.step(count, tell) == ""
+        assert done.wait(TIMEOUT)
+    rig.loop.stop()
+    thread.stop()
+    assert [state for state, _ in answered] == [[due] for _, due in answered]
 
 
 def test_a_pause_is_no_overrun(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -475,6 +557,29 @@ def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     assert "1 commands rejected" in status.message
 
 
+def test_diagnostics_count_commands_for_unknown_joints(rig: Rig) -> None:
+    """M4, P13: what names no joint of the board is counted by the board as a whole."""
+    from builtin_interfaces.msg import Time
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    from control_board_ros.node.diagnostics import Diagnostics
+
+    told = Diagnostics(rig.loop, rig.board.names, "rig", 1000.0)
+    with rig.loop.exclusive() as board:
+        reply = board.velocity_move(["nose", "toe"], 1.0)
+        board.velocity_move(["nose", "a"], 1.0)  # counted by the joint that it names
+        board.set_feedforward("nose", 1.0)
+    assert "joint 'nose' unknown" in reply.message
+    rig.loop.snapshots.note_state()
+    status = told.message(Time()).status[0]
+    values = {one.key: one.value for one in status.values}
+    assert values["rejected commands"] == "3"
+    assert values["commands for unknown joints"] == "2"
+    assert status.level == DiagnosticStatus.WARN
+    assert "2 commands for unknown joints rejected in the last second" in status.message
+    assert told.message(Time()).status[0].level == DiagnosticStatus.OK
+
+
 def test_diagnostics_warn_of_heat_before_it_is_a_fault(rig: Rig) -> None:
     """F6: within 10 K of the limit, in the joint's status; its key tells the limit."""
     from builtin_interfaces.msg import Time
@@ -510,3 +615,20 @@ def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:
     rig.loop.pause(True)
     rig.loop.after_cycle(lambda: cycles.append(0))
     assert cycles[1:] == [0]
+
+
+def test_a_plant_that_answers_what_is_no_reading_faults_the_joints_and_ends_nothing(
+    fast: Rig,
+) -> None:
+    """B3: a stamp that is no number, arrays of another length; the loop goes on."""
+    fast.plant.lies = {
+        50: Measurement(float("nan"), fast.plant.read().values),
+        60: Measurement(0.06, fast.plant.read().values[:, :1]),
+    }
+    fast.loop.start()
+    fast.run_to(100)
+    assert fast.loop.failure is None
+    assert fast.board.get_control_mode() == [ControlMode.HW_FAULT] * 2
+    assert "stamped nan s" in fast.board.get_faults("a")[0].text
+    with fast.loop.exclusive() as board:
+        assert board.set_control_mode(None, "fidl")

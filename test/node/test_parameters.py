@@ -230,6 +230,23 @@ def test_gains_limits_and_timeouts_change_the_board(node: Any) -> None:
     assert node.board.config.joints[0] == load().board.joints[0]
 
 
+def test_a_gain_that_no_loop_bears_acts_and_is_warned_of(
+    node: Any, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The log names the parameter and what would be right; of what is good it says nothing."""
+    good = load().values
+    for name, value, told in (
+        ("position_pid.kd", 1e12, "position_pid.kd: 1e+12 is more than the loop bears"),
+        ("direct_pid.derivative_cutoff", 1e-12, "1e-12 Hz leaves no rate"),
+        ("position_pid.kp", 5000.0, ""),
+    ):
+        for given in (value, good[f"lbr_iiwa_joint_4.{name}"]):
+            one = Parameter(f"lbr_iiwa_joint_4.{name}", value=given)
+            assert node.set_parameters_atomically([one]).successful
+            err = capfd.readouterr().err
+            assert (told in err) if told and given == value else not err
+
+
 def test_the_time_base_is_chosen_at_the_start(node: Any) -> None:
     """One line: what is not allowed, and the next step."""
     result = change(node, use_sim_time=True)
@@ -256,6 +273,8 @@ def test_rates_are_told_and_leave_the_board_alone(node: Any) -> None:
         {"lbr_iiwa_joint_2__motor__resistance": 2.0},
         {"robot": "panda"},
         {"state_rate": 0.0},
+        {"real_time_factor": 1e-12},
+        {"real_time_factor": 0.0009},
     ],
 )
 def test_a_wrong_change_changes_nothing_else_either(values: dict[str, Any], node: Any) -> None:

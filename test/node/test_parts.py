@@ -6,6 +6,7 @@ from __future__ import annotations
 import gc
 import math
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -153,13 +154,29 @@ def test_throttled_log_counts_what_it_leaves_out() -> None:
     assert lines == ["reference 0.5 ignored: mode is POSITION; switch with: x"]
     log.flush()
     assert lines[1:] == [
-        "reference 38.5 ignored: mode is POSITION (38 ignored in the last 1 s); switch with: x"
+        "reference 38.5 ignored: mode is POSITION (39 ignored in the last 1 s); switch with: x"
     ]
     log.flush()
     assert len(lines) == 2
     log.flush()
     log.say(lines.append, "reference 1.5 ignored: mode is POSITION; switch with: x")
     assert len(lines) == 3
+
+
+def test_throttled_log_counts_every_command_of_each_joint() -> None:
+    """The counts of all lines add up to what was said; joints whose names differ in a digit."""
+    log, lines = ThrottledLog(), []
+    for value in range(30):
+        for joint in ("joint_1", "joint_2"):
+            log.say(lines.append, f"{value / 7} for {joint} ignored; why")
+        if value % 10 == 9:
+            log.flush()
+    counts = [re.search(r"for (joint_\d) ignored \((\d+) ignored in", line) for line in lines]
+    told = [(found[1], int(found[2])) for found in counts if found]
+    assert told == [("joint_1", 10), ("joint_2", 10)] * 3
+    log.say(lines.append, "a single one; why")
+    log.flush()
+    assert lines[-1] == "a single one; why"
 
 
 def test_throttled_log_is_bounded() -> None:

@@ -20,11 +20,13 @@ from rcl_interfaces.msg import ParameterValue
 from rcl_interfaces.srv import SetParameters
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.utilities import try_shutdown
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 from talk import Talker, stamp_of, talking_to, until
 
 from control_board_ros.node.main import KnownError, run
+from control_board_ros.node.plant import make_plant
 from control_board_ros.testing import (
     BoardProcess,
     board_process,
@@ -74,6 +76,71 @@ def test_signals_end_it_with_unpowered_joints(number: signal.Signals) -> None:
         last = talker.wait("state", lambda s: set(s.output) == {0.0})
         assert set(last.output) == {0.0}
         assert "Traceback" not in board.output
+
+
+class Noted:
+    """A plant that notes its last outputs, and when it is closed."""
+
+    def __init__(self, plant: Any) -> None:
+        self._plant, self.closed = plant, 0
+        self.powered = self.drove = False
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._plant, name)
+
+    def write(self, actuation: Any) -> None:
+        self.powered = bool(actuation.powered.any())
+        self.drove |= self.powered
+        self._plant.write(actuation)
+
+    def close(self) -> None:
+        self.closed += 1
+        self._plant.close()
+
+
+@pytest.fixture
+def noted(monkeypatch: pytest.MonkeyPatch) -> list[Noted]:
+    """The plants of nodes that run in this process."""
+    made: list[Noted] = []
+
+    def make(start: Any) -> tuple[Any, Any]:
+        start, plant = make_plant(start)
+        made.append(Noted(plant))
+        return start, made[-1]
+
+    monkeypatch.setattr("control_board_ros.node.plant.make_plant", make)
+    return made
+
+
+def test_a_node_that_does_not_start_lets_go_of_the_plant(
+    noted: list[Noted], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(**_: Any) -> None:
+        raise RuntimeError("no middleware")
+
+    monkeypatch.setattr("rclpy.init", fail)
+    assert "no middleware" in refused("--ros-args", "-p", "physics:=ideal")
+    assert noted[0].closed
+
+
+def test_an_error_beside_the_loop_ends_it_without_power(
+    noted: list[Noted], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever ends the node: no power, and the plant is let go."""
+
+    def fail(*_: Any, **__: Any) -> None:
+        until(lambda: noted[0].powered)
+        raise OSError("no screen")
+
+    monkeypatch.setattr("control_board_ros.node.main.welcome", fail)
+    with free_domain() as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        with pytest.raises(OSError, match="no screen"):
+            run(["--ros-args", "-p", "physics:=ideal"], threading.Event())
+        try_shutdown()
+    assert noted[0].drove
+    assert not noted[0].powered
+    assert noted[0].closed
 
 
 def test_signal_while_paused_and_calibrating() -> None:
@@ -307,6 +374,19 @@ def test_help_needs_no_ros() -> None:
     assert "usage: control_board" in done.stdout
 
 
+def test_a_slow_simulation_ends_without_waiting_for_its_next_cycle() -> None:
+    with board_process({"real_time_factor": 0.5, "physics": "ideal"}) as board:
+        with talking_to(board) as talker:
+            assert not set_double(talker, "real_time_factor", 1e-12).successful
+            assert set_double(talker, "real_time_factor", 0.001).successful
+            assert set_double(talker, "real_time_factor", 1.0).successful
+            state = talker.state()
+            talker.state(lambda later: stamp_of(later) > stamp_of(state) + 0.1)
+            assert set_double(talker, "real_time_factor", 0.001).successful
+        assert board.stop(signal.SIGINT) == 0
+    assert "hangs" not in board.output
+
+
 def test_the_first_screen_says_what_to_do(board: BoardProcess) -> None:
     """A table of the joints, and lines to paste."""
     board.wait_for_output("Stop with Ctrl-C")
@@ -370,9 +450,22 @@ def test_ignored_commands_are_logged_once_a_second_with_their_count() -> None:
             time.sleep(0.01)
         line = board.wait_for_output("ignored in the last 1 s")
         assert f"velocity reference for {name} ignored: mode is POSITION (" in line
-        assert line.rstrip().endswith(f"switch with: cbctl mode {name} vel")
+        assert line.rstrip().endswith("it is taken in vel, mix")
         seconds = time.monotonic() - begun
         assert board.output.count("velocity reference") <= 2 + seconds
+
+
+@pytest.mark.slow
+def test_commands_that_were_accepted_and_bounded_are_not_called_ignored() -> None:
+    with board_process() as board, talking_to(board) as talker:
+        name = talker.names[3]
+        talker.set_mode([name], "vel")
+        message = msg.VelocityCommand(names=[name], velocities=[20.0])
+        begun = time.monotonic()
+        while time.monotonic() - begun < 2.5:
+            talker.command("command/velocity", message)
+            time.sleep(0.01)
+        assert "ignored" not in board.wait_for_output("times in the last 1 s")
 
 
 @pytest.mark.parametrize(

@@ -50,10 +50,15 @@ class Asked:
         self.board, self.tick = self.simulation.board, self.simulation.tick
         self.warnings: list[str] = []
         self.errors: list[Exception] = []
+        self.noted: list[tuple[str, bool]] = []
+        self.requests: Any = SimpleNamespace(
+            note=lambda row, *_, success, message: self.noted.append((row.name + message, success))
+        )
         self.yarp = YarpInterface(
             self,
             lambda text, _what: self.warnings.append(text),
             lambda error, _where: self.errors.append(error),
+            self.requests,
         )
         self.snapshots = SimpleNamespace()
 
@@ -317,7 +322,7 @@ def test_what_is_offered(
     with free_domain() as domain, ros_node(domain, "board", namespace="/left", spin=False) as node:
         before = {service.srv_name for service in node.services}
         states: Any = SimpleNamespace(also=[])
-        heard = offer_yarp(node, rig, values, states, Reporter(node))
+        heard = offer_yarp(node, rig, values, states, Reporter(node), rig.requests)
         services = {service.srv_name for service in node.services} - before
         commands = {subscription.topic_name for subscription in node.subscriptions}
         topics = {publisher.topic_name for publisher in node.publishers}
@@ -344,7 +349,7 @@ def test_a_part_of_a_robot_offers_it_below_its_own_name(rig: Asked) -> None:
     values = {"yarp_interface": True, "yarp_msgs_name": "/yarp"}
     with free_domain() as domain, ros_node(domain, "head", namespace="/icub", spin=False) as node:
         states: Any = SimpleNamespace(also=[])
-        offer_yarp(node, rig, values, states, Reporter(node), part=True)
+        offer_yarp(node, rig, values, states, Reporter(node), rig.requests, part=True)
         services = {service.srv_name for service in node.services}
         topics = {publisher.topic_name for publisher in node.publishers}
     assert "/yarp/head/get_modes" in services

@@ -14,10 +14,10 @@ from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 import pytest
+from package_descriptions import PYPROJECT, ROOT, XML, setup_list
 from pure import SUFFIX as AS_PYTHON
 from pure import as_python, load_python
 from rig import ready
-from test_metadata import PYPROJECT, ROOT, XML, setup_list
 
 import control_board_ros
 from control_board_ros import compiled
@@ -220,6 +220,44 @@ def test_a_build_without_a_compiler_goes_on_and_says_so_in_one_line(tmp_path: Pa
     assert len(said) == 1, done.stderr
     assert "install Cython and a C compiler" in said[0]
     assert not leftover.exists()
+
+
+REUSE = """
+import sys
+from pathlib import Path
+from distutils.core import run_setup
+import setuptools
+build = run_setup("setup.py", stop_after="init").get_command_obj("build_ext")
+setup, folder = type(build).run.__globals__, Path(sys.argv[1])
+definitions, prefixes = folder / "defs", setup["ros_prefixes"]()
+elsewhere = []
+for k, prefix in enumerate(prefixes):
+    (folder / f"prefix{k}").symlink_to(prefix)
+    elsewhere.append(folder / f"prefix{k}")
+key = setup["made_of"](definitions, prefixes)
+assert key == setup["made_of"](definitions, elsewhere)
+(folder / "work/stage").mkdir(parents=True)
+(folder / "work/made-of.txt").write_text(key)
+setup["subprocess"].run = None  # nothing is built
+assert setup["build_messages"](definitions, folder / "work", elsewhere, 1).is_dir()
+changed = definitions / "msg/Request.msg"
+changed.write_text(changed.read_text() + "bool more")
+assert key != setup["made_of"](definitions, prefixes)
+"""
+
+
+def test_messages_are_built_again_only_where_what_they_are_made_of_changed(tmp_path: Path) -> None:
+    """Each build of pip has the tools of ROS in a new folder."""
+    shutil.copytree(ROOT / "msg_defs", tmp_path / "defs")
+    done = subprocess.run(
+        [sys.executable, "-c", REUSE, str(tmp_path)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_version_says_which_laws_run() -> None:

@@ -4,17 +4,13 @@
 import ast
 import re
 import sys
-import tomllib
 import xml.etree.ElementTree as ET
-from pathlib import Path
+
+from package_descriptions import PYPROJECT, ROOT, XML, setup_list
 
 import control_board_ros
 
-ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "control_board_ros"
-XML = ET.parse(ROOT / "package.xml").getroot()
-PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-SETUP = ast.parse((ROOT / "setup.py").read_text(encoding="utf-8"))
 # Not ROS packages; the optional ones are imported where they are used, with an error that says so.
 NOT_ROS = {
     "numpy",
@@ -38,14 +34,6 @@ OPTIONAL = {
     "starlette",
     "uvicorn",
 }
-
-
-def setup_list(name: str) -> list[str]:
-    """The list of text that setup.py assigns to a name, read without running it."""
-    for node in ast.walk(SETUP):
-        if isinstance(node, ast.Assign) and [ast.unparse(t) for t in node.targets] == [name]:
-            return [str(item) for item in ast.literal_eval(node.value)]
-    raise AssertionError(f"setup.py assigns nothing to {name}")
 
 
 def imported_packages() -> set[str]:

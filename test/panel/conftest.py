@@ -7,9 +7,11 @@ import json
 import shutil
 import signal
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
+from browsing import context_of
 from cbctl_process import GUARD, Cbctl
 
 from control_board_ros.client import ControlBoardClient
@@ -68,9 +70,17 @@ def client(process: BoardProcess) -> Iterator[ControlBoardClient]:
 
 
 @pytest.fixture(scope="module")
-def address(process: BoardProcess) -> Iterator[str]:
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the panel records."""
+    return tmp_path_factory.mktemp("recordings")
+
+
+@pytest.fixture(scope="module")
+def address(process: BoardProcess, recordings: Path) -> Iterator[str]:
     """Where the panel is, with its token."""
-    panel = Cbctl(process.environment).start("panel", "--port", "0", "--json")
+    folder = ("--recordings", str(recordings))
+    words = ("panel", "--port", "0", "--takeover", "10min", *folder, "--json")
+    panel = Cbctl(process.environment).start(*words)
     try:
         assert panel.stdout is not None
         yield json.loads(panel.stdout.readline())["addresses"][0]
@@ -94,8 +104,12 @@ def browser() -> Iterator[Any]:
 def page(browser: Any, address: str) -> Iterator[Any]:
     """The panel on a desk, of the one who operates."""
     size = {"width": 1440, "height": 900}
-    context = browser.new_context(viewport=size, color_scheme="dark")
-    context.set_default_timeout(GUARD * 1000.0)
+    with context_of(browser, viewport=size, color_scheme="dark") as context:
+        yield from operated(context, address)
+
+
+def operated(context: Any, address: str) -> Iterator[Any]:
+    """A page that operates, and has no errors in the end."""
     context.add_init_script(USED)
     page = context.new_page()
     errors: list[str] = []
@@ -109,4 +123,3 @@ def page(browser: Any, address: str) -> Iterator[Any]:
     page.get_by_text("You operate", exact=True).wait_for()
     yield page
     assert not errors, errors
-    context.close()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from standins import GUARD, TOKEN, Panel, StandIn, panel_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from control_board_ros.panel import robot, security
+from control_board_ros.panel.server import PAGE
 
 
 @pytest.fixture(scope="module")
@@ -265,3 +267,36 @@ def test_meshes_are_those_of_the_description(panel: Panel, tmp_path: Path) -> No
         assert panel.get(f"/mesh/0/{path}")[0] == 404, path
     (tmp_path / "a.stl").unlink()
     assert panel.get("/mesh/0/0.stl")[0] == 404
+
+
+def test_a_report_is_served_apart() -> None:
+    """By its name only, in a page that has no origin, and nothing of the panel's."""
+    with panel_of(StandIn("/b", 0, ["pos"])) as panel:
+        folder = panel.hub.recordings._folder
+        for name in ("none", "..", "%2e%2e%2fsecret", "a%2fb"):
+            assert panel.get(f"/report/{name}")[0] in (403, 404)
+        assert folder.name == "recordings"
+        panel.hub.recordings.reports = ["mine"]
+        assert panel.get("/report/mine")[0] == 404  # its file is gone
+
+
+def test_nothing_is_recorded_of_a_board_that_is_none() -> None:
+    with panel_of(StandIn("/b", 0, ["pos"])) as panel:
+        browser = panel.browser()
+        for boards in (["/none"], ["--output"], []):
+            answer = browser.ask("record", on=True, boards=boards)
+            assert (answer["ok"], answer["message"][:8]) == (False, "no board")
+        assert browser.ask("note", text="a")["message"].startswith("no recording is running")
+        assert browser.ask("record", on=False)["message"] == "no recording is running"
+        for joint in ("none", "--output=/etc"):  # it is a word of a command line
+            for do in ("step", "chirp"):
+                assert "has no joint" in browser.ask(do, board="/b", joint=joint, **{
+                    "size" if do == "step" else "amplitude": 0.1})["message"]  # fmt: skip
+
+
+def test_the_page_asks_for_its_modules_at_once() -> None:
+    """But for those of the view in 3D, which comes when the first state is shown."""
+    index = (PAGE / "index.html").read_text("utf-8")
+    named = set(re.findall(r'modulepreload" href="page/(.*?)"', index))
+    late = {"main.js", "view.js", "grasp.js"}
+    assert named == {path.name for path in PAGE.glob("*.js")} - late

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -49,7 +50,7 @@ def test_parts_are_heard_together(page: Any) -> None:
     until(lambda: page.evaluate("panel.cards.length") == 7)
     until(lambda: page.evaluate("panel.watched") == "/pair/robot")
     until(lambda: page.evaluate("panel.cards.every((card) => card.joint.state)"))
-    assert page.locator("h2.part").all_inner_texts() == ["PAIR/LOWER", "PAIR/UPPER"]
+    assert page.locator("h2.part").all_inner_texts() == ["upper", "lower"]  # the robot's order
     for part, number in (("lower", 3), ("upper", 4), ("robot", 7)):
         page.get_by_role("tab", name=part).click()
         until(lambda part=part: page.evaluate("panel.watched") == f"/pair/{part}")
@@ -62,9 +63,9 @@ def test_tabs_by_keyboard(page: Any) -> None:
     """Arrow keys choose the next one, which then has the focus."""
     page.get_by_role("tab", name="All joints").focus()
     for key, tab in (
+        ("Right", "upper"),
         ("Right", "lower"),
-        ("Right", "robot"),
-        ("Left", "lower"),
+        ("Left", "upper"),
         ("Left", "All joints"),
     ):
         page.keyboard.press(f"Arrow{key}")
@@ -76,6 +77,7 @@ def test_a_part_is_driven_and_the_whole_stops(page: Any, client: ControlBoardCli
     joint = JOINTS[4]
     page.get_by_label("Position reference of joint_5, typed; Enter sends").fill("100")
     page.keyboard.press("Enter")
+    page.get_by_label("Go: yes").click()
     until(lambda: not client.check_motion_done(joint)[0])
     until(lambda: shown(page, joint, "state.motion_done") is False)
     page.locator("code", has_text=f"cbctl --board /pair/lower move {joint}").first.wait_for()
@@ -105,3 +107,22 @@ def test_what_the_panel_does_is_no_news_from_elsewhere(page: Any) -> None:
     entries = page.locator("#log .entry .from").all_inner_texts()
     assert "another program" not in entries
     assert not page.locator("#log .entry", has_text="→").count()
+
+
+def test_signals_of_several_boards(page: Any) -> None:
+    """Those of a board that is not shown go on, and CSV names the boards."""
+    for part, joint in (("upper", "joint_1"), ("lower", "joint_5")):
+        page.get_by_role("tab", name=part).click()
+        page.get_by_label(f"Plot position of {joint}", exact=True).click()
+    counts = "panel.plots.signals.map((s) => s.times.length)"
+    before = page.evaluate(counts)
+    until(lambda: all(b > a for a, b in zip(before, page.evaluate(counts), strict=True)))
+    assert "upper joint_1 position" in page.locator("#plots .legend").inner_text()
+    with page.expect_download() as csv:
+        page.get_by_label("Save the plots as CSV").click()
+    head, *rows = Path(csv.value.path()).read_text("utf-8").splitlines()
+    assert f"/pair/upper/{JOINTS[0]}.position," in head
+    assert f"/pair/lower/{JOINTS[4]}.position_reference" in head
+    assert len(rows) > 2
+    page.get_by_label("Remove all plots").click()
+    page.get_by_role("tab", name="All joints").click()

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -10,10 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 from levers import Levers, OwnClock
+from talk import until
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.faults import FaultCode
 from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.node.loop import ControlLoop
 from control_board_ros.plants import Readings
 from control_board_ros.plants.guarded import GuardedPlant
 from control_board_ros.testing.plants import board_for, plant_contract
@@ -165,6 +168,40 @@ def test_a_fault_of_a_drive_is_told_and_reset_on_it_without_power(bench: Bench) 
     assert "clear 0" not in bench.plant.calls
 
 
+HOSTILE = "0x3210\x00 \ud800\x1b]0;mine\x07\u202eover\nvoltage"
+
+
+def test_a_drive_s_text_is_cleaned_where_it_enters(bench: Bench) -> None:
+    """F5, S6: lone surrogates, NULs, orders to terminals, a megabyte."""
+    driven(bench)
+    bench.plant.faults[1] = HOSTILE + "x" * 1_000_000
+    bench.until(lambda: bench.modes()[1] is M.HW_FAULT)
+    text = bench.text(1)
+    assert text.startswith("plant, its drive: 0x3210\ufffd \ufffd\ufffd]0;mine\ufffd\ufffdover v")
+    assert text.isprintable()
+    assert len(text) < 600
+    text.encode()
+
+
+class MuteError(OSError):
+    """An error that fails to say what it is."""
+
+    def __str__(self) -> str:
+        raise RuntimeError(HOSTILE)
+
+
+@pytest.mark.parametrize("trouble", [OSError(HOSTILE), MuteError()])
+def test_an_error_s_text_is_cleaned_where_it_enters(bench: Bench, trouble: Exception) -> None:
+    """B3: the thread that met it lives, also where the error cannot say what it is."""
+    driven(bench)
+    bench.plant.trouble = trouble
+    bench.until(lambda: bench.modes() == [M.HW_FAULT] * 2)
+    assert bench.text(0).isprintable()
+    bench.text(0).encode()
+    bench.plant.trouble = None
+    recovers(bench)
+
+
 def test_a_pause_is_no_silence(bench: Bench) -> None:
     """Nobody asked, so nobody owes an answer."""
     while bench.guarded.owes_an_answer:
@@ -173,6 +210,127 @@ def test_a_pause_is_no_silence(bench: Bench) -> None:
     bench.cycle()
     bench.cycle()
     assert bench.modes() == [M.IDLE, M.IDLE]
+
+
+def test_a_silent_loop_leaves_no_power(bench: Bench) -> None:
+    """B5: the plant's own thread takes it off; the loop finds those that were driven in fault."""
+    assert bench.board.set_control_mode("left", "open")
+    assert bench.board.set_output("left", 20.0)
+    bench.until(lambda: bench.plant.on == [True, False] and bench.plant.position[0] > 0.01)
+    bench.now += 0.2
+    until(lambda: bench.plant.on == [False, False])
+    bench.cycle()
+    assert bench.modes() == [M.HW_FAULT, M.IDLE]
+    assert bench.text(0) == (
+        "plant, the control loop was silent for 200 ms > 100 ms; the motors lost their power"
+    )
+    recovers(bench)
+
+
+def test_what_a_loop_says_after_its_silence_does_not_count(bench: Bench) -> None:
+    """B5: a hook that stalls between reading and writing leaves outputs of long ago."""
+    driven(bench)
+    before = bench.board.tick(bench.guarded.read())
+    bench.now += 0.2
+    until(lambda: bench.plant.on == [False, False])
+    bench.plant.calls.clear()
+    bench.guarded.write(before)
+    bench.until(lambda: bench.modes() == [M.HW_FAULT] * 2)
+    assert "silent for 200 ms" in bench.text(1)
+    until(lambda: not bench.guarded.owes_an_answer)
+    assert not [call for call in bench.plant.calls if call.startswith("enable")]
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.05, 0.099])
+def test_a_loop_that_is_late_within_the_timeout_keeps_its_power(bench: Bench, gap: float) -> None:
+    """B5."""
+    driven(bench)
+    for _ in range(20):
+        bench.now += gap
+        bench.cycle()
+        until(lambda: not bench.guarded.owes_an_answer)
+    assert bench.modes() == [M.OPENLOOP] * 2
+    assert bench.plant.on == [True, True]
+
+
+def test_a_plant_with_its_own_clock_gets_no_power_from_a_silent_loop() -> None:
+    """B5: its thread goes on by itself."""
+    bench = Bench(OwnClock("left"))
+    try:
+        bench.until(lambda: bench.modes() == [M.IDLE])
+        assert bench.board.set_control_mode("left", "open")
+        assert bench.board.set_output("left", 0.01)  # it goes on between two cycles
+        bench.until(lambda: bench.plant.position[0] > 0.0)
+        bench.now += 0.2
+        until(lambda: bench.plant.on == [False])
+        bench.until(lambda: bench.modes() == [M.HW_FAULT])
+        assert "the control loop was silent for" in bench.text(0)
+    finally:
+        bench.guarded.close()
+
+
+@pytest.fixture
+def running() -> Iterator[tuple[ControlLoop, Levers]]:
+    """A control loop on levers in real time, both of them driven; a busy machine is no silence."""
+    plant = Levers("left", "right")
+    config = board_for(plant.describe())
+    loop = ControlLoop(Board(config), GuardedPlant(plant, config, 1.0, first=30.0))
+    loop.start()
+    until(lambda: set(loop.snapshots.modes.control) == {M.IDLE})
+    with loop.exclusive() as board:
+        assert board.set_control_mode(None, "open")
+        assert board.set_output(None, 20.0)
+    until(lambda: all(plant.on) and bool((plant.position > 0.01).all()))
+    yield loop, plant
+    assert loop.stop(timeout=30.0)
+
+
+def faulted(loop: ControlLoop, plant: Levers) -> None:
+    """The loop goes on, and gives no power by itself."""
+    plant.calls.clear()
+    until(lambda: set(loop.snapshots.modes.control) == {M.HW_FAULT})
+    with loop.exclusive() as board:
+        assert "the control loop was silent for" in board.get_faults([0])[0].text
+
+    def cleared() -> bool:
+        with loop.exclusive() as board:
+            return bool(board.set_control_mode(None, "fidl"))
+
+    until(cleared)  # F3: refused until the plant has reported again
+    assert not [call for call in plant.calls if call.startswith("enable")]
+
+
+def test_a_hook_that_stalls_leaves_no_power(running: tuple[ControlLoop, Levers]) -> None:
+    """B5."""
+    loop, plant = running
+    gate = threading.Event()
+    loop.hooks.append(lambda *_: gate.wait() and None)
+    until(lambda: not any(plant.on))
+    gate.set()
+    faulted(loop, plant)
+
+
+def test_a_lock_that_hangs_leaves_no_power(running: tuple[ControlLoop, Levers]) -> None:
+    """B5."""
+    loop, plant = running
+    with loop.exclusive():
+        until(lambda: not any(plant.on))
+    faulted(loop, plant)
+
+
+def test_a_loop_that_cannot_be_stopped_leaves_no_power(
+    running: tuple[ControlLoop, Levers],
+) -> None:
+    """The end of the node: the loop hangs, the plant is let go all the same."""
+    loop, plant = running
+    gate = threading.Event()
+    loop.hooks.append(lambda *_: gate.wait() and None)
+    try:
+        assert not loop.stop(timeout=0.02)
+        assert plant.on == [False, False]
+        assert plant.calls[-1] == "close"
+    finally:
+        gate.set()
 
 
 def test_a_plant_with_a_clock_of_its_own_is_read_without_being_asked() -> None:

@@ -3,31 +3,22 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from levers import IIWA, offer
+from levers import IIWA, path_with
 from talk import patient
 
 from control_board_ros.testing import board_process, child_environment, free_domain, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
-HERE = Path(__file__).parent
-
-
-def path_with(folder: Path) -> dict[str, str]:
-    """An environment in which the package that offers the levers is installed."""
-    offer(folder, "levers:make")
-    before = os.environ.get("PYTHONPATH", "")
-    return {"PYTHONPATH": os.pathsep.join([str(folder), str(HERE), *([before] if before else [])])}
 
 
 def test_a_node_drives_the_levers(tmp_path: Path) -> None:
     """B1, B2, M5: it moves, and offers no torque mode."""
-    params = {"plant": "levers", "joint_defaults.startup_mode": "idl"}
+    params = {"plant": "levers", "plant_timeout": 5.0, "joint_defaults.startup_mode": "idl"}
     with (
         board_process(params, env=path_with(tmp_path)) as board,
         ros_node(board.domain, spin=False) as node,

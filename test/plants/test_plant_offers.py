@@ -38,7 +38,7 @@ def test_a_plant_is_made_of_its_name_joints_and_arguments(levers: None) -> None:
 @pytest.mark.parametrize(
     ("name", "arguments", "told"),
     [
-        ("lever", [], r"'lever' unknown; did you mean 'levers'\? known: .*levers"),
+        ("lever", [], r"'lever' unknown; did you mean 'levers'\?; known: .*levers"),
         ("levers", ["speed"], r"plant_arguments: 'speed' is not allowed; use name=value"),
         ("levers", ["=2"], r"plant_arguments: '=2' is not allowed"),
         ("levers", ["colour=red"], r"cannot be made \(ValueError: arguments \['colour'\] are"),

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from cbctl_process import GUARD, Cbctl, until
 
+from control_board_ros.recording.page import page
 from control_board_ros.recording.reading import read
 from control_board_ros.testing import board_process
 
@@ -68,16 +69,22 @@ def test_a_recording_holds_all_of_a_board(cbctl: Cbctl, tmp_path: Path) -> None:
     assert [fault.joint for fault in recording.faults] == [LAST]
     assert recording.faults[0].until is None
     assert recording.rejected[-1, 0] > 0
-    assert any("VELOCITY" in line.text or "vel" in line.text for line in recording.log)
+    assert recording.log
     assert recording.parameter(FIRST, "position_pid.kp") == 901.0
     assert "<robot" in recording.urdf
+    told = [(one.name, one.event, one.joints) for one in recording.requests]
+    assert told[:2] == [("move", "accepted", (FIRST,)), ("move", "succeeded", (FIRST,))]
+    assert ("send_reference", "answered", (FIRST,)) in told  # the velocity that was ignored
+    assert ("inject_fault", "answered", (LAST,)) in told
+    assert not [name for name, _, _ in told if name.startswith("get_")]
+    assert f"move {FIRST} " in page("bag", [recording])
     with (folder / "state.csv").open(encoding="utf-8") as file:
         rows = list(csv.reader(file))
     assert len(rows) == 1 + len(recording.time)
     assert rows[0][:2] == ["time", f"{FIRST}.position"]
-    assert f"{LAST},fault,10: encoder" in (folder / "events.csv").read_text("utf-8").replace(
-        '"', ""
-    )
+    events = (folder / "events.csv").read_text("utf-8").replace('"', "")
+    assert f"{LAST},fault,10: encoder" in events
+    assert f",request,move {FIRST} " in events
     assert '"dropped": 0' in out
 
 

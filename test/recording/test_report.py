@@ -3,21 +3,33 @@
 
 from __future__ import annotations
 
+import json
 import math
-import re
+import shutil
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from control_board_ros.recording.charts import Chart, Trace, step_chart, unit_of
+from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.recording.charts import Chart, Trace, step_chart
 from control_board_ros.recording.chirp import MOST_POINTS, SHARE, sweep
+from control_board_ros.recording.drawing import draw, thin
 from control_board_ros.recording.moves import moves_of
-from control_board_ros.recording.page import joint_charts, number, page, short_names
+from control_board_ros.recording.page import chart_section, joint_charts, number, page, short_names
 from control_board_ros.recording.png import write_png
-from control_board_ros.recording.reading import SIGNALS, BoardRecording, Fault, LogLine, Modes
-from control_board_ros.recording.svg import decades, draw, thin, ticks
+from control_board_ros.recording.reading import (
+    SIGNALS,
+    BoardRecording,
+    Fault,
+    LogLine,
+    Modes,
+    Note,
+)
+from control_board_ros.recording.tables import write_events
 
 JOINTS = ("arm_joint_1", "arm_joint_2")
 
@@ -56,7 +68,7 @@ def recording() -> BoardRecording:
 
 def test_the_figures_of_a_move() -> None:
     """Its begin, end, lag and error; 20 ms behind at the greatest speed of 1.875 rad/s."""
-    (move,) = moves_of(recording(), JOINTS[0])
+    (move,) = moves_of(recording(), JOINTS[0], JointKind.REVOLUTE)
     assert (move.mode, move.begin, move.end) == ("pos", pytest.approx(1.0), pytest.approx(2.0))
     assert (move.start, move.target) == (0.0, pytest.approx(1.0))
     assert move.tracking.lag == pytest.approx(0.02, abs=1e-4)
@@ -67,9 +79,33 @@ def test_the_figures_of_a_move() -> None:
     assert move.saturated == 0.0
 
 
+def test_notes_faults_and_interaction_modes(tmp_path: Path) -> None:
+    """A joint that faulted is open, what was noted is said, both kinds of modes are events."""
+    still = recording()
+    count, names = still.time.size, tuple(f"arm_joint_{k}" for k in range(1, 5))
+    still = replace(
+        still,
+        names=names,
+        signals={name: np.zeros((count, 4)) for name in SIGNALS},
+        motion_done=np.ones((count, 4), dtype=bool),
+        rejected=np.zeros((count, 4), dtype=np.int64),
+        notes=[Note(3.5, "the <gripper> slipped")],
+    )
+    text = page("run", [still])
+    opened = [joint for joint in names if f"open><summary><b>{joint}</b>" in text]
+    assert opened == [JOINTS[1]]
+    assert "the &lt;gripper&gt; slipped" in text
+    assert "<details open><summary>1 warnings of the board" in text
+    write_events(still, tmp_path / "events.csv")
+    events = (tmp_path / "events.csv").read_text("utf-8")
+    assert "1000000003.500000,,note,the <gripper> slipped" in events
+    assert f"1000000002.500000,{JOINTS[0]},interaction,comp" in events
+    assert f",{JOINTS[0]},interaction,stif" in events
+
+
 def test_the_figures_of_a_step() -> None:
     """A first-order answer of 50 ms: rise 2.197 T, settling 3.912 T, to sampling at 100 Hz."""
-    (move,) = moves_of(recording(), JOINTS[1])
+    (move,) = moves_of(recording(), JOINTS[1], JointKind.REVOLUTE)
     assert (move.mode, move.target) == ("posd", -0.1)
     assert move.step is not None
     assert move.step.rise == pytest.approx(0.05 * math.log(9.0), abs=2e-3)
@@ -80,7 +116,7 @@ def test_the_figures_of_a_step() -> None:
 def test_saturation_counts_within_a_move() -> None:
     hard = recording()
     hard.signals["output"][:, 0] = np.where((hard.time > 1.2) & (hard.time < 1.5), -100.0, 0.0)
-    (move,) = moves_of(hard, JOINTS[0])
+    (move,) = moves_of(hard, JOINTS[0], JointKind.REVOLUTE)
     assert move.saturated == pytest.approx(0.29)
 
 
@@ -114,10 +150,52 @@ def test_the_page_needs_nothing_else() -> None:
     assert "<board>" not in text
     assert "encoder &lt;silent&gt;" in text
     assert "warned &amp; said" in text
-    assert "http" not in re.sub(r"http://www\.w3\.org/\S+", "", text)
-    assert text.count('class="chart"') == 2 * 4 + 1
+    assert "//" not in text.partition("<script>")[0].partition("</style>")[2]
+    assert text.count('<figure class="chart">') == 2 * 4 + 1
     assert "arm_joint_1: POSITION, 0.00 to 7.99 s" in text
-    assert "NaN" not in text.partition("<script>")[0]
+
+
+def data_of(drawn: str) -> dict[str, Any]:
+    """What the script reads of a chart; not what JSON does not have."""
+    text = drawn.partition('json">')[2].partition("</script>")[0]
+    found: dict[str, Any] = json.loads(text, parse_constant=pytest.fail)
+    return found
+
+
+def test_a_browser_draws_the_charts_and_nothing_else(tmp_path: Path) -> None:
+    """Of a recording whose names are code: nothing of it runs, nothing is loaded."""
+    playwright = pytest.importorskip("playwright.sync_api")
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        pytest.skip("there is no chromium")
+    attack = (
+        "</script><script>document.title='run'</script><img src=x onerror=document.title='run'>"
+    )
+    joints = (f"{attack}1", f"{attack}2")
+    board = replace(
+        recording(),
+        board=attack,
+        names=joints,
+        modes=[Modes(0.0, dict.fromkeys(joints, "pos"), dict.fromkeys(joints, attack))],
+        faults=[Fault(6.0, joints[1], 10, attack, None)],
+    )
+    path = tmp_path / "report.html"
+    path.write_text(page(attack, [board], chart_section(attack, [(attack, attack)], [])), "utf-8")
+    with playwright.sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        tab = browser.new_page()
+        said: list[str] = []
+        tab.on("pageerror", lambda error: said.append(str(error)))
+        tab.on("request", lambda request: said.append(request.url))
+        tab.goto(path.as_uri())
+        tab.wait_for_function("document.querySelectorAll('canvas').length === 8")
+        tab.locator(".u-over").first.hover()
+        tab.wait_for_function(
+            "document.querySelector('.u-legend').textContent.includes('57.296 °')"
+        )
+        assert said == [path.as_uri()]
+        assert tab.title().endswith(": report")
+        browser.close()
 
 
 def test_pictures(tmp_path: Path) -> None:
@@ -130,7 +208,7 @@ def test_a_chart_of_a_long_recording_stays_small() -> None:
     """Thinned to the extremes of each column: no spike is lost."""
     x = np.linspace(0.0, 1.0, 1_000_000)
     y = np.where(np.arange(x.size) == 123_456, 7.0, np.sin(x))
-    thinned = thin(x, y, 0.0, 1.0)[1]
+    thinned = thin(x, y[None, :], 0.0, 1.0)[1]
     assert thinned.size < 2000
     assert thinned.max() == 7.0
     assert len(draw(Chart("a", "rad", [Trace("a", x, y)]))) < 40_000
@@ -138,12 +216,21 @@ def test_a_chart_of_a_long_recording_stays_small() -> None:
 
 def test_unknown_values_break_a_line() -> None:
     x, y = np.arange(5.0), np.array([0.0, 1.0, np.nan, 1.0, 0.0])
-    assert draw(Chart("a", "", [Trace("a", x, y)])).count("M") == 2
+    assert data_of(draw(Chart("a", "", [Trace("a", x, y)])))["data"][1] == [0, 1, None, 1, 0]
 
 
-def test_axes() -> None:
-    assert ticks(-0.1, 1.05, 4) == pytest.approx([0.0, 0.5, 1.0])
-    assert decades(0.1, 20.0) == pytest.approx([0.1, 0.2, 0.5, 1, 2, 5, 10, 20])
+def test_traces_of_other_times_are_drawn_over_one_axis() -> None:
+    """Between its points a line is straight; before and after them there is none."""
+    long, short = np.arange(5.0), np.array([1.5, 2.5])
+    chart = Chart("a", "", [Trace("a", long, long), Trace("b", short, 10.0 * short)])
+    assert data_of(draw(chart))["data"] == [
+        [0, 1, 1.5, 2, 2.5, 3, 4],
+        [0, 1, 1.5, 2, 2.5, 3, 4],
+        [None, None, 15, 20, 25, None, None],
+    ]
+
+
+def test_texts() -> None:
     assert [number(v) for v in (0.0, 1234.5, -0.00049, math.nan)] == ["0.00", "1234", "0.000", "–"]
     assert short_names(["l_arm_j_1", "l_arm_j_2"]) == ["j_1", "j_2"]
     assert short_names(["shoulder", "elbow"]) == ["shoulder", "elbow"]
@@ -151,8 +238,8 @@ def test_axes() -> None:
 
 def test_a_step_is_shown_with_its_band() -> None:
     board = recording()
-    (move,) = moves_of(board, JOINTS[1])
-    chart = step_chart(board, move, unit_of(False))
+    (move,) = moves_of(board, JOINTS[1], JointKind.REVOLUTE)
+    chart = step_chart(board, move, JointKind.REVOLUTE)
     assert chart.limits == pytest.approx([-0.102 * 180 / math.pi, -0.098 * 180 / math.pi])
 
 

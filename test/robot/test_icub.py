@@ -16,7 +16,7 @@ from rclpy.context import Context
 from std_srvs.srv import Trigger
 from talk import Talker, talking_to, until
 
-from control_board_ros.core.robot import Robot
+from control_board_ros.core.board import Board
 from control_board_ros.node.boards import Boards
 from control_board_ros.node.executor import KeptWaitSetExecutor
 from control_board_ros.node.parameters import settings_from_arguments
@@ -137,21 +137,23 @@ def test_whole_body_references_for_a_minute(
 ) -> None:
     """50 Hz for a minute of simulated time: every message reaches all 32 joints, in order."""
     domain, boards = in_process
-    robot = boards.loop.whole.board
-    assert isinstance(robot, Robot)
+    robot = boards.loop.board
     taken: list[float] = []
-    command = Robot.command
+    refused: list[str] = []
+    command = Board.command
 
-    def counted(self: Robot, *arguments: Any) -> Any:
+    def counted(self: Board, *arguments: Any) -> Any:
         reply = command(self, *arguments)
-        taken.append(float(arguments[2][0]) if reply else float("nan"))
+        taken.append(float(arguments[2][0]))
+        if not reply:
+            refused.append(f"at {arguments[2][0]:.6g}: {reply}")
         return reply
 
     until(lambda: "cfgn" not in [m.code for m in boards.loop.snapshots.modes.control])
     with boards.loop.exclusive():
         assert robot.set_control_mode(None, "posd")
         start = robot.get_encoder()
-    monkeypatch.setattr(Robot, "command", counted)
+    monkeypatch.setattr(Board, "command", counted)
     with ros_node(domain, "dancer") as node:
         topic = node.create_publisher(
             msg.PositionDirectCommand, "/icub/robot/command/position_direct", 100
@@ -169,6 +171,7 @@ def test_whole_body_references_for_a_minute(
                 msg.PositionDirectCommand(names=list(robot.names), positions=positions.tolist())
             )
         until(lambda: len(taken) == len(sent))
+    assert refused == []
     assert taken == sent
     assert not robot.rejected_commands.any()
     with boards.loop.exclusive():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/robot.py and shares.py: all parts as one board (SPEC R1 to R3), with ideal bodies."""
+"""core/layout.py and group.py: a board of parts (SPEC R1 to R3), with ideal bodies."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from robots import RobotRig, parts
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config import BoardConfig, ConfigError
+from control_board_ros.core.layout import joined
 from control_board_ros.core.move_task import MoveTask
 from control_board_ros.core.reply import Answer
-from control_board_ros.core.robot import Robot
-from control_board_ros.core.shares import reasons_of
 from control_board_ros.core.state import Snapshot
 from control_board_ros.core.vocabs import CommandKind, ControlMode
+from control_board_ros.settings.loading import load
+from control_board_ros.simulation import made_board
 
 M = ControlMode
 NAMES = tuple(name for config in parts().values() for name in config.names)
@@ -48,6 +49,7 @@ def requests(dice: random.Random) -> list[Callable[[Any], Any]]:
             dice.randrange(len(NAMES)),
             [dice.choice(NAMES), dice.choice(NAMES)],
             [*dice.sample(NAMES, 2), "tail"],
+            ["tail", "nose"],
         ]
     )
     count = 1 if isinstance(joints, int) else len(joints or NAMES)
@@ -59,11 +61,12 @@ def requests(dice: random.Random) -> list[Callable[[Any], Any]]:
     bare = kind in (CommandKind.TORQUE, CommandKind.OUTPUT)
     along = dice.choice([None, None if bare else goods])
     stiffness = [600.0 * g for g in goods]
+    together = count % 3 == 0
     return [
         lambda board: board.set_control_mode(joints, modes),
         lambda board: board.set_interaction_mode(joints, dice.choice(["stif"])),
-        lambda board: board.command(kind, joints, values, along),
-        lambda board: board.set_feedforward(joints, values, None),
+        lambda board: board.command(kind, joints, values, along, together=together),
+        lambda board: board.set_feedforward(joints, values, None, together=together),
         lambda board: board.set_impedance(joints, stiffness),
         lambda board: board.set_reference_speed(joints, [4.0 * g for g in goods]),
         lambda board: board.stop(joints),
@@ -80,6 +83,7 @@ def shown(snapshot: Snapshot) -> list[Any]:
         snapshot.calibrated.tolist(),
         snapshot.overload.tolist(),
         snapshot.torque_sensor.tolist(),
+        snapshot.unknown_commands,
     ]
 
 
@@ -99,6 +103,7 @@ def test_it_answers_and_moves_as_one_board_would(seed: int) -> None:
         assert shown(robot.robot.snapshot()) == shown(board.board.snapshot())
     assert robot.robot.cycle == board.board.cycle
     assert robot.robot.rejected_commands.any()
+    assert robot.robot.unknown_commands > 0
 
 
 @pytest.mark.parametrize(
@@ -154,7 +159,7 @@ def test_values_come_in_the_order_asked(getter: str) -> None:
         (lambda r: r.set_feedforward(["l_elbow", "r_elbow"]), "neither"),
     ],
 )
-def test_a_request_is_checked_whole_over_all_parts(ask: Callable[[Robot], Any], why: str) -> None:
+def test_a_request_is_checked_whole_over_all_parts(ask: Callable[[Board], Any], why: str) -> None:
     """R3, M7: what is wrong for one part changes nothing on any."""
     rig = started()
     before = shown(rig.robot.snapshot())[0], rig.robot.get_impedance(), rig.robot.get_ref_speed()
@@ -229,11 +234,11 @@ def test_a_joint_is_in_one_part_only() -> None:
     """R1, and what the parts share."""
     pair = board_config(joint("a"), joint("b"))
     with pytest.raises(ConfigError, match=r"'b' .*each joint in one part; left has it"):
-        Robot({"left": pair, "right": board_config(joint("b"))})
+        joined({"left": pair, "right": board_config(joint("b"))})
     with pytest.raises(ConfigError, match=r"parts.right.control_rate"):
-        Robot({"left": pair, "right": board_config(joint("c"), control_rate=1000.0)})
+        joined({"left": pair, "right": board_config(joint("c"), control_rate=1000.0)})
     with pytest.raises(ConfigError, match="at least one part"):
-        Robot({})
+        joined({})
 
 
 def test_the_config_follows_the_parts() -> None:
@@ -266,16 +271,71 @@ def test_power_off_and_on() -> None:
     assert set(rig.robot.get_control_mode()) == {M.IDLE}
 
 
-def test_it_has_every_method_of_a_board() -> None:
-    """But what follows one trajectory, or reconfigures one board."""
-    own = {"reconfigure", "await_configure"}
-    methods = {name for name in dir(Board) if not name.startswith("_")} - own
-    assert methods <= set(dir(Robot))
+def test_groups_have_their_own_numbers_and_order() -> None:
+    """R1: index 0 of a part is its first joint; what is out of range is, for the part."""
+    rig = started()
+    hand = rig.robot.group("hand")
+    assert rig.robot.group() is rig.robot
+    assert hand.set_control_mode([2, 0], ["vel", "pos"]).joints == ("wrist", "finger")
+    assert [mode.code for mode in rig.robot.get_control_mode()[-3:]] == ["pos", "idl", "vel"]
+    refused = hand.set_control_mode(3, "pos")
+    assert "joint index 3 out of range; joints are 0 to 2" in refused.message
+    assert "'l_elbow' unknown" in hand.set_control_mode("l_elbow", "pos").message
+    with pytest.raises(KeyError):
+        rig.robot.group("tail")
 
 
-def test_the_reasons_of_a_part_have_its_own_numbers() -> None:
-    """R1: column j of all is j − start of the part; those of other parts are none of its."""
-    reasons = {1: "before", 2: "first", 4: "last", 5: "behind"}
-    assert reasons_of(reasons, slice(2, 5)) == {0: "first", 2: "last"}
-    assert not reasons_of(reasons, slice(6, 9))
-    assert reasons_of(None, slice(2, 5)) is None
+def test_a_part_shows_its_own_changes() -> None:
+    """R1: versions, counts and snapshots of the others stay."""
+    rig = started()
+    left, right = rig.robot.parts["left"], rig.robot.parts["right"]
+    before = left.modes_version, left.faults_version, right.modes_version
+    assert right.set_control_mode(None, "torq")
+    right.position_move("tail", 0.0)
+    rig.robot.position_move("tail", 0.0)
+    assert (left.modes_version, left.faults_version) == before[:2]
+    assert right.modes_version > before[2]
+    assert (left.unknown_commands, right.unknown_commands) == (0, 1)
+    assert rig.robot.unknown_commands == 2
+    whole, own = rig.robot.snapshot(), right.snapshot()
+    assert own.block.tolist() == whole.block[:, 2:4].tolist()
+    assert (own.unknown_commands, whole.unknown_commands) == (1, 2)
+    rig.tick()
+    assert own.cycle + 1 == right.snapshot().cycle
+
+
+def test_a_power_cycle_takes_what_was_set() -> None:
+    """N1: of the part's joints, and of no other."""
+    rig = started()
+    assert rig.robot.set_ref_speed(None, 0.7)
+    rig.robot.parts["left"].power_cycle()
+    assert rig.robot.get_ref_speed(["l_elbow", "r_elbow"]).tolist() == [
+        rig.robot.config.joints[1].reference_speed,
+        0.7,
+    ]
+
+
+def test_a_robot_keeps_its_parts() -> None:
+    """R1: new limits may come for all parts at once; parts stay as they are."""
+    rig = started()
+    slower = joint("l_elbow", limits={"velocity": 1.0})
+    left = board_config(joint("l_shoulder"), slower)
+    rig.robot.reconfigure(joined({**parts(), "left": left}))
+    assert rig.robot.parts["left"].config is left
+    assert not rig.robot.set_reference_speed("l_elbow", 2.0)
+    with pytest.raises(ConfigError, match="parts"):
+        rig.robot.reconfigure(one_board())
+
+
+def test_joints_of_a_part_have_the_friction_of_its_model() -> None:
+    """The laws feed it forward, on a robot of parts as on a board alone."""
+    pytest.importorskip("icub_models", reason="extra icub")
+    robot = made_board(load("icub"))
+    for part in robot.parts.values():
+        model = part.config.model
+        assert model is not None
+        laws = [robot.controller.joints[j] for j in part.joints]
+        assert [(one.coulomb, one.viscous) for one in laws] == [
+            (link.coulomb, link.viscous) for link in model.links
+        ]
+        assert all(link.coulomb > 0.0 for link in model.links)

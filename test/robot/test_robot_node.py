@@ -259,3 +259,25 @@ def test_a_part_alone_is_a_board(talkers: Talkers) -> None:
     assert upper.call("power_cycle", Trigger).success
     upper.wait("modes", lambda m: set(m.control_modes) == {"pos"})
     assert set(talkers["lower"].modes()) == {"vel"}
+
+
+def test_references_over_parts_all_or_none(talkers: Talkers) -> None:
+    """R3, M7: a joint of another part that cannot holds the others back, and each answers."""
+    robot, asked = talkers["robot"], [LOWER[1], UPPER[2]]
+    assert robot.set_mode([UPPER[2]], "vel").success
+    for together, values in ((True, []), (False, [LOWER[1]])):
+        reply = robot.call(
+            "send_reference",
+            srv.SendReference,
+            kind="position",
+            names=asked,
+            values=[0.1, 0.1],
+            together=together,
+        )
+        assert not reply.success
+        assert list(reply.names) == asked
+        assert list(reply.codes) == ["together" if together else "", "other_mode"]
+        done = dict(zip(NAMES, robot.state().motion_done, strict=True))
+        assert [name for name, ended in done.items() if not ended] == values
+    own = {"kind": "velocity", "names": [UPPER[2]], "values": [0.1], "together": True}
+    assert talkers["upper"].call("send_reference", srv.SendReference, **own).success

@@ -70,7 +70,9 @@ def test_groups_of_a_part_in_their_order_parts_side_by_side() -> None:
     assert "waiting" not in shoulders
     assert elbows == ["waiting", "waiting"]
     for _ in range(5000):
-        left, right = (robot.robot.parts[side].state.calibrated.tolist() for side in LEVELS[1])
+        left, right = (
+            robot.robot.parts[side].snapshot().calibrated.tolist() for side in LEVELS[1]
+        )
         for shoulder, elbow in (left, right):
             assert shoulder or not elbow
         if all(left + right):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_settings import refusal, written
+from parameter_files import refusal, written
 
 from control_board_ros.settings.loading import load
 from control_board_ros.settings.parts import as_name

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import fcntl
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from control_board_ros.settings.user_poses import MOST, UserPoses, pose_file
 
 J = [f"lbr_iiwa_joint_{k}" for k in range(1, 8)]
 ROBOTS = ("iiwa", "panda", "panda_pair", "iiwa_gripper", "icub_left_arm", "icub_right_arm", "icub")
-ARM = str(Path(__file__).parents[1] / "spec" / "arm.urdf")
+ARM = str(Path(__file__).parents[1] / "support" / "arm.urdf")
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -174,3 +175,18 @@ def test_so_many_poses_are_enough(user: UserPoses) -> None:
     with pytest.raises(RequestError, match="holds 100 poses already"):
         user.save(Pose("one_more", ("a",), (1.0,)))
     assert len(user.read()) == MOST
+
+
+def test_a_lock_that_another_program_holds_is_told_and_waited_for_a_moment(
+    user: UserPoses,
+) -> None:
+    """No service waits for somebody else's program."""
+    pose = Pose("ready", ("a",), (0.5,))
+    user.save(pose)
+    with (user.path.parent / f".{user.path.name}.lock").open("w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        with pytest.raises(RequestError, match="another program is saving poses") as caught:
+            user.save(Pose("other", ("a",), (0.1,)))
+        assert "\n" not in str(caught.value)
+    assert set(user.read()) == {"ready"}
+    assert set(user.save(Pose("other", ("a",), (0.1,)))) == {"ready", "other"}

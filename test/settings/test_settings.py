@@ -6,13 +6,13 @@ from __future__ import annotations
 import math
 import os
 import random
-import time
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from parameter_files import refusal, written
 
 from control_board_ros.core.parts import DEGREE
 from control_board_ros.core.vocabs import ControlMode, InteractionMode
@@ -28,26 +28,6 @@ needs_icub = pytest.mark.skipif(find_spec("icub_models") is None, reason="extra 
 @pytest.fixture(scope="module")
 def iiwa() -> Settings:
     return load()
-
-
-def written(folder: Path, text: str | bytes, section: str = "control_board") -> Path:
-    path = folder / "board.yaml"
-    if isinstance(text, str) and section:
-        body = "\n".join("    " + line for line in text.splitlines())
-        text = f"{section}:\n  ros__parameters:\n{body}\n"
-    path.write_bytes(text.encode() if isinstance(text, str) else text)
-    return path
-
-
-def refusal(*arguments: Any) -> str:
-    start = time.process_time()
-    with pytest.raises(SettingsError) as caught:
-        load(*arguments)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert len(text) < 1000
-    assert time.process_time() - start < 15.0  # s of CPU time; a bomb takes far more
-    return text
 
 
 # What is taken ------------------------------------------------------------------------------
@@ -281,6 +261,8 @@ BROKEN = {
     "control_rate: '1000'": "from 10 to 20000",
     "control_rate: .nan": "from 10 to 20000",
     "control_rate: 300.0\nphysics_rate: 1000.0": "a whole multiple of control_rate",
+    "real_time_factor: 1.0e-12": "use 0, or a number from 0.001 to 1000",
+    "real_time_factor: -0.5": "use 0, or a number from 0.001 to 1000",
     "gui: 1": "use true, false",
     "output: volts": "use pwm, current",
     "yarp_msgs_name: left arm": "use a ROS name such as /icub/left_arm",
@@ -334,6 +316,33 @@ def test_broken_values_are_refused_with_file_line_and_advice(body: str, tmp_path
     text = refusal(path)
     assert BROKEN[body] in text
     assert str(path) in text or "overrides" in text or J2 in text
+
+
+@pytest.mark.parametrize("name", ["l_upper_arm", "l_lower_arm"])
+def test_the_other_end_of_a_range_is_blamed_whatever_the_joint_is_called(
+    name: str, tmp_path: Path
+) -> None:
+    """File and line of what was given."""
+    urdf = (Path(__file__).parents[1] / "support" / "arm.urdf").read_text()
+    joint = load(
+        None, {"robot": str(Path(__file__).parents[1] / "support" / "arm.urdf")}
+    ).board.names[0]
+    (tmp_path / "named.urdf").write_text(urdf.replace(f'"{joint}"', f'"{name}"'))
+    for end, value in (("lower", 9.0), ("upper", -9.0)):
+        path = written(tmp_path, f"robot: {tmp_path}/named.urdf\n{name}.limits.{end}: {value}")
+        assert refusal(path).startswith(f"{path}:")
+
+
+def test_a_joint_name_with_a_dot_is_refused(tmp_path: Path) -> None:
+    """Parameters begin with the names of joints."""
+    urdf = (Path(__file__).parents[1] / "support" / "arm.urdf").read_text()
+    joint = load(
+        None, {"robot": str(Path(__file__).parents[1] / "support" / "arm.urdf")}
+    ).board.names[0]
+    (tmp_path / "dotted.urdf").write_text(urdf.replace(f'"{joint}"', '"left.arm"'))
+    text = refusal(written(tmp_path, f"robot: {tmp_path}/dotted.urdf"))
+    assert "'left.arm'" in text
+    assert "without '.'" in text
 
 
 @pytest.mark.parametrize(

@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import math
-import os
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -288,9 +288,9 @@ def test_the_terminal_stays_clean(physics, tmp_path):
         "import sys; sys.path.insert(0, sys.argv[1]); from plants import arm_plant, drive; "
         "plant = arm_plant(sys.argv[2]); plant.inject(0, 'diverged'); drive(plant, 0.0, cycles=9)"
     )
-    here = os.path.dirname(__file__)
+    support = str(Path(__file__).parents[1] / "support")
     done = subprocess.run(
-        [sys.executable, "-c", code, here, physics],
+        [sys.executable, "-c", code, support, physics],
         capture_output=True,
         text=True,
         timeout=120,

@@ -104,7 +104,8 @@ def test_gains_hold_from_200_to_4000_hz(name: str, rate: float, output: str) -> 
             way = 0.3 * one.limits.velocity
             away = here + way if here + way < one.limits.upper else here - way
             assert board.position_move(j, away)
-        simulation.run(2.0 if rate > 500.0 else 4.0)  # slow loops settle slowly
+        lasting = float(board.get_remaining_time(None).max())  # as long as the torques ask for
+        simulation.run(lasting + (0.5 if rate > 500.0 else 2.5))  # slow loops settle slowly
         fastest = np.zeros(board.count)
         for _ in range(round(0.2 * rate)):
             simulation.step()

@@ -287,3 +287,14 @@ def test_a_reset_ends_the_alarm_of_a_divergence():
     assert (drive(plant, 0.0)[Row.ALARM] > 0.0).all()
     plant.reset()
     np.testing.assert_array_equal(plant.read().values[Row.ALARM], 0.0)
+
+
+def test_a_fault_that_one_joint_cannot_have_breaks_none():
+    """All joints that are named, or none of them."""
+    plant = Rig(board_config()).plant
+    with pytest.raises(ValueError, match="bare has no torque sensor"):
+        plant.inject(["left", "bare"], "torque_sensor", persistent=True)
+    with pytest.raises(ValueError, match="'nobody' unknown"):
+        plant.inject(["left", "nobody"], "encoder", persistent=True)
+    values = drive(plant, 0.0, cycles=5)
+    np.testing.assert_array_equal(values[[Row.TORQUE_AGE, Row.ENCODER_AGE]], 0.0)

@@ -155,7 +155,7 @@ def test_a_target_beyond_a_limit_is_accepted_and_told(iiwa: Simulation) -> None:
     reply = board.position_move("lbr_iiwa_joint_1", 30.0)
     assert reply
     degrees = math.degrees(board.config.joints[0].limits.upper)
-    assert f"bounded to {degrees:.4g}° (1719° was asked for)" in reply.message
+    assert f"bounded to {degrees:.1f}° (1718.9° was asked for)" in reply.message
     assert board.get_target_position(0)[0] == board.config.joints[0].limits.upper
 
 

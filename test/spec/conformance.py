@@ -19,13 +19,15 @@ import pytest
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
+SUPPORT = HERE.parent / "support"
 PAGE = ROOT / "docs" / "conformance.md"
-sys.path.insert(0, str(HERE.parent))
+sys.path.insert(0, str(SUPPORT))
+
+from rules import RULES, proved_by  # noqa: E402
 
 from control_board_ros.conformance import Outcome, Result, as_line, as_text, run  # noqa: E402
 from control_board_ros.conformance.rules import in_order  # noqa: E402
 from control_board_ros.conformance.runner import Session  # noqa: E402
-from spec.rules import RULES, proved_by  # noqa: E402
 
 ORDER = ("failed", "skipped", "passed")
 
@@ -76,7 +78,7 @@ def from_outside() -> dict[str, Result]:
     from control_board_ros.testing import board_process, ros_node
 
     with (
-        board_process(config=HERE / "arm.yaml") as board,
+        board_process(config=SUPPORT / "arm.yaml") as board,
         ros_node(board.domain, "conformance", spin=False) as node,
         ControlBoardClient(node, board.name, find_timeout=20.0, answer_timeout=20.0) as client,
         contextlib.closing(Session(node, client, patience=20.0)) as session,
@@ -101,9 +103,8 @@ def page(table: dict[str, dict[str, Counter[str]]], outside: dict[str, Result]) 
     ]
     for rule, tests in table.items():
         shown = "<br>".join(f"`{name}` × {sum(n.values())}" for name, n in sorted(tests.items()))
-        lines.append(
-            f"| {rule} | {RULES[rule]} | {verdict(tests)} | {outside[rule].outcome} | {shown} |"
-        )
+        linked, found = f"[{rule}](spec.md#{rule.lower()})", outside[rule].outcome
+        lines.append(f"| {linked} | {RULES[rule]} | {verdict(tests)} | {found} | {shown} |")
     count = sum(verdict(tests) == "passed" for tests in table.values())
     return "\n".join([*lines, "", f"{count} of {len(table)} rules hold.", ""])
 

@@ -6,11 +6,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import profiles
 import pytest
-
-from . import profiles
-from .adapter import CONFIG, InProcess, OverRos
-from .rig import Rig, ready
+from adapter import CONFIG, InProcess, OverRos
+from rig import Rig, ready
 
 profiles.choose()
 

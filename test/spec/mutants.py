@@ -4,9 +4,10 @@
 A sample, drawn from a seed; ARGS="--all" tries every mutant, "--sample 300", "--seed 7",
 "--only laws limits" (parts of names), "--jobs 4" and "--list" choose otherwise. A mutant is
 written into a copy of the package, with the laws uncompiled, and tried in a process of its own by
-the tests of test/core, test/robot and test/spec that reach its line, those that take least first:
-seconds, where one of them fails. Which tests these are is recorded first, by a run of all of them.
-A test that hangs is ended by its CPU time, so a busy machine changes no result.
+the tests of test/core, test/robot, test/spec and the generated pages that reach its line, those
+that take least first: seconds, where one of them fails. Which tests these are is recorded first,
+by a run of all of them. A test that hangs is ended by its CPU time, so a busy machine changes no
+result.
 
 Each result is kept in build/mutants.txt at once, what tests reach in build/mutants_reach.json. A
 run that was interrupted goes on from there, until a file of the package or of these tests
@@ -31,9 +32,9 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE))
+sys.path.insert(0, str(HERE.parent / "support"))
 
-from attempts import FOLDERS, PACKAGE, ROOT, attempts, reach_of  # noqa: E402
+from attempts import FOLDERS, PACKAGE, PAGES, ROOT, attempts, reach_of  # noqa: E402
 from mutations import Mutant, mutants, rows  # noqa: E402
 from reach import interval  # noqa: E402
 
@@ -84,6 +85,7 @@ class Record:
         digest = hashlib.sha256()
         files = [*PACKAGE.rglob("*.py")]
         files += [path for folder in FOLDERS for path in (ROOT / folder).glob("*.py")]
+        files += [ROOT / PAGES, *(ROOT / "docs").glob("*.py")]
         for file in sorted(files):
             digest.update(file.read_bytes())
         head = f"# {digest.hexdigest()}"

@@ -6,8 +6,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-
-from .rig import COMMANDS, COMPLIANT, STIFF, M
+from rig import COMMANDS, COMPLIANT, STIFF, M
 
 USUAL = ["pos", "posd", "vel", "mix", "torq", "open", "idl"]
 

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from .rig import COMMANDS, COMPLIANT, STIFF, TAKES, M
+from rig import COMMANDS, COMPLIANT, STIFF, TAKES, M
 
 NAN, INF = math.nan, math.inf
 HOME = {mode: kind for mode, kinds in TAKES.items() for kind in kinds if mode is not M.MIXED}

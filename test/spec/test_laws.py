@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rig import COMMANDS, M, Rig, board_config, joint, plain, simulation_config
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config import BoardConfig, Calibration, Pid
 from control_board_ros.sim.plant import SimulatedPlant
-
-from .rig import COMMANDS, M, Rig, board_config, joint, plain, simulation_config
 
 MODES = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl", "icur", "hwfa"]
 NAMES = ("a", "b", "c", "d")

@@ -16,11 +16,10 @@ from hypothesis.stateful import (
     precondition,
     rule,
 )
+from model import CALIBRATING, FAULT, OFF, POSITION_LIKE, USUAL, JointModel
+from rig import COMMANDS, LIMITS, STIFF, M, Rig, board_config, joint, plain
 
 from control_board_ros.core.config import Calibration
-
-from .model import CALIBRATING, FAULT, OFF, POSITION_LIKE, USUAL, JointModel
-from .rig import COMMANDS, LIMITS, STIFF, M, Rig, board_config, joint, plain
 
 NAMES = ("left", "right", "bare", "late")
 SENSOR = Calibration(type=12, required=False)

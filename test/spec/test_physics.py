@@ -10,12 +10,11 @@ from typing import Any
 
 import pytest
 from plants import ENGINES
+from rig import COMPLIANT, M, Rig, board_config, joint
 
 from control_board_ros.description.urdf import parse
 from control_board_ros.sim.config import JointSimulation, SimulationConfig
 from control_board_ros.sim.plant import SimulatedPlant
-
-from .rig import COMPLIANT, M, Rig, board_config, joint
 
 MASS, LENGTH, GRAVITY, INERTIA = 2.0, 0.5, 9.81, 0.02
 #: θ is measured from the upright: gravity pulls with m g l sin θ.

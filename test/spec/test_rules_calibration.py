@@ -8,11 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from control_board_ros.core.config import Calibration, ConfigError, Pid
-from control_board_ros.core.vocabs import ControlMode
-
-from .rig import (
+from rig import (
     COMMANDS,
     COMPLIANT,
     STIFF,
@@ -24,6 +20,9 @@ from .rig import (
     plain,
     ready,
 )
+
+from control_board_ros.core.config import Calibration, ConfigError, Pid
+from control_board_ros.core.vocabs import ControlMode
 
 SENSOR = Calibration(type=12, zero=0.7)
 OFFSET = Calibration(type=3, zero=0.7, start=-0.4, speed=1.0)
@@ -226,7 +225,10 @@ def test_who_lacks_its_calibration_takes_no_mode(wanted: str) -> None:
     rig = uncalibrated()
     reply = rig.board.set_control_mode("left", wanted)
     assert [str(answer) for answer in reply.answers] == ["refused"]
-    assert reply.message == "left is not calibrated; calibrate it first: cbctl calibrate left"
+    assert (
+        reply.message
+        == "left is not calibrated; until it is, it takes idl, fidl and a calibration"
+    )
     rig.tick(2)
     assert rig.modes() == [M.IDLE]
     assert not rig.board.get_faults("left")[0].active
@@ -377,6 +379,62 @@ def test_groups_calibrate_one_after_the_other() -> None:
     rig.run(3.0)
     assert rig.modes() == [M.POSITION] * 3
     assert rig.plant.body._position == pytest.approx(0.2, abs=0.02)
+
+
+def in_turn(calibration: Calibration = STOP) -> Rig:
+    """Two idle joints; ``first`` is of the group before that of ``second``."""
+    names = ("first", "second")
+    joints = [joint(n, calibration=replace(calibration, required=False)) for n in names]
+    rig = Rig(board_config(*joints, calibration_groups=(("first",), ("second",))))
+    rig.tick(2)
+    return rig
+
+
+def phases(rig: Rig) -> list[str]:
+    """What the calibrations of all joints are at."""
+    return [one.phase for one in rig.board.get_calibration()]
+
+
+def test_who_has_begun_goes_on_and_who_is_new_waits() -> None:
+    """K1: a calibrator that drives is not suspended by a joint of an earlier group."""
+    rig = in_turn()
+    assert rig.board.calibrate("second")
+    rig.run(0.1)
+    assert rig.board.calibrate("first")
+    while rig.modes()[1] is M.CALIBRATING:
+        rig.tick()
+        assert phases(rig)[0] == "waiting"
+        assert rig.board.cycle < 20000
+    assert rig.modes() == [M.CALIBRATING, M.POSITION]
+    rig.run(12.0)
+    assert rig.modes() == [M.POSITION, M.POSITION]
+
+
+def test_what_watches_a_calibrator_goes_on_when_another_is_asked() -> None:
+    """K4: the timeout of a joint that drives runs, whoever calibrates beside it."""
+    rig = in_turn(replace(STOP, timeout=0.7))
+    assert rig.board.calibrate("second")
+    rig.run(0.1)
+    assert rig.board.calibrate("first")
+    rig.run(0.65)
+    assert rig.modes() == [M.CALIBRATING, M.HW_FAULT]
+    assert "timed out after 0.7 s" in rig.board.get_faults("second")[0].text
+    assert phases(rig)[0] == "driving to the hard stop"
+
+
+def test_the_group_that_drives_takes_nobody_in_before_an_earlier_one() -> None:
+    """K1: joints of the driving group that are asked later come after those who wait."""
+    names = ("first", "second", "third")
+    joints = [joint(n, calibration=replace(STOP, required=False)) for n in names]
+    rig = Rig(board_config(*joints, calibration_groups=(("first",), ("second", "third"))))
+    rig.tick(2)
+    for name in ("second", "first", "third"):
+        assert rig.board.calibrate(name)
+        rig.run(0.1)
+    assert phases(rig) == ["waiting", "driving to the hard stop", "waiting"]
+    rig.board.set_control_mode("second", "fidl")
+    rig.run(0.1)
+    assert phases(rig) == ["driving to the hard stop", "aborted", "waiting"]
 
 
 def test_no_calibrator(rig: Rig) -> None:

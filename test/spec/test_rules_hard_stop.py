@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rig import M, Rig, board_config, joint, simulation_config
 
 from control_board_ros.core.calibration import CalibrationError, HardStop
 from control_board_ros.core.config import BoardConfig, Calibration, ConfigError, JointConfig, Pid
@@ -16,8 +17,6 @@ from control_board_ros.core.measurement import Array
 from control_board_ros.sim.bodies.ideal import IdealBody
 from control_board_ros.sim.config import SimulationConfig
 from control_board_ros.sim.plant import SimulatedPlant
-
-from .rig import M, Rig, board_config, joint, simulation_config
 
 #: -4 % give 9.6 N·m at a stall, and 14.4 N·m in the push.
 STOP = Calibration(type=5, output=-4.0, stop=-2.2, start=0.2, speed=1.0, timeout=20.0)

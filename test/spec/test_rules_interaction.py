@@ -7,13 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from control_board_ros.core.config import Pid
-from control_board_ros.core.measurement import Row
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import ControlMode
-
-from .rig import (
+from rig import (
     COMPLIANT,
     POSITION_MODES,
     STIFF,
@@ -26,6 +20,11 @@ from .rig import (
     joint,
     ready,
 )
+
+from control_board_ros.core.config import Pid
+from control_board_ros.core.measurement import Row
+from control_board_ros.core.reply import Answer
+from control_board_ros.core.vocabs import ControlMode
 
 PER_TORQUE = 100.0 / 48.0 / 5.0
 PASSIVE = (M.IDLE, M.TORQUE, M.OPENLOOP)

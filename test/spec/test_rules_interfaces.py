@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rig import COMMANDS, COMPLIANT, STIFF, M, Rig, board_config, joint, ready
 
 from control_board_ros import protocols
 from control_board_ros.core.board import Board
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.vocabs import ControlMode
-
-from .rig import COMMANDS, COMPLIANT, STIFF, M, Rig, board_config, joint, ready
 
 #: §4, method by method, in snake_case.
 SOURCE = {

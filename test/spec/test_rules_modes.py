@@ -7,13 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from control_board_ros.core.config import Pid, Timeouts
-from control_board_ros.core.measurement import Row
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import ControlMode, InteractionMode, decode, encode
-
-from .rig import (
+from rig import (
     COMMANDS,
     COMPLIANT,
     POSITION_MODES,
@@ -28,6 +22,11 @@ from .rig import (
     plain,
     ready,
 )
+
+from control_board_ros.core.config import Pid, Timeouts
+from control_board_ros.core.measurement import Row
+from control_board_ros.core.reply import Answer
+from control_board_ros.core.vocabs import ControlMode, InteractionMode, decode, encode
 
 SELECTABLE = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
 NEVER_SET = ("hwfa", "cal", "cald", "cfgn", "cfgy", "stif", "comp", "xyz", "", 0, -1, 2**40)
@@ -378,11 +377,11 @@ def test_modes_belong_to_the_user(rig: Rig) -> None:
 
 
 def test_warnings_name_joint_mode_and_next_step(rig: Rig) -> None:
-    """M4: the reason says which joint, which mode it is in, and how to get on."""
+    """M4: the reason says which joint, which mode it is in, and which modes take it."""
     rig.enter("torq", "left")
     reply = rig.board.velocity_move("left", 1.0)
     assert reply.message == (
-        "velocity reference for left ignored: mode is TORQUE; switch with: cbctl mode left vel"
+        "velocity reference for left ignored: mode is TORQUE; it is taken in vel, mix"
     )
 
 

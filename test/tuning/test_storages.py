@@ -76,12 +76,17 @@ def trials_of(plan: Plan) -> list[Any]:
     """The trials of a study so far."""
     import optuna
 
+    storage = storage_of(plan.storage)
     try:
         return optuna.load_study(
-            study_name=study_name(plan, "lift", POSITION), storage=storage_of(plan.storage)
+            study_name=study_name(plan, "lift", POSITION), storage=storage
         ).trials
     except KeyError:
         return []
+    finally:
+        if isinstance(storage, optuna.storages.RDBStorage):
+            storage.remove_session()
+            storage.engine.dispose()  # else its connections end in another test
 
 
 def in_state(plan: Plan, state: str) -> list[Any]:
@@ -90,11 +95,12 @@ def in_state(plan: Plan, state: str) -> list[Any]:
 
 def hung_trial(plan: Plan, process: subprocess.Popen[bytes]) -> Any:
     """The trial in which a process stays: its third, after two that are complete."""
-    while len(in_state(plan, "COMPLETE")) < 2 or not in_state(plan, "RUNNING"):
+    while True:
+        running = [trial for trial in in_state(plan, "RUNNING") if trial.params]
+        if len(in_state(plan, "COMPLETE")) >= 2 and running:
+            return running[0]
         assert process.poll() is None
         time.sleep(0.1)
-    (trial,) = in_state(plan, "RUNNING")
-    return trial
 
 
 def kill(process: subprocess.Popen[bytes]) -> None:

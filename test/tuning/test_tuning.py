@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,12 @@ import numpy as np
 import pytest
 import yaml
 
+from control_board_ros.core.joint_kind import JointKind
 from control_board_ros.description.urdf import Urdf
-from control_board_ros.recording.charts import unit_of
 from control_board_ros.settings.loading import load
 from control_board_ros.tuning.bench import Bench, Faulted, Take, with_gains
 from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
-from control_board_ros.tuning.files import line_of, parameters
+from control_board_ros.tuning.files import line_of, parameters, told, write_parameters
 from control_board_ros.tuning.outcome import Played, decide, judge, mean, objection
 from control_board_ros.tuning.scenes import scenes, usual_payload, with_payload
 from control_board_ros.tuning.search import Found, Plan, run, settings_of
@@ -182,7 +183,7 @@ def test_what_is_worse_than_derived_gains_is_not_taken(crane: str, tmp_path: Pat
     space = space_of(settings_of(crane), "lift", POSITION)
     assert outcome.changes == space.changes(dict.fromkeys(space.ranges, 0.0))
     assert mean("tracking", outcome.after) < 0.5 * mean("tracking", outcome.before)
-    assert "the derived gains (" in line_of(outcome, unit_of(slides=False))
+    assert "the derived gains (" in line_of(outcome, JointKind.REVOLUTE)
 
 
 @pytest.mark.slow
@@ -297,7 +298,7 @@ def test_the_program_writes_files_that_a_board_reads(crane: str, tmp_path: Path)
     assert settings.board.joints[1].position_pid.kp == gains["kp"] > 400.0
     page = (tmp_path / "tuned.html").read_text("utf-8")
     assert "Error of the move" in page
-    assert 'class="line before"' in page
+    assert '"kind":"before"' in page
 
 
 @pytest.mark.parametrize(
@@ -330,3 +331,27 @@ def test_what_is_refused(
     printed = capsys.readouterr().err
     assert text in printed
     assert printed.count("\n") == 1
+
+
+def test_a_window_s_length_is_no_settling_time(tmp_path: Path) -> None:
+    """Report and file say that a joint did not settle, and on what the gains were tuned."""
+    slow = figures(POSITION, [take("move", 0.1), creeping(), take("push", 0.2)])
+    assert not slow.settled
+    assert slow.values["settling"] == pytest.approx(0.4)
+    quick = Figures({**slow.values, "settling": 0.2}, 0.0)
+    unit = JointKind.REVOLUTE
+    assert (
+        told("settling", [slow, quick], unit) == "more than 0.300 s (not settled in 1 of 2 poses)"
+    )
+    assert told("settling", [quick], unit) == "0.200 s"
+    assert "settled" not in told("tracking", [slow], unit)
+    path = tmp_path / "tuned.yaml"
+    write_parameters(path, [], Plan("iiwa", 0.5, 6, 1, ""))
+    head = " ".join(line.strip("# ") for line in path.read_text("utf-8").splitlines())
+    assert "Tuned on a simulation with ideal sensors" in head
+
+
+def creeping() -> Take:
+    """A step that is still on its way at the end."""
+    made = take("step", 0.0)
+    return replace(made, reference=np.ones(200), position=np.linspace(0.0, 0.9, 200))

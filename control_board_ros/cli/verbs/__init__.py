@@ -23,7 +23,8 @@ SECTIONS = {
         "faults": "look",
         "poses": "poses",
     },
-    "Modes": dict.fromkeys(("mode", "interaction", "impedance", "clear"), "modes"),
+    "Modes": dict.fromkeys(("mode", "interaction", "impedance"), "modes")
+    | dict.fromkeys(("clear", "recover", "estop"), "recovery"),
     "Motion": {
         "move": "motion",
         "pose": "poses",

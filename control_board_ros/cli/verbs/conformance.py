@@ -29,10 +29,11 @@ def conformance(session: Session, **given: Any) -> int:
     """Try the rules of a control board on this one, and say of each whether it held.
 
     One joint moves, within a part of its limits, and is without power at times; then all are left
-    as found. It asks before that. Exit code 1: a rule did not hold.
+    as found. It asks before that. Exit code 1: a rule did not hold, or
+    more than a few were not tested that the board offers.
     """
     from control_board_ros.conformance.app import chosen, try_board
-    from control_board_ros.conformance.rules import NotTestable
+    from control_board_ros.conformance.rules import NotTestable, OutOfTime
 
     asked = Namespace(**given, json=session.options.json, timeout=session.options.timeout)
     try:
@@ -47,5 +48,5 @@ def conformance(session: Session, **given: Any) -> int:
         (asked.joint,) = session.joints([asked.joint])
     try:
         return try_board(session.node, session.client, asked, rules, complain)
-    except NotTestable as error:
+    except (NotTestable, OutOfTime) as error:
         raise Refused(str(error)) from None

@@ -7,8 +7,11 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
+from control_board_ros.core.joint_kind import JointKind
+
 from ..arguments import JOINTS, argument, several, takes
-from ..output import ENDLESS, force_text, mode_text, position_text, show
+from ..frames import show_frame
+from ..output import mode_text, show
 from ..reading import (
     UNCALIBRATED,
     Rows,
@@ -60,13 +63,12 @@ def info(session: Session) -> None:
 
 
 def joints_table(board: str, rows: Rows, width: int | None = None) -> Any:
-    slides = [row["kind"] == "prismatic" for row in rows.values()]
     columns = {
         "": [str(row["index"]) for row in rows.values()],
         "joint": list(rows),
         "kind": [row["kind"] or "-" for row in rows.values()],
-        "limits": ranges(rows, "lower", "upper", slides),
-        "stops": ranges(rows, "hard_lower", "hard_upper", slides),
+        "limits": ranges(rows, "lower", "upper"),
+        "stops": ranges(rows, "hard_lower", "hard_upper"),
         "modes": [" ".join(row["control_modes"]) for row in rows.values()],
         "int.": [" ".join(row["interaction_modes"]) for row in rows.values()],
     }
@@ -81,22 +83,14 @@ def joints_table(board: str, rows: Rows, width: int | None = None) -> Any:
     )
 
 
-def ranges(rows: Rows, low: str, high: str, slides: Sequence[bool]) -> list[str]:
-    """The cells of a column of ranges."""
+def ranges(rows: Rows, low: str, high: str) -> list[str]:
+    """The cells of a column of ranges; a dash where one is not known."""
     return [
-        range_text(row[low], row[high], prismatic)
-        for row, prismatic in zip(rows.values(), slides, strict=True)
+        "-"
+        if row[low] is None or row[high] is None
+        else JointKind.of(row["kind"]).travel(row[low], row[high])
+        for row in rows.values()
     ]
-
-
-def range_text(low: float | None, high: float | None, prismatic: bool) -> str:
-    """``-168.0…168.0°``; a dash where it is not known."""
-    if low is None or high is None:
-        return "-"
-    if not high - low < ENDLESS:
-        return "endless"
-    start = position_text(low, prismatic).rstrip("° m")
-    return f"{start}…{position_text(high, prismatic)}"
 
 
 @several
@@ -110,15 +104,15 @@ def references(session: Session, joints: list[str]) -> None:
 def references_table(session: Session, rows: Rows) -> Any:
     columns: dict[str, list[str]] = {"joint": list(rows)} | {title: [] for title in REFERENCES}
     for name, row in rows.items():
-        prismatic = session.slides(name)
+        kind = session.kind(name)
         cells = (
-            position_text(row["position"], prismatic),
-            position_text(row["direct_position"], prismatic),
-            position_text(row["velocity"], prismatic) + "/s",
-            force_text(row["torque"], prismatic, 2),
+            kind.position(row["position"]),
+            kind.position(row["direct_position"]),
+            kind.velocity(row["velocity"]),
+            kind.force(row["torque"]),
             f"{row['output']:.1f} %",
-            position_text(row["speed"], prismatic) + "/s",
-            position_text(row["acceleration"], prismatic) + "/s²",
+            kind.velocity(row["speed"]),
+            kind.acceleration(row["acceleration"]),
         )
         for title, cell in zip(REFERENCES, cells, strict=True):
             columns[title].append(cell)
@@ -131,9 +125,13 @@ def references_table(session: Session, rows: Rows) -> Any:
     argument(
         "--all", dest="every", action="store_true", help="Also the last faults, that are cleared."
     ),
+    argument("--frame", metavar="JOINT", help="Draw what was around its last fault."),
 )
-def faults(session: Session, joints: list[str], every: bool) -> None:
+def faults(session: Session, joints: list[str], every: bool, frame: str | None) -> None:
     """Show the joints in fault, and why."""
+    if frame is not None:
+        show_frame(session, session.joints([frame])[0])
+        return
     records = read_faults(session, session.joints(joints))
     rows = {n: r for n, r in records.items() if r["active"] or (every and r["code"] >= 0)}
     cleared = sum(1 for r in records.values() if r["code"] >= 0 and not r["active"])

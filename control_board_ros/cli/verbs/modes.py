@@ -6,19 +6,28 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from control_board_ros.core.vocabs import Vocab, parse_control_mode, parse_interaction_mode
+from control_board_ros.core.modes import REQUESTABLE, UNIMPLEMENTED
+from control_board_ros.core.vocabs import (
+    InteractionMode,
+    Vocab,
+    parse_control_mode,
+    parse_interaction_mode,
+)
+from control_board_ros.text import nearest
 
-from ..arguments import JOINTS, JOINTS_THEN_MODE, argument, number, several, takes
-from ..completion import LAST_WORDS, MODE_CODES
-from ..output import DONE, REFUSED, conclude, show
-from ..reading import Rows, read_faults, read_impedance
+from ..arguments import JOINTS, argument, joints_then_mode, number, takes
+from ..output import DONE, conclude, show
+from ..reading import Rows, read_impedance
 from ..session import Session
 from ..status import warn_without_power
 from ..tables import grid
-from ..words import Refused, UsageError, nearest
+from ..words import Refused, UsageError
+
+MODE_CODES = tuple(mode.code for mode in REQUESTABLE if mode not in UNIMPLEMENTED)
+INTERACTION_CODES = tuple(mode.code for mode in InteractionMode)
 
 
-@takes(JOINTS_THEN_MODE)
+@takes(joints_then_mode(MODE_CODES))
 def mode(session: Session, words: list[str]) -> int:
     """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, fidl.
 
@@ -29,9 +38,10 @@ def mode(session: Session, words: list[str]) -> int:
     check_mode("control", wanted, parse_control_mode, MODE_CODES)
     reply = session.client.set_control_mode(names, wanted)
     code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
-    changed = ("accepted", "unsupported")
-    answers = zip(reply.joints, reply.answers, strict=True)
-    warn_without_power(session, [name for name, answer in answers if answer in changed])
+    changed = [answer in ("accepted", "unsupported") for answer in reply.answers]
+    now = dict(zip(reply.joints, (mode.code for mode in reply.modes), strict=False))
+    names_changed = [name for name, is_new in zip(reply.joints, changed, strict=True) if is_new]
+    warn_without_power(session, {name: now[name] for name in names_changed})
     return code
 
 
@@ -66,7 +76,7 @@ def joints_and_mode(words: list[str], example: str) -> tuple[list[str], str]:
     return words[:-1], words[-1]
 
 
-@takes(JOINTS_THEN_MODE)
+@takes(joints_then_mode(INTERACTION_CODES))
 def interaction(session: Session, words: list[str]) -> int:
     """Set the interaction mode of joints: stif or comp.
 
@@ -74,11 +84,11 @@ def interaction(session: Session, words: list[str]) -> int:
     """
     joints, wanted = joints_and_mode(of_board(session, words), "cbctl interaction all comp")
     names = session.joints(joints)
-    check_mode("interaction", wanted, parse_interaction_mode, LAST_WORDS["interaction"])
+    check_mode("interaction", wanted, parse_interaction_mode, INTERACTION_CODES)
     reply = session.client.set_interaction_mode(names, wanted)
     code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
     answers = zip(reply.joints, reply.answers, strict=True)
-    warn_without_power(session, [name for name, answer in answers if answer == "unsupported"])
+    warn_without_power(session, {n: "hwfa" for n, answer in answers if answer == "unsupported"})
     return code
 
 
@@ -117,47 +127,3 @@ def impedance_table(session: Session, rows: Rows) -> Any:
         right=list(fields),
         caption="N·m/rad, N·m·s/rad, N·m; sliding joints: N/m, N·s/m, N",
     )
-
-
-@several
-@takes(JOINTS)
-def clear(session: Session, joints: list[str]) -> int:
-    """Send FORCE_IDLE to the joints in fault; tell which causes persist."""
-    names = session.joints(joints)
-    rows = clear_faults(session, names)
-    nothing = f"nothing to clear: none of {len(names)} is in fault"
-    stuck = any(not row["cleared"] for row in rows.values())
-    show(
-        session,
-        {"success": not stuck, "joints": rows},
-        lambda: cleared_table(session, rows) if rows else nothing,
-    )
-    warn_without_power(session, [name for name, row in rows.items() if row["cleared"]])
-    return REFUSED if stuck else DONE
-
-
-def clear_faults(session: Session, names: list[str]) -> Rows:
-    """What the fault of each joint in fault was, and whether it is cleared now."""
-    before = {n: r for n, r in read_faults(session, names).items() if r["active"]}
-    rows = {}
-    for name, record in before.items():
-        reply = session.client.set_control_mode(name, "fidl")
-        rows[name] = {
-            "code": record["code"],
-            "fault": record["text"],
-            "cleared": bool(reply),
-            "message": reply.message,
-        }
-    return rows
-
-
-def cleared_table(session: Session, rows: Rows) -> Any:
-    from rich.text import Text
-
-    states = {True: Text("idle, cleared", "green"), False: Text("the cause persists", "bold red")}
-    columns = {
-        "joint": list(rows),
-        "fault": [row["fault"] for row in rows.values()],
-        "now": [states[row["cleared"]] for row in rows.values()],
-    }
-    return grid(columns, names=session.names, fold=("fault",))

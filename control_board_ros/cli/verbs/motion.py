@@ -6,6 +6,7 @@ from __future__ import annotations
 import sys
 import time
 from argparse import BooleanOptionalAction
+from functools import partial
 from typing import Any
 
 from control_board_ros.core.modes import ACCEPTS
@@ -13,13 +14,12 @@ from control_board_ros.core.vocabs import CommandKind
 
 from ..arguments import JOINTS, VALUES, argument, several, takes
 from ..jogging import Jog, keys_at_once, pressed
-from ..output import addressed, complain, conclude, console
-from ..progress import Bar, Standstill
+from ..output import complain, conclude, console
+from ..progress import Bar, Standstill, Way
 from ..session import Session
 from ..status import cancelled, what_they_do
 from ..streaming import RATE, end
-from ..tables import short_names
-from ..words import Refused, UsageError, assignments, speed_above_zero
+from ..words import Refused, UsageError, assignments, short_names, speed_above_zero
 
 #: How near to its target a joint has arrived, rad and m.
 NEAR, NEAR_SLIDING = 0.01, 1e-3
@@ -37,23 +37,21 @@ NEAR, NEAR_SLIDING = 0.01, 1e-3
 )
 def move(session: Session, words: list[str], speed: str | None, wait: bool) -> int:
     """Move joints along a minimum-jerk profile (mode pos or mix). Ctrl-C stops them."""
-    values = session.targets(assignments(words, "position"))
+    values = session.within_limits(assignments(words, "position"))
     speeds = None if speed is None else speed_above_zero(speed)
     names, positions = list(values), list(values.values())
     client = session.client
     if not wait:
         reply = client.position_move(names, positions, speeds)
         return conclude(session, reply, f"under way: {', '.join(names)}")
-    start, standstill = time.monotonic(), Standstill()
+    way, standstill = Way(values, {name: near(session, name) for name in names}), Standstill()
     try:
         with Bar(session, "moving") as bar:
 
             def feedback(sent: Any) -> None:
-                now, left = time.monotonic(), sent.remaining_time
-                elapsed = now - start
-                whole = elapsed + left
-                share = elapsed / whole if whole > 0 else 1.0
-                bar.update(share, f"{left:.1f} s{standstill.hint(left, now)}")
+                left = sent.remaining_time
+                share = way.share(dict(zip(sent.names, sent.positions, strict=True)))
+                bar.update(share, f"{left:.1f} s{standstill.hint(left, time.monotonic())}")
 
             reply = client.move(names, positions, speeds, feedback)
             reached = dict(zip(names, client.get_encoder(names).tolist(), strict=True))
@@ -63,8 +61,8 @@ def move(session: Session, words: list[str], speed: str | None, wait: bool) -> i
     except KeyboardInterrupt:
         return cancelled(session, "move", names)
     text = ", ".join(
-        f"{name} at {session.show_angle(name, q)}"
-        + (f", not at {session.show_angle(name, values[name])}" if name in short else "")
+        f"{name} at {session.position(name, q)}"
+        + (f", not at {session.position(name, values[name])}" if name in short else "")
         for name, q in reached.items()
     )
     return conclude(session, reply, text, positions=reached)
@@ -74,17 +72,21 @@ def arrived(
     session: Session, name: str, reached: dict[str, float], targets: dict[str, float]
 ) -> bool:
     """Whether a joint is measured to be at its target."""
-    near = NEAR_SLIDING if session.slides(name) else NEAR
-    return abs(reached[name] - targets[name]) <= near
+    return abs(reached[name] - targets[name]) <= near(session, name)
+
+
+def near(session: Session, name: str) -> float:
+    """How near to its target a joint has arrived, rad or m."""
+    return session.kind(name).choose(NEAR, NEAR_SLIDING)
 
 
 @takes(VALUES)
 def direct(session: Session, words: list[str]) -> int:
     """Step the position references at once (mode posd)."""
-    values = session.targets(assignments(words, "position"))
-    reply = session.client.set_position(list(values), list(values.values()))
-    text = ", ".join(f"{name} to {session.show_angle(name, v)}" for name, v in values.items())
-    return conclude(session, reply, text)
+    values = session.within_limits(assignments(words, "position"))
+    reply = session.client.set_position(list(values), list(values.values()), answered=True)
+    text = ", ".join(f"{name} to {session.position(name, v)}" for name, v in values.items())
+    return conclude(session, reply, text, mode="posd")
 
 
 KEYS = "←→ move, ↑↓ joint, + - speed, q ends"
@@ -110,9 +112,10 @@ def jog(session: Session, joints: list[str], speed: str) -> int:
     ready = [name for name, mode in zip(names, modes, strict=True) if mode in VELOCITY_MODES]
     if not ready:
         words = " ".join(names) if len(names) < len(session.names) else "all"
-        raise Refused(f"no joint takes velocities; switch with: cbctl mode {words} vel")
+        step = session.line("mode", words, "vel")
+        raise Refused(f"no joint takes velocities; switch with: {step}")
     used = jog_with_keys(session, ready, Jog(len(ready), value))
-    reply = end(session, session.client.velocity_move, used or ready[:1])
+    reply = end(session, partial(session.client.velocity_move, answered=True), used or ready[:1])
     return conclude(session, reply, f"stopped: {what_they_do(session, used or ready[:1])}")
 
 
@@ -135,9 +138,9 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
                 moving = name if velocity else ""
                 if velocity:
                     used[name] = None
-                    reply = session.client.velocity_move(name, velocity)
+                    reply = session.client.velocity_move(name, velocity, answered=True)
                     if not reply:
-                        complain(addressed(session, reply.message))
+                        complain(reply.message)
                         break
                 live.update(line(session, name, keys, standstill), refresh=True)
         except KeyboardInterrupt:
@@ -148,8 +151,8 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
 def line(session: Session, name: str, keys: Jog, standstill: Standstill) -> str:
     """The joint, where it is, how fast it goes, and the keys."""
     state = session.client.get_state(fresh=False)
-    angle = session.show_angle(name, float(state.position[state.names.index(name)]))
-    speed = session.show_angle(name, keys.speed)
+    angle = session.position(name, float(state.position[state.names.index(name)]))
+    speed = session.position(name, keys.speed)
     arrow = {-1: "←", 0: " ", 1: "→"}[keys.direction]
     hint = standstill.hint(state.stamp, time.monotonic())
     return f"{short_names([name], state.names)[name]} {angle} {arrow} {speed}/s   {KEYS}{hint}"
@@ -170,7 +173,7 @@ def stop(session: Session, joints: list[str]) -> int:
 def speed(session: Session, words: list[str], acceleration: bool) -> int:
     """Set the reference speeds of later moves."""
     kind = "acceleration" if acceleration else "speed"
-    values = session.values(assignments(words, kind))
+    values = session.within_limits(assignments(words, kind), kind)
     names, numbers = list(values), list(values.values())
     if acceleration:
         reply = session.client.set_ref_acceleration(names, numbers)

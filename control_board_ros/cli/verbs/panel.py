@@ -4,11 +4,12 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from pathlib import Path
 
 from ..arguments import argument, takes
 from ..output import DONE, note, put, put_json
 from ..session import Session
-from ..words import Refused, UsageError
+from ..words import Refused, UsageError, quantity
 
 #: What the extra brings.
 NEEDED = ("starlette", "uvicorn", "websockets")
@@ -20,14 +21,30 @@ NEEDED = ("starlette", "uvicorn", "websockets")
         "--port", type=int, default=8080, metavar="PORT", help="To listen on; 0: a free one."
     ),
     argument("--read-only", action="store_true", help="Show everything, let nobody operate."),
+    argument(
+        "--takeover",
+        default="10s",
+        metavar="TIME",
+        help="How long the operator has to answer who asks to take over; silence means yes.",
+    ),
+    argument(
+        "--recordings",
+        default="recordings",
+        metavar="FOLDER",
+        help="For what the panel records, each into a folder of its own.",
+    ),
 )
-def panel(session: Session, host: str, port: int, read_only: bool) -> int:
+def panel(
+    session: Session, host: str, port: int, read_only: bool, takeover: str, recordings: str
+) -> int:
     """Open the web panel for all boards of the domain: prints its address; Ctrl-C ends it.
 
     Only this machine sees it; others do with --host 0.0.0.0, and with the token.
     """
     if not 0 <= port <= 65535:
         raise UsageError(f"--port {port} is not valid; give 0 to 65535")
+    if (seconds := quantity(takeover, "time").value) <= 0.0:
+        raise UsageError(f"--takeover {takeover} is not valid; give a time above 0")
     for name in NEEDED:
         if find_spec(name) is None:
             raise Refused(
@@ -54,6 +71,8 @@ def panel(session: Session, host: str, port: int, read_only: bool) -> int:
             port,
             read_only=read_only,
             answer_timeout=session.options.timeout,
+            takeover=seconds,
+            recordings=Path(recordings),
             announce=announce,
             report=lambda text: note(session, f"panel: {text}"),
         )

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from ..arguments import argument, takes
+from ..offers import joints
 from ..output import DONE, conclude, show
 from ..saving import IDENTITY, OF_RCLPY, gather, yaml_value
 from ..session import Session
@@ -22,6 +23,7 @@ from ..words import Refused, UsageError, find_joint
         nargs="+",
         metavar="show|set|save [NAME…]",
         help="show [PART…], set NAME=VALUE…, or save FILE [PART…].",
+        offers=lambda typed: joints(typed) if typed.before else ("show", "set", "save"),
     )
 )
 def param(session: Session, words: list[str]) -> int:

@@ -7,30 +7,27 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from control_board_ros.text import nearest
+
 from ..arguments import FOR, argument, number, takes
-from ..output import console, force_text, position_text, put, put_json
-from ..plotting import SIGNALS, Signal, Trace, chart
+from ..offers import Typed, joints
+from ..output import console, put, put_json
+from ..plotting import SIGNALS, Signal, Trace, chart, signal_of
 from ..session import Session
 from ..streaming import duration
-from ..tables import short_names
-from ..words import DEGREE, UsageError, find_joint, nearest
+from ..words import UsageError, find_joint, short_names
 
-#: The span that a chart has at least, in the units of the state.
-LEAST = {
-    "position": DEGREE,
-    "velocity": DEGREE,
-    "torque": 1.0,
-    "output": 1.0,
-    "current": 0.1,
-    "temperature": 1.0,
-}
-#: Part of it that is enough for a sliding joint, in m and N.
-SLIDING = 0.1
-UNITS = {"output": "%", "current": "A", "temperature": "°C"}
 #: Lines of a chart, with the one of its labels.
 LOWEST, HIGHEST = 5, 16
 #: s between looks at the state.
 PERIOD = 0.05
+
+
+def signals_offered(typed: Typed) -> list[str]:
+    """``joint_1.`` first, then what it has; or a kind of all joints."""
+    joint, dot, _ = typed.incomplete.rpartition(".")
+    kinds = [f"{joint}{dot}{kind}" for kind in SIGNALS]
+    return kinds if dot else [f"{name}." for name in joints(typed)] + kinds
 
 
 @takes(
@@ -39,6 +36,7 @@ PERIOD = 0.05
         nargs="+",
         metavar="SIGNAL",
         help=f"JOINT.KIND, or KIND of all joints: {', '.join(SIGNALS)}.",
+        offers=signals_offered,
     ),
     argument("--window", type=number, default=10.0, metavar="SECONDS", help="How far back."),
     FOR,
@@ -76,27 +74,9 @@ def signals_of(session: Session, word: str) -> list[Signal]:
         )
     shorts = short_names(session.names)
     return [
-        signal_of(session, name, kind, f"{shorts[name]}.{kind}")
+        signal_of(session.kind(name), name, kind, f"{shorts[name]}.{kind}")
         for name in find_joint(joint or "all", session.names)
     ]
-
-
-def signal_of(session: Session, name: str, kind: str, label: str) -> Signal:
-    """A signal of one joint, with the unit that people read."""
-    field, quantity = SIGNALS[kind]
-    slides = session.slides(name)
-
-    def show(value: float) -> str:
-        if quantity == "position":
-            return position_text(value, slides)
-        if quantity == "velocity":
-            return f"{position_text(value, slides)}/s"
-        if quantity == "torque":
-            return force_text(value, slides, 2)
-        return f"{value:.1f} {UNITS[quantity]}"
-
-    least = LEAST[quantity] * (SLIDING if slides else 1.0)
-    return Signal(name, field, label, f"{quantity} {slides}", show, least)
 
 
 def states(session: Session, seconds: float | None) -> Iterator[Any]:

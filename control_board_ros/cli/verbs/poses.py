@@ -7,12 +7,13 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from ..arguments import argument, several, takes
+from ..offers import Typed, joints
 from ..output import conclude, show
 from ..progress import Bar, Standstill
 from ..session import Session
 from ..status import cancelled
-from ..tables import grid, short_names
-from ..words import UsageError, assignments, speed_above_zero
+from ..tables import grid
+from ..words import UsageError, assignments, short_names, speed_above_zero
 
 if TYPE_CHECKING:
     from control_board_ros.client import PoseFeedback
@@ -51,13 +52,19 @@ def poses_table(session: Session, rows: Rows) -> Any:
     names = session.names
     columns: dict[str, list[str]] = {"joint": ["speed", *names]}
     for pose, row in rows.items():
-        speed = session.show_angle(names[0], row["speed"]) + "/s" if row["speed"] else "as set"
+        speed = session.kind(names[0]).velocity(row["speed"]) if row["speed"] else "as set"
         positions = row["positions"]
         columns[pose] = [speed] + [
-            session.show_angle(name, positions[name]) if name in positions else "-"
-            for name in names
+            session.position(name, positions[name]) if name in positions else "-" for name in names
         ]
     return grid(columns, names=names, right=list(rows))
+
+
+def poses_offered(typed: Typed) -> list[str]:
+    """Poses and ``save``; a new name is nobody's to offer; then joints."""
+    if not typed.before:
+        return [*typed.poses(), "save"]
+    return joints(typed) if typed.before[0] == "save" and len(typed.before) > 1 else []
 
 
 @takes(
@@ -66,6 +73,7 @@ def poses_table(session: Session, rows: Rows) -> Any:
         nargs="+",
         metavar="NAME|save NAME",
         help="A pose to go to; or save NAME, with joints, or JOINT=VALUE, for some of them.",
+        offers=poses_offered,
     ),
     SPEED,
 )
@@ -99,7 +107,7 @@ def save(session: Session, name: str, words: list[str], speed: str | None) -> in
     """Save a pose; the exit code."""
     mean = 0.0 if speed is None else speed_above_zero(speed)
     if any("=" in word for word in words):
-        values = session.targets(assignments(words, "position"))
+        values = session.within_limits(assignments(words, "position"))
         reply = session.client.save_pose(name, list(values), list(values.values()), mean)
     else:
         reply = session.client.save_pose(name, session.joints(words), None, mean)
@@ -122,7 +130,7 @@ def go(session: Session, name: str, speed: str | None) -> int:
                 k = ways.index(left)
                 whole = max(whole, left)
                 short = short_names([names[k]], session.names)[names[k]]
-                togo = session.show_angle(names[k], left)
+                togo = session.position(names[k], left)
                 hint = standstill.hint(left, time.monotonic())
                 bar.update(1.0 - left / whole if whole else 1.0, f"{short} {togo} to go{hint}")
 

@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
+
+from control_board_ros.text import file_name
 
 from ..arguments import FOR, argument, patterns, takes
 from ..output import DONE, REFUSED, complain, note, put, put_json
@@ -151,6 +154,7 @@ def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> 
                     asked = now
                     if recorder.board_is_gone():
                         return "the board is gone"
+                    recorder.look()
                     if text := silence.update(sum(recorder.counts.values()), now):
                         note(session, text)
                 clock.sleep(LOOK)
@@ -247,6 +251,14 @@ def report(session: Session, recording: str, output: str | None, png: str | None
     return DONE
 
 
+def unused(folder: Path, name: str, paths: Sequence[Path]) -> Path:
+    """A picture's path that is not among these: other names may be the same as a file's."""
+    path, number = folder / f"{name}.png", 2
+    while path in paths:
+        path, number = folder / f"{name}_{number}.png", number + 1
+    return path
+
+
 def write_pictures(folder: Path, boards: list[Any]) -> list[Path]:
     """A picture of each joint that moved.
 
@@ -260,10 +272,10 @@ def write_pictures(folder: Path, boards: list[Any]) -> list[Path]:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise Refused(f"cannot make {folder}: {error.strerror}") from None
-    paths = []
+    paths: list[Path] = []
     for board in boards:
         for joint in joint_charts(board):
             if joint.moves:
-                paths.append(folder / f"{joint.joint}.png")
+                paths.append(unused(folder, file_name(joint.joint), paths))
                 write_png(paths[-1], joint.joint, joint.charts)
     return paths

@@ -10,6 +10,7 @@ from control_board_ros.core.modes import STEPS
 
 from ..arguments import argument, takes
 from ..experiments import Experiment, check_reach, measured, prepare, wait
+from ..offers import joints
 from ..output import DONE, conclude, put, put_json
 from ..session import Session
 from ..words import DEGREE, Refused, UsageError, quantity
@@ -25,7 +26,13 @@ HIGHEST = 100.0
 
 
 @takes(
-    argument("word", nargs="?", metavar="JOINT", help="A joint; without --size, control cycles."),
+    argument(
+        "word",
+        nargs="?",
+        metavar="JOINT",
+        help="A joint; without --size, control cycles.",
+        offers=joints,
+    ),
     argument("--size", metavar="SIZE", help="Of the step, e.g. 5deg; −5deg goes the other way."),
     argument("--for", dest="time", default="2s", metavar="TIME", help="To look at each step."),
     OUTPUT,
@@ -56,7 +63,7 @@ def step(
 
     def run() -> None:
         for label, goal in (("there", target), ("back", experiment.start)):
-            reply = client.set_position(experiment.joint, goal)
+            reply = client.set_position(experiment.joint, goal, answered=True)
             if not reply:
                 raise Refused(reply.message)
             wait(session, label, seconds)
@@ -85,14 +92,12 @@ def advance(session: Session, word: str | None, output: str | None) -> int:
 
 def show_steps(session: Session, experiment: Experiment, recording: Any, folder: Any) -> int:
     """The figures of each step, and the report."""
-    from control_board_ros.recording.charts import step_chart, unit_of
+    from control_board_ros.recording.charts import step_chart
     from control_board_ros.recording.moves import moves_of
-    from control_board_ros.recording.page import chart_section, number, position_text
+    from control_board_ros.recording.page import chart_section, difference, number
 
-    joint, unit = experiment.joint, unit_of(experiment.slides)
-    moves = [
-        m for m in moves_of(recording, joint, slides=experiment.slides) if m.mode == STEPS.code
-    ]
+    joint, kind = experiment.joint, experiment.kind
+    moves = [m for m in moves_of(recording, joint, kind) if m.mode == STEPS.code]
     if not moves:
         raise Refused(f"{joint} was asked to step, and its reference did not move; is it paused?")
     names = ("rise", "settling", "overshoot", "steady-state error", "RMS error", "saturated")
@@ -112,14 +117,14 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
             f"{number(values[0])} s",
             f"{number(values[1])} s",
             f"{number(values[2], 1)} %",
-            position_text(values[3], unit),
-            position_text(values[4], unit),
+            difference(values[3], kind),
+            difference(values[4], kind),
             f"{number(values[5])} s",
         )
-        way = f"{session.show_angle(joint, move.start)} → {session.show_angle(joint, move.target)}"
+        way = f"{session.position(joint, move.start)} → {session.position(joint, move.target)}"
         facts.append((way, list(zip(names, texts, strict=True))))
     sections = "".join(
-        chart_section(f"{joint}: step {way}", told, [step_chart(recording, move, unit)])
+        chart_section(f"{joint}: step {way}", told, [step_chart(recording, move, kind)])
         for (way, told), move in zip(facts, moves, strict=True)
     )
     report = write_report(folder, recording, sections)
@@ -134,7 +139,7 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
 
 
 @takes(
-    argument("word", metavar="JOINT", help="A joint."),
+    argument("word", metavar="JOINT", help="A joint.", offers=joints),
     argument("--from", dest="low", default="0.1", metavar="FREQUENCY", help="First one, Hz."),
     argument("--to", dest="high", default="20", metavar="FREQUENCY", help="Last one, Hz."),
     argument(

@@ -4,15 +4,18 @@
 from __future__ import annotations
 
 from ..arguments import argument, takes
-from ..completion import FAULTS
+from ..offers import joints_then
 from ..output import conclude
 from ..session import Session
 from ..words import UsageError
 
+FAULTS = ("overcurrent", "encoder", "torque_sensor", "overheating", "external")
+
 
 def pause(session: Session) -> int:
     """Pause the simulation."""
-    return conclude(session, session.client.pause(True), "paused; go on with: cbctl resume")
+    text = f"paused; go on with: {session.line('resume')}"
+    return conclude(session, session.client.pause(True), text)
 
 
 def resume(session: Session) -> int:
@@ -31,6 +34,7 @@ def reset(session: Session) -> int:
         nargs="*",
         metavar="JOINT… FAULT",
         help=f"Joints, then one of {', '.join(FAULTS)}.",
+        offers=joints_then(FAULTS),
     ),
     argument("--persistent", action="store_true", help="The cause stays until --clear."),
     argument("--clear", action="store_true", help="Remove all injected causes."),
@@ -39,7 +43,8 @@ def inject(session: Session, words: list[str], persistent: bool, clear: bool) ->
     """Break something in simulated joints, so that the board finds it."""
     if clear and not words:
         reply = session.client.clear_injected_faults()
-        return conclude(session, reply, "injected causes removed; clear the faults: cbctl clear")
+        text = f"injected causes removed; clear the faults: {session.line('clear')}"
+        return conclude(session, reply, text)
     if clear or len(words) < 2:
         raise UsageError("name joints, then a fault, e.g. cbctl inject 0 encoder; or --clear")
     *joints, fault = words

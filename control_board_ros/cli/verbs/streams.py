@@ -3,17 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from functools import partial
 
 from ..arguments import FOR, JOINTS, VALUES, argument, takes
 from ..output import conclude, note
 from ..session import Session
 from ..streaming import Send, duration, stream
 from ..words import UsageError, assignments, quantity
-
-if TYPE_CHECKING:
-    from control_board_ros.protocols import Floats
 
 
 @takes(
@@ -28,65 +24,53 @@ def velocity(session: Session, words: list[str], time: str | None, once: bool) -
     seconds = duration(time)
     if once and seconds is not None:
         raise UsageError("--once and --for exclude each other")
-    values = session.values(assignments(words, "speed"))
-    names = list(values)
+    values = session.within_limits(assignments(words, "speed"), "speed")
+    names, send = list(values), partial(session.client.velocity_move, answered=True)
     if once:
-        reply = session.client.velocity_move(names, list(values.values()))
-        return conclude(session, reply, f"sent: {', '.join(names)}")
+        reply = send(names, list(values.values()))
+        return conclude(session, reply, f"sent: {', '.join(names)}", mode="vel")
     if seconds is None:
         note(session, "streaming until Ctrl-C")
-    return stream(session, session.client.velocity_move, values, seconds)
+    return stream(session, send, values, seconds, "vel")
 
 
 @takes(VALUES, FOR)
 def torque(session: Session, words: list[str], time: str | None) -> int:
     """Set torques (mode torq); with --for stream them, then set zero."""
-    seconds, values = duration(time), session.values(assignments(words, "torque"))
-    client = session.client
+    seconds, values = duration(time), session.within_limits(assignments(words, "torque"), "torque")
+    send = partial(session.client.set_ref_torque, answered=True)
     if seconds is not None:
-        return stream(session, client.set_ref_torque, values, seconds)
-    return set_once(
-        session, client.set_ref_torque, client.get_ref_torque, values, "torque references", "{:g}"
-    )
+        return stream(session, send, values, seconds, "torq")
+    return set_once(session, send, values, "torque references", "{:g}", "torq")
 
 
 @takes(VALUES, FOR)
 def output(session: Session, words: list[str], time: str | None) -> int:
     """Set outputs in PWM percent (mode open); with --for stream them, then set zero."""
-    seconds, values = duration(time), session.values(assignments(words, "output"))
-    client = session.client
+    seconds, values = duration(time), session.within_limits(assignments(words, "output"), "output")
+    send = partial(session.client.set_output, answered=True)
     if seconds is not None:
-        return stream(session, client.set_output, values, seconds)
-    return set_once(session, client.set_output, client.get_output, values, "outputs", "{:g} %")
+        return stream(session, send, values, seconds, "open")
+    return set_once(session, send, values, "outputs", "{:g} %", "open")
 
 
 def set_once(
-    session: Session,
-    send: Send,
-    get: Callable[[list[str]], Floats],
-    values: dict[str, float],
-    label: str,
-    shown: str,
+    session: Session, send: Send, values: dict[str, float], label: str, shown: str, mode: str
 ) -> int:
     """Send references that stay, and tell those that the board has then: it bounds them.
 
     Args:
         session: with the board.
-        send: sends them.
-        get: reads those in force, shape (k,).
+        send: sends them, and gives the board's answer.
         values: by joint.
         label: what they are, for the line that tells of them.
         shown: how one value is written in it.
+        mode: in which joints take them.
     """
-    names = list(values)
-    reply = send(names, list(values.values()))
-    if not reply:
-        return conclude(session, reply, "")
-    told = []
-    for (name, wanted), held in zip(values.items(), get(names).tolist(), strict=True):
-        instead = f", bounded, instead of {shown.format(wanted)}"
-        told.append(f"{name} {shown.format(held)}{'' if held == wanted else instead}")
-    return conclude(session, reply, f"{label}: {', '.join(told)}; they stay until changed")
+    reply = send(list(values), list(values.values()))
+    held = zip(reply.joints, reply.values, strict=False)
+    text = ", ".join(f"{name} {shown.format(value)}" for name, value in held)
+    return conclude(session, reply, f"{label}: {text}; they stay until changed", mode=mode)
 
 
 @takes(
@@ -103,5 +87,5 @@ def feedforward(
     outputs = None if output is None else quantity(output, "output").value
     torques = None if torque is None else quantity(torque, "torque").value
     names = session.joints(joints)
-    reply = session.client.set_feedforward(names, outputs, torques)
+    reply = session.client.set_feedforward(names, outputs, torques, answered=True)
     return conclude(session, reply, f"feed-forward set: {', '.join(names)}")

@@ -12,10 +12,11 @@ from typing import Any
 
 from ..arguments import argument, takes
 from ..completion import SCRIPTS, line_offers, list_poses
+from ..offers import one_of
 from ..output import DONE, USAGE, complain, note, put
 from ..session import Session
 from ..words import UsageError
-from . import VERBS
+from . import VERBS, load
 
 #: What ends the shell, and what shows the help of cbctl.
 LEAVE = ("exit", "quit")
@@ -66,18 +67,23 @@ def typed(session: Session, names: Sequence[str]) -> Iterator[str]:
     """Lines from a person, with history and completion."""
     from prompt_toolkit import PromptSession
     from prompt_toolkit.completion import Completer, Completion
-    from prompt_toolkit.history import FileHistory
+    from prompt_toolkit.history import FileHistory, InMemoryHistory
 
     class Offers(Completer):
         def get_completions(self, document: Any, _: Any) -> Iterator[Any]:
             incomplete = document.get_word_before_cursor(WORD=True)
             before = document.text_before_cursor
             for word in line_offers(
-                before, list(VERBS), names, (*HELP, *LEAVE), lambda: list_poses(session)
+                before, list(VERBS), load, names, (*HELP, *LEAVE), lambda: list_poses(session)
             ):
                 yield Completion(word, -len(incomplete))
 
-    prompt: Any = PromptSession(history=FileHistory(str(history())), completer=Offers())
+    try:
+        kept: Any = FileHistory(str(history()))
+    except OSError as error:
+        kept = InMemoryHistory()
+        note(session, f"typed lines are not kept ({error.filename}: {error.strerror})")
+    prompt: Any = PromptSession(history=kept, completer=Offers())
     note(session, f"connected to {session.client.board_name}; help lists the verbs, quit ends")
     while True:
         try:
@@ -89,15 +95,28 @@ def typed(session: Session, names: Sequence[str]) -> Iterator[str]:
 
 
 def history() -> Path:
-    """The file of typed lines; made where the desktop wants such files."""
+    """The file of typed lines; made where the desktop wants such files.
+
+    Raises:
+        OSError: it cannot be written.
+    """
     state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
     folder = Path(state) / "cbctl"
     folder.mkdir(parents=True, exist_ok=True)
-    return folder / "history"
+    file = folder / "history"
+    file.open("a").close()
+    return file
 
 
 @takes(
-    argument("shell", nargs="?", default="bash", metavar="SHELL", help=f"{', '.join(SCRIPTS)}.")
+    argument(
+        "shell",
+        nargs="?",
+        default="bash",
+        metavar="SHELL",
+        help=f"{', '.join(SCRIPTS)}.",
+        offers=one_of(tuple(SCRIPTS)),
+    )
 )
 def completion(_: Session, shell: str) -> None:
     """Print the completion script of a shell: source <(cbctl completion bash)."""

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from ..arguments import JOINTS, argument, number, patterns, takes
 from ..boards import sessions_meant
 from ..dense import HEAD, dense
-from ..output import bar, console, force_text, mode_text, position_text, put, show
+from ..output import bar, console, mode_text, put, show
 from ..reading import UNCALIBRATED, Rows, lacks_calibration, read_state
 from ..session import Session
-from ..tables import drawn, needed, short_names, text_of
-from ..words import UsageError
+from ..tables import drawn, needed, text_of
+from ..words import UsageError, short_names
 
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from ..limits import JointLimits
+    from ...joint_limits import JointLimits
 
 
 #: The limits in force of each joint, where the board tells them.
@@ -184,17 +184,17 @@ def columns_of(session: Session, rows: Rows, limits: Limits) -> dict[str, list[T
 
     columns: dict[str, list[Text]] = {title: [] for title in TITLES}
     for name, row in rows.items():
-        prismatic, known = session.slides(name), limits[name]
+        kind, known = session.kind(name), limits[name]
         scale = "" if known is None else bar(row["position"], known.lower, known.upper)
         trouble = row["fault"] or (UNCALIBRATED if lacks_calibration(row) else "")
         cells = (
             Text(name),
             mode_text(row["control_mode"]),
             mode_text(row["interaction_mode"]),
-            Text(position_text(row["position"], prismatic)),
+            Text(kind.position(row["position"])),
             Text(scale),
-            Text(position_text(row["position_reference"], prismatic)),
-            Text(force_text(row["torque"], prismatic)),
+            Text(kind.position(row["position_reference"])),
+            Text(kind.force(row["torque"])),
             Text(f"{row['output']:z.0f} %"),
             Text(trouble, style="red"),
         )

@@ -3,6 +3,9 @@
 
 import { h, setText } from "./dom.js";
 
+// The code of an emergency stop.
+const STOPPED = 24;
+
 // What to do before a fault is cleared, by its code.
 const ADVICE = {
   0: "Release the emergency stop.", 1: "Look for what blocks the joint or overloads its motor.",
@@ -11,7 +14,10 @@ const ADVICE = {
   14: "Encoder and motor disagree: check the coupling.", 15: "The simulation diverged: lower the gains or the load.",
   16: "The joint has no such mode: choose one of its list.", 17: "Bring the joint back from its stop.",
   19: "Let the winding cool.", 20: "Free the way to the stop, then calibrate again.", 21: "Send references more often than the timeout.",
+  24: "Release the emergency stop.",
 };
+
+const MOST_FAULTS = 4; // that are shown, of so many more
 
 function ago(seconds) {
   if (!(seconds >= 0)) return "";
@@ -19,57 +25,120 @@ function ago(seconds) {
   return seconds < 5400 ? `${Math.round(seconds / 60)} min ago` : `${(seconds / 3600).toFixed(1)} h ago`;
 }
 
+/** Two tones and a shake, where the browser allows them. */
+function callAttention() {
+  navigator.vibrate?.([200, 100, 200]);
+  try {
+    const sound = new AudioContext();
+    for (const [start, pitch] of [[0, 660], [0.25, 880]]) {
+      const tone = new OscillatorNode(sound, { frequency: pitch });
+      tone.connect(new GainNode(sound, { gain: 0.15 })).connect(sound.destination);
+      tone.start(sound.currentTime + start);
+      tone.stop(sound.currentTime + start + 0.2);
+    }
+    setTimeout(() => sound.close(), 1000);
+  } catch (error) {
+    console.info(`no sound: ${error.message}`);
+  }
+}
+
+/** Give an element these children, moving and replacing none that stays: a finger may be on it. */
+function keepChildren(element, children) {
+  for (const child of [...element.children]) if (!children.includes(child)) child.remove();
+  children.forEach((child, k) => { if (element.children[k] !== child) element.insertBefore(child, element.children[k] ?? null); });
+}
+
+/**
+ * The banners. One that is there stays the same element as long as it says the same thing:
+ * its buttons stay under the finger, its countdown goes on, and it calls for attention once.
+ */
 export class Banners {
-  constructor(element, panel) { Object.assign(this, { element, panel, ages: [], since: 0 }); }
+  constructor(element, panel) {
+    Object.assign(this, { element, panel, asked: null, ask: null, ages: new Map(), faults: [] });
+    this.lost = h("div", { class: "banner warn" }, h("strong", {}, "No connection to the panel's server."), " It is tried again every second. What was held has stopped.");
+    this.headline = h("div", { class: "headline" });
+    this.list = h("ul");
+    this.more = h("li");
+    this.clear = h("button", { type: "button", class: "command", onclick: () => this.clearFaults(), "aria-label": "Clear faults: the joints go to idle, without power" });
+    this.waits = new Map(); // by joint: when its cause can be gone, ms
+    this.release = h("button", { type: "button", class: "command primary", onclick: () => this.releaseStop() }, "Release stop");
+    this.recover = h("button", { type: "button", class: "command primary", onclick: () => this.recoverAll(), "aria-label": "Recover: the joints go back to the modes before, where they are" }, "Recover");
+    this.fault = h("div", { class: "banner fault", role: "alert" }, this.headline, this.list, this.release, this.recover, this.clear);
+  }
 
   draw() {
     const { model } = this.panel;
-    const { asking, holder, browsers, seconds } = model.operator;
-    const faults = model.parts.flatMap((board) => board.faults.map((fault) => ({ board, fault })));
-    const key = JSON.stringify([faults.map(({ board, fault }) => [board.name, fault.name, fault.text]), asking, holder, model.you, model.mayOperate]);
-    if (key === this.shown) return;
-    this.shown = key;
-    this.ages = [];
-    const rows = [];
-    if (model.you === null) rows.push(h("div", { class: "banner warn" }, h("strong", {}, "No connection to the panel's server."), " It is tried again every second. What was held has stopped."));
-    if (asking !== null && holder === model.you && asking !== undefined && model.you !== null) {
-      this.since = performance.now();
-      this.countdown = h("span");
-      this.answerTime = seconds;
-      const answer = (yes) => () => this.panel.request("hand_over", { yes });
-      rows.push(h("div", { class: "banner ask" }, h("strong", {}, `${browsers[asking] ?? "Somebody"} asks to take over.`), " ", this.countdown,
-        h("span", { class: "space" }), h("button", { type: "button", onclick: answer(true) }, "Hand over"), h("button", { type: "button", class: "primary", onclick: answer(false) }, "Keep operating")));
-    } else this.countdown = null;
-    if (faults.length) rows.push(this.faults(faults));
-    this.element.replaceChildren(...rows);
+    const { asking, holder } = model.operator;
+    const asked = model.you !== null && holder === model.you && asking !== null && asking !== undefined;
+    if (!asked) this.asked = null;
+    else if (this.asked !== asking) this.begin(asking);
+    this.drawFaults();
+    keepChildren(this.element, [model.you === null && this.lost, asked && this.ask, this.faults.length && this.fault].filter(Boolean));
     this.panel.permit(this.element);
     this.tick();
   }
 
-  faults(faults) {
-    const shown = faults.slice(0, 4).map(({ board, fault }) => {
-      const age = h("span", { class: "age" });
-      this.ages.push({ board, fault, age });
-      const joint = board.joint(fault.name);
-      return h("li", {}, h("strong", {}, joint?.short ?? fault.name), " ", h("span", { class: "cause" }, fault.text), " ", age,
-        h("span", { class: "advice" }, ADVICE[fault.code] ?? "Remove the cause."));
-    });
-    const clear = () => {
-      for (const board of new Set(faults.map((entry) => entry.board))) {
-        const joints = faults.filter((entry) => entry.board === board).map((entry) => entry.fault.name);
-        this.panel.request("mode", { board: board.name, joints, mode: "fidl" });
-      }
-    };
-    const more = faults.length > shown.length ? h("li", {}, `and ${faults.length - shown.length} more`) : null;
-    return h("div", { class: "banner fault", role: "alert" }, h("div", { class: "headline" }, faults.length === 1 ? "Fault" : `${faults.length} faults`),
-      h("ul", {}, ...shown, more), h("button", { type: "button", class: "command primary", onclick: clear, "aria-label": "Clear faults: the joints go to idle, without power" }, faults.length === 1 ? "Clear fault" : "Clear faults"));
+  /** Somebody asks to take over: from now on, until it is answered. */
+  begin(asking) {
+    const { browsers, seconds } = this.panel.model.operator;
+    this.asked = asking;
+    this.until = performance.now() + 1000 * seconds;
+    this.countdown = h("span");
+    const answer = (yes) => () => this.panel.request("hand_over", { yes });
+    this.ask = h("div", { class: "banner ask" }, h("strong", {}, `${browsers[asking] ?? "Somebody"} asks to take over.`), " ", this.countdown,
+      h("span", { class: "space" }), h("button", { type: "button", onclick: answer(true) }, "Hand over"), h("button", { type: "button", class: "primary", onclick: answer(false) }, "Keep operating"));
+    callAttention();
+  }
+
+  drawFaults() {
+    const faults = this.panel.model.parts.flatMap((board) => board.faults.map((fault) => ({ board, fault })));
+    const key = ({ board, fault }) => JSON.stringify([board.name, fault.name, fault.code, fault.text, fault.stamp]);
+    const ages = new Map(faults.slice(0, MOST_FAULTS).map((entry) => [key(entry), this.ages.get(key(entry)) ?? this.row(entry)]));
+    this.faults = faults;
+    this.ages = ages;
+    setText(this.headline, faults.length === 1 ? "Fault" : `${faults.length} faults`);
+    this.release.hidden = !faults.some(({ fault }) => fault.code === STOPPED);
+    setText(this.clear, faults.length === 1 ? "Clear fault" : "Clear faults");
+    setText(this.more, `and ${faults.length - ages.size} more`);
+    keepChildren(this.list, [...[...ages.values()].map(({ row }) => row), ...(faults.length > ages.size ? [this.more] : [])]);
+  }
+
+  row({ board, fault }) {
+    const age = h("span", { class: "age" });
+    const joint = board.joint(fault.name);
+    return { board, fault, age, row: h("li", {}, h("strong", {}, joint?.short ?? fault.name), " ", h("span", { class: "cause" }, fault.text), " ", age,
+      h("span", { class: "advice" }, ADVICE[fault.code] ?? "Remove the cause.")) };
+  }
+
+  /** Every joint of every board stays without power until it is recovered. */
+  async releaseStop() {
+    const text = "Release the emergency stop of every board? The joints stay without power until they are recovered.";
+    if (await this.panel.questions.ask(text, "Release", { safe: true })) this.panel.request("estop", { on: false });
+  }
+
+  /** What was in a fault goes back to its mode before, all joints of a board or none; what must wait says so. */
+  async recoverAll() {
+    for (const board of new Set(this.faults.map((entry) => entry.board))) {
+      const joints = this.faults.filter((entry) => entry.board === board).map((entry) => entry.fault.name);
+      const answer = await this.panel.request("recover", { board: board.name, joints });
+      for (const [name, wait] of Object.entries(answer.waits ?? {})) if (wait > 0) this.waits.set(`${board.name} ${name}`, performance.now() + 1000 * wait);
+    }
+    this.tick();
+  }
+
+  clearFaults() {
+    for (const board of new Set(this.faults.map((entry) => entry.board))) {
+      const joints = this.faults.filter((entry) => entry.board === board).map((entry) => entry.fault.name);
+      this.panel.request("mode", { board: board.name, joints, mode: "fidl" });
+    }
   }
 
   tick() {
-    for (const { board, fault, age } of this.ages) setText(age, board.stamp ? ago(board.stamp - fault.stamp) : "");
-    if (this.countdown) {
-      const left = Math.max(this.answerTime - (performance.now() - this.since) / 1000, 0);
-      setText(this.countdown, `Without an answer it happens in ${Math.ceil(left)} s.`);
+    for (const { board, fault, age } of this.ages.values()) {
+      const left = ((this.waits.get(`${board.name} ${fault.name}`) ?? 0) - performance.now()) / 1000;
+      const since = board.stamp ? ago(board.stamp - fault.stamp) : "";
+      setText(age, left > 0 ? `${since}, wait ${Math.ceil(left)} s` : since);
     }
+    if (this.asked !== null) setText(this.countdown, `Without an answer control goes there in ${Math.ceil(Math.max(this.until - performance.now(), 0) / 1000)} s.`);
   }
 }

@@ -2,10 +2,10 @@
 // One joint: modes, values, references.
 
 import { Details } from "./details.js";
-import { h, icon, segmented, setText } from "./dom.js";
-import { INTERACTIONS, MODES, TAKES, whyStill } from "./modes.js";
+import { chooseOnce, h, icon, segmented, setText } from "./dom.js";
+import { INTERACTIONS, MODES, TAKES, whatFalls, whyStill } from "./modes.js";
 import { HoldSlider, PositionSlider } from "./sliders.js";
-import { LABELS, number, unitOf } from "./units.js";
+import { LABELS, number, quantity, unitOf } from "./units.js";
 
 const VALUES = ["velocity", "torque", "position_reference", "output", "current", "temperature"];
 
@@ -13,9 +13,10 @@ export class Card {
   constructor(joint, panel) {
     Object.assign(this, { joint, panel, sliders: [], shownMode: null });
     const { short, name } = joint;
-    this.mode = h("select", { class: "mode command", "aria-label": `Control mode of ${short}`, onchange: () => this.setMode() });
+    this.mode = h("select", { class: "mode command", "aria-label": `Control mode of ${short}` });
+    chooseOnce(this.mode, (mode) => this.setMode(mode), () => this.joint.mode);
     this.interaction = h("div", { class: "segmented small", role: "radiogroup", "aria-label": `Interaction mode of ${short}` });
-    this.more = h("button", { type: "button", class: "ghost more", "aria-expanded": "false", "aria-label": `More of ${short}`, onclick: () => this.expand() }, icon("chevron"));
+    this.more = h("button", { type: "button", class: "ghost more", "aria-expanded": "false", "aria-label": `More of ${short}`, onclick: () => this.expand(this.body.hidden) }, icon("chevron"));
     this.position = this.value("position", "big");
     this.values = VALUES.map((signal) => this.value(signal));
     this.slots = h("div", { class: "slots" });
@@ -32,19 +33,48 @@ export class Card {
     const shown = h("span", { class: "n" });
     const unit = h("span", { class: "u" });
     const plot = () => this.panel.plot(this.joint, signal);
-    const element = h("button", { type: "button", class: `value ${kind}`, title: `${LABELS[signal]}: double-click or Enter plots it`,
-      "aria-label": `Plot ${LABELS[signal].toLowerCase()} of ${this.joint.short}`, ondblclick: plot,
-      onkeydown: (event) => { if (event.key === "Enter") plot(); } },
-    h("span", { class: "l" }, kind ? "" : LABELS[signal]), h("span", { class: "nu" }, shown, unit));
+    const element = h("button", { type: "button", class: `value ${kind} ${signal}`, title: `${LABELS[signal]}: plot it`, "aria-pressed": "false",
+      "aria-label": `Plot ${LABELS[signal].toLowerCase()} of ${this.joint.short}`, onclick: plot },
+    h("span", { class: "l" }, kind ? "" : LABELS[signal]), h("span", { class: "nu" }, shown, unit), icon("plot"));
     return { signal, element, shown, unit };
   }
 
   get where() { return { board: this.joint.board.name, joints: [this.joint.name] }; }
 
-  setMode() {
-    const mode = this.mode.value;
+  async setMode(mode) {
+    const { joint, panel } = this;
+    const falls = whatFalls(joint, mode);
+    if (!falls || await panel.questions.ask(`${joint.short} to ${MODES[mode] ?? mode}? ${falls}`, "Set")) {
+      await panel.request("mode", { ...this.where, mode });
+    }
     this.shownMode = null;
-    this.panel.request("mode", { ...this.where, mode }).then(() => this.refresh());
+    this.refresh();
+  }
+
+  /** Whether a position may be sent: a long way is asked about, with the ghost at its end. */
+  async mayGo(value, kind) {
+    const { joint, panel } = this;
+    const from = joint.state?.position ?? value;
+    const most = joint.sliding ? panel.askAbove / 300 : panel.askAbove * Math.PI / 180;
+    if (panel.live || Math.abs(value - from) <= most + 1e-9) return true;
+    const words = (q) => quantity(q, "position", joint.sliding);
+    const { drops } = panel;
+    const text = `${joint.short} from ${words(from)} to ${words(value)}, ${await this.lasting(value - from, kind)}?`;
+    return drops === panel.drops && panel.questions.ask(text, "Go", { safe: true });
+  }
+
+  /** How long a way takes at the set speed, in words. */
+  async lasting(way, kind) {
+    const { joint } = this;
+    const { velocity, acceleration } = joint.limits;
+    if (kind === "direct") return `as a step: at up to ${quantity(velocity, "velocity", joint.sliding)}`;
+    if (joint.speed === null) {
+      const answer = await this.panel.ask("details", { board: joint.board.name, joint: joint.name });
+      if (answer.ok) joint.speed = answer.details.speed;
+    }
+    const length = Math.abs(way);
+    const time = Math.max(length / joint.speed, 1.875 * length / (velocity ?? Infinity), Math.sqrt(5.774 * length / (acceleration ?? Infinity)));
+    return Number.isFinite(time) ? `${time.toFixed(1)} s` : "at its set speed";
   }
 
   /** After a change of modes, limits, units or of the operator. */
@@ -70,7 +100,7 @@ export class Card {
     this.mode.value = joint.mode;
     this.interaction.hidden = joint.interactions.length < 2;
     segmented(this.interaction, `Interaction of ${joint.short}`,
-      Object.fromEntries(joint.interactions.map((code) => [code, INTERACTIONS[code]])), joint.interaction,
+      Object.fromEntries(joint.interactions.map((code) => [code, INTERACTIONS[code] ?? code])), joint.interaction,
       (code) => this.panel.request("interaction", { ...this.where, mode: code }));
     for (const button of this.interaction.children) button.classList.add("command");
   }
@@ -79,7 +109,7 @@ export class Card {
     for (const slider of this.sliders) slider.close?.();
     this.sliders = (TAKES[this.joint.mode] ?? []).map((kind) => this.slider(kind));
     if (!this.sliders.length) {
-      const shown = new PositionSlider(this.joint, { send: () => {}, isLive: () => false });
+      const shown = new PositionSlider(this.joint, { send: () => {}, isLive: () => false, ask: () => false });
       shown.element.classList.add("still");
       shown.input.tabIndex = -1;
       for (const input of [shown.input, shown.box]) { input.disabled = true; input.classList.remove("command"); }
@@ -93,7 +123,8 @@ export class Card {
     if (kind === "position" || kind === "direct") {
       return new PositionSlider(joint, {
         isLive: () => panel.live,
-        send: (value) => panel.request(kind, { ...this.where, positions: [value] }),
+        ask: (value) => this.mayGo(value, kind),
+        send: (value, live) => panel.request(kind, { ...this.where, positions: [value], live }),
       });
     }
     const where = { board: joint.board.name, joint: joint.name, kind };
@@ -103,13 +134,16 @@ export class Card {
     });
   }
 
-  expand() {
-    const open = this.body.hidden;
+  /** Show all of the joint, or close it again. */
+  expand(open) {
+    if (open !== this.body.hidden) return;
     this.body.hidden = !open;
+    this.element.classList.toggle("open", open);
     this.more.setAttribute("aria-expanded", String(open));
     if (open) {
       this.details = new Details(this.joint, this.panel);
       this.body.replaceChildren(this.details.element);
+      this.panel.layout.opened(this);
     } else {
       this.details = null;
       this.body.replaceChildren();
@@ -128,11 +162,23 @@ export class Card {
       if (element.hidden !== none) element.hidden = none;
       setText(shown, number(value, signal, joint.sliding));
       setText(unit, unitOf(signal, joint.sliding)[1]);
+      const plotted = String(Boolean(this.panel.plots.find(joint, signal)));
+      if (element.ariaPressed !== plotted) element.ariaPressed = plotted;
     }
     const held = this.sliders.some((slider) => slider.timer);
-    setText(this.why, held ? "" : joint.fault ? joint.fault.text : whyStill(joint));
-    this.why.classList.toggle("fault", Boolean(joint.fault));
+    const silent = joint.board.silence > 0;
+    setText(this.why, silent ? whyStill(joint) : held ? "" : joint.fault ? joint.fault.text : whyStill(joint));
+    this.why.classList.toggle("fault", Boolean(joint.fault) || silent);
+    if (silent !== this.silent) {
+      this.silent = silent;
+      this.element.classList.toggle("silent", silent);
+      if (silent) this.drop();
+      this.panel.permit(this.element);
+    }
   }
+
+  /** What was begun at this card is void. */
+  drop() { for (const slider of this.sliders) slider.drop(); }
 
   close() { for (const slider of this.sliders) slider.close?.(); }
 }

@@ -5,39 +5,53 @@ const FLOATS_BEFORE = ["position", "velocity", "torque", "position_reference",
   "velocity_reference", "torque_reference", "output", "current"];
 
 const text = new TextDecoder();
+const MOST = 120; // characters of a name
+
+/** A name as the server shows it (control_board_ros/text.py): characters that are none to be shown are replaced. */
+function clean(name) {
+  const letters = [...name];
+  const shown = letters.slice(0, MOST).join("").replace(/[\t\n\v\f\r\x85\u2028\u2029]/g, " ").replace(/[\p{Cc}\p{Cf}\p{Cs}\p{Co}\p{Cn}]/gu, "\ufffd");
+  return letters.length > MOST ? `${shown} … (${letters.length - MOST} characters more)` : shown;
+}
 
 class Reader {
-  constructor(buffer, start) {
+  constructor(buffer, start, length) {
     // Alignment counts from behind the four bytes that tell the encoding.
-    this.view = new DataView(buffer, start + 4);
+    this.view = new DataView(buffer, start + 4, length - 4);
     this.little = (new Uint8Array(buffer)[start + 1] & 1) === 1;
     this.at = 0;
   }
   align(size) { this.at = Math.ceil(this.at / size) * size; }
   uint32() { this.align(4); const v = this.view.getUint32(this.at, this.little); this.at += 4; return v; }
   int32() { this.align(4); const v = this.view.getInt32(this.at, this.little); this.at += 4; return v; }
+  /** How many there are of so many bytes each; more than the message holds is none. */
+  count(size) {
+    const n = this.uint32();
+    if (n * size > this.view.byteLength - this.at) throw new RangeError("more than the message holds");
+    return n;
+  }
   string() {
-    const length = this.uint32();
-    const bytes = new Uint8Array(this.view.buffer, this.view.byteOffset + this.at, length - 1);
+    const length = this.count(1);
+    const bytes = new Uint8Array(this.view.buffer, this.view.byteOffset + this.at, Math.max(length - 1, 0));
     this.at += length;
     return text.decode(bytes);
   }
-  strings() { return Array.from({ length: this.uint32() }, () => this.string()); }
+  strings() { return Array.from({ length: this.count(4) }, () => this.string()); }
   floats() {
-    const n = this.uint32();
+    const n = this.count(8);
     const values = new Float64Array(n);
     if (n) this.align(8);
     for (let k = 0; k < n; k++, this.at += 8) values[k] = this.view.getFloat64(this.at, this.little);
     return values;
   }
   bools() {
-    const n = this.uint32();
+    const n = this.count(1);
     const values = Array.from({ length: n }, (_, k) => this.view.getUint8(this.at + k) !== 0);
     this.at += n;
     return values;
   }
   counts() {
-    const n = this.uint32();
+    const n = this.count(8);
     if (n) this.align(8);
     const values = new Float64Array(n);
     for (let k = 0; k < n; k++, this.at += 8) values[k] = Number(this.view.getBigUint64(this.at, this.little));
@@ -50,20 +64,28 @@ export function readFrames(buffer) {
   const view = new DataView(buffer);
   const frames = [];
   for (let at = 0; at < buffer.byteLength; at += 8 + view.getUint32(at + 4, true)) {
-    frames.push({ number: view.getUint32(at, true), state: readState(buffer, at + 8) });
+    const number = view.getUint32(at, true);
+    try {
+      frames.push({ number, state: readState(buffer, at + 8, view.getUint32(at + 4, true)) });
+    } catch (error) { // one board's nonsense: the others' frames are in the same buffer
+      if (!(error instanceof RangeError)) throw error;
+    }
   }
   return frames;
 }
 
-function readState(buffer, start) {
-  const reader = new Reader(buffer, start);
+function readState(buffer, start, length) {
+  const reader = new Reader(buffer, start, length);
   const state = { stamp: reader.int32() + 1e-9 * reader.uint32() };
   reader.string(); // frame_id
-  state.names = reader.strings();
+  state.names = reader.strings().map(clean);
   for (const field of FLOATS_BEFORE) state[field] = reader.floats();
   state.motion_done = reader.bools();
   state.rejected_commands = reader.counts();
   state.calibrated = reader.bools();
   state.temperature = reader.floats();
+  for (const values of Object.values(state)) {
+    if (values.length !== undefined && values.length !== state.names.length) throw new RangeError("not one value for each joint");
+  }
   return state;
 }

@@ -85,11 +85,16 @@ export class Details {
     this.groups = new Map();
     this.calibrate = h("button", { type: "button", class: "command", onclick: () => this.runCalibration(), "aria-label": `Calibrate ${joint.short}` }, "Calibrate");
     this.idle = h("button", { type: "button", class: "command", onclick: () => panel.request("mode", { ...one, mode: "fidl" }), "aria-label": `Force ${joint.short} to idle: no power` }, "Force idle");
+    this.size = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": `Size of a step of ${joint.short}, amplitude of a chirp` });
+    this.size.value = number(joint.sliding ? 0.005 : Math.PI / 36, "position", joint.sliding);
+    const measure = (verb, text, words) => h("button", { type: "button", class: "command", "aria-label": `${text} of ${joint.short}`, onclick: () => this.measure(verb, words) }, text);
+    this.step = measure("step", "Step", "steps there and back by");
+    this.chirp = measure("chirp", "Chirp", "swings for a minute by up to");
     this.progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": `Calibration of ${joint.short}` });
     this.phase = h("span", { class: "phase" });
     this.element = h("div", {}, h("div", { class: "groups" }, this.speeds.element, this.impedance?.element),
       h("details", { class: "gain-box", "aria-label": `Gains of ${joint.short}` }, h("summary", {}, "Gains"), this.gains),
-      h("div", { class: "buttons" }, this.calibrate, this.idle, this.progress, this.phase));
+      h("div", { class: "buttons" }, this.calibrate, this.idle, this.step, this.chirp, this.size, h("span", { class: "u" }, unitOf("position", joint.sliding)[1]), this.progress, this.phase));
     this.load();
   }
 
@@ -120,6 +125,18 @@ export class Details {
       this.gains.append(group.element);
     }
     group.fill(values);
+  }
+
+  /** A step or a chirp: asked about, recorded, and its report opened. */
+  async measure(verb, words) {
+    const { joint, panel } = this;
+    const size = parse(this.size.value, "position", joint.sliding);
+    this.size.classList.toggle("wrong", size === null);
+    if (size === null || !await panel.questions.ask(`${joint.short} ${words} ${this.size.value} ${unitOf("position", joint.sliding)[1]}. Esc stops it.`, "Measure")) return;
+    setText(this.phase, `${verb} …`);
+    const answer = await panel.request(verb, { board: joint.board.name, joint: joint.name, [verb === "step" ? "size" : "amplitude"]: size });
+    setText(this.phase, answer.ok ? "" : answer.message);
+    if (answer.ok) panel.recording.open(answer.report);
   }
 
   async runCalibration() {

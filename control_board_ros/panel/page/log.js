@@ -3,7 +3,7 @@
 
 import { h, icon, segmented, toast } from "./dom.js";
 
-const MOST = 200;
+const MOST = 500;
 const WORLDS = { cbctl: "cbctl", ros2: "ros2", python: "Python" };
 
 async function copy(text) {
@@ -21,6 +21,24 @@ async function copy(text) {
   toast("Copied");
 }
 
+
+/** The lines of entries that were done, oldest first, as a program of the world. */
+function script(entries, world) {
+  const done = entries.filter((entry) => entry.lines?.[world] && entry.ok !== false);
+  const board = (name) => `board = ControlBoardClient(node, ${JSON.stringify(name)})`;
+  const lines = [];
+  let before = null;
+  for (const { at, board: of, lines: { [world]: line } } of done) {
+    if (world === "python" && of && of !== before) lines.push(board(of));
+    before = of || before;
+    lines.push(world === "python" ? `${line}  # ${clock(at)}` : `# ${clock(at)}`, ...(world === "python" ? [] : [line]));
+  }
+  const head = world === "python" ? ["import rclpy", "from control_board_ros.client import ControlBoardClient", "", "rclpy.init()", 'node = rclpy.create_node("script")'] : ["#!/bin/sh", "set -e"];
+  return [...head, ...lines, ""].join("\n");
+}
+
+const clock = (at) => new Date(1000 * at).toTimeString().slice(0, 8);
+
 export class Log {
   constructor(element, panel) {
     this.panel = panel;
@@ -28,7 +46,8 @@ export class Log {
     this.entries = [];
     this.choice = h("div", { class: "segmented small", role: "radiogroup", "aria-label": "Lines as" });
     this.list = h("ol", { class: "entries", tabindex: "0", "aria-label": "Commands, newest first" });
-    element.replaceChildren(h("header", {}, h("h2", {}, "Commands"), this.choice), this.list);
+    this.all = h("button", { type: "button", class: "small-button", "aria-label": "Copy all as a script", title: "What was done, oldest first, as a script", onclick: () => copy(script([...this.entries].reverse(), this.world)) }, "Copy all");
+    element.replaceChildren(h("header", {}, h("h2", {}, "Commands"), this.choice, this.all), this.list);
     this.draw();
   }
 
@@ -39,27 +58,45 @@ export class Log {
       this.draw();
     });
     this.list.replaceChildren(...this.entries.map((entry) => this.row(entry)));
+    this.all.disabled = !this.entries.length;
     if (!this.entries.length) this.list.replaceChildren(h("li", { class: "hint" }, "Everything that is done shows here, as lines to copy."));
   }
 
-  add(entry) {
-    entry.time = new Date().toTimeString().slice(0, 8);
-    const last = this.entries[0];
-    const again = last && last.what === entry.what && last.by === entry.by && last.board === entry.board && last.who === entry.who
-      && (!entry.lines || last.lines?.cbctl.split("=")[0] === entry.lines.cbctl.split("=")[0]);
-    if (again && ["position", "direct", "hold"].includes(entry.what)) this.entries.shift();
-    this.entries.unshift(entry);
-    this.entries.length = Math.min(this.entries.length, MOST);
+  /** What was done before this page came. */
+  begin(entries) {
+    this.entries = [];
+    for (const entry of entries) this.take(entry);
     this.draw();
   }
 
-  row({ time, who, what, by, lines, ok, message }) {
-    const line = lines?.[this.world];
+  add(entry) {
+    if (!this.entries.length) this.list.replaceChildren();
+    if (this.take(entry)) this.list.firstElementChild?.remove();
+    this.list.prepend(this.row(entry));
+    while (this.list.children.length > MOST) this.list.lastElementChild.remove();
+    this.all.disabled = false;
+  }
+
+  /** Keep an entry; whether it takes the place of the one before it: positions of one slider, sent live. */
+  take(entry) {
+    const last = this.entries[0];
+    const again = last && entry.live && last.live && entry.ok && last.ok && last.what === entry.what
+      && last.by === entry.by && last.board === entry.board && last.lines?.cbctl.split("=")[0] === entry.lines?.cbctl.split("=")[0];
+    entry.times = again ? last.times + 1 : 1;
+    if (again) this.entries.shift();
+    this.entries.unshift(entry);
+    this.entries.length = Math.min(this.entries.length, MOST);
+    return again;
+  }
+
+  row({ at, who, what, by, lines, ok, message, times }) {
+    const line = what === "stop" && !message ? "" : lines?.[this.world];
     const mine = by !== undefined && by === this.panel.model.you;
     const from = mine ? "" : who;
+    const result = ok === undefined ? null : ok ? h("span", { class: "result", title: message || "accepted" }, times > 1 ? `✓ ×${times}` : "✓") : h("span", { class: "result bad" }, "refused");
     return h("li", { class: `entry${ok === false ? " bad" : ""}${by === undefined ? " elsewhere" : ""}` },
-      h("time", {}, time), from ? h("span", { class: "from" }, from) : null,
-      line ? h("code", {}, line) : h("span", {}, what === "stop" ? "STOP: every joint of every board" : what),
+      h("time", {}, clock(at)), h("span", { class: "words", title: line || what }, from ? h("span", { class: "from" }, `${from} `) : null,
+        line ? h("code", {}, line) : what === "stop" ? "STOP: every joint of every board" : what), result,
       line ? h("button", { type: "button", class: "ghost", "aria-label": `Copy: ${line}`, onclick: () => copy(line) }, icon("copy")) : null,
       message && ok === false ? h("span", { class: "reason" }, message) : null);
   }

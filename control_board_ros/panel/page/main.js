@@ -4,17 +4,24 @@
 import { Banners } from "./banners.js";
 import { Card } from "./card.js";
 import { Connection } from "./connection.js";
-import { h, icon, redraw, segmented, toast } from "./dom.js";
+import { chooseOnce, h, redraw, segmented, toast } from "./dom.js";
+import { Layout } from "./layout.js";
 import { Log } from "./log.js";
 import { Model } from "./model.js";
-import { MODES } from "./modes.js";
+import { MODES, whatFalls } from "./modes.js";
 import { Operator } from "./operator.js";
 import { Plots } from "./plots.js";
 import { Poses } from "./poses.js";
+import { Recording } from "./recording.js";
+import { Questions } from "./questions.js";
+import { followTheme } from "./theme.js";
 import { inDegrees, setDegrees } from "./units.js";
 
 const ALL = "all joints";
 const WRITE_EVERY = 66; // ms between changes of numbers
+const STOP_ANSWER = 1000; // ms within which a STOP is confirmed, or said not to be
+const VIEW_AFTER = 2000; // ms until the view in 3D is loaded, where no state comes before
+const ASK_ABOVE = 15; // degrees above which a way is asked about
 
 const $ = (id) => document.getElementById(id);
 const connection = new Connection();
@@ -23,24 +30,32 @@ const model = new Model(connection);
 class Panel {
   constructor() {
     this.live = false;
+    this.drops = 0; // how often everything was dropped
     this.tab = null;
     this.cards = [];
-    this.written = 0;
+    this.written = this.framed = 0;
     this.model = model;
     this.log = new Log($("log"), this);
     this.plots = new Plots($("plots"), this);
+    this.recording = new Recording($("recording"), this);
     this.poses = new Poses($("poses"), this);
     this.banners = new Banners($("banners"), this);
+    this.questions = new Questions($("questions"), this);
+    this.askAbove = Number(localStorage.getItem("ask above") ?? ASK_ABOVE);
     this.operator = new Operator($("operator"), this);
+    this.layout = new Layout(this, $("cards"));
     this.drawUnits();
-    this.drawTheme();
+    followTheme($("theme"), () => { this.plots.rebuild(); this.view?.recolour(); });
     this.drawToolbar();
     $("stop").addEventListener("click", () => this.stop());
+    $("estop").addEventListener("click", () => this.emergencyStop());
     document.addEventListener("keydown", (event) => {
       if (event.key === "Escape") { event.preventDefault(); this.stop(); }
     });
     connection.on("open", () => { this.watched = null; this.watch(); });
     connection.on("log", (entry) => this.log.add(entry));
+    connection.on("history", ({ entries }) => this.log.begin(entries));
+    connection.on("recordings", (state) => this.recording.tell(state));
     connection.on("notice", ({ message }) => toast(message));
     connection.on("error", ({ message }) => toast(message, true));
     model.on("boards", () => this.drawTabs());
@@ -51,10 +66,14 @@ class Panel {
     });
     model.on("modes", () => this.refresh());
     model.on("faults", () => this.refresh());
-    model.on("operator", () => { if (!model.mayOperate) this.setLive(false); this.refresh(); });
+    model.on("operator", () => {
+      if (!model.mayOperate) { this.setLive(false); this.drop(); }
+      this.refresh();
+    });
+    model.on("move", (board) => this.askTargets(board));
     model.on("state", (board) => this.plots.take(board));
     requestAnimationFrame(() => this.frame());
-    this.openView();
+    this.opening = setTimeout(() => this.openView(), VIEW_AFTER);
   }
 
   // Asking
@@ -77,17 +96,49 @@ class Panel {
 
   release(fields) { connection.ask("release", fields); }
 
+  /** Every joint of every board; what was begun before is void. Success is what the boards answered. */
   stop() {
     this.poses.end();
-    connection.ask("stop").then((answer) => toast(answer.ok ? "Stopped: every joint of every board." : answer.message, !answer.ok));
+    this.drop();
     $("stop").classList.add("pressed");
     setTimeout(() => $("stop").classList.remove("pressed"), 250);
+    if (!connection.open) { toast("STOP NOT SENT: no connection to the panel's server", true, true); return; }
+    const late = setTimeout(() => toast("STOP NOT CONFIRMED: the panel's server does not answer", true, true), STOP_ANSWER);
+    connection.ask("stop").then((answer) => {
+      clearTimeout(late);
+      if (answer.ok) toast("Stopped: every joint of every board.");
+      else toast(`STOP FAILED: ${answer.message}`, true, true);
+    });
   }
 
-  /** Controls that command are for the operator; the others see them, and cannot use them. */
+  /** The power of every joint of every board, at once: nobody is asked before. */
+  emergencyStop() {
+    this.poses.end();
+    this.drop();
+    if (!connection.open) { toast("EMERGENCY STOP NOT SENT: no connection to the panel's server", true, true); return; }
+    connection.ask("estop", { on: true }).then((answer) => {
+      if (answer.ok) toast(answer.message || "Emergency stop: every joint of every board is without power.");
+      else toast(`EMERGENCY STOP FAILED: ${answer.message}`, true, true);
+    });
+  }
+
+  /** Positions that are being chosen are void, held controls end, questions are answered with no. */
+  drop() {
+    this.drops += 1;
+    this.questions.end(false);
+    for (const card of this.cards) card.drop();
+  }
+
+  /** Where a move goes that has begun, whoever commanded it. */
+  askTargets(board) {
+    connection.ask("targets", { board: board.name }).then((answer) => { if (answer.ok) model.setTargets(board, answer.targets); });
+  }
+
+  /** Controls that command are for the operator of a board that lives; the others see them. */
   permit(element) {
+    const dead = !model.mayOperate || element.closest(".silent") !== null;
     for (const control of element.querySelectorAll(".command")) {
-      control.disabled = !model.mayOperate || control.dataset.idle === "true";
+      control.disabled = dead || control.dataset.idle === "true";
     }
   }
 
@@ -98,27 +149,26 @@ class Panel {
   get boards() { return model.parts; }
 
   shownBoards() {
-    if (this.tab === ALL) return this.boards;
+    if (this.tab === ALL) return model.inOrder(this.boards);
     return [...model.boards.values()].filter((board) => board.name === this.tab);
   }
 
   watch() {
-    const names = model.sources(this.shownBoards()).map((board) => board.name).sort();
+    const plotted = this.plots.boards.filter((board) => !this.shownBoards().includes(board));
+    const names = model.sources([...this.shownBoards(), ...plotted]).map((board) => board.name).sort();
     if (names.join() === this.watched) return;
     this.watched = names.join();
     connection.ask("watch", { boards: names });
   }
 
   drawTabs() {
-    const names = [...model.boards.keys()];
+    const names = model.inOrder([...model.boards.values()]).map((board) => board.name);
     const tabs = names.length > 1 ? [ALL, ...names] : names;
-    const spaces = new Set(names.map((name) => name.slice(0, name.lastIndexOf("/") + 1)));
-    const title = (name) => (names.length > 1 && spaces.size === 1 ? name.slice(name.lastIndexOf("/") + 1) : model.boards.get(name).title);
     if (!tabs.includes(this.tab)) this.tab = names.length > 1 ? ALL : names[0] ?? null;
     const choose = (name) => { this.tab = name; this.setLive(false); this.drawTabs(); };
     redraw($("tabs"), "[aria-selected=true]", tabs.map((name) => h("button", {
       type: "button", role: "tab", "aria-selected": String(name === this.tab), "data-name": name, onclick: () => choose(name),
-    }, name === ALL ? "All joints" : title(name))));
+    }, name === ALL ? "All joints" : model.titleOf(model.boards.get(name)))));
     $("tabs").onkeydown = (event) => {
       const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (step) choose(tabs[(tabs.indexOf(this.tab) + step + tabs.length) % tabs.length]);
@@ -134,9 +184,10 @@ class Panel {
     const parts = this.shownBoards().map((board) => {
       const cards = board.joints.map((joint) => new Card(joint, this));
       this.cards.push(...cards);
-      return [several ? h("h2", { class: "part" }, board.title) : null, ...cards.map((card) => card.element)];
+      return [several ? h("h2", { class: "part" }, model.titleOf(board)) : null, ...cards.map((card) => card.element)];
     });
     $("cards").replaceChildren(...parts.flat().filter(Boolean));
+    this.layout.draw();
     const empty = $("empty");
     empty.hidden = this.cards.length > 0;
     empty.replaceChildren(h("h2", {}, "No board on this ROS domain"),
@@ -152,18 +203,25 @@ class Panel {
     this.drawAllModes();
     this.permit($("toolbar"));
     this.poses.permit();
+    this.recording.permit();
     this.banners.draw();
     this.operator.draw();
-    $("stop").disabled = model.readOnly;
+    $("stop").disabled = $("estop").disabled = model.readOnly;
+    $("stop").classList.toggle("dead", model.you === null);
+    $("stop").firstChild.data = model.you === null ? "NO STOP: not connected" : "STOP";
   }
 
   drawToolbar() {
-    this.allModes = h("select", { class: "command", "aria-label": "Control mode of all joints shown", onchange: () => this.setAll() });
-    this.liveSwitch = h("button", { type: "button", role: "switch", class: "switch command", "aria-checked": "false", "aria-label": "Live: send while a slider moves", title: "Send while a slider moves, not only when it is let go", onclick: () => this.setLive(!this.live) }, h("span", { class: "knob" }), "Live");
-    this.idle = h("button", { type: "button", class: "command", "aria-label": "All joints shown to idle: no power", onclick: () => this.each("mode", { mode: "idl" }) }, "Idle all");
+    this.allModes = h("select", { class: "command", "aria-label": "Control mode of all joints shown" });
+    chooseOnce(this.allModes, (mode) => this.setAll(mode), () => "");
+    this.liveSwitch = h("button", { type: "button", role: "switch", class: "switch command", "aria-checked": "false", "aria-label": "Live: send while a slider moves", title: "Send while a slider moves, not only when it is let go; long ways are not asked about", onclick: () => this.setLive(!this.live) }, h("span", { class: "knob" }), "Live");
+    this.idle = h("button", { type: "button", class: "command", "aria-label": "All joints shown to idle: no power", onclick: () => this.setAll("idl") }, "Idle all");
     this.calibrateAll = h("button", { type: "button", class: "command", "aria-label": "Calibrate all joints shown", onclick: () => this.each("calibrate", {}) }, "Calibrate all");
     this.rate = h("span", { class: "rate", title: "States shown per second" });
-    $("toolbar").append(h("label", { class: "all" }, "All to", this.allModes), this.idle, this.calibrateAll, h("span", { class: "space" }), this.rate, this.liveSwitch);
+    const above = h("input", { class: "number", type: "number", min: "0", max: "360", step: "5", "aria-label": "Ask before ways longer than this, degrees",
+      onchange: () => { this.askAbove = Math.max(Number(above.value) || 0, 0); localStorage.setItem("ask above", String(this.askAbove)); } });
+    above.value = String(this.askAbove);
+    $("toolbar").append(this.layout.choice, h("label", { class: "all" }, "All to", this.allModes), this.idle, this.calibrateAll, h("span", { class: "space" }), this.rate, h("label", { class: "all", title: "A tap or a typed number that leads further asks first; 50 mm where a joint slides at 15°" }, "Ask above", above, "°"), this.liveSwitch);
   }
 
   drawAllModes() {
@@ -174,10 +232,13 @@ class Panel {
     this.allModes.replaceChildren(h("option", { value: "" }, "mode …"), ...common.map((code) => h("option", { value: code }, MODES[code] ?? code)));
   }
 
-  setAll() {
-    const mode = this.allModes.value;
+  async setAll(mode) {
     this.allModes.value = "";
-    if (mode) this.each("mode", { mode });
+    if (!mode) return;
+    const falls = this.cards.map(({ joint }) => [joint.short, whatFalls(joint, mode)]).filter(([, why]) => why);
+    const words = falls.slice(0, 3).map(([short, why]) => `${short}: ${why}`).join(" ") + (falls.length > 3 ? ` And ${falls.length - 3} more.` : "");
+    if (falls.length && !await this.questions.ask(`All joints shown to ${MODES[mode] ?? mode}? ${words}`, "Set all")) return;
+    this.each("mode", { mode });
   }
 
   each(what, fields) {
@@ -199,21 +260,16 @@ class Panel {
     });
   }
 
-  drawTheme() {
-    const wanted = localStorage.getItem("theme");
-    const dark = wanted ? wanted === "dark" : !matchMedia("(prefers-color-scheme: light)").matches;
-    document.documentElement.dataset.theme = dark ? "dark" : "light";
-    $("theme").replaceChildren(icon(dark ? "sun" : "moon"));
-    $("theme").setAttribute("aria-label", dark ? "Light colours" : "Dark colours");
-    $("theme").onclick = () => {
-      localStorage.setItem("theme", dark ? "light" : "dark");
-      this.drawTheme();
-      this.plots.rebuild();
-      this.view?.recolour();
-    };
+  /** The first state is on the screen: now there is time for the view in 3D. */
+  begun() {
+    this.seen = performance.mark("first state shown");
+    this.openView();
   }
 
   async openView() {
+    clearTimeout(this.opening);
+    if (this.viewed) return;
+    this.viewed = true;
     try {
       const { View } = await import("./view.js");
       this.view = new View($("view"), this);
@@ -224,19 +280,20 @@ class Panel {
   }
 
   frame() {
+    requestAnimationFrame(() => this.frame()); // first: what one board does wrong ends no drawing
     const now = performance.now();
+    model.pass(now - this.framed);
+    this.framed = now;
     for (const card of this.cards) card.draw();
     if (now - this.written >= WRITE_EVERY) {
       this.written = now;
       for (const card of this.cards) card.write();
+      if (!this.seen && this.cards.some((card) => card.joint.state)) this.begun();
       this.banners.tick();
+      this.recording.tick();
       this.plots.draw();
-      const [board] = this.shownBoards();
-      const stale = board && board.heard && now - board.heard > 1000;
-      document.body.classList.toggle("stale", Boolean(stale));
     }
-    this.view?.draw(this.shownBoards());
-    requestAnimationFrame(() => this.frame());
+    try { this.view?.draw(this.shownBoards()); } catch (error) { this.view.fail(error); }
   }
 }
 

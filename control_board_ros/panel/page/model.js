@@ -6,12 +6,17 @@ import { shortNames } from "./units.js";
 const SIGNALS = ["position", "velocity", "torque", "position_reference", "velocity_reference",
   "torque_reference", "output", "current", "temperature"];
 
+const SILENT = 800; // ms without a state after which a board counts as gone
+const DRAWN = 150; // ms that a frame of the page counts for at most
+
 /** One joint, with what is known of it. */
 class Joint {
   constructor(board, index, name, short) {
     Object.assign(this, { board, index, name, short, key: `${board.name} ${name}`, mode: "", interaction: "", fault: null,
-      state: null, target: null, modes: [], interactions: [], kind: "", limits: {}, speed: null });
+      state: null, target: null, proposed: null, modes: [], interactions: [], kind: "", limits: {}, speed: null });
   }
+  /** The target of the move that runs, of whoever began it; null where none does, or it is not known yet. */
+  get goal() { return this.state && !this.state.motion_done ? this.target : null; }
   get sliding() { return this.kind === "prismatic"; }
   get lower() { return this.limits.lower ?? -Math.PI; }
   get upper() { return this.limits.upper ?? Math.PI; }
@@ -20,7 +25,18 @@ class Joint {
 
 class Board {
   constructor(name, number) {
-    Object.assign(this, { name, number, joints: [], info: null, stamp: 0, faults: [], heard: 0 });
+    Object.assign(this, { name, number, joints: [], info: null, stamp: 0, faults: [], heard: 0, interval: 0, quiet: 0 });
+  }
+  /** A state came, ms of the page. */
+  hear(now) {
+    if (this.heard) this.interval += 0.1 * (Math.min(now - this.heard, 1000) - this.interval);
+    this.heard = now;
+    this.quiet = 0;
+  }
+  /** Seconds without a state, where that is long for a board that lives; else 0. */
+  get silence() {
+    if (!this.heard || this.quiet <= Math.max(SILENT, 4 * this.interval)) return 0;
+    return (performance.now() - this.heard) / 1000;
   }
   get space() { return this.name.slice(0, this.name.lastIndexOf("/")); }
   get title() { return this.name.replace(/^\//, ""); }
@@ -47,9 +63,7 @@ export class Model extends EventTarget {
     connection.on("info", (m) => this.withBoard(m.board, (board) => this.setInfo(board, m)));
     connection.on("modes", (m) => this.withBoard(m.board, (board) => this.setModes(board, m)));
     connection.on("faults", (m) => this.withBoard(m.board, (board) => this.setFaults(board, m.faults)));
-    connection.on("targets", (m) => this.withBoard(m.board, (board) => {
-      board.joints.forEach((joint, k) => { joint.target = m.targets[k] ?? null; });
-    }));
+    connection.on("targets", (m) => this.withBoard(m.board, (board) => this.setTargets(board, m.targets)));
     connection.on("frame", ({ number, state }) => this.setState(number, state));
     connection.on("closed", () => { this.you = null; this.operator = { holder: null, asking: null, browsers: {} }; this.emit("operator"); });
   }
@@ -58,6 +72,9 @@ export class Model extends EventTarget {
   on(name, listener) { this.addEventListener(name, (event) => listener(event.detail)); }
 
   get mayOperate() { return this.you !== null && this.you === this.operator.holder; }
+
+  /** The page has drawn for so many ms: what it did not draw it did not hear either, and is no board's silence. */
+  pass(ms) { for (const board of this.boards.values()) board.quiet += Math.min(ms, DRAWN); }
 
   withBoard(name, change) {
     const board = this.boards.get(name) ?? this.hidden.get(name) ?? new Board(name, -1);
@@ -83,8 +100,8 @@ export class Model extends EventTarget {
     const renamed = board.rename(info.names);
     board.info = info;
     board.joints.forEach((joint, k) => {
-      joint.modes = info.control[k];
-      joint.interactions = info.interaction[k];
+      joint.modes = info.control[k] ?? [];
+      joint.interactions = info.interaction[k] ?? [];
       joint.kind = info.kinds[k];
       joint.maxStiffness = info.max_stiffness[k];
       joint.maxDamping = info.max_damping[k];
@@ -108,22 +125,40 @@ export class Model extends EventTarget {
     this.emit("faults", board);
   }
 
+  setTargets(board, targets) {
+    for (const shown of [board, ...this.partsOf(board)]) {
+      for (const joint of shown.joints) {
+        const k = board.joints.findIndex((other) => other.name === joint.name);
+        joint.target = targets[k] ?? null;
+      }
+    }
+  }
+
   setState(number, state) {
     const board = [...this.boards.values()].find((b) => b.number === number);
     if (!board) return;
-    if (board.rename(state.names)) this.emit("boards");
     const states = state.names.map((_, k) => {
       const one = { motion_done: state.motion_done[k], rejected: state.rejected_commands[k], calibrated: state.calibrated[k] };
       for (const signal of SIGNALS) one[signal] = state[signal][k];
       return one;
     });
     const places = new Map(state.names.map((name, k) => [name, k]));
+    let begun = false;
     for (const shown of [board, ...this.partsOf(board)]) {
       shown.stamp = state.stamp;
-      shown.heard = performance.now();
-      for (const joint of shown.joints) joint.state = states[places.get(joint.name)];
+      shown.hear(performance.now());
+      for (const joint of shown.joints) {
+        const now = states[places.get(joint.name)];
+        if (!now) continue; // its state names others than its modes do
+        if (!now.motion_done && (joint.state?.motion_done ?? true)) {
+          joint.target = null; // of an earlier move
+          begun = true;
+        }
+        joint.state = now;
+      }
       this.emit("state", shown);
     }
+    if (begun) this.emit("move", board);
   }
 
   /** The boards that a robot's own board repeats, all of them; none of any other board. */
@@ -146,6 +181,23 @@ export class Model extends EventTarget {
       left = left.filter((board) => !parts.includes(board));
     }
     return [...found, ...left];
+  }
+
+  /** Boards as the robot has its parts, its own board behind them; others by name. */
+  inOrder(boards) {
+    const wholes = [...this.boards.values()].filter((board) => this.partsOf(board).length);
+    const place = (board) => {
+      const whole = wholes.find((other) => other.space === board.space);
+      if (!whole || !board.joints.length) return board === whole ? 1e6 : 0;
+      return board === whole ? 1e6 : whole.joints.findIndex((joint) => joint.name === board.joints[0].name);
+    };
+    return [...boards].sort((a, b) => a.space.localeCompare(b.space) || place(a) - place(b) || a.name.localeCompare(b.name));
+  }
+
+  /** A board's name, without what all boards begin with. */
+  titleOf(board) {
+    const one = [...this.boards.values()].every((other) => other.space === board.space);
+    return one && this.boards.size > 1 ? board.name.slice(board.space.length + 1) : board.title;
   }
 
   /** Boards that are no sum of others: a robot's own node repeats its parts. */

@@ -1,19 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // Modes for people: names, colours (in style.css, by code), what each takes, why nothing moves.
 
-export const MODES = {
+import { quantity } from "./units.js";
+
+/** A table of words: a code of a stranger, "constructor" or "__proto__", finds nothing in it. */
+const table = (words) => Object.assign(Object.create(null), words);
+
+export const MODES = table({
   pos: "Position", posd: "Position direct", vel: "Velocity", mix: "Mixed", torq: "Torque",
   open: "Open loop", idl: "Idle", hwfa: "Hardware fault", cal: "Calibrating", cfgn: "Not configured",
-};
-export const INTERACTIONS = { stif: "Stiff", comp: "Compliant" };
+});
+export const INTERACTIONS = table({ stif: "Stiff", comp: "Compliant" });
 
 /** What a mode takes: position (a slider that sends), or a hold (acts while held). */
-export const TAKES = {
+export const TAKES = table({
   pos: ["position"], posd: ["direct"], mix: ["position", "velocity"], vel: ["velocity"],
   torq: ["torque"], open: ["output"],
-};
+});
 
-const WHY = {
+const WHY = table({
   idl: "Idle: no power. Choose a mode to hold the joint.",
   hwfa: "In fault: no power. Clear the fault first.",
   cal: "Calibrating: commands wait until it is done.",
@@ -21,12 +26,28 @@ const WHY = {
   vel: "Velocity is zero. Hold the slider to move.",
   torq: "Torque control: the joint follows its load until the slider is held.",
   open: "Output is 0 %: nothing drives the joint until the slider is held.",
-};
+});
+
+const CARRIES = 0.02; // share of the torque limit: a joint under less neither falls nor runs
+const FREE = table({
+  idl: (load) => `Without power it falls: it carries ${load}.`,
+  torq: (load) => `In torque control nothing holds its place: it keeps ${load}, and runs when its load changes.`,
+  open: (load) => `At an output of 0 % it falls: it carries ${load}.`,
+});
+
+/** What a change of mode lets go of: a sentence, or nothing where the joint stays. */
+export function whatFalls(joint, mode) {
+  const { state } = joint;
+  if (!state || !FREE[mode] || mode === joint.mode || !(joint.mode in TAKES)) return "";
+  if (Math.abs(state.torque) <= CARRIES * (joint.limits.torque ?? 0)) return "";
+  return FREE[mode](quantity(state.torque, "torque", joint.sliding));
+}
 
 /** Why a joint does not move now, or that a move is under way; empty where there is nothing to say. */
 export function whyStill(joint) {
   const { mode, state } = joint;
   if (!state) return "Waiting for its state.";
+  if (joint.board.silence) return `No state for ${joint.board.silence.toFixed(1)} s: the board does not answer.`;
   if (!state.calibrated) return "Uncalibrated: calibrate the joint first.";
   if (mode === "vel" && Math.abs(state.velocity_reference) > 1e-4) return "";
   if (mode === "open" && Math.abs(state.output) > 0.05) return "";

@@ -5,8 +5,15 @@ import { download, h, icon, segmented } from "./dom.js";
 import { LABELS, unitOf } from "./units.js";
 
 const WINDOWS = { 5: "5 s", 20: "20 s", 60: "60 s" };
-const HEIGHT = 150;
+const HEIGHT = 150; // px
 const MOST = 12; // signals
+const BESIDE = { position: "position_reference", velocity: "velocity_reference", torque: "torque_reference" }; // drawn with it, dashed
+// Modes in which there is such a reference: else there is none to draw.
+const FOLLOWS = {
+  position: (mode) => ["pos", "posd", "mix", "vel"].includes(mode),
+  velocity: (mode) => ["pos", "mix", "vel"].includes(mode),
+  torque: (mode) => mode === "torq",
+};
 const COLOURS = ["#4c9be8", "#e8964c", "#5cba7d", "#d8636f", "#a884e0", "#c9b23e", "#45b5bd", "#d77fb8", "#8f9aa8", "#b08357", "#6f86f0", "#7fae3c"];
 
 // The span that a chart has at least, by unit: noise stays small.
@@ -47,6 +54,20 @@ export class Plots {
     if (signal) for (const { joint } of this.panel.cards.slice(0, MOST)) if (!this.find(joint, signal)) this.add(joint, signal);
   }
 
+  /** The boards whose signals are plotted, shown or not: they are heard, too. */
+  get boards() {
+    const { model } = this.panel;
+    return [...new Set(this.signals.map((s) => model.boards.get(s.board)))].filter(Boolean);
+  }
+
+  /** A joint and a signal for people; with the board, where there are several. */
+  nameOf(s) {
+    const { model } = this.panel;
+    const board = model.boards.get(s.board);
+    const of = this.boards.length > 1 && board ? `${model.titleOf(board)} ` : "";
+    return `${of}${s.joint.short} ${LABELS[s.signal].toLowerCase()}`;
+  }
+
   find(joint, signal) { return this.signals.find((s) => s.joint.key === joint.key && s.signal === signal); }
 
   toggle(joint, signal) {
@@ -57,13 +78,14 @@ export class Plots {
   add(joint, signal) {
     if (this.signals.length >= MOST) this.signals.shift();
     const used = new Set(this.signals.map((s) => s.colour));
-    this.signals.push({ joint, board: joint.board.name, signal, colour: COLOURS.find((c) => !used.has(c)) ?? COLOURS[0], times: [], values: [] });
+    this.signals.push({ joint, board: joint.board.name, signal, colour: COLOURS.find((c) => !used.has(c)) ?? COLOURS[0], times: [], values: [], beside: BESIDE[signal] ?? null, references: [] });
     this.rebuild();
+    this.panel.watch();
   }
 
-  remove(signal) { this.signals = this.signals.filter((s) => s !== signal); this.rebuild(); }
+  remove(signal) { this.signals = this.signals.filter((s) => s !== signal); this.rebuild(); this.panel.watch(); }
 
-  clear() { this.signals = []; this.rebuild(); }
+  clear() { this.signals = []; this.rebuild(); this.panel.watch(); }
 
   pause(paused) {
     this.paused = paused;
@@ -77,13 +99,15 @@ export class Plots {
     if (this.paused) return;
     for (const s of this.signals) {
       if (s.board !== board.name) continue;
-      const value = board.joint(s.joint.name)?.state?.[s.signal];
-      if (s.times.length && board.stamp < s.times.at(-1)) { s.times.length = 0; s.values.length = 0; }
+      const state = board.joint(s.joint.name)?.state;
+      const known = (value) => (Number.isFinite(value) ? value : null);
+      if (s.times.length && board.stamp < s.times.at(-1)) s.times.length = s.values.length = s.references.length = 0;
       if (board.stamp === s.times.at(-1)) continue;
       s.times.push(board.stamp);
-      s.values.push(Number.isFinite(value) ? value : null);
+      s.values.push(known(state?.[s.signal]));
+      if (s.beside) s.references.push(FOLLOWS[s.signal](s.joint.mode) ? known(state?.[s.beside]) : null);
       this.dirty = true;
-      if (s.times[0] < board.stamp - 90) { s.times.splice(0, 300); s.values.splice(0, 300); }
+      if (s.times[0] < board.stamp - 90) for (const kept of [s.times, s.values, s.references]) kept.splice(0, 300);
     }
   }
 
@@ -99,11 +123,11 @@ export class Plots {
     this.legend.replaceChildren(...this.signals.map((s) => {
       const dot = h("span", { class: "dot" });
       dot.style.background = s.colour;
-      const name = `${s.joint.short} ${LABELS[s.signal].toLowerCase()}`;
-      return h("li", {}, dot, h("span", {}, name), h("button", { type: "button", class: "ghost", "aria-label": `Remove ${name} from the plots`, onclick: () => this.remove(s) }, icon("close")));
+      const name = this.nameOf(s);
+      return h("li", {}, dot, h("span", {}, name, s.beside ? h("span", { class: "beside" }, "– – reference") : null), h("button", { type: "button", class: "ghost", "aria-label": `Remove ${name} from the plots`, onclick: () => this.remove(s) }, icon("close")));
     }));
     for (const button of [this.png, this.csv, this.clearButton, this.pauseButton]) button.disabled = !this.signals.length;
-    if (!this.signals.length) this.body.replaceChildren(h("p", { class: "hint" }, "Double-click a value of a joint to plot it."));
+    if (!this.signals.length) this.body.replaceChildren(h("p", { class: "hint" }, "Press a value of a joint to plot it, with its reference beside it."));
     this.dirty = true;
   }
 
@@ -118,9 +142,9 @@ export class Plots {
       scales: { x: { time: false }, y: { range: (_, low, high) => wide(low, high, LEAST[unit] ?? 1) } },
       axes: [{ ...axis, size: 26, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} s`.replace("-", "−"))) },
         { ...axis, size: 54, label: unit, labelSize: 14, labelFont: "11px system-ui, sans-serif", labelGap: 0 }],
-      series: [{}, ...signals.map((s) => ({ label: `${s.joint.short} ${s.signal}`, stroke: s.colour, width: 1.6, points: { show: false }, spanGaps: true }))],
+      series: [{}, ...curves(signals).map(({ s, reference }) => ({ label: this.nameOf(s), stroke: s.colour, width: reference ? 1.1 : 1.6, dash: reference ? [5, 4] : undefined, points: { show: false }, spanGaps: !reference }))],
       plugins: [{ hooks: { setCursor: [(plot) => this.readout(plot, unit, signals)] } }],
-    }, [[], ...signals.map(() => [])], this.body);
+    }, [[], ...curves(signals).map(() => [])], this.body);
   }
 
   readout(plot, unit, signals) {
@@ -130,9 +154,9 @@ export class Plots {
     box.hidden = idx === null || idx === undefined;
     if (box.hidden) return;
     const time = plot.data[0][idx];
-    box.replaceChildren(h("div", { class: "t" }, `${time?.toFixed(2)} s`), ...signals.map((s, k) => {
+    box.replaceChildren(h("div", { class: "t" }, `${time?.toFixed(2)} s`), ...curves(signals).map(({ s, reference }, k) => {
       const value = plot.data[k + 1][idx];
-      const row = h("div", {}, `${s.joint.short}: ${value === null || value === undefined ? "–" : value.toFixed(unitOf(s.signal, s.joint.sliding)[2] + 1)} ${unit}`);
+      const row = h("div", {}, `${reference ? "– –" : this.nameOf(s)}: ${value === null || value === undefined ? "–" : value.toFixed(unitOf(s.signal, s.joint.sliding)[2] + 1)} ${unit}`);
       row.style.color = s.colour;
       return row;
     }));
@@ -143,16 +167,24 @@ export class Plots {
   draw() {
     if (!this.dirty || document.hidden) return;
     this.dirty = false;
-    const now = Math.max(...this.signals.map((s) => s.times.at(-1) ?? 0));
     for (const { signals, plot } of this.charts) {
       const tables = signals.map((s) => {
         const factor = unitOf(s.signal, s.joint.sliding)[0];
-        const first = Math.max(s.times.findIndex((t) => t >= now - this.window), 0);
-        return [s.times.slice(first).map((t) => t - now), s.values.slice(first).map((v) => (v === null ? null : v * factor))];
+        const { times, columns } = this.seen(s);
+        return [times, ...columns.map((column) => column.map((v) => (v === null ? null : v * factor)))];
       });
       const data = tables.length === 1 ? tables[0] : window.uPlot.join(tables);
       plot.batch(() => { plot.setData(data, false); plot.setScale("x", { min: -this.window, max: 0 }); });
     }
+  }
+
+  /** What is on the screen of a signal: times before its board's last state, s; its values, and those of its reference. */
+  seen(s) {
+    const now = Math.max(...this.signals.filter((other) => other.board === s.board).map((other) => other.times.at(-1) ?? -Infinity));
+    const found = s.times.findIndex((t) => t >= now - this.window);
+    const first = found < 0 ? s.times.length : found;
+    const columns = s.beside ? [s.values, s.references] : [s.values];
+    return { times: s.times.slice(first).map((t) => t - now), columns: columns.map((column) => column.slice(first)) };
   }
 
   resize() {
@@ -176,13 +208,26 @@ export class Plots {
     whole.toBlob((picture) => download("plots.png", picture));
   }
 
-  /** In the board's units: rad, rad/s, N·m, %, A, °C. */
+  /** What is seen, in the boards' units: rad, rad/s, N·m, %, A, °C; time 0 is a board's last state. */
   saveTable() {
-    const times = [...new Set(this.signals.flatMap((s) => s.times))].sort((a, b) => a - b);
-    const columns = this.signals.map((s) => new Map(s.times.map((t, k) => [t, s.values[k]])));
+    const names = [];
+    const columns = [];
+    for (const s of this.signals) {
+      const { times, columns: seen } = this.seen(s);
+      const of = this.boards.length > 1 ? `${s.board}/` : "";
+      [s.signal, s.beside].slice(0, seen.length).forEach((signal, k) => {
+        names.push(`${of}${s.joint.name}.${signal}`);
+        columns.push(new Map(times.map((t, n) => [t.toFixed(6), seen[k][n]])));
+      });
+    }
+    const times = [...new Set(columns.flatMap((column) => [...column.keys()]))].sort((a, b) => a - b);
     const quoted = (text) => (/[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
-    const head = ["time", ...this.signals.map((s) => quoted(`${s.joint.name}.${s.signal}`))];
-    const rows = times.map((t) => [t.toFixed(6), ...columns.map((c) => c.get(t) ?? "")].join());
-    download("plots.csv", [head.join(), ...rows, ""].join("\n"), "text/csv");
+    const rows = times.map((t) => [t, ...columns.map((c) => c.get(t) ?? "")].join());
+    download("plots.csv", [["time", ...names.map(quoted)].join(), ...rows, ""].join("\n"), "text/csv");
   }
+}
+
+/** The curves of a chart: each signal, and behind it its reference where it has one. */
+function curves(signals) {
+  return signals.flatMap((s) => (s.beside ? [{ s, reference: false }, { s, reference: true }] : [{ s, reference: false }]));
 }

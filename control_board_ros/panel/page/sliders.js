@@ -1,11 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sliders: one that sends a position when it is let go, and one that acts only while it is held.
 
-import { h, icon } from "./dom.js";
+import { h, icon, toast } from "./dom.js";
 import { inDegrees, number, parse, quantity, unitOf } from "./units.js";
 
 const LIVE_EVERY = 50; // ms between positions in live mode
 const CONFIRM_EVERY = 60; // ms between words that a control is still held
+const SENT = 1200; // ms that a value which was sent shows, until the board's target does
+const HANDLE = 16; // px across the handle of a slider; what is pressed further away is the track
+const TOUCH_DELAY = 150; // ms that a finger rests on a button before it acts: scrolling is no press
+const SLIP = 8; // px that it may move meanwhile
 
 const percent = (value, lower, upper) => `${(100 * Math.min(Math.max((value - lower) / (upper - lower), 0), 1)).toFixed(2)}%`;
 
@@ -15,26 +19,58 @@ function range(label, lower, upper, step) {
   return input;
 }
 
-/** A slider for positions, with marks for measurement and target. */
+/** A handle that a finger drags; cancelled by scrolling, by the system, by leaving the page. */
+function dragHandle(handle, input, { begin, move, end, cancel }) {
+  let finger = null;
+  const value = (event) => {
+    const box = handle.parentElement.getBoundingClientRect();
+    const [low, high] = [Number(input.min), Number(input.max)];
+    return low + (high - low) * Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
+  };
+  handle.addEventListener("pointerdown", (event) => {
+    if (input.disabled || finger !== null) return;
+    finger = event.pointerId;
+    handle.setPointerCapture(finger);
+    begin();
+  });
+  handle.addEventListener("pointermove", (event) => { if (event.pointerId === finger) move(value(event)); });
+  handle.addEventListener("pointerup", (event) => { if (event.pointerId === finger) { finger = null; end(); } });
+  for (const name of ["pointercancel", "lostpointercapture"]) {
+    handle.addEventListener(name, (event) => { if (event.pointerId === finger) { finger = null; cancel(); } });
+  }
+}
+
+/** A slider for positions, with marks for measurement and target. On touch screens only its handle moves it. */
 export class PositionSlider {
-  constructor(joint, { send, isLive }) {
-    Object.assign(this, { joint, send, isLive, dragging: false, sentAt: 0 });
+  constructor(joint, { send, isLive, ask }) {
+    Object.assign(this, { joint, send, isLive, ask, dragging: false, onHandle: false, voided: false, sentAt: -Infinity });
     this.measured = h("span", { class: "mark measured", title: "measured" });
     this.target = h("span", { class: "mark target", title: "target" });
     this.fill = h("span", { class: "fill" });
     this.input = range(`Position reference of ${joint.short}`, 0, 1, 0.001);
+    this.handle = h("span", { class: "handle", "aria-hidden": "true" });
     this.lower = h("span", { class: "limit" });
     this.upper = h("span", { class: "limit" });
     this.box = h("input", { class: "number command", type: "text", inputmode: "decimal", autocomplete: "off",
       "aria-label": `Position reference of ${joint.short}, typed; Enter sends` });
     this.element = h("div", { class: "slider" }, this.lower,
-      h("div", { class: "track" }, this.fill, this.target, this.measured, this.input), this.upper, this.box);
+      h("div", { class: "track" }, this.fill, this.target, this.measured, this.input, this.handle), this.upper, this.box);
+    this.input.addEventListener("pointerdown", (event) => this.begin(Math.abs(event.clientX - this.handleAt()) <= HANDLE));
+    this.input.addEventListener("pointercancel", () => this.drop());
+    this.input.addEventListener("keydown", () => this.begin(false));
     this.input.addEventListener("input", () => this.moved());
-    this.input.addEventListener("change", () => { this.dragging = false; this.give(Number(this.input.value)); });
+    this.input.addEventListener("change", () => { if (this.dragging) this.released(); });
+    dragHandle(this.handle, this.input, {
+      begin: () => this.begin(true),
+      move: (value) => { this.input.value = String(value); this.moved(); },
+      end: () => { if (this.dragging) this.released(); },
+      cancel: () => this.drop(),
+    });
     this.box.addEventListener("keydown", (event) => {
-      if (event.key === "Enter") this.typed();
+      if (event.key === "Enter") { event.preventDefault(); this.typed(); } // it must not answer the question, too
       if (event.key === "Escape") this.box.blur();
     });
+    this.box.addEventListener("input", () => this.box.classList.remove("wrong"));
     this.box.addEventListener("focus", () => this.box.select());
     this.layout();
   }
@@ -48,40 +84,94 @@ export class PositionSlider {
     this.upper.textContent = joint.endless ? "∞" : number(joint.upper, "position", joint.sliding).replace(/\.0$/, "");
   }
 
+  /** Where the handle is on the screen, px. */
+  handleAt() {
+    const box = this.input.getBoundingClientRect();
+    const { lower, upper } = this.joint;
+    return box.left + HANDLE / 2 + (box.width - HANDLE) * Math.min(Math.max((this.shown - lower) / (upper - lower), 0), 1);
+  }
+
+  /** A pointer or a key begins anew; whether it has the handle. */
+  begin(onHandle) { Object.assign(this, { onHandle, voided: false }); }
+
   moved() {
+    if (this.voided) { this.draw(); return; }
     this.dragging = true;
     const value = Number(this.input.value);
     this.input.setAttribute("aria-valuetext", quantity(value, "position", this.joint.sliding));
     this.box.value = number(value, "position", this.joint.sliding);
-    if (this.isLive() && performance.now() - this.sentAt > LIVE_EVERY) this.give(value);
+    this.joint.proposed = value;
+    if (this.isLive() && performance.now() - this.sentAt > LIVE_EVERY) this.give(value, true);
+  }
+
+  /** Let go: a long way that a drag of the handle did not show asks first. */
+  released() {
+    this.dragging = false;
+    this.joint.proposed = null;
+    const value = Number(this.input.value);
+    if (this.onHandle || this.isLive()) this.give(value, this.isLive());
+    else this.asked(value);
   }
 
   typed() {
-    const value = parse(this.box.value, "position", this.joint.sliding);
-    if (value === null) { this.box.classList.add("wrong"); return; }
-    this.box.classList.remove("wrong");
-    this.box.blur();
-    this.give(value);
+    const { joint } = this;
+    const value = parse(this.box.value, "position", joint.sliding);
+    const range = [joint.lower, joint.upper].map((end) => quantity(end, "position", joint.sliding)).join(" to ");
+    if (value === null) {
+      this.wrong(`${joint.short}: "${this.box.value}" is no position; type a number${joint.sliding ? ", mm or m" : ", deg or rad"}`);
+    } else if (!joint.endless && (value < joint.lower - 1e-9 || value > joint.upper + 1e-9)) {
+      this.wrong(`${joint.short}: ${quantity(value, "position", joint.sliding)} is outside its limits, ${range}; nothing was sent`);
+    } else {
+      this.box.classList.remove("wrong");
+      this.box.blur();
+      this.asked(value);
+    }
   }
 
-  give(value) {
+  wrong(text) {
+    this.box.classList.add("wrong");
+    toast(text, true);
+  }
+
+  async asked(value) {
+    this.joint.proposed = value;
+    const yes = await this.ask(value);
+    this.joint.proposed = null;
+    if (yes) this.give(value);
+    else this.drop();
+  }
+
+  give(value, live = false) {
     this.sentAt = performance.now();
-    this.send(value);
+    this.send(value, live);
+  }
+
+  /** What was begun here is void: nothing is sent, and the board's target shows again. */
+  drop() {
+    this.dragging = false;
+    this.voided = true; // also what a pointer that is still down goes on to choose
+    this.sentAt = -Infinity;
+    this.joint.proposed = null;
+    this.draw();
   }
 
   draw() {
     const { joint } = this;
     if (!joint.state) return;
     const { lower, upper } = joint;
-    const following = joint.mode === "pos" || joint.mode === "mix" ? joint.target : null;
-    const target = following ?? joint.state.position_reference;
-    this.measured.style.left = percent(joint.state.position, lower, upper);
+    const { position } = joint.state;
+    const target = joint.goal ?? position;
+    this.measured.style.left = percent(position, lower, upper);
     this.target.style.left = percent(target, lower, upper);
-    this.fill.style.left = percent(Math.min(joint.state.position, target), lower, upper);
-    this.fill.style.right = `calc(100% - ${percent(Math.max(joint.state.position, target), lower, upper)})`;
-    if (this.dragging || performance.now() - this.sentAt < 1200) return;
-    this.input.value = String(target);
-    if (document.activeElement !== this.box) this.box.value = number(target, "position", joint.sliding);
+    this.fill.style.left = percent(Math.min(position, target), lower, upper);
+    this.fill.style.right = `calc(100% - ${percent(Math.max(position, target), lower, upper)})`;
+    const held = this.dragging || joint.proposed !== null || performance.now() - this.sentAt < SENT;
+    if (!held) {
+      this.shown = target;
+      this.input.value = String(target);
+      if (document.activeElement !== this.box) this.box.value = number(target, "position", joint.sliding);
+    } else this.shown = Number(this.input.value);
+    this.handle.style.left = percent(this.shown, lower, upper);
   }
 }
 
@@ -99,8 +189,15 @@ export class HoldSlider {
     this.minus = this.button(-1, `${label} of ${joint.short} down, while held`, "left");
     this.plus = this.button(1, `${label} of ${joint.short} up, while held`, "right");
     this.unit = h("span", { class: "limit" });
+    this.handle = h("span", { class: "handle", "aria-hidden": "true" });
     this.element = h("div", { class: "slider hold" }, this.minus,
-      h("div", { class: "track" }, this.zero, this.measured, this.input), this.plus, this.box, this.unit);
+      h("div", { class: "track" }, this.zero, this.measured, this.input, this.handle), this.plus, this.box, this.unit);
+    dragHandle(this.handle, this.input, {
+      begin: () => { this.pressed = true; },
+      move: (value) => this.begin(value, this.handle),
+      end: () => this.end(this.handle),
+      cancel: () => this.end(this.handle),
+    });
     this.input.addEventListener("pointerdown", () => { this.pressed = true; });
     this.input.addEventListener("input", () => { if (this.pressed) this.begin(Number(this.input.value), this.input); });
     this.input.addEventListener("keydown", (event) => this.key(event));
@@ -135,7 +232,7 @@ export class HoldSlider {
   button(direction, label, shape) {
     const button = h("button", { type: "button", class: "jog command", "aria-label": label, title: "acts while held" }, icon(shape));
     const start = () => this.begin(this.rest() + direction * this.typed(), button);
-    button.addEventListener("pointerdown", (event) => { button.setPointerCapture(event.pointerId); start(); });
+    button.addEventListener("pointerdown", (event) => this.press(event, button, start));
     button.addEventListener("keydown", (event) => {
       if ((event.key === " " || event.key === "Enter") && !event.repeat) start();
     });
@@ -144,6 +241,20 @@ export class HoldSlider {
     }
     button.addEventListener("contextmenu", (event) => event.preventDefault());
     return button;
+  }
+
+  /** A mouse acts at once; a finger once it rests: one that scrolls the page commands nothing. */
+  press(event, button, start) {
+    if (event.pointerType !== "touch") { button.setPointerCapture(event.pointerId); start(); return; }
+    const rests = setTimeout(() => { settled(); button.setPointerCapture(event.pointerId); start(); }, TOUCH_DELAY);
+    const slips = (moved) => { if (Math.hypot(moved.clientX - event.clientX, moved.clientY - event.clientY) > SLIP) settled(); };
+    const settled = () => {
+      clearTimeout(rests);
+      document.removeEventListener("pointermove", slips);
+      for (const name of ["pointerup", "pointercancel"]) document.removeEventListener(name, settled);
+    };
+    document.addEventListener("pointermove", slips);
+    for (const name of ["pointerup", "pointercancel"]) document.addEventListener(name, settled);
   }
 
   typed() { return Math.abs(parse(this.box.value, this.kind, this.joint.sliding) ?? 0); }
@@ -173,7 +284,7 @@ export class HoldSlider {
 
   /** The control lets go; without one, whatever is held does. */
   end(control = this.control) {
-    if (control === this.input || control === this.control) this.pressed = false;
+    if ([this.input, this.handle, this.control].includes(control)) this.pressed = false;
     if (control !== this.control) return;
     if (!this.timer) return;
     clearInterval(this.timer);
@@ -183,12 +294,16 @@ export class HoldSlider {
     this.input.value = String(this.rest());
   }
 
+  /** What is held ends: STOP. */
+  drop() { this.end(); }
+
   draw() {
     const { joint, kind, limit } = this;
     if (!joint.state) return;
     const measured = { velocity: joint.state.velocity, torque: joint.state.torque, output: joint.state.output }[kind];
     this.measured.style.left = percent(measured, -limit, limit);
     if (!this.timer && !this.pressed) this.input.value = String(this.rest());
+    this.handle.style.left = percent(Number(this.input.value), -limit, limit);
     const shown = quantity(Number(this.input.value), kind, joint.sliding);
     if (this.input.getAttribute("aria-valuetext") !== shown) this.input.setAttribute("aria-valuetext", shown);
   }

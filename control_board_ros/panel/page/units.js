@@ -49,14 +49,21 @@ export function quantity(value, signal, sliding) {
   return `${number(value, signal, sliding)}${gap}${unit}`;
 }
 
+// Units that positions, speeds and accelerations may be typed in, in the board's.
+const GIVEN = { rad: new Map([["deg", DEGREE], ["°", DEGREE], ["rad", 1]]), m: new Map([["mm", 0.001], ["cm", 0.01], ["m", 1]]) };
+
 /** What somebody typed, in the board's unit; null where it is no number. "90deg" and "1.5rad", too. */
 export function parse(text, signal, sliding) {
   const found = /^\s*([-+−]?\d*[.,]?\d+(?:e[-+]?\d+)?)\s*(.*?)\s*$/i.exec(text);
   if (!found) return null;
   const value = Number(found[1].replace("−", "-").replace(",", "."));
-  const given = { deg: DEGREE, "°": DEGREE, "deg/s": DEGREE, "°/s": DEGREE, rad: 1, "rad/s": 1, mm: 0.001, m: 1 }[found[2]];
-  if (!Number.isFinite(value) || (found[2] && given === undefined && found[2] !== unitOf(signal, sliding)[1])) return null;
-  return value * (given ?? 1 / unitOf(signal, sliding)[0]);
+  const [factor, unit] = unitOf(signal, sliding);
+  const given = found[2];
+  if (!given || given === unit) return value / factor;
+  const [, per] = /^(?:°|rad|mm)(\/s²?|)$/.exec(unit) ?? []; // of an angle or a length: what follows its unit
+  if (per === undefined || !given.endsWith(per)) return null;
+  const scale = GIVEN[sliding ? "m" : "rad"].get(given.slice(0, given.length - per.length));
+  return scale === undefined ? null : value * scale;
 }
 
 /** Names without what all of them begin with: lbr_iiwa_joint_1 → joint_1. */

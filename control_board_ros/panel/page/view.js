@@ -6,12 +6,14 @@ import { ColladaLoader } from "three/examples/jsm/loaders/ColladaLoader.js";
 import { OBJLoader } from "three/examples/jsm/loaders/OBJLoader.js";
 import { STLLoader } from "three/examples/jsm/loaders/STLLoader.js";
 import { h, icon } from "./dom.js";
+import { Grasp } from "./grasp.js";
 import { OrbitControls } from "./vendor/OrbitControls.js";
 import URDFLoader from "./vendor/URDFLoader.js";
 
 const HIDDEN = 0.015; // rad or m: a ghost nearer than this to the robot is not drawn
 const FOLLOWING = ["pos", "posd", "mix", "vel"]; // modes with a position reference
 const EVERY = 30; // ms between drawings, at least
+const CHECK = 500; // ms between looks whether the robot is in the picture
 const SHARE = 4; // a machine that draws slowly spends one part of so many on it
 
 /** The joints that move a part. */
@@ -23,13 +25,14 @@ function jointsAbove(part) {
 
 export class View {
   constructor(element, panel) {
-    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, colours: new Map(), cost: 0 });
-    this.canvas = h("canvas", { "aria-label": "The robot in 3D: drag to turn it", tabindex: "0" });
+    Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, colours: new Map(), cost: 0, placed: false, checked: 0 });
+    this.canvas = h("canvas", { "aria-label": "The robot in 3D: drag or arrow keys turn it, + and − zoom", role: "img", tabindex: "0" });
     this.note = h("p", { class: "hint" });
     this.showGhost = true;
     this.ghostButton = h("button", { type: "button", class: "ghost", "aria-pressed": "true", "aria-label": "Show the reference as a ghost", title: "Reference as a ghost", onclick: () => this.toggleGhost() }, icon("ghost"));
-    this.fitButton = h("button", { type: "button", class: "ghost", "aria-label": "Show the whole robot", title: "Whole robot", onclick: () => this.fit() }, icon("fit"));
-    element.replaceChildren(this.canvas, h("div", { class: "view-tools" }, this.ghostButton, this.fitButton),
+    this.fitButton = h("button", { type: "button", class: "ghost", "aria-label": "Show the whole robot", title: "Reset the view", onclick: () => this.fit() }, icon("fit"));
+    this.dragButton = h("button", { type: "button", class: "ghost", "aria-pressed": "false", "aria-label": "Drag joints in the view", title: "Drag joints: sets their targets", onclick: () => this.toggleDrag() }, icon("hand"));
+    element.replaceChildren(this.canvas, h("div", { class: "view-tools" }, this.dragButton, this.ghostButton, this.fitButton),
       h("div", { class: "scale", "aria-label": "Colour: share of the torque limit" }, "torque", h("span", { class: "ramp" }), "limit"), this.note);
     this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
@@ -38,6 +41,9 @@ export class View {
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.addEventListener("change", () => { this.drawn = 0; });
+    this.controls.addEventListener("start", () => { this.placed = false; });
+    this.canvas.addEventListener("keydown", (event) => this.turn(event));
+    this.grasp = new Grasp(this);
     this.scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8f98, 1.6));
     const sun = new THREE.DirectionalLight(0xffffff, 1.9);
     sun.position.set(1.5, -2, 3);
@@ -63,12 +69,35 @@ export class View {
     this.ghostButton.setAttribute("aria-pressed", String(this.showGhost));
   }
 
+  toggleDrag() {
+    this.grasp.turn(!this.grasp.on);
+    this.dragButton.setAttribute("aria-pressed", String(this.grasp.on));
+  }
+
+  /** The arrow keys turn the view, + and − go nearer and further. */
+  turn(event) {
+    const way = this.camera.position.clone().sub(this.controls.target);
+    const round = { ArrowLeft: -0.1, ArrowRight: 0.1 }[event.key];
+    const tilt = { ArrowUp: -0.1, ArrowDown: 0.1 }[event.key];
+    const zoom = { "+": 0.9, "-": 1 / 0.9 }[event.key];
+    if (round) way.applyAxisAngle(this.camera.up, round);
+    else if (tilt) way.applyAxisAngle(new THREE.Vector3().crossVectors(this.camera.up, way).normalize(), tilt * (way.angleTo(this.camera.up) + tilt > 0.05 && way.angleTo(this.camera.up) + tilt < 3.09));
+    else if (zoom) way.multiplyScalar(zoom);
+    else return;
+    event.preventDefault();
+    this.placed = false;
+    this.camera.position.copy(this.controls.target).add(way);
+    this.controls.update();
+    this.drawn = 0;
+  }
+
   resize() {
     const { clientWidth: width, clientHeight: height } = this.element;
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    if (this.placed) this.fit();
     this.drawn = 0;
   }
 
@@ -95,8 +124,12 @@ export class View {
       };
       return loader.parse(text);
     };
-    const robot = parse((mesh) => mesh.clone(true));
-    const ghost = parse((mesh) => mesh.clone(true));
+    let robot;
+    let ghost;
+    try {
+      robot = parse((mesh) => mesh.clone(true));
+      ghost = parse((mesh) => mesh.clone(true));
+    } catch (error) { this.fail(error); return; }
     await Promise.all(loaded);
     if (key !== this.key) return;
     const pale = new THREE.MeshStandardMaterial({ color: 0x4c9be8, transparent: true, opacity: 0.28, depthWrite: false });
@@ -114,6 +147,13 @@ export class View {
     this.note.textContent = "";
     this.draw(boards, true);
     this.fit();
+  }
+
+  /** A description that cannot be drawn is left out; the rest of the page goes on. */
+  fail(error) {
+    for (const robot of [this.robot, this.ghost]) if (robot) this.scene.remove(robot);
+    this.robot = this.ghost = null;
+    this.note.textContent = `The robot's description cannot be drawn: ${String(error.message).slice(0, 200)}`;
   }
 
   /** A material for each link of a joint, which its torque colours. */
@@ -158,6 +198,22 @@ export class View {
     this.camera.position.copy(centre).addScaledVector(direction, 1.12 * radius / Math.sin(angle));
     this.controls.target.copy(centre);
     this.controls.update();
+    this.placed = true;
+    this.drawn = 0;
+  }
+
+  /** Fit again where a joint has left the picture, unless somebody has turned the view. */
+  keepInside() {
+    const now = performance.now();
+    if (!this.placed || this.grasp.held || now - this.checked < CHECK) return;
+    this.checked = now;
+    this.camera.updateMatrixWorld();
+    const place = new THREE.Vector3();
+    const outside = Object.values(this.robot.links).some((link) => {
+      link.getWorldPosition(place).project(this.camera);
+      return Math.abs(place.x) > 0.97 || Math.abs(place.y) > 0.97;
+    });
+    if (outside) this.fit();
   }
 
   draw(boards, now = false) {
@@ -170,16 +226,18 @@ export class View {
     for (const board of boards) {
       for (const joint of board.joints) {
         const { state } = joint;
-        if (!state || !this.robot.joints[joint.name]) continue;
+        if (!state || !Object.hasOwn(this.robot.joints, joint.name)) continue;
         this.robot.setJointValue(joint.name, state.position);
-        const wanted = FOLLOWING.includes(joint.mode) ? state.position_reference : state.position;
+        const wanted = joint.proposed ?? (FOLLOWING.includes(joint.mode) ? state.position_reference : state.position);
         this.ghost.setJointValue(joint.name, wanted);
         if (Math.abs(state.position - wanted) > HIDDEN) apart.add(joint.name);
         this.colour(joint);
       }
     }
-    this.ghost.visible = this.showGhost && apart.size > 0;
+    const asked = boards.some((board) => board.joints.some((joint) => joint.proposed !== null));
+    this.ghost.visible = (this.showGhost || asked) && apart.size > 0;
     for (const [part, above] of this.ghostParts) part.visible = above.some((name) => apart.has(name));
+    this.keepInside();
     this.controls.update();
     this.renderer.render(this.scene, this.camera);
   }

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rows of the table about all joints in motion at once (SPEC M9, P1, P4, P14)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .change_rows import State
+from .position_rows import Figures
+from .rig import Array, M, RefusedError, Rig, Way
+
+SEED = 17
+TRIALS = 3
+#: Part of a joint's window that a trial uses.
+USED = 0.8
+WATCHED = 2.0  # s after a change of mode
+#: Speed of the moves as a part of the joints' limits, by the figure's key.
+PARTS = {"at_30": 0.3, "at_50": 0.5, "at_100": 1.0}
+#: How long a full step is watched beyond the time that it takes, s.
+AFTER = 1.0
+
+
+def halt(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
+    """All joints at full speed, then TORQUE or COMPLIANT on all: beyond stopping, mrad (mm).
+
+    ``torq`` and ``comp``: max(0, max s − v²/(2a), −min s) over 2 s of each joint, the largest of
+    six trials, s the way since the change in the direction of motion, v the speed at the change,
+    a = limits.acceleration. Half of the trials run by VELOCITY at limits.velocity, the ramps
+    timed so that all joints reach it together; half by POSITION moves whose peak is that speed,
+    changed at their middle. Where the window is too short for that speed, the greatest that fits.
+    All joints that have the mode change in one cycle, and no command follows. ``needs``: what the
+    stop of all in v²/(2a) each takes of a joint's torque, the largest on the way; above 1 there
+    is no such stop.
+    """
+    found: dict[int, Figures] = {j: {} for j in joints}
+    for key, after in (("torq", (M.TORQUE, Way.STIFF)), ("comp", (M.POSITION, Way.COMPLIANT))):
+        able = [j for j in range(rig.board.count) if rig.has(j, *after)]
+        random = np.random.default_rng(SEED)
+        for _ in range(TRIALS):
+            signs = random.choice([-1.0, 1.0], rig.board.count)
+            for start in (_run_by_velocity, _run_by_moves):
+                start(rig, signs)
+                needs = _needs(rig)
+                for j in joints if needs is not None else ():
+                    found[j]["needs"] = max(found[j].get("needs", 0.0), float(needs[j]))
+                beyond = _beyond(rig, able, after)
+                for j in set(joints) & set(beyond):
+                    found[j][key] = max(found[j].get(key, 0.0), 1e3 * beyond[j])
+    return found
+
+
+def _needs(rig: Rig) -> Array | None:
+    """The largest |τ| over τ_limit of each joint while all brake from now with a, with friction.
+
+    None where the board has no model of its masses.
+    """
+    model = rig.board.config.model
+    if model is None:
+        return None
+    arm, now = model.arm(), rig.board.snapshot()
+    q, v, a, torque = (np.asarray(row) for row in arm.rows)
+    brake = np.sign(now.velocity) * [joint.limits.acceleration for joint in rig.joints]
+    rest = np.abs(now.velocity / brake, where=brake != 0.0, out=np.zeros(rig.board.count))
+    coulomb, viscous = np.array([(link.coulomb, link.viscous) for link in model.links]).T
+    limit = np.array([joint.limits.torque for joint in rig.joints])
+    most = np.zeros(rig.board.count)
+    for time in np.arange(0.0, rest.max(), 5.0 * rig.period):
+        past = np.minimum(time, rest)
+        q[:] = now.position + past * (now.velocity - 0.5 * brake * past)
+        v[:] = now.velocity - brake * past
+        a[:] = np.where(time < rest, -brake, 0.0)
+        arm.inverse(1.0)
+        drive = torque + coulomb * np.sign(v) + viscous * v
+        most = np.maximum(most, np.abs(drive) / limit)
+    return most
+
+
+def _beyond(rig: Rig, able: Sequence[int], after: State) -> dict[int, float]:
+    """How far each joint runs on, or sags back, after all of them change, rad or m."""
+    now = rig.board.snapshot()
+    place, speed = now.position, now.velocity
+    if after[0] is M.TORQUE:
+        rig.expect(rig.board.set_control_mode(able, after[0]))
+    rig.expect(rig.board.set_interaction_mode(able, after[1]))
+    most, least = np.zeros(rig.board.count), np.zeros(rig.board.count)
+    for _ in range(round(WATCHED / rig.period)):
+        rig.simulation.step()
+        way = np.sign(speed) * (rig.board.snapshot().position - place)
+        most, least = np.maximum(most, way), np.minimum(least, way)
+    rig.check()
+    limit = np.array([joint.limits.acceleration for joint in rig.joints])
+    beyond = np.maximum(most - speed**2 / (2.0 * limit), -least)
+    return {j: max(0.0, float(beyond[j])) for j in able}
+
+
+def _run_by_velocity(rig: Rig, signs: Array) -> None:
+    """Bring all joints to full speed in the middle of their windows, in VELOCITY."""
+    a = np.array([joint.limits.acceleration for joint in rig.joints])
+    v = np.array([joint.limits.velocity for joint in rig.joints])
+    span, middle = _windows(rig)
+    v = np.minimum(v, np.sqrt(0.5 * USED * span * a))
+    ramp, hold = v / a, 0.03
+    rig.go(**_named(middle - signs * (0.5 * v * ramp + hold * v)))
+    rig.enter(None, M.VELOCITY, Way.STIFF)
+    for cycle in range(round((ramp.max() + hold) / rig.period)):
+        due = np.flatnonzero(cycle * rig.period >= ramp.max() - ramp)
+        if cycle % 20 == 0 or due.size < rig.board.count:
+            rig.expect(rig.board.velocity_move(due, (signs * v)[due], a[due]))
+        rig.simulation.step()
+    rig.check()
+
+
+def _run_by_moves(rig: Rig, signs: Array) -> None:
+    """Bring all joints to the middle of position moves that peak at full speed there."""
+    a = np.array([joint.limits.acceleration for joint in rig.joints])
+    v = np.array([joint.limits.velocity for joint in rig.joints])
+    span, middle = _windows(rig)
+    time = float((3.1 * v / a).max())
+    way = np.minimum(time * v / 1.875, USED * span)
+    rig.go(**_named(middle - 0.5 * signs * way))
+    rig.enter(None, M.POSITION, Way.STIFF)
+    rig.expect(rig.board.position_move(None, middle + 0.5 * signs * way, way / time))
+    rig.run(0.5 * float(rig.board.get_remaining_time(None).max()))
+    rig.check()
+
+
+def moves(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
+    """Moves of all joints at once at 0.3, 0.5 and 1 of their speed limits.
+
+    ``at_30``, ``at_50``, ``at_100``: max |q − reference| of each joint from the start to 0.3 s
+    after the last arrival, mrad (mm), the largest of three moves to random places in 80 % of the
+    windows, all joints with the set speed of that part of limits.velocity. ``longer``: how much
+    longer the moves take by what the board says in its reply than each joint by itself, at most.
+    """
+    found: dict[int, Figures] = {j: {} for j in joints}
+    speeds = np.array([joint.limits.velocity for joint in rig.joints])
+    span, middle = _windows(rig)
+    for key, part in PARTS.items():
+        random = np.random.default_rng(SEED)
+        rig.go()
+        rig.enter(None, M.POSITION, Way.STIFF)
+        for _ in range(TRIALS):
+            target = middle + USED * span * random.uniform(-0.5, 0.5, rig.board.count)
+            own = np.array(
+                [
+                    float(
+                        rig.board.get_move_time(j, target[j : j + 1], part * speeds[j : j + 1])[0]
+                    )
+                    for j in range(rig.board.count)
+                ]
+            )
+            reply = rig.board.position_move(None, target, part * speeds)
+            rig.expect(reply)
+            takes = rig.board.get_remaining_time(None)
+            longer = takes / np.maximum(own, rig.period)
+            if longer.max() > 1.01 and not reply.message:
+                raise RefusedError("the moves take longer, and the reply does not say so")
+            error = _errors(rig, float(takes.max()) + 0.3)
+            for j in joints:
+                mine = found[j]
+                mine[key] = max(mine.get(key, 0.0), 1e3 * float(error[j]))
+                mine["longer"] = max(mine.get("longer", 1.0), float(longer[j]))
+    return found
+
+
+def _errors(rig: Rig, seconds: float) -> Array:
+    """Let time pass; the largest distance of each joint from its reference, rad or m."""
+    most = np.zeros(rig.board.count)
+    for _ in range(round(seconds / rig.period)):
+        rig.simulation.step()
+        now = rig.board.snapshot()
+        most = np.maximum(most, np.abs(now.position - now.position_reference))
+    rig.check()
+    rig.settle(0.5)
+    return most
+
+
+def full_steps(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
+    """Direct steps of all joints at once through 80 % of their windows, there and back, STIFF.
+
+    ``speed``: largest measured speed / limits.velocity of each joint, in three random patterns of
+    directions.
+    """
+    found: dict[int, Figures] = {j: {"speed": 0.0} for j in joints}
+    limit = np.array([joint.limits.velocity for joint in rig.joints])
+    slow = np.array([j.limits.velocity / j.limits.acceleration for j in rig.joints])
+    span, middle = _windows(rig)
+    random = np.random.default_rng(SEED)
+    seconds = min(float((USED * span / limit + slow).max()), 4.0) + AFTER
+    for _ in range(TRIALS):
+        signs = random.choice([-1.0, 1.0], rig.board.count)
+        rig.go(**_named(middle - 0.5 * USED * signs * span))
+        rig.enter(None, M.POSITION_DIRECT, Way.STIFF)
+        for way in (1.0, -1.0):
+            rig.expect(rig.board.set_position(None, middle + 0.5 * USED * way * signs * span))
+            most = np.zeros(rig.board.count)
+            for _ in range(round(seconds / rig.period)):
+                rig.simulation.step()
+                most = np.maximum(most, np.abs(rig.board.snapshot().velocity))
+            rig.check()
+            for j in joints:
+                found[j]["speed"] = max(found[j]["speed"], float(most[j] / limit[j]))
+    return found
+
+
+def _windows(rig: Rig) -> tuple[Array, Array]:
+    """Length and middle of each joint's window, shape (n,) each."""
+    span = np.array([window.span for window in rig.windows])
+    return span, np.array([window.at(0.5) for window in rig.windows])
+
+
+def _named(positions: Array) -> dict[str, float]:
+    """Positions as ``Rig.go`` takes them."""
+    return {f"j{j}": float(position) for j, position in enumerate(positions)}

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Words that may stand where an argument is typed: what Tab offers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+from .words import short_names
+
+
+class Typed(NamedTuple):
+    """A line at the cursor, and the board that it is for.
+
+    Attributes: before (the words between the verb and the one that is typed), incomplete (what is
+    typed of it), joints and poses (ask the board for its own; they may raise BoardError).
+    """
+
+    before: Sequence[str]
+    incomplete: str
+    joints: Callable[[], Sequence[str]]
+    poses: Callable[[], Sequence[str]] = tuple
+
+
+#: What an argument offers; words that do not begin with what is typed are left out by the caller.
+Offers = Callable[[Typed], Iterable[str]]
+
+
+def joints(typed: Typed) -> list[str]:
+    """Joints: by their short names, where what is typed begins one."""
+    names = typed.joints()
+    shorts = list(short_names(names).values())
+    return shorts if any(short.startswith(typed.incomplete) for short in shorts) else [*names]
+
+
+def joints_or_all(typed: Typed) -> list[str]:
+    """Joints, or ``all``."""
+    return [*joints(typed), "all"]
+
+
+def assignments(typed: Typed) -> list[str]:
+    """``JOINT=``."""
+    return [f"{joint}=" for joint in joints(typed)]
+
+
+def one_of(words: Sequence[str]) -> Offers:
+    """One of these words, and nothing after it."""
+    return lambda typed: () if typed.before else words
+
+
+def joints_then(words: Sequence[str]) -> Offers:
+    """Joints, then one of these words."""
+
+    def offered(typed: Typed) -> Sequence[str]:
+        last = [word for word in words if word.startswith(typed.incomplete)]
+        return last if typed.before and last else joints_or_all(typed)
+
+    return offered

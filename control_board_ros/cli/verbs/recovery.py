@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl clear, recover and estop."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from control_board_ros.core.reply import Answer, Reply
+
+from ..advice import advice
+from ..arguments import JOINTS, argument, several, takes
+from ..offers import one_of
+from ..output import DONE, REFUSED, conclude, note, show
+from ..reading import Rows, read_faults
+from ..session import Session
+from ..status import warn_without_power
+from ..tables import grid
+from ..words import Refused
+
+
+@several
+@takes(
+    JOINTS,
+    argument(
+        "--partial", action="store_true", help="Joints that can, also where others must wait."
+    ),
+)
+def recover(session: Session, joints: list[str], partial: bool) -> int:
+    """Leave a fault for the modes before it, where the joints are; none: all in fault."""
+    names = session.joints(joints) if joints else None
+    reply = session.client.recover(names, partial)
+    modes = {n: mode.code for n, mode in zip(reply.joints, reply.modes, strict=False)}
+    waits = dict(zip(reply.joints, reply.waits, strict=False))
+    text = "recovered: " + ", ".join(f"{name} {code}" for name, code in modes.items())
+    return conclude(session, reply, text, modes=modes, wait=waits)
+
+
+@several
+@takes(
+    argument(
+        "word",
+        nargs="?",
+        metavar="release",
+        help="release: let the stop go.",
+        offers=one_of(("release",)),
+    ),
+)
+def estop(session: Session, word: str | None) -> int:
+    """Stop every joint of the robot at once, without power; estop release lets the stop go."""
+    if word not in (None, "release"):
+        raise Refused(f"{word[:40]!r} is not valid; cbctl estop, or cbctl estop release")
+    reply = session.client.emergency_stop(word is None)
+    recover_with = f"recover with: {session.line('recover')}"
+    text = f"released; the joints are still in HW_FAULT; {recover_with}"
+    if word is None:
+        fall = "every joint is without power, and falls where no brake holds it"
+        text = f"{fall}; let the stop go with: {session.line('estop', 'release')}"
+    if reply.message:  # it has not been seen to act: simulated time stands still
+        text = ""
+    return conclude(session, reply, text)
+
+
+@several
+@takes(JOINTS)
+def clear(session: Session, joints: list[str]) -> int:
+    """Send FORCE_IDLE to the joints in fault; tell which causes persist."""
+    names = session.joints(joints)
+    faults = {name: row for name, row in read_faults(session, names).items() if row["active"]}
+    if not faults:
+        nothing = f"nothing to clear: none of {len(names)} is in fault"
+        show(session, {"success": True, "joints": {}}, lambda: nothing)
+        return DONE
+    reply = session.client.set_control_mode(list(faults), "fidl")
+    rows = cleared_rows(faults, reply)
+    show(session, {"success": bool(reply), "joints": rows}, lambda: cleared_table(session, rows))
+    warn_without_power(session, {name: "idl" for name, row in rows.items() if row["cleared"]})
+    if not reply:
+        next_step = advice(reply, session.names, session.line)
+        note(session, "; ".join(filter(None, (reply.message, next_step))))
+    return DONE if reply else REFUSED
+
+
+def cleared_rows(faults: Rows, reply: Reply) -> Rows:
+    """What the fault of each joint was, and whether it is cleared now."""
+    return {
+        name: {
+            "code": faults[name]["code"],
+            "fault": faults[name]["text"],
+            "cleared": answer.answer is Answer.ACCEPTED,
+            "message": answer.text,
+        }
+        for name, answer in zip(reply.joints, reply.each(), strict=True)
+    }
+
+
+def cleared_table(session: Session, rows: Rows) -> Any:
+    from rich.text import Text
+
+    states = {True: Text("idle, cleared", "green"), False: Text("the cause persists", "bold red")}
+    columns = {
+        "joint": list(rows),
+        "fault": [row["fault"] for row in rows.values()],
+        "now": [states[row["cleared"]] for row in rows.values()],
+    }
+    return grid(columns, names=session.names, fold=("fault",))

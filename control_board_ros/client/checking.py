@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether what a board answers can be an answer: a stranger's may be none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.interface import MOST_JOINTS, Endpoint
+from control_board_ros.text import clean, clean_names
+
+from .errors import InvalidAnswer
+
+CODES = {
+    "control": frozenset(mode.code for mode in ControlMode),
+    "interaction": frozenset(mode.code for mode in InteractionMode),
+}
+VOCABS = {
+    "control": frozenset(map(int, ControlMode)),
+    "interaction": frozenset(map(int, InteractionMode)),
+}
+#: Fields with more or fewer entries than there are names.
+OTHERS = frozenset({"poses"})
+
+
+def check_response(service: Endpoint, response: Any, board: str) -> None:
+    """Refuse a response whose parts do not fit each other, or whose modes are none.
+
+    Names in it are made safe to show.
+
+    Raises:
+        InvalidAnswer: one line: which board and service, and what is wrong.
+    """
+    wrong_form = _lengths(response)
+    problem = wrong_form or _modes(service, response)
+    if problem:
+        text = f"{service.of(board)} answered what is no answer: {problem}; is it a control board?"
+        raise InvalidAnswer(text, unknown_mode=not wrong_form)
+    if hasattr(response, "names"):
+        response.names = list(clean_names(response.names))
+
+
+def check_asked(service: Endpoint, response: Any, count: int, board: str) -> None:
+    """Refuse a response of a reading service that has not one entry for each joint asked for.
+
+    Raises:
+        InvalidAnswer: one line: which board and service, and what is wrong.
+    """
+    if not hasattr(response, "names"):
+        return
+    for field, kind in response.get_fields_and_field_types().items():
+        entries = len(getattr(response, field)) if kind.startswith("sequence") else count
+        if entries != count and not (field == "vocabs" and entries == 0):
+            where, asked = service.of(board), f"{count} joints asked for"
+            text = f"{where} answered what is no answer: {entries} {field} for {asked}"
+            raise InvalidAnswer(text)
+
+
+def _lengths(response: Any) -> str:
+    """What is wrong with the lengths of its lists; empty where nothing is."""
+    if not hasattr(response, "names"):
+        return ""
+    count = len(response.names)
+    if count > MOST_JOINTS:
+        return f"{count} joints, {MOST_JOINTS} at most"
+    for field, kind in response.get_fields_and_field_types().items():
+        if kind.startswith("sequence") and field not in OTHERS:
+            entries = len(getattr(response, field))
+            if entries not in (0, count):
+                return f"{entries} {field} for {count} names"
+    return ""
+
+
+def _modes(service: Endpoint, response: Any) -> str:
+    """What of its modes is none; empty where all are."""
+    kind = "interaction" if "interaction" in service.short else "control"
+    told = {kind: list(getattr(response, "modes", ()))}
+    for other in CODES:
+        for modes in getattr(response, f"{other}_modes", ()):
+            told.setdefault(other, []).extend(filter(None, modes.split(",")))
+    for which, codes in told.items():
+        for code in codes:
+            if code not in CODES[which]:
+                return f"{clean(code, 20)!r} is no {which} mode"
+    for vocab in getattr(response, "vocabs", ()):
+        if vocab not in VOCABS[kind]:
+            return f"{vocab} is no {kind} mode"
+    return ""

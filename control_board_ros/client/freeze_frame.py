@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The freeze frame of a fault, as a board answers it (SPEC E3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from control_board_ros.core.faults import FaultRecord
+from control_board_ros.protocols import Floats
+from control_board_ros.text import clean, clean_name
+
+from .errors import InvalidAnswer
+from .state import seconds
+
+#: Cycles of a frame at most: two seconds at 20 kHz.
+MOST_CYCLES = 40_000
+NUMBERS = (
+    "position",
+    "velocity",
+    "torque",
+    "position_reference",
+    "velocity_reference",
+    "torque_reference",
+    "output",
+    "current",
+    "temperature",
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FreezeFrame:
+    """What a board measured and followed around the last fault of a joint, arrays of shape (k,).
+
+    Units are those of revolute joints; sliding joints have m, m/s and N in their place.
+
+    Attributes:
+        fault: the fault.
+        stamps: time of each reading, s; one per control cycle.
+        position: measured, rad.
+        velocity: measured, rad/s.
+        torque: measured, N·m; NaN without a torque sensor.
+        position_reference: followed, rad.
+        velocity_reference: followed, rad/s.
+        torque_reference: followed, N·m.
+        output: PWM, percent.
+        current: of the motor, A.
+        temperature: of the winding, °C.
+        motion_done: whether no position move was under way.
+    """
+
+    fault: FaultRecord
+    stamps: Floats
+    position: Floats
+    velocity: Floats
+    torque: Floats
+    position_reference: Floats
+    velocity_reference: Floats
+    torque_reference: Floats
+    output: Floats
+    current: Floats
+    temperature: Floats
+    motion_done: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, response: Any, board: str) -> Self:
+        """The frame of a response.
+
+        Raises:
+            InvalidAnswer: its arrays do not fit each other.
+        """
+        count = len(response.stamps)
+        for name in (*NUMBERS, "motion_done"):
+            if len(getattr(response, name)) != count or count > MOST_CYCLES:
+                entries = len(getattr(response, name))
+                raise InvalidAnswer(
+                    f"{board}/get_freeze_frame answered what is no answer: {entries} {name} for "
+                    f"{count} stamps"
+                )
+        return cls(
+            fault=fault_record(response.fault),
+            stamps=np.array([seconds(stamp) for stamp in response.stamps]),
+            motion_done=np.array(response.motion_done, dtype=np.bool_),
+            **{name: np.array(getattr(response, name)) for name in NUMBERS},
+        )
+
+
+def fault_record(fault: Any) -> FaultRecord:
+    """A JointFault message; its texts are safe to show."""
+    return FaultRecord(
+        name=clean_name(fault.name),
+        active=fault.active,
+        code=fault.code,
+        text=clean(fault.text),
+        stamp=seconds(fault.stamp),
+    )

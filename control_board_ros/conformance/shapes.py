@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether messages and answers have the form that the interface gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+from control_board_ros.client import State
+from control_board_ros.core.reply import Answer, Reply
+from control_board_ros.core.vocabs import ControlMode, InteractionMode, encode
+from control_board_ros.interface import Endpoint
+
+from .rules import NotHeld
+
+#: The fields of a BoardState message with one entry per joint.
+PER_JOINT = tuple(field.name for field in fields(State) if field.name not in ("stamp", "names"))
+#: The fields of a JointModes message with one entry per joint: codes and vocabs.
+CODES_AND_VOCABS = (
+    ("control_modes", "control_mode_vocabs", ControlMode),
+    ("interaction_modes", "interaction_mode_vocabs", InteractionMode),
+)
+
+
+class Malformed(NotHeld):
+    """A message or an answer that cannot be read.
+
+    Args:
+        rule: that says what it should be (``V1``).
+        text: what was seen.
+    """
+
+    def __init__(self, rule: str, text: str) -> None:
+        super().__init__(text)
+        self.rule = rule
+
+
+def check_state(message: Any) -> None:
+    """See that a BoardState message has an entry per joint in each field.
+
+    Raises:
+        Malformed: it has not.
+    """
+    check_lengths("~/state", message, PER_JOINT)
+
+
+def check_modes(message: Any) -> None:
+    """See that a JointModes message has an entry per joint in each field, and that it is a mode.
+
+    Raises:
+        Malformed: it has not, or it is none.
+    """
+    for codes, vocabs, kind in CODES_AND_VOCABS:
+        check_lengths("~/modes", message, (codes, vocabs))
+        known = {mode.code: int(mode) for mode in kind}
+        for name, code, vocab in zip(
+            message.names, getattr(message, codes), getattr(message, vocabs), strict=True
+        ):
+            if known.get(code) != vocab:
+                says = f"~/modes says {code!r} with the vocab {vocab} of {name}"
+                raise Malformed("V1", f"{says}, not {expected(code, vocab, known)}")
+
+
+def expected(code: str, vocab: int, known: dict[str, int]) -> str:
+    """What should stand in the place of a code that does not go with its vocab."""
+    if code in known:
+        return f"{encode(code)}"
+    near = [one for one, number in known.items() if number == vocab]
+    return repr(near[0]) if near else f"one of {', '.join(known)}"
+
+
+def check_lengths(where: str, message: Any, names: Sequence[str]) -> None:
+    """See that these fields have an entry per joint.
+
+    Raises:
+        Malformed: one has not, or there are no joints.
+    """
+    count = len(message.names)
+    if not count or len(set(message.names)) != count:
+        raise Malformed("A", f"{where} names the joints {list(message.names)}")
+    for name in names:
+        found = len(getattr(message, name))
+        if found != count:
+            raise Malformed("A", f"{where} has {found} in {name} for {count} joints")
+
+
+def reply_of(service: Endpoint, names: Sequence[str], response: Any) -> Reply:
+    """What a service answered for each joint; it is checked that it says one thing.
+
+    Args:
+        service: that was asked.
+        names: of the request.
+        response: with success, message, answers and reasons.
+
+    Raises:
+        Malformed: success and answers do not agree, or there is not one answer per joint.
+    """
+    texts = list(response.answers)
+    unknown = [text for text in texts if text not in [*Answer]]
+    if unknown:
+        raise Malformed("A", f"{service.short} answers {unknown[0]!r}, not one of {[*Answer]}")
+    all_accepted = bool(texts) and all(text == Answer.ACCEPTED for text in texts)
+    if bool(response.success) is not all_accepted:
+        said = f"{service.short} says success={response.success} with answers {texts}"
+        raise Malformed("A", f"{said}: {response.message!r}")
+    if texts and (len(texts) != len(names) or len(response.reasons) != len(texts)):
+        counts = f"{len(texts)} answers and {len(response.reasons)} reasons"
+        raise Malformed("A", f"{service.short} has {counts} for {len(names)} joints")
+    asked = tuple(names) if texts else ()
+    return Reply(asked, tuple(map(Answer, texts)), response.message, tuple(response.reasons))

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The masses of an arm as the board's configuration has them; ``core.dynamics`` evaluates them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .dynamics import Arm, Body
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Link:
+    """A joint and the rigid body that it moves, in axes whose z is the joint's.
+
+    Attributes:
+        parent: Index of the joint that carries it; -1: the base.
+        slides: Prismatic.
+        rotation: E, of the axes at q = 0 in those of the parent, row by row, 9 numbers.
+        offset: p, of the origin in the axes of the parent, m.
+        mass: kg.
+        moment: h = m c, kg·m.
+        tensor: About the origin: xx, yy, zz, xy, xz, yz, kg·m².
+        rotor: Inertia that acts on this joint only, kg·m²; kg where it slides.
+        coulomb, viscous: Friction, N·m and N·m·s/rad.
+    """
+
+    parent: int
+    slides: bool
+    rotation: tuple[float, ...]
+    offset: tuple[float, ...]
+    mass: float
+    moment: tuple[float, ...]
+    tensor: tuple[float, ...]
+    rotor: float = 0.0
+    coulomb: float = 0.0
+    viscous: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmModel:
+    """The masses of a board's joints; what the board does not drive stands still.
+
+    Attributes: links (one per joint, in the board's order), gravity (in the base's axes, m/s²).
+    """
+
+    links: tuple[Link, ...]
+    gravity: tuple[float, float, float]
+
+    def arm(self) -> Arm:
+        """What evaluates it."""
+        base = Body()
+        bodies = [body_of(link) for link in self.links]
+        for body, link in zip(bodies, self.links, strict=True):
+            body.hang(base if link.parent < 0 else bodies[link.parent])
+        order = outwards_of([link.parent for link in self.links])
+        rows = [row.data for row in np.zeros((4, len(bodies)))]
+        return Arm(base, bodies, [bodies[j] for j in order], self.gravity, rows)
+
+
+def outwards_of(parents: list[int]) -> list[int]:
+    """The joints in an order in which each comes after the one that carries it."""
+    order: list[int] = []
+    while len(order) < len(parents):
+        order += [j for j, p in enumerate(parents) if j not in order and (p < 0 or p in order)]
+    return order
+
+
+#: Fields of a Body by the numbers of a Link.
+PLACES = {
+    "rotation": ("e0", "e1", "e2", "e3", "e4", "e5", "e6", "e7", "e8"),
+    "offset": ("px", "py", "pz"),
+    "moment": ("hx", "hy", "hz"),
+    "tensor": ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"),
+}
+
+
+def body_of(link: Link) -> Body:
+    """A link as the passes have it."""
+    body = Body()
+    for key, names in PLACES.items():
+        for name, value in zip(names, getattr(link, key), strict=True):
+            setattr(body, name, value)
+    for name in ("slides", "mass", "rotor", "coulomb", "viscous"):
+        setattr(body, name, getattr(link, name))
+    return body

@@ -1,0 +1,527 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What users ask of joints: all of a board's, or those of a part (SPEC A, M, P, R3).
+
+A request is checked whole, then decided joint by joint (M7). In every method ``joints`` is an
+index in the group, a name, a sequence of them, or None for all; values have shape (k,), one per
+joint, or are one number for all. Units: rad, rad/s, rad/s², N·m, percent; m, N where a joint
+slides. Set methods answer with a Reply. Get methods return one entry per joint in the order asked,
+and raise a RequestError for a joint that does not exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..protocols import Floats, Interaction, Joints, Mode, ModeShortcuts, Values
+from .calibration import CalibrationStatus
+from .commands import spread_along
+from .config import BoardConfig, ConfigError, JointConfig
+from .decisions import Wanted
+from .events import BoardEvent
+from .faults import FaultRecord
+from .feedforward import terms_of
+from .freeze_frame import FreezeFrame
+from .layout import Zone
+from .modes import CONFIGURED, POWER_OFF, Event, Stage
+from .reply import Reason, Reply, accepted, refused
+from .selection import (
+    RequestError,
+    Selection,
+    Selector,
+    all_within,
+    control_modes,
+    interaction_modes,
+    spread,
+)
+from .state import Snapshot, StateArrays
+from .vocabs import CommandKind, ControlMode, InteractionMode
+
+if TYPE_CHECKING:
+    from .board import Board
+
+K = CommandKind
+
+
+class JointGroup(ModeShortcuts):
+    """Joints of a board that follow each other there: a part of a robot, or all of them.
+
+    Args:
+        board: whose joints they are.
+        zone: which of them.
+
+    Attributes: board, name (of the part; empty: all joints), names, joints (the board's numbers of
+    them), count, period (s), selector (its selections have the board's numbers, too), state (of
+    the whole board).
+    """
+
+    def __init__(self, board: Board, zone: Zone) -> None:
+        self.board, self.name, self.joints = board, zone.name, zone.joints
+        self.names, self.count, self.period = (
+            zone.config.names,
+            len(zone.joints),
+            zone.config.period,
+        )
+        self.selector = Selector(self.names, zone.columns.start)
+        self.state: StateArrays = board.state
+        self._columns, self._unknown = zone.columns, 0
+
+    # --- modes --------------------------------------------------------------------------------
+
+    def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply:
+        """Ask for control modes: enumeration, code, name or vocab (M1, M5 to M8, F2, F4)."""
+        reply = self._ask(joints, lambda count: control_modes(modes, count))
+        return reply.with_modes(self.get_control_mode(reply.joints) if reply.joints else ())
+
+    def set_interaction_mode(
+        self, joints: Joints, modes: Interaction | Sequence[Interaction]
+    ) -> Reply:
+        """Ask for interaction modes; in an active mode a change stops the joint (I1 to I7)."""
+        reply = self._ask(joints, lambda count: interaction_modes(modes, count))
+        return reply.with_modes(self.get_interaction_mode(reply.joints) if reply.joints else ())
+
+    def calibrate(self, joints: Joints = None) -> Reply:
+        """Start the calibration of joints, group after group (K1); parts side by side."""
+        return self._ask(joints, lambda count: [Event.CALIBRATE] * count)
+
+    def recover(self, joints: Joints = None, *, partial: bool = False) -> Reply:
+        """Leave HW_FAULT for the modes that the joints had before, where they are now (E1).
+
+        Args:
+            joints: which; None: all that are in fault.
+            partial: whether those whose cause is gone do so where others must wait; else all of
+                them or none.
+
+        Returns:
+            With ``waits`` and ``modes``; of all joints, unchanged, where none is in fault.
+        """
+        try:
+            chosen = self.selector.select(joints)
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+        if chosen is self.selector.everyone:
+            faulted = [name for name in self.names if self.get_faults(name)[0].active]
+            chosen = self.selector.select(faulted)
+        reply = self.board.requests.recover(chosen, partial=partial)
+        return reply.with_modes(self.get_control_mode(reply.joints))
+
+    def emergency_stop(self, stop: bool = True) -> None:
+        """Put every joint of the whole board into HW_FAULT in the next cycle, or release it (E2).
+
+        Released, the joints stay there until FORCE_IDLE, or ``recover`` (F2).
+        """
+        self.board.emergency.ask(stop)
+
+    def beat(self) -> None:
+        """Take a heartbeat (E2)."""
+        self.board.emergency.beat(self.time)
+
+    def _ask(self, joints: Joints, wanted_of: Callable[[int], Sequence[Wanted]]) -> Reply:
+        """Have decided what is wanted of each joint, given how many there are."""
+        try:
+            chosen = self.selector.select(joints)
+            wanted = wanted_of(len(chosen.names))
+        except ValueError as error:
+            return self.selector.refuse(joints, error)
+        return self.board.requests.request(chosen, wanted)
+
+    # --- references ---------------------------------------------------------------------------
+
+    def command(
+        self,
+        kind: CommandKind,
+        joints: Joints,
+        values: Values,
+        along: Values | None = None,
+        *,
+        together: bool = False,
+        time: float | None = None,
+    ) -> Reply:
+        """Send references of one kind, as :meth:`Commands.command`; see COMMANDS for ``along``."""
+        try:
+            chosen = self.selector.select(joints)
+            count = len(chosen.names)
+            asked = spread(values, count, f"{kind} references")
+            extra = None if along is None else spread_along(kind, along, count)
+        except RequestError as error:
+            return self.reject(joints, f"{kind} reference ignored: {error}")
+        return self.board.commands.command(
+            kind, chosen, asked, extra, together=together, time=time
+        )
+
+    def position_move(
+        self, joints: Joints, positions: Values, speeds: Values | None = None
+    ) -> Reply:
+        """Start minimum-jerk moves at the set reference speeds, or at the speeds given (P1)."""
+        return self.command(K.POSITION, joints, positions, speeds)
+
+    def set_position(
+        self, joints: Joints, positions: Values, velocities: Values | None = None
+    ) -> Reply:
+        """Step the position reference (P4).
+
+        Args:
+            joints: whose reference it is.
+            positions: rad.
+            velocities: the references' own velocities, rad/s; None: the board takes the mean of
+                those that follow each other closely, and 0 for a single step.
+        """
+        return self.command(K.POSITION_DIRECT, joints, positions, velocities)
+
+    def velocity_move(
+        self, joints: Joints, velocities: Values, accelerations: Values | None = None
+    ) -> Reply:
+        """Set the reference velocity, reached with the reference acceleration (P5)."""
+        return self.command(K.VELOCITY, joints, velocities, accelerations)
+
+    def set_ref_torque(self, joints: Joints, torques: Values) -> Reply:
+        """Set the reference torque (P7)."""
+        return self.command(K.TORQUE, joints, torques)
+
+    def set_output(self, joints: Joints, outputs: Values) -> Reply:
+        """Set the PWM in percent (P8)."""
+        return self.command(K.OUTPUT, joints, outputs)
+
+    def set_feedforward(
+        self,
+        joints: Joints,
+        outputs: Values | None = None,
+        torques: Values | None = None,
+        *,
+        together: bool = False,
+    ) -> Reply:
+        """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
+
+        With ``together`` all joints take them or none does.
+        """
+        try:
+            chosen = self.selector.select(joints)
+            terms = terms_of(len(chosen.names), outputs, torques)
+        except RequestError as error:
+            return self.reject(joints, f"feedforward ignored: {error}")
+        return self.board.feedforward.set_feedforward(chosen, terms, together=together)
+
+    def stop(self, joints: Joints = None) -> Reply:
+        """Set the position reference to the measured position; the mode stays (P3)."""
+        try:
+            chosen = self.selector.select(joints)
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+        return self.board.stops.stop(chosen)
+
+    def reject(self, joints: Joints, message: str, code: Reason = Reason.INVALID) -> Reply:
+        """Refuse a command that is wrong as a whole; the joints it does name count it (P13)."""
+        known = self.selector.known(joints)
+        self.state.rejected[known] += np.uint64(1)
+        self._unknown += not known
+        return self.selector.refuse(joints, RequestError(message, code))
+
+    def get_move_time(self, joints: Joints, positions: Floats, speeds: Floats) -> Floats:
+        """How long position moves would take from now on (P1), s, shape (k,).
+
+        Args:
+            joints: as in every request.
+            positions: targets, shape (k,).
+            speeds: mean speeds asked for, above 0, shape (k,).
+        """
+        chosen = self.selector.select(joints).joints
+        return self.board.commands.get_move_time(chosen, positions, speeds)
+
+    # --- settings -----------------------------------------------------------------------------
+
+    def set_impedance(
+        self, joints: Joints, stiffness: Values, damping: Values | None = None
+    ) -> Reply:
+        """Set spring and damper, at any time; they act in the next cycle (I6).
+
+        Args:
+            joints: whose they are.
+            stiffness: N·m/rad.
+            damping: N·m·s/rad; None: what goes with the stiffness (``damping_for``).
+        """
+        limits = self.board.limits
+        try:
+            chosen = self.selector.select(joints)
+            spring = all_within(chosen, "stiffness", stiffness, limits.stiffness, zero=True)
+            damper = None
+            if damping is not None:
+                damper = all_within(chosen, "damping", damping, limits.damping, zero=True)
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+        self.board.controller.set_impedance(chosen.joints, spring, damper)
+        return accepted(chosen.names)
+
+    def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
+        """The largest stiffness and damping that a joint takes, two arrays."""
+        limits, chosen = self.board.limits, self.selector.select(joints).joints
+        return limits.stiffness[chosen], limits.damping[chosen]
+
+    def set_ref_speed(self, joints: Joints, speeds: Values) -> Reply:
+        """Set the mean speed of later position moves (P2)."""
+        return self.set_reference_speed(joints, speeds=speeds)
+
+    def set_ref_acceleration(self, joints: Joints, accelerations: Values) -> Reply:
+        """Set the acceleration of later velocity references (P5)."""
+        return self.set_reference_speed(joints, accelerations=accelerations)
+
+    def set_reference_speed(
+        self, joints: Joints, speeds: Values | None = None, accelerations: Values | None = None
+    ) -> Reply:
+        """Set reference speeds, accelerations or both, checked together (P2)."""
+        limits, references = self.board.limits, self.board.references
+        try:
+            if speeds is None and accelerations is None:
+                raise RequestError("neither speeds nor accelerations given; send one or both")
+            chosen = self.selector.select(joints)
+            given = [
+                (target, all_within(chosen, what, values, most))
+                for target, what, values, most in (
+                    (references.speed, "speed", speeds, limits.velocity),
+                    (references.acceleration, "acceleration", accelerations, limits.acceleration),
+                )
+                if values is not None
+            ]
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+        for target, checked in given:
+            target[chosen.joints] = checked
+        return accepted(chosen.names)
+
+    # --- modes and faults, read ---------------------------------------------------------------
+
+    def get_control_mode(self, joints: Joints = None) -> list[ControlMode]:
+        """The modes that joints are in, also the statuses HW_FAULT, CALIBRATING, …"""
+        modes = self.state.control_modes
+        return [modes[j] for j in self._numbers(joints)]
+
+    def get_available_modes(
+        self, joints: Joints = None
+    ) -> list[tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]]:
+        """What each joint implements: control modes, and interaction modes."""
+        return [(one.control_modes, one.interaction_modes) for one in self.get_config(joints)]
+
+    def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
+        """The interaction modes as stored, also where they do not act (I2)."""
+        modes = self.state.interaction_modes
+        return [modes[j] for j in self._numbers(joints)]
+
+    def get_faults(self, joints: Joints = None) -> list[FaultRecord]:
+        """The last fault of each joint, active or not (F5)."""
+        return [self.state.faults[j] for j in self._numbers(joints)]
+
+    def get_freeze_frame(self, joint: int | str) -> FreezeFrame | None:
+        """What was measured and followed around a joint's last fault; None: no fault yet (E3)."""
+        return self.board.frames.of(self._numbers(joint)[0])
+
+    def get_calibration(self, joints: Joints = None) -> list[CalibrationStatus]:
+        """How the last calibration of each joint stands, and whether it is calibrated (K7)."""
+        calibrations = self.board.machine.calibrations
+        return [calibrations.status(j) for j in self._numbers(joints)]
+
+    # --- what is measured ---------------------------------------------------------------------
+
+    def get_encoder(self, joints: Joints = None) -> Floats:
+        """Measured positions."""
+        return self.state.position[self._chosen(joints)]
+
+    def get_encoder_speed(self, joints: Joints = None) -> Floats:
+        """Measured velocities."""
+        return self.state.velocity[self._chosen(joints)]
+
+    def get_torque(self, joints: Joints = None) -> Floats:
+        """Measured torques; NaN without a torque sensor."""
+        sensed = [joint.torque_sensor for joint in self.get_config(joints)]
+        return np.where(sensed, self.state.torque[self._chosen(joints)], np.nan)
+
+    # --- references, read ---------------------------------------------------------------------
+
+    def get_target_position(self, joints: Joints = None) -> Floats:
+        """The last accepted target of a position move (M11)."""
+        return self._last(K.POSITION, joints)
+
+    def get_ref_position(self, joints: Joints = None) -> Floats:
+        """The last accepted direct position (M11)."""
+        return self._last(K.POSITION_DIRECT, joints)
+
+    def get_ref_velocity(self, joints: Joints = None) -> Floats:
+        """The last accepted velocity (M11)."""
+        return self._last(K.VELOCITY, joints)
+
+    def get_ref_torque(self, joints: Joints = None) -> Floats:
+        """The last accepted torque (M11)."""
+        return self._last(K.TORQUE, joints)
+
+    def get_output(self, joints: Joints = None) -> Floats:
+        """The last accepted output (M11)."""
+        return self._last(K.OUTPUT, joints)
+
+    def check_motion_done(self, joints: Joints = None) -> list[bool]:
+        """False from the cycle that accepts a move until its profile ends (P3)."""
+        done: list[bool] = self.state.done[self._chosen(joints)].tolist()
+        return done
+
+    def get_remaining_time(self, joints: Joints = None) -> Floats:
+        """Time until the position moves end, s."""
+        return self.board.references.remaining(self._chosen(joints))
+
+    # --- settings, read -----------------------------------------------------------------------
+
+    def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
+        """Stiffness and damping, two arrays."""
+        own = [self.board.controller.joints[j] for j in self._numbers(joints)]
+        return np.array([j.stiffness for j in own]), np.array([j.damping for j in own])
+
+    def get_torque_offset(self, joints: Joints = None) -> Floats:
+        """τ_ff of the impedance law: as a user set it, else the load on entering COMPLIANT."""
+        own = [self.board.controller.joints[j] for j in self._numbers(joints)]
+        return np.array([j.torque_offset if j.offset_given else j.load_taken for j in own])
+
+    def get_ref_speed(self, joints: Joints = None) -> Floats:
+        """Mean speeds of position moves."""
+        return self.board.references.speed[self._chosen(joints)]
+
+    def get_ref_acceleration(self, joints: Joints = None) -> Floats:
+        """Accelerations of velocity references."""
+        return self.board.references.acceleration[self._chosen(joints)]
+
+    def get_config(self, joints: Joints = None) -> list[JointConfig]:
+        """How joints are configured."""
+        return [self.board.config.joints[j] for j in self._numbers(joints)]
+
+    # --- the group as a whole -----------------------------------------------------------------
+
+    @property
+    def config(self) -> BoardConfig:
+        """Its configuration, as of a board of its own."""
+        return self.board.config.parts.get(self.name, self.board.config)
+
+    @property
+    def stage(self) -> Stage:
+        """How far its joints may go."""
+        return self.state.stages[self.joints[0]]
+
+    @property
+    def time(self) -> float:
+        """Time of the last reading, s."""
+        return self.state.time
+
+    @property
+    def cycle(self) -> int:
+        """Control cycles so far."""
+        return self.state.cycle
+
+    @property
+    def modes_version(self) -> int:
+        """Grows when a mode changes."""
+        return max(self.state.modes_changed[self._columns])
+
+    @property
+    def faults_version(self) -> int:
+        """Grows when a fault record changes."""
+        return max(self.state.faults_changed[self._columns])
+
+    @property
+    def rejected_commands(self) -> NDArray[np.uint64]:
+        """How many commands of each joint were ignored so far (M4), shape (n,)."""
+        return self.state.rejected[self._columns].copy()
+
+    @property
+    def unknown_commands(self) -> int:
+        """How many commands named no joint of the group so far (P13)."""
+        return self._unknown
+
+    def snapshot(self) -> Snapshot:
+        """All that the group shows, frozen; a new object, never changed afterwards."""
+        state, columns = self.state, self._columns
+        return Snapshot(
+            state.time,
+            state.cycle,
+            state.block[:, columns].copy(),
+            state.done[columns].copy(),
+            state.rejected[columns].copy(),
+            state.calibrated[columns].copy(),
+            self.board.monitor.used[columns].copy(),
+            self.board.torque_sensor[columns],
+            self.unknown_commands,
+        )
+
+    def take_events(self) -> list[BoardEvent]:
+        """What happened since the last call, oldest first; a part has its own."""
+        return self.board.events.take(self.name)
+
+    def configure(self) -> Reply:
+        """The whole configuration is in: at its reading a joint leaves NOT_CONFIGURED (N2)."""
+        state, stage = self.state, self.stage
+        if stage is Stage.UNCONFIGURED:
+            text = "the node is unconfigured; use the transition configure of its lifecycle"
+            return refused(text, self.names)
+        if all(state.control_modes[j] in CONFIGURED for j in self.joints) and all(
+            state.stages[j] is stage for j in self.joints
+        ):
+            text = "the board is configured already; power_cycle takes it back"
+            return refused(text, self.names)
+        self._begin()
+        return accepted(self.names)
+
+    def _begin(self) -> None:
+        self.board.start_up.begin(self.joints)
+
+    def set_stage(self, stage: Stage) -> None:
+        """Let the joints of a managed board go so far, and no further.
+
+        UNCONFIGURED is a power-on that waits; on INACTIVE they are configured (N2) or lose their
+        power; on ACTIVE they calibrate or start, as at N3. A fault stays, except at UNCONFIGURED.
+        """
+        before = self.stage
+        for j in self.joints:
+            self.state.stages[j] = stage
+        if stage is Stage.UNCONFIGURED:
+            self.power_cycle()
+        elif before is Stage.UNCONFIGURED:
+            self.board.start_up.begin(self.joints)
+        elif stage is Stage.INACTIVE:
+            self.power_off()
+        elif before is Stage.INACTIVE:
+            self.board.start_up.activate(self.joints)
+
+    def power_cycle(self) -> None:
+        """Back to power-on: NOT_CONFIGURED, no power, configured anew with autoconfigure (N1)."""
+        self.board.power_on(Zone(self.name, self._columns, self.config))
+
+    def power_off(self) -> None:
+        """Take the power of every joint; a calibration is aborted (K2), a fault stays shown."""
+        self.set_control_mode(None, [POWER_OFF[mode] for mode in self.get_control_mode()])
+
+    def reconfigure(self, config: BoardConfig) -> None:
+        """Take new gains, limits and timeouts while running, without a jump.
+
+        Raises:
+            ConfigError: the joints, the parts, the rate or the kind of output differ.
+        """
+        if config.parts.keys() != self.config.parts.keys():
+            allowed = f"fixed at {list(self.config.parts)} while the board runs"
+            raise ConfigError("parts", list(config.parts), allowed)
+        for key in ("names", "control_rate", "output"):
+            old, new = getattr(self.config, key), getattr(config, key)
+            if old != new:
+                raise ConfigError(key, new, f"fixed at {old!r} while the board runs")
+        self.board.take_config(self.name, config)
+
+    # --- helpers --------------------------------------------------------------------------------
+
+    def _chosen(self, joints: Joints) -> NDArray[np.intp]:
+        return self.selector.select(joints).joints
+
+    def _numbers(self, joints: Joints) -> list[int]:
+        return self.selector.select(joints).numbers
+
+    def _last(self, kind: CommandKind, joints: Joints) -> Floats:
+        values: Floats = self.board.references.last[kind, self._chosen(joints)]
+        return values
+
+    def request(self, chosen: Selection, wanted: Sequence[Wanted | tuple[Wanted, ...]]) -> Reply:
+        """Ask for modes of chosen joints, of all or of none; as :meth:`Requests.request`."""
+        return self.board.requests.request(chosen, wanted, together=True)

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The dynamics of a robot as the board knows them: its URDF as a ``core.dynamics.ArmModel``."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.arm_model import ArmModel, Link
+from ..core.measurement import Array
+from .geometry import axis_of, origin_of, rotations_about
+from .merge import Inertial, inertial_of
+from .urdf import Urdf
+from .urdf_tree import Tree
+
+BASE = -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motors:
+    """What the URDF does not say of the joints of a board.
+
+    Attributes: rotors (J N² by joint, kg·m²; kg where it slides), coulomb and viscous (friction
+    by joint, N·m and N·m·s/rad), in_links (rotors turn with their whole link, as pybullet has
+    them; see ``rotor``), else each acts on its own joint only.
+    """
+
+    rotors: Mapping[str, float]
+    coulomb: Mapping[str, float]
+    viscous: Mapping[str, float]
+    in_links: bool
+
+
+def arm_model(
+    urdf: Urdf,
+    names: Sequence[str],
+    motors: Motors,
+    standing: Mapping[str, float],
+    gravity: tuple[float, float, float],
+) -> ArmModel:
+    """The model of some joints of a robot.
+
+    Args:
+        urdf: The robot.
+        names: The joints, in the board's order.
+        motors: Of the same joints.
+        standing: Where other joints stand, rad or m; those not named at zero. Followers stand
+            where their leaders' positions put them.
+        gravity: In world axes, m/s².
+    """
+    tree = urdf.tree
+    places = dict(standing)
+    for mimic in urdf.mimics.values():
+        places.setdefault(
+            mimic.follower, mimic.multiplier * places.get(mimic.leader, 0.0) + mimic.offset
+        )
+    index = {name: j for j, name in enumerate(names)}
+    # Of each link: the joint that moves it, and its frame in that joint's axes.
+    frames: dict[str, tuple[int, Array, Array]] = {tree.base: (BASE, np.zeros(3), np.eye(3))}
+    placed: dict[int, tuple[int, Array, Array]] = {}
+    bodies = {j: Inertial(0.0, np.zeros(3), np.zeros((3, 3))) for j in range(len(names))}
+    for joint in tree.walk(tree.base):
+        carrier, position, rotation = frames[tree.parent(joint)]
+        offset, turn = origin_of(joint)
+        position, rotation = position + rotation @ offset, rotation @ turn
+        name, child = joint.get("name", ""), tree.child(joint)
+        if name in index:
+            aligned = _z_along(axis_of(joint))
+            placed[index[name]] = carrier, position, rotation @ aligned
+            carrier, position, rotation = index[name], np.zeros(3), aligned.T
+        elif joint.get("type") != "fixed":
+            position, rotation = _moved(tree, joint, position, rotation, places.get(name, 0.0))
+        frames[child] = carrier, position, rotation
+        if carrier != BASE and (own := inertial_of(tree.links[child])) is not None:
+            bodies[carrier] += own.moved(position, rotation)
+    links = tuple(
+        _link(*placed[j], bodies[j], name, motors, slides=tree.slides(tree.joints[name]))
+        for j, name in enumerate(names)
+    )
+    return ArmModel(links=links, gravity=gravity)
+
+
+def _link(
+    carrier: int,
+    position: Array,
+    rotation: Array,
+    body: Inertial,
+    name: str,
+    motors: Motors,
+    *,
+    slides: bool,
+) -> Link:
+    rotor, c = motors.rotors.get(name, 0.0), body.centre
+    tensor = body.tensor + body.mass * (c @ c * np.eye(3) - np.outer(c, c))
+    if motors.in_links and not slides:
+        tensor[2, 2] += rotor
+        rotor = 0.0
+    return Link(
+        parent=carrier,
+        slides=slides,
+        rotation=tuple(rotation.reshape(-1).tolist()),
+        offset=tuple(position.tolist()),
+        mass=float(body.mass),
+        moment=tuple((body.mass * c).tolist()),
+        tensor=tuple(
+            float(tensor[i, k]) for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+        ),
+        rotor=rotor,
+        coulomb=motors.coulomb.get(name, 0.0),
+        viscous=motors.viscous.get(name, 0.0),
+    )
+
+
+def _moved(
+    tree: Tree, joint: ET.Element, position: Array, rotation: Array, place: float
+) -> tuple[Array, Array]:
+    """The frame beyond a joint that stands at a place."""
+    axis = axis_of(joint)
+    if tree.slides(joint):
+        return position + rotation @ axis * place, rotation
+    return position, rotation @ rotations_about(axis, np.array([place]))[0]
+
+
+def _z_along(axis: Array) -> Array:
+    """A rotation whose third column is a unit axis, shape (3, 3)."""
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(helper, axis)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(axis, x), axis])

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// A question before something moves or falls. It covers nothing: STOP stays in reach.
+
+import { h } from "./dom.js";
+
+export class Questions {
+  constructor(element, panel) {
+    Object.assign(this, { element, panel, open: null });
+    element.hidden = true;
+    // The key that brought the question up, still held, answers nothing.
+    element.addEventListener("keydown", (event) => { if (event.repeat) event.preventDefault(); });
+  }
+
+  /**
+   * Ask; a promise of the answer. A question that is open is answered with no.
+   * text: what will happen; yes: the word on the button; safe: whether Enter answers yes.
+   */
+  ask(text, yes, { safe = false } = {}) {
+    this.end(false);
+    return new Promise((answer) => {
+      this.open = answer;
+      const back = document.activeElement;
+      const reply = (value) => () => { this.end(value); back?.focus?.(); };
+      const go = h("button", { type: "button", class: "command primary", "aria-label": `${yes}: yes`, onclick: reply(true) }, yes);
+      const no = h("button", { type: "button", "aria-label": "Cancel: nothing moves", onclick: reply(false) }, "Cancel");
+      this.element.replaceChildren(h("p", { id: "question-text" }, text), h("span", { class: "space" }), go, no);
+      this.element.hidden = false;
+      this.panel.permit(this.element);
+      (safe ? go : no).focus();
+    });
+  }
+
+  /** Answer what is open. */
+  end(value) {
+    const { open } = this;
+    this.open = null;
+    this.element.hidden = true;
+    open?.(value);
+  }
+}

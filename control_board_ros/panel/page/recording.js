@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// Recording what is shown, notes in it, and the reports that came of it.
+
+import { h, redraw, setText } from "./dom.js";
+
+/** The link of a report; it has an origin of its own. */
+export const reportOf = (name) => `report/${encodeURIComponent(name)}`;
+
+export class Recording {
+  constructor(element, panel) {
+    Object.assign(this, { element, panel, state: { running: "", reports: [], busy: "" } });
+    this.button = h("button", { type: "button", class: "command record", "aria-label": "Record the boards shown", onclick: () => this.toggle() });
+    this.time = h("span", { class: "rate" });
+    this.note = h("input", { type: "text", class: "command", placeholder: "note", maxlength: "200", "aria-label": "Note for the recording; Enter writes it",
+      onkeydown: (event) => { if (event.key === "Enter") this.write(); } });
+    this.list = h("ul", { class: "reports", "aria-label": "Reports" });
+    element.replaceChildren(h("header", {}, h("h2", {}, "Recording"), this.time, this.note, this.button), this.list);
+    this.draw();
+  }
+
+  tell(state) { this.state = state; this.draw(); }
+
+  draw() {
+    const { running, busy, reports, folder } = this.state;
+    setText(this.button, busy || (running ? "Stop recording" : "Record"));
+    this.button.setAttribute("aria-pressed", String(Boolean(running)));
+    this.button.title = folder ? `into ${folder}` : "";
+    this.button.dataset.idle = String(Boolean(busy));
+    this.note.hidden = !running;
+    redraw(this.list, "a", reports.slice(0, 5).map((name) => h("li", {}, h("a", { href: reportOf(name), target: "_blank", rel: "noopener" }, name))));
+    this.permit();
+    this.tick();
+  }
+
+  permit() { this.panel.permit(this.element); }
+
+  /** How long it has been recording. */
+  tick() {
+    const { running, since } = this.state;
+    setText(this.time, running ? `${Math.max(Date.now() / 1000 - since, 0).toFixed(0)} s` : "");
+  }
+
+  async toggle() {
+    const on = !this.state.running;
+    const boards = this.panel.model.sources(this.panel.shownBoards()).map((board) => board.name);
+    const answer = await this.panel.request("record", on ? { on, boards } : { on });
+    if (answer.ok && answer.report) this.open(answer.report);
+  }
+
+  /** Open a report; where the browser lets no window open by itself, its link is there. */
+  open(name) { window.open(reportOf(name), "_blank", "noopener"); }
+
+  async write() {
+    const text = this.note.value.trim();
+    if (text && (await this.panel.request("note", { text })).ok) this.note.value = "";
+  }
+}

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+// Dark or light: as the system, also when it changes; otherwise as long as somebody chose so.
+
+import { icon } from "./dom.js";
+
+const light = matchMedia("(prefers-color-scheme: light)");
+
+/** Draw the page in its colours now, and with each change; the button chooses the other ones. */
+export function followTheme(button, changed) {
+  const draw = () => {
+    const system = light.matches ? "light" : "dark";
+    const theme = localStorage.getItem("theme") ?? system;
+    const other = theme === "dark" ? "light" : "dark";
+    document.documentElement.dataset.theme = theme;
+    button.replaceChildren(icon(theme === "dark" ? "sun" : "moon"));
+    button.setAttribute("aria-label", other === "light" ? "Light colours" : "Dark colours");
+    button.onclick = () => {
+      if (other === system) localStorage.removeItem("theme");
+      else localStorage.setItem("theme", other);
+      draw();
+    };
+    changed();
+  };
+  light.addEventListener("change", draw);
+  draw();
+}

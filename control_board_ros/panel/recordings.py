@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings, reports and measurements of the panel: ``cbctl`` in processes of its own.
+
+What writes files and draws reports takes no time from the loops that repeat what is held.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import signal
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+CBCTL = (sys.executable, "-m", "control_board_ros.cli")
+#: s between looks whether a recording hears its boards; s that one may take to end.
+LOOK, ENDS = 0.1, 60.0
+#: What a report may do: draw itself. It has no origin, and so no cookie of the panel's.
+REPORT_POLICY = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; "
+    "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'"
+)
+
+Answer = dict[str, Any]
+
+
+class Recordings:
+    """What this panel records.
+
+    Args:
+        folder: where recordings go, each into a folder of its own; made with the first.
+        changed: called when there is something new to tell.
+
+    Attributes: reports (names of folders below, newest first), running (folder of the recording
+    that runs, or None), boards (what it records), since (s since 1970), busy (what the button
+    says while a recording begins, or its report is made).
+    """
+
+    def __init__(self, folder: Path, changed: Callable[[], None]) -> None:
+        self._folder, self._changed = folder, changed
+        self._process: asyncio.subprocess.Process | None = None
+        self.reports: list[str] = []
+        self.running: Path | None = None
+        self.boards: list[str] = []
+        self.since = 0.0
+        self.busy = ""
+
+    def shown(self) -> Answer:
+        """For the page."""
+        return {
+            "running": self.running.name if self.running else "",
+            "boards": self.boards,
+            "since": self.since,
+            "busy": self.busy,
+            "reports": self.reports,
+            "folder": str(self._folder.absolute()),
+        }
+
+    def report(self, name: str) -> Path | None:
+        """The file of a report; None where there is none of this name."""
+        return self._folder / name / "report.html" if name in self.reports else None
+
+    def note(self, text: str, known: Mapping[str, Any]) -> Answer:
+        """Write a note into what runs, for each of its boards."""
+        noted = [board for name, board in known.items() if name in self.boards]
+        told = [board.note(text) for board in noted]
+        if self.running is None or not any(told):
+            return refused("no recording is running; start one first")
+        return {"ok": True, "message": "noted"}
+
+    async def begin(self, boards: list[str], known: Mapping[str, Any]) -> Answer:
+        """Record boards, of those that are known, from now on: once all of them are heard."""
+        unknown = [name for name in boards if name not in known]
+        if unknown or not boards:
+            return refused(f"no board {', '.join(unknown) or 'was named'}")
+        if self.running is not None or self.busy:
+            return refused("a recording is running already; stop it first")
+        folder, self.boards = self._new("recording"), boards
+        self._say("Starting …")
+        process = self._process = await start(*of_boards(boards), "record", "-o", str(folder))
+        try:
+            while process.returncode is None:
+                if all(known[name].is_recorded() for name in boards if name in known):
+                    self.running, self.since = folder, time.time()
+                    return {"ok": True, "message": f"recording into {folder}"}
+                await asyncio.sleep(LOOK)
+            return refused(await last_words(process))
+        except asyncio.CancelledError:
+            await interrupted(process)
+            raise
+        finally:
+            self._say("")
+
+    async def end(self) -> Answer:
+        """End the recording, and make its report."""
+        folder, process = self.running, self._process
+        if folder is None or process is None:
+            return refused("no recording is running")
+        self.running = None
+        self._say("Drawing …")
+        try:
+            said = await interrupted(process)
+            report = await start("report", str(folder))
+            words = await last_words(report)
+        finally:
+            self._say("")
+        if report.returncode != 0:
+            return refused(f"{said}; no report: {words}" if said else f"no report: {words}")
+        self._keep(folder)
+        return {"ok": True, "message": "", "report": folder.name}
+
+    async def measure(self, board: str, verb: str, joint: str, *options: str) -> Answer:
+        """A step or a chirp; cancelled, the joint stops at once."""
+        folder = self._new(f"{verb}_{joint}")
+        words = (*of_boards([board]), verb, joint, *options, "-o", str(folder))
+        process = await start(*words)
+        try:
+            said = await last_words(process)
+        except asyncio.CancelledError:
+            await interrupted(process)
+            raise
+        if process.returncode != 0 or not (folder / "report.html").is_file():
+            return refused(said)
+        self._keep(folder)
+        return {"ok": True, "message": "", "report": folder.name}
+
+    async def close(self) -> None:
+        """The panel ends: what is recorded is kept."""
+        if self._process is not None and self._process.returncode is None:
+            await interrupted(self._process)
+
+    def _say(self, busy: str) -> None:
+        self.busy = busy
+        self._changed()
+
+    def _new(self, name: str) -> Path:
+        stamp = time.strftime("%Y-%m-%d_%H-%M-%S")
+        return self._folder / re.sub(r"[^\w.-]", "_", f"{stamp}_{name}")
+
+    def _keep(self, folder: Path) -> None:
+        self.reports = [folder.name, *self.reports]
+        self._changed()
+
+
+def refused(why: str) -> Answer:
+    """An answer that says why not."""
+    return {"ok": False, "message": why}
+
+
+def of_boards(boards: list[str]) -> list[str]:
+    """The option of cbctl for boards: one, or all of a robot."""
+    if len(boards) == 1:
+        return ["--board", boards[0]]
+    spaces = {board.rpartition("/")[0] for board in boards}
+    return ["--board", f"{spaces.pop()}/*" if len(spaces) == 1 else "*"]
+
+
+async def start(*words: str) -> asyncio.subprocess.Process:
+    """Start cbctl."""
+    pipe = asyncio.subprocess.PIPE
+    return await asyncio.create_subprocess_exec(
+        *CBCTL, *words, stdin=asyncio.subprocess.DEVNULL, stdout=pipe, stderr=pipe
+    )
+
+
+async def last_words(process: asyncio.subprocess.Process) -> str:
+    """Wait for its end; the last line that it wrote, of errors where there is one."""
+    out, err = await process.communicate()
+    lines = (err.decode(errors="replace") or out.decode(errors="replace")).splitlines()
+    return lines[-1] if lines else f"cbctl ended with code {process.returncode}"
+
+
+async def interrupted(process: asyncio.subprocess.Process) -> str:
+    """End it as Ctrl-C does; what it said, where it did not end well."""
+    if process.returncode is None:
+        process.send_signal(signal.SIGINT)
+    try:
+        async with asyncio.timeout(ENDS):
+            said = await last_words(process)
+    except TimeoutError:
+        process.kill()
+        return "the recording did not end by itself"
+    return "" if process.returncode == 0 else said

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Somebody else's plant in a process of its own: the motors lose their power without the board.
+
+A thread cannot watch over a process that is stopped, killed, or whose interpreter hangs (B5).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from typing import Any
+
+from ..core.measurement import Array
+from .errors import PlantSettingsError
+from .interface import Description, Readings
+
+#: s that its process has to let go of the hardware.
+LEAVING = 1.0
+
+
+class PlantApart:
+    """A RobotPlant whose methods run in a process of its own, which ``connect`` starts anew.
+
+    Args:
+        name: Of the plant's entry point.
+        joints: Names, in the board's order.
+        arguments: Of the user, ``name=value`` each.
+        silence: After which it loses its power when nobody asks it, s.
+
+    Attributes:
+        process: That holds the plant.
+
+    Raises:
+        PlantSettingsError: there is no such plant, or it does not take these joints or arguments.
+    """
+
+    process: subprocess.Popen[bytes]
+
+    def __init__(
+        self, name: str, joints: Sequence[str], arguments: Sequence[str], silence: float
+    ) -> None:
+        self._came: Readings | None = None
+        self._making = name, tuple(joints), tuple(arguments), silence
+        try:
+            self._start()
+            self._description: Description = self._ask("describe")
+        except Exception as error:  # noqa: BLE001 - somebody else's code
+            self.close()
+            raise PlantSettingsError(str(error)) from None
+
+    def describe(self) -> Description:
+        return self._description
+
+    def connect(self) -> None:
+        self._came = None
+        if self._connection.closed or self.process.poll() is not None:
+            self._start()
+        self._ask("connect")
+
+    def read(self) -> Readings:
+        """What came with the last outputs, where nobody has read it yet; else anew."""
+        found, self._came = self._came, None
+        return self._ask("read") if found is None else found
+
+    def write(self, pwm: Array) -> Array:
+        applied: Array
+        applied, self._came = self._ask("exchange", pwm)
+        return applied
+
+    def enable(self, joint: int) -> None:
+        self._ask("enable", joint)
+
+    def disable(self, joint: int) -> None:
+        self._ask("disable", joint)
+
+    def clear_fault(self, joint: int) -> None:
+        self._ask("clear_fault", joint)
+
+    def close(self) -> None:
+        """Let the process take the power off and end; it does so by itself if it hangs now."""
+        if self._connection.closed:
+            return
+        self._connection.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(LEAVING)
+
+    def _start(self) -> None:
+        """Start the process and make the plant in it."""
+        ours, theirs = socket.socketpair()
+        with theirs:
+            number = theirs.fileno()
+            code = (
+                f"import sys; sys.path[:] = {sys.path!r}; "
+                f"from control_board_ros.plants.host import main; main({number})"
+            )
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", code],
+                stdin=subprocess.DEVNULL,
+                pass_fds=[number],
+                start_new_session=True,  # a terminal's Ctrl-C and Ctrl-Z are the board's
+            )
+        self._connection: Connection[Any, Any] = Connection(ours.detach())
+        self._connection.send(self._making)
+        self._answer()
+
+    def _ask(self, name: str, *arguments: Any) -> Any:
+        try:
+            self._connection.send((name, arguments))
+        except OSError:
+            raise self._gone() from None
+        return self._answer()
+
+    def _answer(self) -> Any:
+        """What the plant returned.
+
+        Raises:
+            Exception: of the name and the text of what the plant raised.
+        """
+        try:
+            kind, found = self._connection.recv()
+        except (EOFError, OSError):
+            raise self._gone() from None
+        if kind:
+            raise type(kind, (RuntimeError,), {})(found)
+        return found
+
+    def _gone(self) -> ConnectionError:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(LEAVING)
+        return ConnectionError(f"the plant's process ended with code {self.process.returncode}")

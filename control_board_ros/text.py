@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names and texts of others, made safe to show, to store and to name a file by.
+
+Whoever speaks ROS, wires a drive or sends a recording chooses such texts. A terminal takes some
+characters as orders (titles, colours, the clipboard), others turn what is read around, lone
+surrogates are no text at all, and a path reads ``../`` as a way out.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import unicodedata
+from collections.abc import Iterable
+
+#: Characters of a text that are shown; of a name.
+TEXT, NAME = 500, 120
+#: In the place of a character that is none to be shown.
+REPLACED = "\N{REPLACEMENT CHARACTER}"
+_SPACES = frozenset("\t\n\v\f\r\x85\N{LINE SEPARATOR}\N{PARAGRAPH SEPARATOR}")
+
+
+def clean(text: object, most: int = TEXT) -> str:
+    """A text on one line, of so many characters at most, that a terminal shows as it stands.
+
+    What separates lines and columns becomes a space; control characters, what changes the
+    direction of writing, and lone surrogates become U+FFFD. The end says what was left out.
+    """
+    whole = text if type(text) is str else _words_of(text)
+    if len(whole) <= most and whole.isprintable():
+        return whole
+    kept = "".join(map(_shown, whole[:most]))
+    left = len(whole) - most
+    return f"{kept} … ({left} characters more)" if left > 0 else kept
+
+
+def clean_lines(text: str) -> str:
+    """A text of several lines and columns, each as ``clean`` has it, whatever its length."""
+    if text.isprintable():
+        return text
+    return "".join(c if c in "\n\t" else _shown(c) for c in text)
+
+
+def clean_name(name: object) -> str:
+    """A name, as ``clean`` has it."""
+    return clean(name, NAME)
+
+
+def clean_names(names: Iterable[object]) -> tuple[str, ...]:
+    """Names, as ``clean`` has them."""
+    return tuple(clean(name, NAME) for name in names)
+
+
+def json_line(value: object) -> str:
+    """JSON on one line, of the same texts: what cannot be shown is escaped."""
+    made = json.dumps(value, ensure_ascii=False)
+    if made.isprintable():
+        return made
+    return "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in made)
+
+
+def file_name(name: object) -> str:
+    """A name for a file in a folder: letters, digits, ``_``, ``-`` and ``.``, no way out of it."""
+    safe = re.sub(r"[^\w.-]", "_", clean(name, NAME).encode("ascii", "replace").decode())
+    return safe.lstrip(".") or "_"
+
+
+def _words_of(something: object) -> str:
+    """As ``str``, also of what fails to say what it is."""
+    try:
+        return str.__str__(str(something))
+    except Exception as error:  # noqa: BLE001 - somebody else's code
+        return f"{type(something).__name__} ({type(error).__name__} in its text)"
+
+
+def _shown(character: str) -> str:
+    if character.isprintable():
+        return character
+    if character in _SPACES:
+        return " "
+    return character if unicodedata.category(character) == "Zs" else REPLACED
+
+
+def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
+    """What a word may have meant, to end a phrase with: ``; did you mean 'park'?``, or nothing.
+
+    Args:
+        word: that is not known.
+        known: those that are.
+        likeness: of the two, from 0 to 1, at least.
+    """
+    from difflib import get_close_matches  # only where something is misspelt
+
+    near = get_close_matches(word[:200], list(known), n=1, cutoff=likeness)
+    return f"; did you mean {near[0]!r}?" if near else ""

@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The XML of robot descriptions, which are a stranger's: bounded, without DTD and entities.
+
+For all who read one: those who load a file, and those who hear what a board publishes.
+"""
+
+from __future__ import annotations
+
+import codecs
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass
+from xml.parsers import expat
+
+from .core.joint_kind import JointKind
+
+SIZE_CAP = 5 * 1024 * 1024
+DEPTH_CAP = 64
+ELEMENT_CAP = 50_000
+#: A board publishes what it made of its files, which may be more than one of them.
+HEARD = 4
+
+
+class XmlError(ValueError):
+    """XML that cannot be used: place, what, the next step."""
+
+
+@dataclass(frozen=True, slots=True)
+class DescribedJoint:
+    """A joint as a robot description has it.
+
+    Attributes: kind (``revolute``, …), lower and upper (its stops, rad or m; infinite where it has
+    none), velocity and effort (their limits; None where there are none).
+    """
+
+    kind: str
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float | None = None
+    effort: float | None = None
+
+    @property
+    def dimension(self) -> str:
+        """``length`` or ``angle``."""
+        return JointKind.of(self.kind).choose("angle", "length")
+
+
+def heard_joints(urdf: str) -> dict[str, DescribedJoint]:
+    """The joints of a description that a board publishes, by name; none when it cannot be read."""
+    try:
+        return joints_in(heard(urdf))
+    except XmlError:
+        return {}
+
+
+def heard(urdf: str) -> ET.Element:
+    """The root of a description that a board publishes.
+
+    Raises:
+        XmlError: it cannot be used.
+    """
+    return parse_xml(urdf, "robot_description", HEARD)
+
+
+def joints_in(robot: ET.Element) -> dict[str, DescribedJoint]:
+    """The joints of a description by name."""
+    return {joint.get("name", ""): joint_of(joint) for joint in robot.findall("joint")}
+
+
+def joint_of(joint: ET.Element) -> DescribedJoint:
+    """A <joint>; what is no number counts as missing, a missing stop beside the other as zero."""
+    kind, limit = joint.get("type", ""), joint.find("limit")
+    if limit is None:
+        return DescribedJoint(kind)
+    velocity, effort = _number(limit, "velocity"), _number(limit, "effort")
+    lower, upper = _number(limit, "lower", 0.0), _number(limit, "upper", 0.0)
+    if kind == "continuous" or lower is None or upper is None:
+        return DescribedJoint(kind, velocity=velocity, effort=effort)
+    return DescribedJoint(kind, lower, upper, velocity, effort)
+
+
+def _number(element: ET.Element, key: str, default: float | None = None) -> float | None:
+    """A finite number of an attribute; the default without one, None where it is none."""
+    text = element.get(key)
+    if text is None:
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def parse_xml(given: bytes | str, source: str, times: int = 1) -> ET.Element:
+    """XML without DTD and entities, bounded in size, depth and number of elements.
+
+    Blank lines before the XML declaration and zeros at the end of the file are left out; a tag
+    or attribute keeps the prefix of its namespace.
+
+    Args:
+        given: the XML; a text is what it is, whatever encoding it declares.
+        source: where it comes from, for people.
+        times: so many times as large as one file may be.
+
+    Raises:
+        XmlError: it is none, or not within the bounds.
+    """
+    told = isinstance(given, str)
+    data = given.encode(errors="replace") if isinstance(given, str) else given
+    if len(data) > times * SIZE_CAP:
+        raise XmlError(f"{source}: larger than {times * SIZE_CAP >> 20} MiB; no URDF is")
+    if not data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        data = data.rstrip(b"\0")
+    blank = len(data) - len(data.lstrip())
+    if blank == len(data):
+        raise XmlError(f"{source}: is empty; a URDF begins with <robot name=…>")
+    skipped = data.count(b"\n", 0, blank)
+    parser = _BoundedParser(lambda line: f"{source}:{skipped + line}", source, times * ELEMENT_CAP)
+    return parser.parse(data[blank:], "utf-8" if told else None)
+
+
+class _BoundedParser:
+    """Builds a tree, and refuses what no URDF has.
+
+    Args:
+        place: file and line, for people, of a line of what is parsed.
+        source: the file.
+        most: elements at most.
+    """
+
+    def __init__(self, place: Callable[[int], str], source: str, most: int) -> None:
+        self._place, self._source, self._most = place, source, most
+        self._tree = ET.TreeBuilder()
+        self._depth = self._count = 0
+
+    def parse(self, data: bytes, encoding: str | None) -> ET.Element:
+        """The root; ``encoding`` counts more than what the data declare."""
+        self._parser = expat.ParserCreate(encoding)
+        self._parser.buffer_text = True
+        self._parser.StartDoctypeDeclHandler = self._refuse
+        self._parser.EntityDeclHandler = self._refuse
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._tree.data
+        try:
+            self._parser.Parse(data, True)
+            return self._tree.close()
+        except XmlError:
+            raise
+        except (expat.ExpatError, LookupError, ValueError) as error:
+            at_line = isinstance(error, expat.ExpatError)
+            where = self._place(self._parser.ErrorLineNumber) if at_line else self._source
+            reason = " ".join(str(error).partition(": line ")[0].split())
+            raise XmlError(f"{where}: not well-formed XML ({reason})") from None
+
+    def _refuse(self, *_: object) -> None:
+        raise XmlError(
+            f"{self._place(self._parser.CurrentLineNumber)}: document types and entities are not "
+            "allowed in a URDF; remove <!DOCTYPE …>"
+        )
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._depth, self._count = self._depth + 1, self._count + 1
+        if self._depth > DEPTH_CAP or self._count > self._most:
+            raise XmlError(
+                f"{self._place(self._parser.CurrentLineNumber)}: nested deeper than {DEPTH_CAP} "
+                f"or more than {self._most} elements; no URDF is"
+            )
+        self._tree.start(tag, attributes)
+
+    def _end(self, tag: str) -> None:
+        self._depth -= 1
+        self._tree.end(tag)

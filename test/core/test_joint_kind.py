@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the numbers of a joint are, and how they are written for people."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from control_board_ros.core.joint_kind import JointKind as K
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (K.REVOLUTE.position(0.2153), "12.3°"),
+        (K.CONTINUOUS.position(-1e-5), "0.0°"),  # no -0.0
+        (K.PRISMATIC.position(0.04), "40.0 mm"),
+        (K.REVOLUTE.velocity(1.0), "57.3°/s"),
+        (K.PRISMATIC.velocity(-0.25), "-250.0 mm/s"),
+        (K.REVOLUTE.acceleration(1.0), "57.3°/s²"),
+        (K.PRISMATIC.acceleration(1.0), "1000.0 mm/s²"),
+        (K.REVOLUTE.force(1.234), "1.23 N·m"),
+        (K.PRISMATIC.force(-0.001), "0.00 N"),
+        (K.REVOLUTE.travel(-2.0, 2.0), "-114.6…114.6°"),
+        (K.PRISMATIC.travel(0.0, 0.04), "0.0…40.0 mm"),
+        (K.CONTINUOUS.travel(-math.inf, math.inf), "endless"),
+        (K.REVOLUTE.position(math.nan), "-"),
+        (K.PRISMATIC.force(math.inf), "-"),
+    ],
+)
+def test_texts(text: str, expected: str) -> None:
+    """One resolution: 0.1°, 0.1 mm, 0.01 N·m."""
+    assert text == expected
+
+
+def test_units() -> None:
+    """Those of the board, and those that people read."""
+    assert [kind.unit for kind in K] == ["rad", "rad", "m"]
+    assert [kind.force_unit for kind in K] == ["N·m", "N·m", "N"]
+    assert [kind.shown_unit for kind in K] == ["°", "°", "mm"]
+    assert [kind.choose(1, 2) for kind in K] == [1, 1, 2]
+    for kind in K:
+        steps = {kind.position(n * kind.resolution) for n in range(11)}
+        assert len(steps) == 11, "each step of the resolution is another text"
+
+
+@pytest.mark.parametrize("described", ["fixed", "", None, "Prismatic"])
+def test_what_a_description_does_not_tell_turns(described: str | None) -> None:
+    """Units of a joint that is unknown are those of most."""
+    assert K.of(described) is K.REVOLUTE
+    assert K.of("prismatic") is K.PRISMATIC

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a board publishes as its description is a stranger's: read within bounds, or not at all."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from control_board_ros.conformance.limits import SPEED, TORQUE, TURN, described_limits
+from control_board_ros.panel.robot import NO_ROBOT, read
+from control_board_ros.recording.reading import kinds_of
+from control_board_ros.urdf_xml import XmlError, heard, heard_joints
+
+BOMB = (
+    '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;&a;">]>'
+    '<robot name="&b;"><joint name="j" type="prismatic"/></robot>'
+)
+BAD = {
+    "entities": BOMB,
+    "doctype": '<!DOCTYPE robot><robot><joint name="j" type="prismatic"/></robot>',
+    "deep": "<robot>" + "<link>" * 100 + "</link>" * 100 + '<joint name="j"/></robot>',
+    "no xml": "robot",
+    "empty": "",
+    "half": '<robot><joint name="j" type="prismatic"/>',
+    "many": "<robot>" + "<link/>" * 200_001 + "</robot>",
+    "zeros": "\0" * 10,
+}
+
+
+def board(urdf: str) -> Any:
+    """A client of a board with a description."""
+    return SimpleNamespace(get_robot_description=lambda: urdf)
+
+
+@pytest.mark.parametrize("urdf", BAD.values(), ids=BAD)
+def test_a_bad_description_is_none_for_all_who_hear_it(urdf: str) -> None:
+    with pytest.raises(XmlError):
+        heard(urdf)
+    assert heard_joints(urdf) == {}
+    assert kinds_of(urdf, ("j",)) == {"j": "revolute"}
+    assert read(urdf, "") is NO_ROBOT
+    found = described_limits(board(urdf), "j")
+    assert (found.lower, found.upper, found.velocity, found.torque) == (*TURN, SPEED, TORQUE)
+
+
+def test_joints_have_what_can_be_read_of_their_limits() -> None:
+    joint = '<joint name="{}" type="{}"><limit {}/></joint>'
+    joints = heard_joints(
+        "<robot>"
+        + joint.format("a", "revolute", 'lower="-1" upper="2" velocity="3" effort="4"')
+        + joint.format("b", "continuous", 'lower="-1" upper="2" velocity="nan"')
+        + joint.format("c", "prismatic", 'lower="wide" upper="2" effort="much"')
+        + joint.format("d", "revolute", 'upper="2"')
+        + '<joint name="e"/></robot>'
+    )
+    ends = {name: (one.lower, one.upper) for name, one in joints.items()}
+    none = (-math.inf, math.inf)
+    assert ends == {"a": (-1.0, 2.0), "b": none, "c": none, "d": (0.0, 2.0), "e": none}
+    assert [(one.velocity, one.effort) for one in joints.values()] == [
+        (3.0, 4.0),
+        *[(None, None)] * 4,
+    ]
+
+
+def test_limits_that_a_description_gives() -> None:
+    urdf = (
+        '<robot><joint name="a\'b" type="revolute"><limit lower="-1" upper="2"/></joint></robot>'
+    )
+    found = described_limits(board(urdf), "a'b")
+    assert (found.lower, found.upper, found.velocity) == (-1.0, 2.0, SPEED)
+
+
+def test_a_text_is_what_it_is_whatever_encoding_it_declares() -> None:
+    urdf = '<?xml version="1.0" encoding="iso-8859-1"?><robot><joint name="ö"/></robot>'
+    assert list(heard_joints(urdf)) == ["ö"]

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A stranger's board on the network, against everything that listens to boards."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from cbctl_process import COMMAND, GUARD
+
+from control_board_ros.testing import child_environment, free_domain, ros_node
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+KINDS = ("words", "lengths", "many", "nan", "laughs")
+BOARD = Path(__file__).parents[1] / "support" / "hostile_board.py"
+
+
+@contextlib.contextmanager
+def hostile(kind: str, domain: int) -> Iterator[None]:
+    """A hostile board, from when it is seen."""
+    process = subprocess.Popen(
+        [sys.executable, str(BOARD), kind],
+        env=child_environment(domain),
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        with ros_node(domain, "looking", spin=False) as node:
+            while "hostile" not in node.get_node_names():
+                assert process.poll() is None
+        yield
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.wait(GUARD)
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def domain(request: pytest.FixtureRequest) -> Iterator[int]:
+    with free_domain() as number, hostile(request.param, number):
+        yield number
+
+
+def run(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
+    """A command beside the hostile board: it ends, in words, and gives no orders."""
+    done = subprocess.run(
+        [*words],
+        env=child_environment(domain) | {"COLUMNS": "120"},
+        capture_output=True,
+        text=True,
+        timeout=GUARD,
+        check=False,
+    )
+    said = (done.stdout + done.stderr).splitlines()
+    both = "\n".join(line for line in said if "RTPS_" not in line)  # the middleware's own
+    assert "Traceback" not in both, both[-3000:]
+    assert all(c.isprintable() or c == "\n" for c in both), both[:3000]
+    assert done.returncode in (0, 1)
+    if done.returncode:
+        assert done.stderr.strip() or "message" in done.stdout
+    return done
+
+
+@pytest.mark.parametrize(
+    "verb",
+    [
+        "modes",
+        "modes --json",
+        "mode __proto__ pos",
+        "faults",
+        "poses",
+        "impedance",
+        "clear",
+        "move constructor=0.1",
+        "watch --once",
+    ],
+)
+def test_cbctl(domain: int, verb: str) -> None:
+    """Every verb ends, with a table or with a line that says what is wrong."""
+    run(domain, *COMMAND, *verb.split(), "--board", "hostile", "--timeout", "6")
+
+
+def test_recorder_and_report(domain: int, tmp_path: Path) -> None:
+    """What it says is recorded as it came; the report of it, and its pictures, stay in place."""
+    folder = tmp_path / "inside" / "bag"
+    folder.parent.mkdir()
+    words = ["record", "-o", str(folder), "--for", "2s", "--csv"]
+    run(domain, *COMMAND, *words, "--board", "hostile", "--timeout", "6")
+    if folder.exists():
+        page = tmp_path / "inside" / "report.html"
+        words = ["report", str(folder), "-o", str(page), "--png", str(tmp_path / "inside" / "png")]
+        done = run(domain, *COMMAND, *words)
+        if done.returncode == 0:
+            text = page.read_text(encoding="utf-8")
+            assert "<script>alert" not in text
+            assert "<img src=x" not in text
+    assert [path.name for path in tmp_path.iterdir()] == ["inside"]
+
+
+def test_conformance(domain: int) -> None:
+    """It ends, and says why it tries nothing, or what is not held."""
+    words = ["-m", "control_board_ros.conformance", "--yes", "--timeout", "3", "--rules", "V1"]
+    done = run(domain, sys.executable, *words, "--board", "hostile")
+    assert done.returncode == 1
+
+
+def test_panel_server(domain: int) -> None:
+    """It opens, complains in lines, and ends when it is asked to."""
+    panel = subprocess.Popen(
+        [*COMMAND, "panel", "--port", "0", "--timeout", "3"],
+        env=child_environment(domain),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert panel.stdout is not None
+        while "127.0.0.1" not in (line := panel.stdout.readline()):
+            assert line
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            panel.wait(8.0)  # it lives
+        assert panel.poll() is None
+    finally:
+        panel.send_signal(signal.SIGTERM)
+        out, err = panel.communicate(timeout=GUARD)
+    assert panel.returncode == 0
+    assert "Traceback" not in err
+    lines = [line for line in (out + err).splitlines() if "RTPS_" not in line]
+    assert all(line.isprintable() for line in lines)
+    assert len(err) < 20_000

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A goal that is cancelled before it began moves nothing, and ends no other goal."""
+
+from __future__ import annotations
+
+from collections.abc import Coroutine
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from action_msgs.msg import GoalStatus
+
+from control_board_ros.interface import ACTIONS, FOLLOW_JOINT_TRAJECTORY
+from control_board_ros.node import actions, follow_trajectory
+from control_board_ros.node.request_log import RequestLog
+
+
+class Handle:
+    """A goal of rclpy whose cancelling was accepted before its turn came."""
+
+    is_cancel_requested = True
+    goal_id = SimpleNamespace(uuid=bytes(16))
+    status = GoalStatus.STATUS_CANCELED
+
+    def __init__(self, request: Any) -> None:
+        self.request, self.ended = request, ""
+
+    def canceled(self) -> None:
+        self.ended = "canceled"
+
+
+def never(*_: Any, **__: Any) -> Any:
+    raise AssertionError("the board was touched")
+
+
+def ended(execution: Coroutine[Any, Any, Any]) -> Any:
+    """The result of a coroutine that waits for nothing."""
+    with pytest.raises(StopIteration) as done:
+        execution.send(None)
+    return done.value.value
+
+
+@pytest.mark.parametrize("action", ACTIONS, ids=lambda action: action.short)
+def test_a_goal_cancelled_before_it_began(action: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    executed: dict[str, Any] = {}
+
+    def serve(_node: Any, _kind: Any, name: str, execute: Any, **_: Any) -> None:
+        executed[name] = execute
+
+    timer = SimpleNamespace(reset=never)
+    node = SimpleNamespace(create_timer=lambda *_, **__: timer, get_logger=lambda: None)
+    member = SimpleNamespace(exclusive=never, loop=SimpleNamespace(hooks=[], paused=False))
+    snapshots = SimpleNamespace(now=lambda: 0)
+    board = SimpleNamespace(count=1)
+    told: list[Any] = []
+    requests = RequestLog(
+        SimpleNamespace(publish=told.append), SimpleNamespace(snapshots=snapshots, board=board)
+    )
+    for module in (actions, follow_trajectory):
+        monkeypatch.setattr(module, "ActionServer", serve)
+    made = [
+        actions.Actions(node, member, never, never, requests),
+        follow_trajectory.FollowTrajectory(node, member, never, never, requests),
+    ]
+    handle = Handle(action.load().Goal())
+    result = ended(executed[action.name](handle))
+    assert len(made) == 2
+    assert handle.ended == "canceled"
+    text = result.error_string if action is FOLLOW_JOINT_TRAJECTORY else result.message
+    assert text == "cancelled before it began"
+    requests.publish()
+    assert [(one.name, one.event) for one in told] == [(action.short, "canceled")]

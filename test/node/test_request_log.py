@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""~/requests: what the board was asked and what it answered, each once, and no reading."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from control_board_msgs import action, msg, srv
+from control_msgs.action import FollowJointTrajectory
+from std_srvs.srv import Trigger
+from talk import talking_to
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from control_board_ros.interface import (
+    FOLLOW_JOINT_TRAJECTORY,
+    GET_CONTROL_MODE,
+    LIST_POSES,
+    REQUEST_LOG,
+    SERVICES,
+    SET_CONTROL_MODE,
+    SET_IMPEDANCE,
+    STEP,
+)
+from control_board_ros.node.request_log import CHARACTERS, RequestLog, left_out
+from control_board_ros.testing import board_process
+
+HISTORY = REQUEST_LOG.qos
+
+
+class Told:
+    """A log whose messages are kept."""
+
+    def __init__(self, joints: int = 2) -> None:
+        self.messages: list[Any] = []
+        member: Any = SimpleNamespace(
+            snapshots=SimpleNamespace(now=lambda: 12_000_000_034),
+            board=SimpleNamespace(count=joints),
+        )
+        publisher = SimpleNamespace(publish=self.messages.append)
+        self.log = RequestLog(publisher, member)
+
+    def answered(self, endpoint: Any, request: Any, response: Any) -> Any:
+        self.log.answered(endpoint, request, response, time.perf_counter())
+        assert self.messages == []  # who answers does not wait for it
+        self.log.publish()
+        return self.messages.pop()
+
+
+def test_an_answer_holds_all_of_request_and_response() -> None:
+    request = srv.SetControlMode.Request(names=["a", "b"], modes=["pos", "vel"])
+    response = srv.SetControlMode.Response(
+        success=False,
+        message="b: no",
+        names=["a", "b"],
+        modes=["pos", "pos"],
+        answers=["accepted", "refused"],
+        reasons=["", "no"],
+    )
+    told = Told().answered(SET_CONTROL_MODE, request, response)
+    assert (told.kind, told.name, told.event) == ("service", "set_control_mode", "answered")
+    assert list(told.names) == ["a", "b"]
+    assert json.loads(told.request) == {"modes": ["pos", "vel"]}
+    assert (told.success, told.message) == (False, "b: no")
+    assert list(told.answers) == ["accepted", "refused"]
+    assert list(told.reasons) == ["", "no"]
+    assert json.loads(told.response) == {"modes": ["pos", "pos"]}
+    assert (told.header.stamp.sec, told.header.stamp.nanosec) == (12, 34)
+    assert 0.0 <= told.duration < 60.0
+
+
+def test_what_only_reads_is_left_out() -> None:
+    out = {service.short for service in SERVICES if left_out(service)}
+    assert out >= {GET_CONTROL_MODE.short, LIST_POSES.short, STEP.short}
+    assert {"set_control_mode", "stop", "save_pose", "power_cycle"}.isdisjoint(out)
+    told = Told()
+    told.log.answered(GET_CONTROL_MODE, None, srv.GetControlMode.Response(), 0.0)
+    told.log.publish()
+    assert told.messages == []
+
+
+def test_numbers_that_json_has_not_are_texts() -> None:
+    request = srv.SetImpedance.Request(stiffness=[math.nan, 1.5], damping=[math.inf])
+    told = Told().answered(SET_IMPEDANCE, request, srv.SetImpedance.Response())
+    assert json.loads(told.request) == {"stiffness": ["nan", 1.5], "damping": ["inf"]}
+
+
+def test_what_is_too_long_is_cut_and_says_so() -> None:
+    request = srv.SetControlMode.Request(names=["x" * 10_000] * 5000, modes=["y"] * 5000)
+    told = Told().answered(SET_CONTROL_MODE, request, srv.SetControlMode.Response())
+    assert len(told.names) == 33
+    assert told.names[-1] == "… 4968 more"
+    assert len(told.names[0]) == CHARACTERS + 1
+    assert json.loads(told.request)["modes"][-1] == "… 4968 more"
+
+
+def test_the_robot_of_many_joints_shows_all_of_them() -> None:
+    names = [f"joint_{k}" for k in range(40)]
+    request = srv.SetControlMode.Request(names=names, modes=["pos"])
+    told = Told(joints=40).answered(SET_CONTROL_MODE, request, srv.SetControlMode.Response())
+    assert list(told.names) == names
+
+
+def test_a_goal_of_a_trajectory_names_its_joints() -> None:
+    point = JointTrajectoryPoint(positions=[1.0, 2.0])
+    goal = FollowJointTrajectory.Goal()
+    goal.trajectory.joint_names, goal.trajectory.points = ["a", "b"], [point] * 100
+    handle = SimpleNamespace(request=goal, goal_id=SimpleNamespace(uuid=bytes(16)), status=6)
+    told = Told()
+    asked = told.log.goal(FOLLOW_JOINT_TRAJECTORY, handle)
+    asked.accepted()
+    result = FollowJointTrajectory.Result(error_code=-4, error_string="too far")
+    assert asked.ended(result) is result
+    told.log.publish()
+    begun, ended = told.messages
+    assert (begun.event, begun.success, begun.goal) == ("accepted", True, "00" * 16)
+    assert list(begun.names) == ["a", "b"]
+    points = json.loads(begun.request)["trajectory"]["points"]
+    assert points[0]["positions"] == [1.0, 2.0]
+    assert points[-1] == "… 68 more"
+    assert (ended.event, ended.success, ended.message) == ("aborted", False, "too far")
+    assert json.loads(ended.response) == {"error_code": -4, "error_string": "too far"}
+
+
+@pytest.mark.ros
+def test_a_node_tells_what_it_was_asked_also_to_who_comes_late() -> None:
+    with board_process({"physics": "ideal"}) as board:
+        with talking_to(board) as talker:
+            name = talker.names[3]
+            assert talker.set_mode([name], "pos").success
+            assert not talker.set_mode([name], "no").success
+            assert talker.call("get_control_mode", srv.GetControlMode).success
+            goal = talker.goal("move", action.Move, names=[name], positions=[-1.3], speeds=[1.0])
+            assert talker.result(goal).result.success
+            goal = talker.goal("move", action.Move, names=["no"], positions=[0.0])
+            assert not talker.result(goal).result.success
+            assert talker.call("stop", srv.Stop, names=[name]).success
+        with talking_to(board, "late") as late:
+            late.hear("requests", msg.Request, f"{board.name}/requests", HISTORY.profile())
+            late.wait("requests", lambda m: m.name == "stop")
+            events = late.seen["requests"]
+    told = [(m.name, m.event, m.success) for m in events]
+    assert told == [
+        ("set_control_mode", "answered", True),
+        ("set_control_mode", "answered", False),
+        ("move", "accepted", True),
+        ("move", "succeeded", True),
+        ("move", "refused", False),
+        ("stop", "answered", True),
+    ]
+    assert "no" in events[1].message
+    assert json.loads(events[2].request)["positions"] == [-1.3]
+    assert events[2].goal == events[3].goal != events[4].goal
+    assert events[3].duration > 0.05
+    stamps = [(m.header.stamp.sec, m.header.stamp.nanosec) for m in events]
+    assert stamps == sorted(stamps)
+
+
+@pytest.mark.ros
+def test_the_robot_s_own_node_tells_of_its_own_requests() -> None:
+    parts = {"one": ["lbr_iiwa_joint_1"], "two": ["lbr_iiwa_joint_2"]}
+    params = {"robot": "iiwa", "robot_name": "pair", "parts": parts, "physics": "ideal"}
+    with (
+        board_process(params, robot="pair") as board,
+        talking_to(board) as robot,
+        talking_to(board, "part", "/pair/one") as part,
+    ):
+        for talker in (robot, part):
+            topic = f"{talker.board}/requests"
+            talker.hear("requests", msg.Request, topic, HISTORY.profile())
+        assert robot.set_mode(["lbr_iiwa_joint_2"], "vel").success
+        assert part.call("power_cycle", Trigger).success
+        told = robot.wait("requests", lambda m: m.name == "set_control_mode")
+        assert list(told.names) == ["lbr_iiwa_joint_2"]
+        part.wait("requests", lambda m: m.name == "power_cycle")

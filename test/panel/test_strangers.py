@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page beside a board that says what no board would: the good board's cards work."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browsing import context_of
+from cbctl_process import GUARD, Cbctl, until
+
+from control_board_ros.client import ControlBoardClient
+from control_board_ros.testing import BoardProcess
+
+pytestmark = [pytest.mark.slow, pytest.mark.ros]
+STRANGER = Path(__file__).parents[1] / "support" / "hostile_board.py"
+
+
+@pytest.fixture(scope="module")
+def address(process: BoardProcess) -> Iterator[str]:
+    """Where the panel is; of strangers it complains in lines, and in nothing else."""
+    panel = Cbctl(process.environment).start("panel", "--port", "0", "--json")
+    try:
+        assert panel.stdout is not None
+        yield json.loads(panel.stdout.readline())["addresses"][0]
+    finally:
+        panel.send_signal(signal.SIGTERM)
+        out, err = panel.communicate(timeout=GUARD)
+    assert panel.returncode == 0, out + err
+    assert "Traceback" not in err, err
+    own = [line for line in err.splitlines() if "RTPS_" not in line]  # not the middleware's
+    assert all(line.isprintable() for line in own), err
+
+
+@pytest.fixture(autouse=True, params=["words", "lengths", "many", "nan", "laughs"])
+def stranger(process: BoardProcess, request: pytest.FixtureRequest) -> Iterator[None]:
+    words = [sys.executable, str(STRANGER), request.param]
+    running = subprocess.Popen(words, env=process.environment, stderr=subprocess.DEVNULL)
+    yield
+    running.send_signal(signal.SIGINT)
+    running.wait(GUARD)
+
+
+def test_the_good_board_goes_on(
+    browser: Any, address: str, client: ControlBoardClient, request: pytest.FixtureRequest
+) -> None:
+    """The stranger's board is listed, the page draws on, and a slider of the good one moves it."""
+    with context_of(browser) as context:
+        page = context.new_page()
+        drive_beside_it(page, address, client)
+        if "words" in request.node.name:  # names that were cleaned are the names of its states
+            page.get_by_role("tab", name="hostile").click()
+            joints = "panel.model.boards.get('/hostile').joints"
+            until(lambda: page.evaluate(f"{joints}.length > 2 && {joints}.every((j) => j.state)"))
+
+
+def drive_beside_it(page: Any, address: str, client: ControlBoardClient) -> None:
+    """Move a joint of the good board."""
+    page.goto(address)
+    page.get_by_label("More of joint_7").wait_for()
+    until(lambda: page.evaluate("panel.model.boards.has('/hostile')"))
+    page.wait_for_timeout(2000)  # it says what it says
+    assert page.locator("script:not([src])", has_text="alert").count() == 0
+    here = math.degrees(client.get_encoder("lbr_iiwa_joint_7")[0])
+    box = page.get_by_label("Position reference of joint_7, typed; Enter sends").first
+    wanted = here + (5.0 if here < 0.0 else -5.0)
+    box.fill(f"{wanted:.3f}")
+    box.press("Enter")
+    until(lambda: abs(math.degrees(client.get_encoder("lbr_iiwa_joint_7")[0]) - wanted) < 0.5)
+    joint = "panel.model.boards.get('/control_board').joints[6]"
+    shown = f"Math.abs({joint}.state.position * 180 / Math.PI"
+    until(lambda: page.evaluate(f"{shown} - {wanted}) < 0.5"))

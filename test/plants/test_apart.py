@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A plant in a process of its own: no power without the board, whatever stops that (B5)."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from control_board_msgs import msg, srv
+from levers import IIWA, Levers, offer
+from talk import Talker, talking_to, until
+
+from control_board_ros.plants import Readings
+from control_board_ros.plants.apart import PlantApart
+from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.watchdog import Watchdog
+from control_board_ros.testing import BoardProcess, board_process
+from control_board_ros.testing.plants import plant_contract
+
+SUPPORT = Path(__file__).parents[1] / "support"
+NEVER = 1e6  # s
+
+
+@pytest.fixture
+def offered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The file in which the plant of the entry point ``levers`` notes what it applies."""
+    offer(tmp_path, "levers:make_logged")
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path / "log"
+
+
+@pytest.fixture
+def apart(offered: Path) -> Iterator[PlantApart]:
+    plant = PlantApart("levers", ["a", "b"], [f"log={offered}"], silence=0.05)
+    yield plant
+    plant.close()
+
+
+def driven(plant: PlantApart) -> None:
+    plant.connect()
+    plant.enable(0)
+    assert plant.write(np.array([20.0, 0.0])).tolist() == [20.0, 0.0]
+
+
+def test_it_is_driven_and_read(apart: PlantApart) -> None:
+    assert [joint.name for joint in apart.describe().joints] == ["a", "b"]
+    driven(apart)
+    assert apart.read().position[0] > 0.0
+    assert apart.process.pid != os.getpid()
+
+
+def test_silence_takes_the_power_off(apart: PlantApart, offered: Path) -> None:
+    """B5: nobody asks, and what comes then does not count before it knows."""
+    driven(apart)
+    until(lambda: offered.read_text().splitlines()[-1] == "0 0")
+    assert apart.write(np.array([20.0, 0.0])).tolist() == [0.0, 0.0]
+    apart.enable(0)
+    assert apart.read().faults == ["its board said nothing for 50 ms", ""]
+    assert apart.write(np.zeros(2)).tolist() == [0.0, 0.0]
+    assert apart.read().faults == ["", ""]
+    driven(apart)
+
+
+def test_a_board_that_is_gone_takes_the_power_off(offered: Path) -> None:
+    plant = PlantApart("levers", ["a"], [f"log={offered}"], silence=NEVER)
+    plant.connect()
+    plant.enable(0)
+    plant.write(np.array([20.0]))
+    plant.close()
+    plant.close()
+    assert offered.read_text().splitlines()[-3:] == ["0 0", "0 0", "closed"]
+    assert plant.process.returncode == 0
+
+
+def test_a_process_that_ends_is_told_and_started_anew(apart: PlantApart) -> None:
+    """B3."""
+    driven(apart)
+    apart.process.kill()
+    with pytest.raises(ConnectionError, match="the plant's process ended with code -9"):
+        apart.write(np.zeros(2))
+    driven(apart)
+
+
+def test_signals_that_end_a_board_do_not_end_it(apart: PlantApart) -> None:
+    """The board may have to park first (R6)."""
+    apart.connect()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        apart.process.send_signal(number)
+    assert isinstance(apart.read(), Readings)
+
+
+def test_what_the_plant_raises_is_told_in_its_words(apart: PlantApart) -> None:
+    with pytest.raises(RuntimeError, match="index out of range") as caught:
+        apart.enable(7)
+    assert type(caught.value).__name__ == "IndexError"
+
+
+def test_what_cannot_be_had_is_one_line(offered: Path) -> None:
+    for name, told in (("lever", "'lever' unknown; did you mean"), ("levers", "cannot be made")):
+        with pytest.raises(PlantSettingsError, match=told) as caught:
+            PlantApart(name, ["a"], [], NEVER)
+        assert "\n" not in str(caught.value)
+
+
+test_a_watched_plant_keeps_the_contract = plant_contract(lambda: Watchdog(Levers("left", "right")))
+
+
+# A board on it --------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def running(
+    folder: Path, *, apart: bool, exit_code: int = 0
+) -> Iterator[tuple[BoardProcess, Path]]:
+    """A board, and the file in which its plant notes what it applies."""
+    offer(folder, "levers:make_logged")
+    path = os.pathsep.join([str(folder), str(SUPPORT), os.environ.get("PYTHONPATH", "")])
+    params = {
+        "plant": "levers",
+        "plant_arguments": [f"log={folder / 'log'}"],
+        "plant_timeout": 1.0,
+        "plant_process": apart,
+        "joint_defaults.startup_mode": "idl",
+    }
+    with board_process(params, env={"PYTHONPATH": path}, exit_code=exit_code) as board:
+        yield board, folder / "log"
+
+
+def drive(talker: Talker, log: Path) -> None:
+    """A joint in OPENLOOP, with power."""
+    assert talker.set_mode([IIWA[0]], "open").success
+    message = msg.OutputCommand(names=[IIWA[0]], outputs=[20.0])
+    talker.until_state(
+        lambda: talker.command("command/output", message), lambda state: state.output[0] > 19.0
+    )
+    until(lambda: last(log).startswith("1 "))
+
+
+def last(log: Path) -> str:
+    """The last whole line."""
+    return log.read_text().rpartition("\n")[0].rpartition("\n")[2]
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.parametrize("apart", [True, False])
+def test_a_stopped_board_has_no_power(tmp_path: Path, apart: bool) -> None:
+    """B5: apart, at once; in a thread, before anything else when it goes on. Then HW_FAULT."""
+    with running(tmp_path, apart=apart) as (board, log), talking_to(board) as talker:
+        drive(talker, log)
+        os.kill(board.process.pid, signal.SIGSTOP)
+        try:
+            if apart:
+                until(lambda: last(log) == "0 0")
+            else:
+                time.sleep(2.0)
+            before = log.read_text().count("\n")
+        finally:
+            os.kill(board.process.pid, signal.SIGCONT)
+        talker.wait("modes", lambda modes: modes.control_modes[0] == "hwfa")
+        fault = talker.call("get_faults", srv.GetFaults, names=[IIWA[0]]).faults[0]
+        assert "the control loop was silent for" in fault.text
+        until(lambda: talker.set_mode([IIWA[0]], "fidl").success)
+        after = log.read_text().splitlines()[before:]
+        powered = [line for line in after if line.startswith("1")]
+        assert len(powered) <= (0 if apart else 1), "an exchange that was under way ends"
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+def test_a_killed_board_has_no_power(tmp_path: Path) -> None:
+    """B5: in a thread that is for the drive's own watchdog (S5)."""
+    with running(tmp_path, apart=True, exit_code=-signal.SIGKILL) as (board, log):
+        with talking_to(board) as talker:
+            drive(talker, log)
+        board.process.kill()
+        until(lambda: last(log) == "closed")
+        assert log.read_text().splitlines()[-2:] == ["0 0", "closed"]

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Time and faults on demand belong to simulations: any other plant refuses them (B4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from cbctl_process import Cbctl
+from control_board_msgs import msg, srv
+from levers import IIWA, path_with
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from std_srvs.srv import SetBool, Trigger
+from talk import Talker, patient, talking_to, until
+
+from control_board_ros.testing import BoardProcess, board_process, ros_node
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+REASON = "drives a plant that is no simulation: its time and its faults are real"
+PLANT = {
+    "plant": "levers",
+    "plant_timeout": 5.0,  # a busy machine is no silence
+    "allow_fault_injection": True,
+    "joint_defaults.startup_mode": "idl",
+}
+PARTS = {"robot_name": "pair", "parts.upper": [*IIWA[:4]], "parts.lower": [*IIWA[4:]]}
+
+
+@pytest.fixture(scope="module", params=["board", "robot", "part"])
+def board(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[BoardProcess]:
+    """A board, a robot of parts, or one of its parts on a plant that is no simulation."""
+    whole = request.param == "board"
+    params = PLANT if whole else PLANT | PARTS
+    path = path_with(tmp_path_factory.mktemp("path"))
+    with board_process(params, env=path, robot="" if whole else "pair") as process:
+        if request.param == "part":
+            process.name = "/pair/upper"
+        yield process
+    assert "internal error" not in process.output
+    assert "Traceback" not in process.output
+
+
+@pytest.fixture(scope="module")
+def talker(board: BoardProcess) -> Iterator[Talker]:
+    with talking_to(board) as one:
+        yield one
+
+
+def still_moves(talker: Talker) -> None:
+    """Nothing has changed: the loop runs, and a joint that is driven moves."""
+    assert talker.set_mode([IIWA[0]], "open").success
+    start = talker.state().position[0]
+    talker.until_state(
+        lambda: talker.command(
+            "command/output", msg.OutputCommand(names=[IIWA[0]], outputs=[20.0])
+        ),
+        lambda state: state.position[0] > start + 0.02,
+    )
+    assert talker.set_mode([IIWA[0]], "idl").success
+
+
+REQUESTS: dict[str, tuple[Any, dict[str, Any]]] = {
+    "pause": (SetBool, {"data": True}),
+    "step": (srv.Step, {"steps": 3}),
+    "reset": (Trigger, {}),
+    "inject_fault": (srv.InjectFault, {"fault": "encoder"}),
+    "clear_injected_faults": (Trigger, {}),
+}
+
+
+@pytest.mark.parametrize("name", REQUESTS)
+def test_a_service_is_refused_and_changes_nothing(talker: Talker, name: str) -> None:
+    kind, request = REQUESTS[name]
+    answer = talker.call(name, kind, **request)
+    assert not answer.success
+    assert REASON in answer.message
+    assert "\n" not in answer.message
+    still_moves(talker)
+
+
+def test_a_pause_that_is_taken_back_is_refused_too(talker: Talker) -> None:
+    assert REASON in talker.call("pause", SetBool, data=False).message
+
+
+def test_an_external_torque_is_ignored_and_told(talker: Talker, board: BoardProcess) -> None:
+    def told() -> bool:
+        talker.command("external_torque", msg.TorqueCommand(names=[IIWA[0]], torques=[1.0]))
+        return f"external_torque ignored: this board {REASON}" in board.output
+
+    until(told)
+    still_moves(talker)
+
+
+def test_other_time_is_refused(talker: Talker, board: BoardProcess) -> None:
+    if board.name == "/pair/upper":
+        pytest.skip("a part has no real_time_factor")
+    wanted = [Parameter("real_time_factor", value=2.0).to_parameter_msg()]
+    (result,) = talker.call("set_parameters", SetParameters, parameters=wanted).results
+    assert not result.successful
+    assert result.reason.startswith("real_time_factor: 2.0 is not allowed; this board drives")
+    assert REASON in result.reason
+    still_moves(talker)
+
+
+def test_a_program_is_told_why(board: BoardProcess) -> None:
+    with ros_node(board.domain, spin=False) as node, patient(node, board.name) as client:
+        calls: list[Callable[[], Any]] = [
+            client.pause,
+            client.step,
+            client.reset,
+            lambda: client.inject_fault(0, "encoder"),
+            client.clear_injected_faults,
+        ]
+        for call in calls:
+            reply = call()
+            assert not reply
+            assert REASON in reply.message
+
+
+@pytest.mark.parametrize(
+    "line", ["pause", "resume", "reset", "inject 0 encoder", "inject --clear"]
+)
+def test_cbctl_says_why(board: BoardProcess, line: str) -> None:
+    cbctl = Cbctl(board.environment)
+    done = cbctl("--board", board.name, *line.split())
+    assert done.code == 1
+    assert REASON in done.err
+    assert done.err.count("\n") == 1

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Browsers that a test opens, and closes however it ends."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+from cbctl_process import GUARD
+
+#: A phone, for ``context_of``.
+PHONE: dict[str, Any] = {
+    "viewport": {"width": 390, "height": 844},
+    "is_mobile": True,
+    "has_touch": True,
+}
+
+
+@contextlib.contextmanager
+def context_of(browser: Any, **how: Any) -> Iterator[Any]:
+    """A browser's context; closed in the end, however the test ends."""
+    context = browser.new_context(**how)
+    try:
+        context.set_default_timeout(GUARD * 1000.0)
+        yield context
+    finally:
+        context.close()
+
+
+def operate(page: Any) -> None:
+    """Have control, whoever had it: a busy machine may have taken the page for gone."""
+    button, asked = page.locator("#operator button"), page.get_by_text("You operate", exact=True)
+    button.first.wait_for()
+    if not asked.is_visible():
+        button.first.click()
+    asked.wait_for()

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the code blocks of a page, and runs those that are marked.
+
+A comment before a block says what a test does with it:
+
+    <!-- run -->               a console block: type its `$` lines, compare what they print;
+                               a shell block: type its lines, each ends without an error;
+                               a Python block: run it as a script of its own
+    <!-- run, varies: 4.1 s; ° --> the same; the numbers in the texts named may be others, and
+                               all numbers before a text without one
+    <!-- output -->            what the Python block before it prints
+    <!-- board -->             the line starts the board that the next blocks talk to
+    <!-- board /icub/robot --> the same; the name of its node is this one
+    <!-- file arm.yaml -->     the block is that file
+    <!-- not run: reason -->   nobody can run it in a test
+
+Spaces and the place in a bar do not count. A line of `...` in an output stands for any lines. A
+page that starts no board talks to one of the default configuration. cbctl runs within the test
+over one connection, in a terminal of 80 columns: what it takes to find the board is tested
+elsewhere. A line that names a board (`--board`), and each of a shell block, is a process of its
+own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import shlex
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from control_board_ros.cli import output
+from control_board_ros.cli.app import invoke
+from control_board_ros.cli.options import Options
+from control_board_ros.cli.session import Session
+from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.testing import BoardProcess, board_process
+
+ROOT = Path(__file__).resolve().parents[2]
+BLOCK = re.compile(
+    r"(?:<!-- (?P<mark>[^>]*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S
+)
+NUMBER = r"[-+]?\d+(?:\.\d+)?"
+#: A number as re.escape writes it, and what stands for any in its place.
+ESCAPED, ANY = r"(?:\\-)?\d+(?:\\\.\d+)?", NUMBER.replace("\\", "\\\\")
+MODULES = {
+    "cbctl": "control_board_ros.cli",
+    "control_board": "control_board_ros.node.main",
+    "pytest": "pytest",
+}
+SHELL = ("sh", "bash")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A code block: its mark ("" without), language, text, and line in the page."""
+
+    mark: str
+    language: str
+    text: str
+    line: int
+
+    @property
+    def verb(self) -> str:
+        return self.mark.partition(",")[0].partition(":")[0].split(" ")[0] if self.mark else ""
+
+    @property
+    def varies(self) -> list[str]:
+        _, _, texts = self.mark.partition("varies:")
+        return [text.strip() for text in texts.split(";") if text.strip()]
+
+
+def blocks(text: str) -> list[Block]:
+    """The code blocks of a page."""
+    return [
+        Block(m["mark"] or "", m["language"], m["text"], text.count("\n", 0, m.start()) + 1)
+        for m in BLOCK.finditer(text)
+    ]
+
+
+def commands(block: Block) -> list[tuple[str, str]]:
+    """The commands of a console block, each with what it prints."""
+    found: list[tuple[str, list[str]]] = []
+    for line in block.text.splitlines():
+        if line.startswith("$ "):
+            found.append((line[2:], []))
+        elif found[-1][0].endswith("\\"):
+            found[-1] = (found[-1][0][:-1] + line.strip(), [])
+        else:
+            found[-1][1].append(line)
+    return [(command, "\n".join(lines)) for command, lines in found]
+
+
+def pattern(expected: str, varies: list[str]) -> str:
+    """A regular expression of what may be printed."""
+    made = []
+    for line in expected.splitlines():
+        if line.strip() == "...":
+            made.append(r"(?:.*\n)*?")
+            continue
+        text = re.escape(line.rstrip())
+        for part in varies:
+            loose = NUMBER.join(re.escape(piece) for piece in re.split(NUMBER, part))
+            if re.search(NUMBER, part):
+                text = text.replace(re.escape(part), loose)
+            else:  # a unit: any number before it
+                text = re.sub(f"(?:{ESCAPED}){re.escape(re.escape(part))}", ANY + loose, text)
+        text = re.sub("├[─●]+┤", "├[─●]+┤", text)
+        text = re.sub(r"(?:\\ )+", "[ ]+", text)
+        made.append(text + r"[ ]*\n")
+    return "".join(made)
+
+
+def compare(block: Block, expected: str, printed: str, varies: list[str], what: str) -> None:
+    """Fail where the page says something else than the program."""
+    tidy = "".join(line.rstrip() + "\n" for line in printed.splitlines() if line.strip())
+    wanted = "\n".join(line for line in expected.splitlines() if line.strip())
+    if not re.fullmatch(pattern(wanted, varies), tidy):
+        pytest.fail(
+            f"line {block.line}: {what}\n--- the page says\n{wanted}\n--- it prints\n{tidy}"
+        )
+
+
+class Reader:
+    """Does what a page says, from top to bottom."""
+
+    def __init__(self, folder: Path, stack: contextlib.ExitStack) -> None:
+        self.folder, self.stack = folder, stack
+        self._boards = stack.enter_context(contextlib.ExitStack())
+        self._board: BoardProcess | None = None
+        self._session: Session | None = None
+
+    def follow(self, page: Path) -> int:
+        """Do all of it; the number of blocks that were run."""
+        found = blocks(page.read_text(encoding="utf-8"))
+        count = 0
+        for block, after in zip(found, [*found[1:], None], strict=True):
+            if block.verb == "file":
+                path = self.folder / block.mark.split(" ")[1]
+                path.write_text(block.text, encoding="utf-8")
+            elif block.verb == "board":
+                self.start(shlex.split(block.text), block.mark.partition(" ")[2])
+            elif block.verb == "run" and block.language == "python":
+                follows = after if after is not None and after.verb == "output" else None
+                self.run_script(block, follows)
+            elif block.verb == "run" and block.language in SHELL:
+                for line in block.text.splitlines():
+                    self.shell(block, shlex.split(line, comments=True))
+            elif block.verb == "run":
+                for command, expected in commands(block):
+                    compare(block, expected, self.type(command), block.varies, command)
+            count += block.verb in ("run", "board")
+        return count
+
+    def start(self, words: list[str], node: str = "") -> None:
+        """Start another board in place of the one there is; ``node`` is a robot's own."""
+        self._boards.close()
+        self._session = None
+        robot = node.strip("/").partition("/")[0]
+        made = board_process(command=self._program(words[0], words[1:]), robot=robot)
+        self._board = self._boards.enter_context(made)
+
+    @property
+    def board(self) -> BoardProcess:
+        if self._board is None:
+            self.start(["control_board"])
+        assert self._board is not None
+        return self._board
+
+    @property
+    def session(self) -> Session:
+        """One connection to the board."""
+        domain = self.board.domain
+        if self._session is None:
+            self._session = self._boards.enter_context(
+                Session(Options(domain=domain, timeout=60.0))
+            )
+            self._session.shared = True
+            while ControlMode.CALIBRATING in self._session.client.get_control_mode():
+                time.sleep(0.02)  # a reader waits until the arm stands still
+        return self._session
+
+    def type(self, command: str) -> str:
+        """Type a line; what is printed."""
+        words = shlex.split(command, comments=True)
+        if words[0] == "cbctl" and "--board" not in words:
+            session = self.session
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+                invoke(session, words[1:])
+            return printed.getvalue()
+        return self._run(self._program(words[0], words[1:])).stdout
+
+    def shell(self, block: Block, words: list[str]) -> None:
+        """Type a line of which only the end counts."""
+        done = self._run(self._program(words[0], words[1:]))
+        assert done.returncode == 0, f"line {block.line}: {words}: {done.stdout}"
+
+    def run_script(self, block: Block, expected: Block | None) -> None:
+        """Run a Python block as a script."""
+        path = self.folder / "snippet.py"
+        path.write_text(block.text, encoding="utf-8")
+        printed = self._run([sys.executable, str(path)]).stdout
+        if expected is None:
+            assert "Traceback" not in printed, printed
+        else:
+            compare(expected, expected.text, printed, block.varies, "the script above")
+
+    def _run(self, command: list[str]) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            command,
+            env=self.board.environment | {"COLUMNS": "80"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=240,
+            check=False,
+        )
+
+    def _program(self, name: str, arguments: list[str]) -> list[str]:
+        if name == "python":
+            return [sys.executable, *arguments]
+        return [sys.executable, "-m", MODULES[name], *arguments]
+
+
+@pytest.fixture
+def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> object:
+    """A reader with a folder of its own, in a terminal of 80 columns."""
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setattr(output, "PIPE_WIDTH", 80)
+    monkeypatch.chdir(tmp_path)
+    with contextlib.ExitStack() as stack:
+        yield Reader(tmp_path, stack)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads the interface files of msg_defs/ and holds what they promise to clients."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+MSG_DEFS = ROOT / "msg_defs"
+
+OK = "success message"
+
+# Field names in order; parts of services and actions are separated by |. Clients are written
+# against these: fields may be added at the end, none may go or be renamed.
+PROMISED = {
+    "msg/BoardState": "header names position velocity torque position_reference "
+    "velocity_reference torque_reference output current motion_done rejected_commands",
+    "msg/FeedforwardCommand": "names outputs torques",
+    "msg/JointFault": "name active code text stamp",
+    "msg/JointFaults": "header faults",
+    "msg/JointModes": "header names control_modes interaction_modes control_mode_vocabs "
+    "interaction_mode_vocabs",
+    "msg/OutputCommand": "names outputs",
+    "msg/PositionCommand": "names positions speeds",
+    "msg/PositionDirectCommand": "names positions",
+    "msg/Request": "header kind name event goal names request success message answers reasons "
+    "codes response duration",
+    "msg/TorqueCommand": "names torques",
+    "msg/VelocityCommand": "names velocities accelerations",
+    "srv/GetAvailableModes": f"names | {OK} names control_modes interaction_modes",
+    "srv/GetControlMode": f"names | {OK} names modes vocabs",
+    "srv/GetFaults": f"names | {OK} faults",
+    "srv/GetFreezeFrame": f"name | {OK} fault stamps position velocity torque position_reference "
+    "velocity_reference torque_reference output current temperature motion_done",
+    "srv/GetImpedance": f"names | {OK} names stiffness damping torque_offset max_stiffness "
+    "max_damping",
+    "srv/GetInteractionMode": f"names | {OK} names modes vocabs",
+    "srv/GetReferences": f"names | {OK} names positions direct_positions velocities torques "
+    "outputs speeds accelerations",
+    "srv/InjectFault": f"names fault persistent | {OK}",
+    "srv/ListPoses": f"name | {OK} poses names positions speed",
+    "srv/Recover": f"names partial | {OK} names answers reasons codes wait modes",
+    "srv/SavePose": f"name names positions speed | {OK} poses",
+    "srv/SendReference": f"kind names values along together | {OK} names answers reasons codes "
+    "values",
+    "srv/SetControlMode": f"names modes | {OK} names modes",
+    "srv/SetImpedance": f"names stiffness damping | {OK}",
+    "srv/SetInteractionMode": f"names modes | {OK} names modes",
+    "srv/SetReferenceSpeed": f"names speeds accelerations | {OK}",
+    "srv/Step": f"steps | {OK}",
+    "srv/Stop": f"names | {OK}",
+    "action/Calibrate": f"names | {OK} | names progress phase",
+    "action/GoToPose": f"pose speed | {OK} | names remaining",
+    "action/Move": f"names positions speeds | {OK} | names positions remaining_time",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    type: str
+    name: str
+    comment: str
+
+
+def interface_paths() -> list[Path]:
+    return sorted(path for kind in ("msg", "srv", "action") for path in MSG_DEFS.glob(f"{kind}/*"))
+
+
+def read_parts(path: Path) -> list[list[Field]]:
+    """The parts of an interface file (one, two or three), each a list of its fields.
+
+    A field's comment is the block of comment lines right above it.
+    """
+    parts: list[list[Field]] = [[]]
+    comment: list[str] = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        if line.startswith("#"):
+            comment.append(line.lstrip("# "))
+        elif line == "---":
+            parts.append([])
+        elif line:
+            kind, name = line.split()
+            parts[-1].append(Field(type=kind, name=name, comment=" ".join(comment)))
+        if not line.startswith("#"):
+            comment = []
+    return parts

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The rules of the specification, and how a test says which of them it proves."""
+
+from __future__ import annotations
+
+import re
+
+import control_board_ros.conformance  # noqa: F401  (each of its modules registers its rules)
+from control_board_ros.conformance.rules import in_order
+
+#: Every rule of the specification and what it is about, in its order.
+RULES = {rule.name: rule.title for rule in in_order()}
+
+_PROVES = re.compile(r"^((?:[VMPIFKND]\d+|A)(?:, (?:[VMPIFKND]\d+|A))*): ")
+
+
+def proved_by(docstring: str | None) -> list[str]:
+    """The rules that a test names: its docstring begins with them, as in ``M4, P13: …``.
+
+    Raises:
+        ValueError: there is no such rule.
+    """
+    found = _PROVES.match((docstring or "").strip())
+    rules = found[1].split(", ") if found else []
+    for rule in rules:
+        if rule not in RULES:
+            raise ValueError(f"rule {rule} unknown; rules: {', '.join(RULES)}")
+    return rules

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A panel with boards that are none, in a thread, and browsers that are none."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import http.client
+import json
+import threading
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import uvicorn
+from websockets.sync.client import ClientConnection, connect
+
+from control_board_ros.core.reply import Answer, Reply
+from control_board_ros.interface import MODES
+from control_board_ros.panel import robot
+from control_board_ros.panel.app import config_of, listen
+from control_board_ros.panel.hub import Hub
+from control_board_ros.panel.server import make_app
+
+TOKEN = "the-token"
+#: s; a guard against what hangs: no test is decided by it.
+GUARD = 60.0
+
+
+class Calls:
+    """The awaitable methods of a client; notes each call down, and accepts it."""
+
+    def __init__(self) -> None:
+        self.made: list[tuple[Any, ...]] = []
+        self.changed = threading.Condition()
+        self.refused = ""
+        self.delay = 0.0  # s that a velocity other than 0 is on its way
+
+    def __getattr__(self, name: str) -> Any:
+        async def call(*values: Any, **_: Any) -> Any:
+            if name == "velocity_move" and values[1]:
+                await asyncio.sleep(self.delay)
+            with self.changed:
+                self.made.append((name, *values))
+                self.changed.notify_all()
+            if name == "move":
+                try:
+                    await asyncio.sleep(GUARD)
+                except asyncio.CancelledError:
+                    with self.changed:
+                        self.made.append(("move cancelled",))
+                        self.changed.notify_all()
+                    raise
+            if name.startswith("get_"):
+                return []
+            if self.refused:
+                return Reply(("a",), (Answer.REFUSED,), self.refused)
+            return Reply(("a",), (Answer.ACCEPTED,))
+
+        return call
+
+    def wait_for(self, *call: Any) -> None:
+        """Wait until it was called so."""
+        with self.changed:
+            assert self.changed.wait_for(lambda: call in self.made, GUARD), self.made
+
+
+class StandIn:
+    """What the hub takes for a board."""
+
+    def __init__(self, name: str, number: int, control: list[str]) -> None:
+        self.name, self.number = name, number
+        self.names = [chr(ord("a") + k) for k in range(len(control))]
+        self.client = SimpleNamespace(aio=Calls())
+        self.state = SimpleNamespace(take=lambda: b"\0\1\0\0state")
+        self.robot = robot.NO_ROBOT
+        self.info: dict[str, Any] = {"names": self.names, "control": [["pos"]] * len(control)}
+        self.modes = {"names": self.names, "control": control}
+        self.faults: dict[str, Any] = {"faults": []}
+        self.targets: list[float] = []
+        self.heard: list[str] = []
+        self.watched = False
+        self.measured = False
+        self.noted: list[str] = []
+
+    @property
+    def space(self) -> str:
+        return self.name.rpartition("/")[0]
+
+    def repeats(self, _: Any) -> bool:
+        return False
+
+    @property
+    def calls(self) -> Calls:
+        return self.client.aio
+
+    def is_recorded(self) -> bool:
+        return True
+
+    def note(self, text: str) -> bool:
+        self.noted.append(text)
+        return True
+
+    def hear(self) -> dict[str, Any]:
+        return {}
+
+    def overhear(self) -> list[str]:
+        heard, self.heard = self.heard, []
+        return heard
+
+    def watch(self, *, on: bool) -> None:
+        self.watched = on
+
+    def asking(self) -> None:
+        pass
+
+    def sending(self, *_: Any) -> None:
+        pass
+
+    def torque_reference(self, _: str) -> float:
+        return 7.5
+
+    async def ask_info(self) -> None:
+        pass
+
+    async def ask_targets(self) -> bool:
+        return False
+
+    def close(self) -> None:
+        pass
+
+
+class Browser:
+    """A browser without a screen."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self.socket = socket
+        self._id = 0
+        self.told: list[dict[str, Any]] = []
+
+    def read(self, what: str, /, **fields: Any) -> dict[str, Any]:
+        """The next message of a kind with these fields; what comes before is kept in told."""
+        while True:
+            message = self.socket.recv(GUARD)
+            if isinstance(message, bytes):
+                continue
+            found = json.loads(message)
+            self.told.append(found)
+            if found["is"] == what and all(found.get(k) == v for k, v in fields.items()):
+                return found
+
+    def send(self, do: str, **fields: Any) -> int:
+        """Send a request; its id."""
+        self._id += 1
+        self.socket.send(json.dumps({"id": self._id, "do": do} | fields))
+        return self._id
+
+    def ask(self, do: str, **fields: Any) -> dict[str, Any]:
+        """Send a request; its answer."""
+        return self.read("answer", id=self.send(do, **fields))
+
+
+class Air:
+    """Carries what panels say to each other, also to those that come late."""
+
+    def __init__(self) -> None:
+        self.ends: list[End] = []
+
+    def end(self) -> End:
+        """One more panel's end."""
+        self.ends.append(End(self))
+        return self.ends[-1]
+
+
+class End:
+    """One panel's end of the topic of operators."""
+
+    def __init__(self, air: Air) -> None:
+        self._air = air
+        self.last = ""
+        self.waiting = [end.last for end in air.ends if end.last]
+
+    def send(self, text: str) -> None:
+        self.last = text
+        for end in self._air.ends:
+            end.waiting.append(text)
+
+    def take(self) -> list[str]:
+        taken, self.waiting = self.waiting, []
+        return taken
+
+
+class Panel:
+    """A panel that serves on a port of its own."""
+
+    def __init__(self, hub: Hub, port: int) -> None:
+        self.hub, self.port = hub, port
+        self.cookie = f"control_board_panel_{port}={TOKEN}"
+        self._stack = contextlib.ExitStack()
+
+    @property
+    def host(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    def board(self, name: str = "/b") -> StandIn:
+        board: Any = self.hub.boards[name]
+        return board
+
+    def get(
+        self, path: str, method: str = "GET", **headers: str | None
+    ) -> tuple[int, str, dict[str, str]]:
+        """Status, body and headers of an answer; the cookie is sent unless Cookie is given."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=GUARD)
+        given = {"Host": self.host, "Cookie": self.cookie} | headers
+        connection.putrequest(method, path, skip_host=True)
+        for name, value in given.items():
+            if value is not None:
+                connection.putheader(name, value)
+        connection.endheaders()
+        answer = connection.getresponse()
+        body, told = answer.read().decode(errors="replace"), dict(answer.getheaders())
+        connection.close()
+        return answer.status, body, told
+
+    def connect(self, **how: Any) -> ClientConnection:
+        """A WebSocket; raises where it is refused."""
+        given: dict[str, Any] = {
+            "origin": f"http://{self.host}",
+            "additional_headers": {"Cookie": self.cookie},
+            "open_timeout": GUARD,
+            "max_size": None,
+            "max_queue": None,
+        }
+        return connect(f"ws://{self.host}/ws", **(given | how))
+
+    def browser(self) -> Browser:
+        """A browser that is connected, for the rest of the test."""
+        return Browser(self._stack.enter_context(self.connect()))
+
+    def close(self) -> None:
+        self._stack.close()
+
+
+@contextlib.contextmanager
+def panel_of(*boards: StandIn, read_only: bool = False, air: Air | None = None) -> Iterator[Panel]:
+    """A panel of these boards, beside those with which it shares the air."""
+    topics = [(f"{board.name}/modes", [MODES.type]) for board in boards]
+    node: Any = SimpleNamespace(
+        get_topic_names_and_types=lambda: topics, count_publishers=lambda _: 1
+    )
+    said: list[str] = []
+    hub = Hub(
+        node,
+        read_only=read_only,
+        answer_timeout=1.0,
+        report=said.append,
+        topic=(air or Air()).end(),
+        look_round=0.0,
+    )
+    made: dict[str, Any] = {board.name: board for board in boards}
+    hub.boards.update(made)
+    listening = listen("127.0.0.1", 0)
+    port = listening.getsockname()[1]
+    app = make_app(hub, TOKEN, port, frozenset({"robot.local"}), said.append)
+    server = uvicorn.Server(config_of(app))
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})
+    thread.start()
+    panel = Panel(hub, port)
+    try:
+        yield panel
+    finally:
+        panel.close()
+        server.should_exit = True
+        thread.join(GUARD)
+        listening.close()
+    assert not said, said
