@@ -92,6 +92,26 @@ class Snapshot:
     def output(self) -> Array:
         return self._row(Reference.OUTPUT)
 
+    @property
+    def motor_position(self) -> Array:
+        return np.full(len(self.position), np.nan)
+
+    @property
+    def motor_velocity(self) -> Array:
+        return np.full(len(self.position), np.nan)
+
+    @property
+    def acceleration(self) -> Array:
+        return np.full(len(self.position), np.nan)
+
+    @property
+    def brake(self) -> NDArray[np.bool_]:
+        return np.zeros(len(self.position), dtype=np.bool_)
+
+    @property
+    def supply_voltage(self) -> Array:
+        return np.full(len(self.position), np.nan)
+
     def _row(self, row: int) -> Array:
         values: Array = self.block[row]
         return values

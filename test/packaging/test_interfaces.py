@@ -17,7 +17,7 @@ SELECTING = [
     for path in FILES
     if path.stem not in OTHERS and (path.suffix != ".msg" or path.stem.endswith("Command"))
 ]
-UNIT = re.compile(r"rad|N·m|°C|\bA\b|PWM percent|fraction|, s\.|, m\b")
+UNIT = re.compile(r"rad|N·m|°C|\b[AV]\b|PWM percent|fraction|, s\.|, m\b")
 
 
 def test_there_is_one_file_per_promised_interface_and_no_other() -> None:
