@@ -149,6 +149,7 @@ class Services:
             response.outputs = doubles(board.get_output(joints))
             response.speeds = doubles(board.get_ref_speed(joints))
             response.accelerations = doubles(board.get_ref_acceleration(joints))
+            response.direct_velocities = response.currents = doubles([0.0] * len(joints))
         return succeeded(response)
 
     def stop(self, request: Any, response: Any) -> Any:

@@ -26,6 +26,8 @@ STAMP = Struct("=iI")
 MARK = 0x41
 #: Bytes from one place where a field may begin to the next.
 ALIGNED = 4
+#: Times that the layout is looked for.
+ATTEMPTS = 5
 #: A stamp to try a layout with, ns.
 TRIAL = 1_234_567_890_123_456_789
 #: Type codes of :mod:`array` for the fields whose bytes are those of a snapshot's numbers.
@@ -54,13 +56,19 @@ class StateMessage:
         #: What stays the same, and between each two of them what changes.
         self._parts: list[bytes] = []
         self._size = 0
-        self.fallback = ""
-        try:
-            self._parts = self._cut(count)
-            self._size = sum(map(len, self._parts))
-            self._try(count)
-        except Exception as error:  # noqa: BLE001 - whatever it is, whole messages can go out
-            self._fall_back(str(error) if isinstance(error, UnknownLayout) else repr(error))
+        self._find_layout(count)
+
+    def _find_layout(self, count: int) -> None:
+        """Cut the message; anew where padding, which may hold anything, looked like numbers."""
+        for _ in range(ATTEMPTS):
+            self.fallback = ""
+            try:
+                self._parts = self._cut(count)
+                self._size = sum(map(len, self._parts))
+                self._try(count)
+                return
+            except Exception as error:  # noqa: BLE001 - whatever it is, whole messages can go out
+                self._fall_back(str(error) if isinstance(error, UnknownLayout) else repr(error))
 
     def of(self, snapshot: Snapshot, nanoseconds: int) -> Any:
         """The message of a snapshot, stamped: its bytes, or the message itself."""
