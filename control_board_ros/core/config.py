@@ -20,6 +20,7 @@ from .joint_kind import JointKind
 from .modes import INITIAL_INTERACTION, MOVES, SELECTABLE, SENSE_TORQUE, STARTUP_MODES, UNPOWERED
 from .parameter import configuration, parameter, parameters_of, part
 from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Pid, Timeouts
+from .set_points import KINDS, OnSilence, SetPoint
 from .vocabs import ControlMode, InteractionMode
 
 __all__ = [
@@ -140,6 +141,17 @@ class JointConfig:
         "Interaction mode without calibration",
         default=INITIAL_INTERACTION,
         choices=InteractionMode,
+    )
+    drive: tuple[SetPoint, ...] = parameter(
+        "Set-points that the joint's drive is given; empty: all that it takes, which of a "
+        "simulated one is pwm",
+        default=(),
+        choices=KINDS,
+    )
+    on_silence: OnSilence = parameter(
+        "What the motor does when its drive hears nothing from the board, as far as it can",
+        default=OnSilence.FREE,
+        choices=OnSilence,
     )
     calibration: Calibration | None = part(default=None)
     max_travel_error: float = parameter(

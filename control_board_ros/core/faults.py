@@ -2,7 +2,7 @@
 """Fault codes and their record (SPEC F).
 
 Codes 0 to 18 follow the joint fault list of the iCub's motor boards; those that a simulated or
-generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 24 are ours.
+generic joint cannot have (CAN bus, Hall sensors) keep their numbers free. 19 to 25 are ours.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ class FaultCode(IntEnum):
     PLANT = 22
     CONTROLLER = 23
     EMERGENCY_STOP = 24
+    DRIVE = 25
 
     @property
     def title(self) -> str:
@@ -56,6 +57,7 @@ TITLES = {
     FaultCode.PLANT: "plant",
     FaultCode.CONTROLLER: "controller diverged",
     FaultCode.EMERGENCY_STOP: "emergency stop",
+    FaultCode.DRIVE: "drive",
 }
 
 

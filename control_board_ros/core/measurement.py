@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .faults import FaultCode
+from .set_points import VALUES, SetPoint, SetPoints, Value
 
 Array = NDArray[np.float64]
 DOUBLE = np.dtype(np.float64)
@@ -95,14 +96,29 @@ class Intake:
 
 @dataclass(slots=True)
 class Actuation:
-    """What the board asks of the plant for the next period.
+    """What the board asks of the plant for the next period; it reuses the arrays.
 
-    Attributes: pwm (percent, shape (n,)) and powered (1.0 where the bridge is on, 0.0 where it
-    is open and no current can flow, shape (n,)). The board reuses the arrays.
+    Attributes:
+        pwm: Percent, shape (n,).
+        powered: 1.0 where the bridge is on, 0.0 where it is open and no current can flow, (n,).
+        kinds: SetPoint that each joint's drive follows, shape (n,); None: PWM everywhere.
+        values: Of the set-points of other kinds, shape (VALUES, n), see ``set_points.Value``.
     """
 
     pwm: Array
     powered: Array
+    kinds: NDArray[np.int8] | None = None
+    values: Array | None = None
+
+    def set_points(self) -> SetPoints:
+        """A copy of it, as drives follow it."""
+        on = self.powered > 0.0
+        values = np.zeros((VALUES, len(on))) if self.values is None else self.values.copy()
+        values[Value.PWM] = self.pwm
+        values[:, ~on] = 0.0
+        kinds = SetPoint.PWM if self.kinds is None else self.kinds
+        kinds = np.where(on, kinds, SetPoint.OFF).astype(np.int8)
+        return SetPoints(kinds, values, self.powered.copy())
 
 
 class Plant(Protocol):

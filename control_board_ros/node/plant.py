@@ -24,12 +24,12 @@ def make_plant(start: Start) -> tuple[Start, Plant]:
     from ..plants.apart import PlantApart  # for those who have one
     from ..plants.entry_points import make
     from ..plants.guarded import GuardedPlant, patience
-    from ..plants.interface import RobotPlant
+    from ..plants.interface import DrivePlant, RobotPlant
     from ..plants.offers import within
 
     joints, arguments = settings.board.names, settings.values["plant_arguments"]
     timeout = settings.values["plant_timeout"]
-    theirs: RobotPlant
+    theirs: RobotPlant | DrivePlant
     if settings.values["plant_process"]:
         theirs = PlantApart(name, joints, arguments, patience(timeout, settings.board.period))
     else:

@@ -1,10 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
 """Plants of somebody else: real motors, or another simulation, behind the same board (SPEC B).
 
-An author writes a class with the methods of ``interface.RobotPlant``, and names what makes one in
+An author writes a class with the methods of ``interface.DrivePlant``, or of ``RobotPlant`` where
+the motors take PWM and nothing else, and names what makes one in
 the entry-point group ``control_board_ros.plants``; users choose it by ``plant:=name``.
 """
 
-from .interface import Clock, Description, JointDescription, Readings, RobotPlant
+from ..core.set_points import OnSilence, SetPoint, SetPoints
+from .interface import (
+    Clock,
+    Description,
+    DriveFault,
+    DriveLimits,
+    DrivePlant,
+    JointDescription,
+    Readings,
+    RobotPlant,
+    Setup,
+)
 
-__all__ = ["Clock", "Description", "JointDescription", "Readings", "RobotPlant"]
+__all__ = [
+    "Clock",
+    "Description",
+    "DriveFault",
+    "DriveLimits",
+    "DrivePlant",
+    "JointDescription",
+    "OnSilence",
+    "Readings",
+    "RobotPlant",
+    "SetPoint",
+    "SetPoints",
+    "Setup",
+]

@@ -14,16 +14,16 @@ from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
-from ..core.measurement import Array
+from ..core.set_points import SetPoints
 from .errors import PlantSettingsError
-from .interface import Description, Readings
+from .interface import Description, Readings, Setup
 
 #: s that its process has to let go of the hardware.
 LEAVING = 1.0
 
 
 class PlantApart:
-    """A RobotPlant whose methods run in a process of its own, which ``connect`` starts anew.
+    """A DrivePlant whose methods run in a process of its own, which ``connect`` starts anew.
 
     Args:
         name: Of the plant's entry point.
@@ -43,7 +43,6 @@ class PlantApart:
     def __init__(
         self, name: str, joints: Sequence[str], arguments: Sequence[str], silence: float
     ) -> None:
-        self._came: Readings | None = None
         self._making = name, tuple(joints), tuple(arguments), silence
         try:
             self._start()
@@ -55,27 +54,18 @@ class PlantApart:
     def describe(self) -> Description:
         return self._description
 
-    def connect(self) -> None:
-        self._came = None
+    def connect(self, setup: Setup) -> None:
         if self._connection.closed or self.process.poll() is not None:
             self._start()
-        self._ask("connect")
+        self._ask("connect", setup)
+        self._description = self._ask("describe")
 
-    def read(self) -> Readings:
-        """What came with the last outputs, where nobody has read it yet; else anew."""
-        found, self._came = self._came, None
-        return self._ask("read") if found is None else found
+    def exchange(self, wanted: SetPoints) -> Readings:
+        found: Readings = self._ask("exchange", wanted)
+        return found
 
-    def write(self, pwm: Array) -> Array:
-        applied: Array
-        applied, self._came = self._ask("exchange", pwm)
-        return applied
-
-    def enable(self, joint: int) -> None:
-        self._ask("enable", joint)
-
-    def disable(self, joint: int) -> None:
-        self._ask("disable", joint)
+    def let_go(self) -> None:
+        self._ask("let_go")
 
     def clear_fault(self, joint: int) -> None:
         self._ask("clear_fault", joint)

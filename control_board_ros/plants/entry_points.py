@@ -8,11 +8,11 @@ from importlib.metadata import entry_points
 
 from ..text import nearest
 from .errors import PlantSettingsError
-from .interface import RobotPlant
+from .interface import DrivePlant, RobotPlant
 
 GROUP = "control_board_ros.plants"
 #: What an entry point names: from the joints of the board and the user's arguments to a plant.
-Maker = Callable[[Sequence[str], Mapping[str, str]], RobotPlant]
+Maker = Callable[[Sequence[str], Mapping[str, str]], RobotPlant | DrivePlant]
 
 
 def find(name: str) -> Maker:
@@ -36,7 +36,7 @@ def find(name: str) -> Maker:
     return made
 
 
-def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPlant:
+def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPlant | DrivePlant:
     """The plant of that name for the joints of a board.
 
     Args:

@@ -1,30 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One exchange with somebody else's plant: power, outputs, readings, each of them checked.
+"""One exchange with somebody else's plant: set-points, readings, each of them checked.
 
 No threads and no clock here: ``guarded`` calls this in a thread that may hang.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.config import BoardConfig
 from ..core.measurement import ROWS, Array, Row
+from ..core.set_points import VALUES, SetPoint, SetPoints
 from ..text import clean
-from .interface import JointDescription, Readings, RobotPlant
+from .interface import DrivePlant, Readings, Setup
 
 
 class NonsenseError(ValueError):
     """A plant returned what is no reading; one line."""
 
 
+@dataclass(slots=True)
 class Sample:
-    """What an exchange gave: values, shape (ROWS, n), and the drives' own faults by joint."""
+    """What an exchange gave.
 
-    __slots__ = ("applied", "faults", "values")
+    Attributes: values (shape (ROWS, n)), faults (of the drives, by joint), applied (percent of
+    PWM, shape (n,)), late (which joints answered too late for this exchange, shape (n,)).
+    """
 
-    def __init__(self, values: Array, faults: dict[int, str], applied: Array) -> None:
-        self.values, self.faults, self.applied = values, faults, applied
+    values: Array
+    faults: dict[int, str]
+    applied: Array
+    late: NDArray[np.bool_]
 
 
 class Exchange:
@@ -33,57 +42,78 @@ class Exchange:
     Args:
         plant: Of somebody else.
         board: Its joints are among the plant's.
-        period: From one exchange to the next, s.
+        timeout: Silence that each side bears, s.
     """
 
-    def __init__(self, plant: RobotPlant, board: BoardConfig, period: float) -> None:
-        self._plant, self._period = plant, period
-        joints = plant.describe().joints
-        names = [joint.name for joint in joints]
-        self._count = len(joints)
+    def __init__(self, plant: DrivePlant, board: BoardConfig, timeout: float) -> None:
+        self._plant, self._period = plant, board.period
+        names = [joint.name for joint in plant.describe().joints]
+        self._count = len(names)
         #: The plant's number of each joint of the board.
         self.numbers = [names.index(name) for name in board.names]
-        self._has: list[JointDescription] = [joints[number] for number in self.numbers]
+        configs = dict(zip(board.names, board.joints, strict=True))
+        self._setup = Setup(
+            period=board.period, timeout=timeout, joints=tuple(map(configs.get, names))
+        )
         motors = [joint.motor for joint in board.joints]
         self._volts = np.array([motor.supply_voltage / 100.0 for motor in motors])
         self._back_emf = np.array([motor.back_emf for motor in motors])
         self._resistance = np.array([motor.resistance for motor in motors])
+        self._per_ampere = np.array([motor.torque_per_ampere for motor in motors])
         self._peak = np.array([joint.limits.peak_current for joint in board.joints])
         self._ambient = np.array([motor.ambient for motor in motors])
-        self._outputs = np.zeros(self._count)
         self.forget()
 
     def forget(self) -> None:
-        """After an error: nothing is known of bridges and positions."""
-        self._on: list[bool | None] = [None] * len(self.numbers)
+        """After an error: nothing is known of power and positions."""
+        self._wanted = SetPoints.off(len(self.numbers))
         self._before: Array | None = None
 
-    def run(self, pwm: Array, powered: Array, faulty: dict[int, str]) -> Sample:
-        """Power, outputs, readings.
+    def connect(self) -> None:
+        """Open the way to the hardware, anew."""
+        self.forget()
+        self._plant.connect(self._setup)
+
+    def run(self, wanted: SetPoints, faulty: dict[int, str]) -> Sample:
+        """Set-points, readings.
 
         Args:
-            pwm: Percent, shape (n,), in the board's order.
-            powered: 1 where the bridge is to be closed, shape (n,).
+            wanted: Of the board's joints, in its order.
             faulty: Joints whose drive reported a fault in the last exchange.
 
         Raises:
             NonsenseError: what came back is no reading.
         """
-        plant = self._plant
-        for j, (number, has) in enumerate(zip(self.numbers, self._has, strict=True)):
-            on = bool(powered[j] > 0.0)
-            if has.power_switch and on is not self._on[j]:
-                (plant.enable if on else plant.disable)(number)
-            self._on[j] = on
-            if j in faulty and not on:
-                plant.clear_fault(number)
-        self._outputs[self.numbers] = np.where(powered > 0.0, pwm, 0.0)
-        applied = self._row("write", plant.write(self._outputs.copy()))
-        return self._sample(plant.read(), applied)
+        for j in faulty:
+            if not (wanted.powered[j] or self._wanted.powered[j]):
+                self._plant.clear_fault(self.numbers[j])
+        self._wanted = wanted
+        return self._sample(self._plant.exchange(self._in_order(wanted)), wanted)
 
-    def _sample(self, found: Readings, applied: Array) -> Sample:
+    @property
+    def drives(self) -> bool:
+        """Whether a joint has power."""
+        return bool(self._wanted.powered.any())
+
+    def let_go(self) -> None:
+        """Each motor does what its ``on_silence`` says."""
+        self.forget()
+        self._plant.let_go()
+
+    def _in_order(self, wanted: SetPoints) -> SetPoints:
+        """Set-points in the plant's order."""
+        if self.numbers == [*range(self._count)]:
+            return wanted
+        kinds = np.zeros(self._count, dtype=np.int8)
+        values, released = np.zeros((VALUES, self._count)), np.zeros(self._count)
+        kinds[self.numbers] = wanted.kinds
+        values[:, self.numbers] = wanted.values
+        released[self.numbers] = wanted.released
+        return SetPoints(kinds, values, released)
+
+    def _sample(self, found: Readings, wanted: SetPoints) -> Sample:
         if not isinstance(found, Readings):
-            raise NonsenseError(f"read returned {type(found).__name__}; Readings are wanted")
+            raise NonsenseError(f"what was read is {type(found).__name__}; Readings are wanted")
         values = np.zeros((ROWS, len(self.numbers)))
         values[Row.POSITION] = position = self._row("position", found.position)
         if found.velocity is not None:
@@ -96,22 +126,32 @@ class Exchange:
         self._before = position
         if found.torque is not None:
             values[Row.TORQUE] = self._row("torque", found.torque)
+        applied = wanted.pwm if found.applied is None else self._row("applied", found.applied)
         if found.current is not None:
             values[Row.CURRENT] = self._row("current", found.current)
-        else:  # what the winding settles at: i = (V − Ke dq)/R
-            current = (self._volts * applied - self._back_emf * velocity) / self._resistance
-            current[[not on for on in self._on]] = 0.0
-            values[Row.CURRENT] = np.clip(current, -self._peak, self._peak)
+        else:
+            values[Row.CURRENT] = self._settled(applied, velocity, values[Row.TORQUE], wanted)
         warm = found.temperature
         values[Row.TEMPERATURE] = self._ambient if warm is None else self._row("temperature", warm)
-        return Sample(values, self._faults(found), applied)
+        if found.ages is not None:
+            values[Row.ENCODER_AGE] = self._row("ages", found.ages)
+        late = values[Row.ENCODER_AGE] > 0.0
+        return Sample(values, self._faults(found), applied, late)
+
+    def _settled(self, applied: Array, velocity: Array, torque: Array, wanted: SetPoints) -> Array:
+        """The current that the winding settles at, i = (V − Ke dq)/R, or that the torque takes."""
+        current = (self._volts * applied - self._back_emf * velocity) / self._resistance
+        current = np.where(wanted.kinds == SetPoint.PWM, current, torque / self._per_ampere)
+        current[~wanted.powered] = 0.0
+        settled: Array = np.clip(current, -self._peak, self._peak)
+        return settled
 
     def _faults(self, found: Readings) -> dict[int, str]:
         if len(found.faults) not in (0, self._count):
             raise NonsenseError(f"faults has {len(found.faults)} entries; {self._count} or none")
         if not found.faults:
             return {}
-        texts = [clean(found.faults[number]) for number in self.numbers]
+        texts = [clean(str(found.faults[number] or "")) for number in self.numbers]
         return {j: text for j, text in enumerate(texts) if text}
 
     def _row(self, what: str, found: object) -> Array:

@@ -25,13 +25,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.config import BoardConfig
 from ..core.faults import FaultCode
 from ..core.measurement import ROWS, Actuation, Array, Measurement, Row
+from ..core.set_points import SetPoints
 from ..text import clean
 from .exchange import Exchange, Sample
-from .interface import Clock, RobotPlant
+from .interface import Clock, DrivePlant, RobotPlant
+from .outputs import as_drives
 
 RETRY = 0.2
 #: Cycles that a control loop may be late, however short the timeout is.
@@ -40,7 +43,7 @@ CYCLES = 3.0
 LEAST_WAIT = 1e-4
 #: s that a start waits for the first sample; after it the joints begin in HW_FAULT.
 FIRST_SAMPLE = 5.0
-ALARM = 1.0 + FaultCode.PLANT
+ALARM, DRIVE = 1.0 + FaultCode.PLANT, 1.0 + FaultCode.DRIVE
 
 
 def patience(timeout: float, period: float) -> float:
@@ -50,17 +53,16 @@ def patience(timeout: float, period: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """Outputs that the loop left: of which cycle, when (s), pwm and powered, shape (n,)."""
+    """Set-points that the loop left: of which cycle, when (s)."""
 
     cycle: int
     time: float
-    pwm: Array
-    powered: Array
+    set_points: SetPoints
 
     @property
     def drives(self) -> bool:
         """Whether any joint has power."""
-        return bool(self.powered.any())
+        return bool(self.set_points.powered.any())
 
 
 class GuardedPlant:
@@ -75,21 +77,22 @@ class GuardedPlant:
         first: s to wait for the first sample.
 
     Attributes:
-        applied: What the plant says that it applied last, percent, shape (n,).
+        applied: PWM that the plant says that it applied last, percent, shape (n,).
+        late: Answers of each joint that came too late for their exchange so far, shape (n,).
         processes: The ids of those that run the plant, beside this one.
     """
 
     def __init__(
         self,
-        plant: RobotPlant,
+        plant: RobotPlant | DrivePlant,
         board: BoardConfig,
         timeout: float,
         clock: Callable[[], float] = time.monotonic,
         first: float = FIRST_SAMPLE,
     ) -> None:
-        self._plant, self._timeout, self._clock = plant, timeout, clock
+        self._plant, self._timeout, self._clock = as_drives(plant), timeout, clock
         self._patience = patience(timeout, board.period)
-        self._exchange = Exchange(plant, board, board.period)
+        self._exchange = Exchange(self._plant, board, timeout)
         self._owns_clock = plant.describe().clock is Clock.PLANT
         n = len(board.joints)
         self._period, self._cycle = board.period, 0
@@ -97,10 +100,12 @@ class GuardedPlant:
         self._values = np.zeros((ROWS, n))
         self._values[Row.TEMPERATURE] = [joint.motor.ambient for joint in board.joints]
         self.applied: Array = np.zeros(n)
+        self.late: NDArray[np.int64] = np.zeros(n, dtype=np.int64)
+        self._off = SetPoints.off(n)
         # Replaced whole by one thread, read by the other.
         self._sample: tuple[float, int, Sample] | None = None  # when, of which cycle, what
         self._error = ""
-        self._wanted = Wanted(0, clock(), np.zeros(n), np.zeros(n))
+        self._wanted = Wanted(0, clock(), self._off)
         process = getattr(plant, "process", None)
         self.processes = () if process is None else (process.pid,)
         self._waiting = self._looked = clock()  # since when an answer is owed; the last reading
@@ -134,10 +139,12 @@ class GuardedPlant:
             late = f"no answer for {1e3 * silent:.0f} ms > {1e3 * self._timeout:.0f} ms"
             reasons = dict.fromkeys(self._everybody, late)
         else:
-            reasons = {j: f"its drive: {text}" for j, text in faults.items()} | self._silence
+            reasons = faults | self._silence
         alarm = self._values[Row.ALARM]
         alarm[:] = 0.0
         alarm[list(reasons)] = ALARM
+        if reasons and not error:
+            alarm[[j for j in reasons if j in faults and j not in self._silence]] = DRIVE
         return Measurement(self._cycle * self._period, self._values, reasons or None)
 
     def write(self, actuation: Actuation) -> None:
@@ -146,13 +153,11 @@ class GuardedPlant:
         if not self.owes_an_answer:
             self._waiting = now
         self._notice_silence()
-        powered = actuation.powered.copy()
-        if self._silence and self._told and not powered[list(self._silence)].any():
+        wanted = actuation.set_points()
+        if self._silence and self._told and not wanted.powered[list(self._silence)].any():
             self._silence = {}
-        if self._silence:
-            powered[:] = 0.0
         self._cycle += 1
-        self._wanted = Wanted(self._cycle, now, actuation.pwm.copy(), powered)
+        self._wanted = Wanted(self._cycle, now, self._off if self._silence else wanted)
         self._turn.set()
 
     def close(self) -> None:
@@ -185,7 +190,7 @@ class GuardedPlant:
             f"the control loop was silent for {1e3 * (now - wanted.time):.0f} ms "
             f"> {1e3 * self._patience:.0f} ms; the motors lost their power"
         )
-        self._silence = {int(j): reason for j in np.flatnonzero(wanted.powered)}
+        self._silence = {int(j): reason for j in np.flatnonzero(wanted.set_points.powered)}
         self._told = False
 
     def _is_old(self, wanted: Wanted, now: float) -> bool:
@@ -195,33 +200,33 @@ class GuardedPlant:
         """The plant's thread: connect, exchange until something fails, and again."""
         while not self._ending.is_set():
             try:
-                self._exchange.forget()
-                self._plant.connect()
+                self._exchange.connect()
                 self._talk()
             except Exception as error:  # noqa: BLE001 - somebody else's code; told as a fault
                 self._error = f"{type(error).__name__}: {' '.join(clean(error, 200).split())}"
                 self._answered.set()
-                self._let_go()
+                with contextlib.suppress(Exception):  # the error before it is what is told
+                    self._exchange.let_go()
                 self._ending.wait(RETRY)
         with contextlib.suppress(Exception):  # it ends; whoever wants to know has had the fault
             self._plant.close()
 
     def _talk(self) -> None:
-        faults: dict[int, str] = {}
-        unpowered = np.zeros(len(self._everybody))
-        first = True  # of this connection: no power before there is a reading
-        while not self._ending.is_set():
-            wanted = self._wanted
-            if first or self._is_old(wanted, self._clock()):
-                sample = self._exchange.run(unpowered, unpowered, faults)
-            else:
-                sample = self._exchange.run(wanted.pwm, wanted.powered, faults)
-            first, faults = False, sample.faults
+        wanted, sample = self._wanted, self._exchange.run(self._off, {})  # no power before it
+        while True:
             self._sample, self._error = (self._clock(), wanted.cycle, sample), ""
+            self.late += sample.late
             self._answered.set()
-            if not self._owns_clock:
+            if not self._owns_clock or self._is_old(wanted, self._clock()):
                 self._await_turn(wanted)
-        self._exchange.run(unpowered, unpowered, {})
+            if self._ending.is_set():
+                break
+            wanted = self._wanted
+            if not self._is_old(wanted, self._clock()):
+                sample = self._exchange.run(wanted.set_points, sample.faults)
+            elif self._exchange.drives:
+                self._exchange.let_go()
+        self._exchange.run(self._off, {})
 
     def _await_turn(self, wanted: Wanted) -> None:
         """Until there are other outputs than these, or these become too old (B5)."""
@@ -232,9 +237,3 @@ class GuardedPlant:
             if left < 0.0:
                 return
         self._turn.clear()
-
-    def _let_go(self) -> None:
-        """After an error: every bridge open, as far as the plant still listens."""
-        for number in self._exchange.numbers:
-            with contextlib.suppress(Exception):  # the error before it is what is told
-                self._plant.disable(number)

@@ -2,7 +2,7 @@
 """The process that holds a plant; ``apart`` starts it, and asks.
 
 It hears requests on a socket and answers each. When it hears nothing for the silence that it was
-told while the plant has power, or the other end is gone, it takes the power off (B5).
+told while the plant has power, or the other end is gone, it lets the plant go (B5).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from .entry_points import make
+from .outputs import as_drives
 from .watchdog import Watchdog
 
 #: A request: the method of the plant, and its arguments.
@@ -27,7 +28,7 @@ def main(descriptor: int) -> None:
     connection: Connection[Any, Any] = Connection(descriptor)
     name, joints, arguments, silence = connection.recv()
     try:
-        plant = Watchdog(make(name, joints, arguments))
+        plant = Watchdog(as_drives(make(name, joints, arguments)))
     except Exception as error:  # noqa: BLE001 - somebody else's code; told to who asked
         connection.send((type(error).__name__, str(error)))
         return

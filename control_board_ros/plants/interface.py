@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the author of a plant writes: see docs/howto/own_plant.md.
 
+A :class:`DrivePlant` has drives that close loops of their own: it takes set-points (SPEC S). A
+:class:`RobotPlant` has motors that take PWM and nothing else.
+
 All methods but ``describe`` are called from one thread, one after the other, and may block and
 raise: the board goes on without them, and puts the joints into HW_FAULT with the reason.
 Units at the joint: rad, rad/s, N·m, A, °C, percent of PWM; m, m/s, N for prismatic joints.
@@ -13,8 +16,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
+from ..core.config import JointConfig
 from ..core.measurement import Array
 from ..core.modes import SELECTABLE
+from ..core.set_points import OnSilence, SetPoint, SetPoints
 from ..core.vocabs import ControlMode
 
 
@@ -26,21 +31,60 @@ class Clock(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class DriveLimits:
+    """What a drive allows, at the joint; None: it has no such limit, or does not tell it (S4).
+
+    Attributes: lower, upper (position), velocity, torque (either way), current (of the motor).
+    """
+
+    lower: float | None = None
+    upper: float | None = None
+    velocity: float | None = None
+    torque: float | None = None
+    current: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class JointDescription:
     """What a joint of a plant has.
 
     Attributes:
         name: Of the board's joint.
+        set_points: Kinds that its drive takes (S1), in any order.
+        drive: Its type, and its firmware where it is known, for people.
+        rate: Of the drive's own loops, Hz; None: not known.
+        delay: From a set-point that is handed over to the reading that shows its effect, beyond
+            one exchange, s.
+        resolution: Step of its position readings, rad.
+        limits: That the drive keeps by itself; after ``connect`` those that it has then.
+        on_silence: What the motor can do when its drive hears nothing (S5), the usual one first.
         control_modes: That it can be driven in; the board offers no other (M5).
-        torque_sensor: Without one the joint has no TORQUE and no COMPLIANT (I7).
+        torque_sensor: It reads the joint's torque. Without this and ``torque_estimate`` the joint
+            has no TORQUE and no COMPLIANT (I7).
+        torque_estimate: It reads a torque that it estimates from the motor's current; TORQUE and
+            COMPLIANT then need a drive that takes ``torque`` or ``impedance``.
         current_sensor: Without one nothing checks the encoder against the motor's own travel.
-        power_switch: ``enable`` and ``disable`` act; else IDLE is an output of 0.
+        motor_encoder: It reads position and velocity of the motor's shaft.
+        temperature_sensor: It reads the winding's temperature.
+        brake: It has a brake that ``SetPoints.released`` opens.
+        power_switch: Power can be taken off; else IDLE is an output of 0.
     """
 
     name: str
+    set_points: tuple[SetPoint, ...] = (SetPoint.PWM,)
+    drive: str = ""
+    rate: float | None = None
+    delay: float = 0.0
+    resolution: float = 0.0
+    limits: DriveLimits = DriveLimits()
+    on_silence: tuple[OnSilence, ...] = (OnSilence.FREE,)
     control_modes: tuple[ControlMode, ...] = SELECTABLE
     torque_sensor: bool = False
+    torque_estimate: bool = False
     current_sensor: bool = False
+    motor_encoder: bool = False
+    temperature_sensor: bool = False
+    brake: bool = False
     power_switch: bool = True
 
 
@@ -59,6 +103,33 @@ class Description:
     rate: float | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """What the board asks of a plant from ``connect`` on.
+
+    Attributes:
+        period: From one exchange to the next, s.
+        timeout: ``plant_timeout``, s: the most that a drive's own watchdog is set to (S5).
+        joints: The board's configuration of each joint of the plant, in the plant's order: limits
+            (S4), ``on_silence``, the motor's data; None for a joint that the board does not have.
+    """
+
+    period: float
+    timeout: float
+    joints: tuple[JointConfig | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DriveFault:
+    """A fault that a drive reports: its own number, and its name in words (S6)."""
+
+    number: int
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.number} {self.name}"
+
+
 @dataclass(slots=True, kw_only=True)
 class Readings:
     """One reading of all joints, arrays of shape (n,); None: there is no such sensor.
@@ -66,10 +137,15 @@ class Readings:
     Attributes:
         position: Of the joints.
         velocity: None: the change of the position from reading to reading.
-        torque: At the joints' torque sensors.
+        torque: At the joints' torque sensors, or as the drives estimate it.
         current: Of the motors; None: what their PWM and speed make of it.
         temperature: Of their windings; None: ambient.
-        faults: What each drive reports as its fault, empty where it is healthy.
+        motor_position, motor_velocity: Of the motors' shafts, at the shaft.
+        voltage: Of the supply, V.
+        applied: PWM that truly acts, percent; None: the drive does not tell.
+        ages: s since the joints' readings were taken, 0 where they are of this exchange: a joint
+            whose answer is late has its last reading again, with the age that it has by now.
+        faults: What each drive reports as its fault; empty, or None, where it is healthy.
     """
 
     position: Array
@@ -77,11 +153,56 @@ class Readings:
     torque: Array | None = None
     current: Array | None = None
     temperature: Array | None = None
-    faults: Sequence[str] = ()
+    motor_position: Array | None = None
+    motor_velocity: Array | None = None
+    voltage: Array | None = None
+    applied: Array | None = None
+    ages: Array | None = None
+    faults: Sequence[str | DriveFault | None] = ()
+
+
+class DrivePlant(Protocol):
+    """Somebody else's plant, of drives that take set-points."""
+
+    def describe(self) -> Description:
+        """What there is. Called before ``connect``, when it touches no hardware, and after it,
+        when ``drive`` and ``limits`` may say what the drives themselves told.
+        """
+        ...
+
+    def connect(self, setup: Setup) -> None:
+        """Open the way to the hardware, anew after an error; no joint gets power by it.
+
+        Checks that each drive is there and of a type and firmware that is supported, sets its
+        watchdog to at most ``setup.timeout``, and what it does then to ``on_silence``.
+        """
+        ...
+
+    def exchange(self, wanted: SetPoints) -> Readings:
+        """Hand down what each joint follows from now on, and read.
+
+        A joint whose kind is not OFF has power from here on. The new kind acts with its own first
+        values, never with the last ones of another kind (S3).
+        """
+        ...
+
+    def clear_fault(self, joint: int) -> None:
+        """Reset the fault that a drive reports; called while its joint is without power."""
+        ...
+
+    def let_go(self) -> None:
+        """Nobody says any more what to do: each motor does what its ``on_silence`` says, as far as
+        the hardware still listens.
+        """
+        ...
+
+    def close(self) -> None:
+        """Let go of the hardware, joints without power; safe to call twice."""
+        ...
 
 
 class RobotPlant(Protocol):
-    """Somebody else's plant."""
+    """Somebody else's plant, of motors that take PWM."""
 
     def describe(self) -> Description:
         """What there is; called before ``connect``, and touches no hardware."""

@@ -14,23 +14,35 @@ from __future__ import annotations
 import contextlib
 import math
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from ..core.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
-from ..core.measurement import Actuation, Row
+from ..core.measurement import Actuation, Array, Row
 from ..core.modes import SENSE_TORQUE, UNPOWERED
+from ..core.set_points import KINDS, VALUES, SetPoint, SetPoints, Value
 from ..core.vocabs import InteractionMode
 from ..plants.guarded import GuardedPlant
-from ..plants.interface import Description, JointDescription, Readings, RobotPlant
+from ..plants.interface import (
+    Description,
+    DrivePlant,
+    JointDescription,
+    Readings,
+    RobotPlant,
+    Setup,
+)
+from ..plants.outputs import as_drives
 
-Make = Callable[[], RobotPlant]
+Make = Callable[[], RobotPlant | DrivePlant]
 Check = Callable[[Make], None]
 
 #: Percent: too little to move most joints, and enough to be told from nothing.
 LITTLE = 1.0
+#: s that a drive may hear nothing.
+TIMEOUT = 0.1
 
 
 def plant_contract(make: Make) -> Callable[..., None]:
@@ -44,20 +56,43 @@ def plant_contract(make: Make) -> Callable[..., None]:
 
 
 @contextlib.contextmanager
-def connected(make: Make) -> Iterator[tuple[RobotPlant, int]]:
-    """A plant that is connected, and how many joints it has."""
-    plant = make()
+def made(make: Make) -> Iterator[DrivePlant]:
+    """A plant that is not connected yet."""
+    plant = as_drives(make())
     try:
-        plant.connect()
-        yield plant, len(plant.describe().joints)
+        yield plant
     finally:
         plant.close()
 
 
+@contextlib.contextmanager
+def connected(make: Make) -> Iterator[tuple[DrivePlant, int]]:
+    """A plant that is connected, and how many joints it has."""
+    with made(make) as plant:
+        plant.connect(setup_for(plant))
+        yield plant, len(plant.describe().joints)
+
+
+def setup_for(plant: DrivePlant) -> Setup:
+    """What a board asks of a plant."""
+    description = plant.describe()
+    board = board_for(description)
+    return Setup(period=board.period, timeout=TIMEOUT, joints=board.joints)
+
+
+def asked(kinds: Sequence[SetPoint], **values: Array) -> SetPoints:
+    """Set-points of joints; values by the names of ``Value``, shape (n,), else 0."""
+    n = len(kinds)
+    block = np.zeros((VALUES, n))
+    for name, row in values.items():
+        block[Value[name.upper()]] = row
+    powered = [kind is not SetPoint.OFF for kind in kinds]
+    return SetPoints(np.array(kinds, dtype=np.int8), block, np.array(powered, dtype=np.float64))
+
+
 def it_describes_itself_before_it_is_connected(make: Make) -> None:
-    """Twice the same; each joint has a name of its own and some mode."""
-    plant = make()
-    try:
+    """Twice the same; each joint has a name of its own, some mode and some set-point."""
+    with made(make) as plant:
         found = plant.describe()
         assert isinstance(found, Description)
         assert found == plant.describe()
@@ -65,74 +100,96 @@ def it_describes_itself_before_it_is_connected(make: Make) -> None:
         assert names, "no joints"
         assert len(set(names)) == len(names), "a name is there twice"
         assert all(joint.control_modes for joint in found.joints)
+        assert all(joint.on_silence for joint in found.joints)
+        assert all(set(joint.set_points) & set(KINDS) for joint in found.joints)
         assert found.rate is None or 0.0 < found.rate < math.inf
-    finally:
-        plant.close()
 
 
 def it_reads_numbers_of_all_joints(make: Make) -> None:
     """Every array that is not None has one finite number per joint."""
     with connected(make) as (plant, n):
-        found = plant.read()
+        found = plant.exchange(SetPoints.off(n))
         assert isinstance(found, Readings)
-        for name in ("position", "velocity", "torque", "current", "temperature"):
-            row = getattr(found, name)
-            if row is not None:
-                assert np.shape(row) == (n,), name
-                assert np.isfinite(row).all(), name
+        for row in fields(Readings):
+            value = getattr(found, row.name)
+            if row.name != "faults" and value is not None:
+                assert np.shape(value) == (n,), row.name
+                assert np.isfinite(value).all(), row.name
         assert len(found.faults) in (0, n)
 
 
 def it_has_the_sensors_that_it_says(make: Make) -> None:
-    """A joint with a sensor of torque or current is read."""
-    with connected(make) as (plant, _):
-        joints, found = plant.describe().joints, plant.read()
-        assert found.torque is not None or not any(joint.torque_sensor for joint in joints)
-        assert found.current is not None or not any(joint.current_sensor for joint in joints)
+    """What a joint is described to measure is read."""
+    with connected(make) as (plant, n):
+        joints, found = plant.describe().joints, plant.exchange(SetPoints.off(n))
+        for has, read in (
+            ("torque_sensor", found.torque),
+            ("torque_estimate", found.torque),
+            ("current_sensor", found.current),
+            ("motor_encoder", found.motor_position),
+            ("temperature_sensor", found.temperature),
+        ):
+            assert read is not None or not any(getattr(joint, has) for joint in joints), has
 
 
 def it_applies_nothing_without_power(make: Make) -> None:
     """M10, N1: connecting gives no power, and outputs without it are not applied."""
     with connected(make) as (plant, n):
         switched = [joint.power_switch for joint in plant.describe().joints]
-        applied = np.asarray(plant.write(np.full(n, LITTLE)))
-        assert applied.shape == (n,)
-        np.testing.assert_array_equal(applied[switched], 0.0)
+        found = plant.exchange(asked([SetPoint.OFF] * n, pwm=np.full(n, LITTLE)))
+        if found.applied is not None:
+            assert np.shape(found.applied) == (n,)
+            np.testing.assert_array_equal(np.asarray(found.applied)[switched], 0.0)
 
 
 def it_applies_at_most_what_is_asked(make: Make) -> None:
     """With power, and never the other way; without it again, nothing."""
     with connected(make) as (plant, n):
-        for joint in range(n):
-            plant.enable(joint)
-        plant.read()
-        asked = np.where(np.arange(n) % 2 == 0, LITTLE, -LITTLE)
-        applied = np.asarray(plant.write(asked))
-        plant.read()
-        assert (np.abs(applied) <= LITTLE * (1.0 + 1e-6)).all()
-        assert (applied * asked >= 0.0).all()
-        switched = [joint.power_switch for joint in plant.describe().joints]
-        for joint in range(n):
-            plant.disable(joint)
-        np.testing.assert_array_equal(np.asarray(plant.write(asked))[switched], 0.0)
+        joints = plant.describe().joints
+        kinds = [SetPoint.PWM if SetPoint.PWM in j.set_points else SetPoint.OFF for j in joints]
+        output = np.where(np.arange(n) % 2 == 0, LITTLE, -LITTLE)
+        output[[kind is SetPoint.OFF for kind in kinds]] = 0.0
+        plant.exchange(asked(kinds, pwm=output))
+        found = plant.exchange(asked(kinds, pwm=output))
+        if found.applied is not None:
+            assert (np.abs(found.applied) <= LITTLE * (1.0 + 1e-6)).all()
+            assert (found.applied * output >= 0.0).all()
+        switched = [joint.power_switch for joint in joints]
+        found = plant.exchange(SetPoints.off(n))
+        if found.applied is not None:
+            np.testing.assert_array_equal(np.asarray(found.applied)[switched], 0.0)
+
+
+def it_takes_each_set_point_that_it_says(make: Make) -> None:
+    """S1, S3: from without power and from each other kind, at rest where the joint is."""
+    with connected(make) as (plant, n):
+        joints, found = plant.describe().joints, plant.exchange(SetPoints.off(n))
+        for before in (SetPoint.OFF, *KINDS):
+            for after in KINDS:
+                for kind in (before, after):
+                    kinds = [kind if kind in j.set_points else SetPoint.OFF for j in joints]
+                    found = plant.exchange(asked(kinds, position=found.position))
+                assert np.isfinite(found.position).all(), f"{before.name} to {after.name}"
+                assert not any(found.faults), f"{before.name} to {after.name}: {found.faults}"
+        plant.exchange(SetPoints.off(n))
 
 
 def it_may_be_told_twice(make: Make) -> None:
-    """Bridges that are open already, faults that are not there, a connection that stands."""
+    """No power where there is none, faults that are not there, a connection that stands."""
     with connected(make) as (plant, n):
         for joint in range(n):
-            plant.disable(joint)
-            plant.disable(joint)
+            plant.exchange(SetPoints.off(n))
             plant.clear_fault(joint)
-        plant.connect()
-        assert np.shape(plant.read().position) == (n,)
+        plant.let_go()
+        plant.let_go()
+        plant.connect(setup_for(plant))
+        assert np.shape(plant.exchange(SetPoints.off(n)).position) == (n,)
 
 
 def it_closes_twice_and_without_a_connection(make: Make) -> None:
     """close() is safe at any time."""
-    plant = make()
-    plant.close()
-    plant.close()
+    with made(make) as plant:
+        plant.close()
     with connected(make) as (other, _):
         other.close()
 
@@ -160,6 +217,7 @@ CHECKS: tuple[Check, ...] = (
     it_has_the_sensors_that_it_says,
     it_applies_nothing_without_power,
     it_applies_at_most_what_is_asked,
+    it_takes_each_set_point_that_it_says,
     it_may_be_told_twice,
     it_closes_twice_and_without_a_connection,
     a_board_reads_it_without_an_alarm,

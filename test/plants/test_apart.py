@@ -16,9 +16,11 @@ from control_board_msgs import msg, srv
 from levers import IIWA, Levers, offer
 from talk import Talker, talking_to, until
 
-from control_board_ros.plants import Readings
+from control_board_ros.core.measurement import Actuation
+from control_board_ros.plants import Readings, SetPoints, Setup
 from control_board_ros.plants.apart import PlantApart
 from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.outputs import as_drives
 from control_board_ros.plants.watchdog import Watchdog
 from control_board_ros.testing import BoardProcess, board_process
 from control_board_ros.testing.plants import plant_contract
@@ -42,16 +44,21 @@ def apart(offered: Path) -> Iterator[PlantApart]:
     plant.close()
 
 
+def output(*percent: float) -> SetPoints:
+    """PWM of joints, without power where it is 0."""
+    pwm = np.array(percent)
+    return Actuation(pwm, np.where(pwm != 0.0, 1.0, 0.0)).set_points()
+
+
 def driven(plant: PlantApart) -> None:
-    plant.connect()
-    plant.enable(0)
-    assert plant.write(np.array([20.0, 0.0])).tolist() == [20.0, 0.0]
+    plant.connect(Setup(period=2e-3, timeout=0.1, joints=(None,) * len(plant.describe().joints)))
+    assert plant.exchange(output(20.0, 0.0)).applied.tolist() == [20.0, 0.0]
 
 
 def test_it_is_driven_and_read(apart: PlantApart) -> None:
     assert [joint.name for joint in apart.describe().joints] == ["a", "b"]
     driven(apart)
-    assert apart.read().position[0] > 0.0
+    assert apart.exchange(output(0.0, 0.0)).position[0] > 0.0
     assert apart.process.pid != os.getpid()
 
 
@@ -59,19 +66,16 @@ def test_silence_takes_the_power_off(apart: PlantApart, offered: Path) -> None:
     """B5: nobody asks, and what comes then does not count before it knows."""
     driven(apart)
     until(lambda: offered.read_text().splitlines()[-1] == "0 0")
-    assert apart.write(np.array([20.0, 0.0])).tolist() == [0.0, 0.0]
-    apart.enable(0)
-    assert apart.read().faults == ["its board said nothing for 50 ms", ""]
-    assert apart.write(np.zeros(2)).tolist() == [0.0, 0.0]
-    assert apart.read().faults == ["", ""]
+    found = apart.exchange(output(20.0, 0.0))
+    assert found.applied.tolist() == [0.0, 0.0]
+    assert found.faults == ["its board said nothing for 50 ms", ""]
+    assert apart.exchange(output(0.0, 0.0)).faults == ["", ""]
     driven(apart)
 
 
 def test_a_board_that_is_gone_takes_the_power_off(offered: Path) -> None:
-    plant = PlantApart("levers", ["a"], [f"log={offered}"], silence=NEVER)
-    plant.connect()
-    plant.enable(0)
-    plant.write(np.array([20.0]))
+    plant = PlantApart("levers", ["a", "b"], [f"log={offered}"], silence=NEVER)
+    driven(plant)
     plant.close()
     plant.close()
     assert offered.read_text().splitlines()[-3:] == ["0 0", "0 0", "closed"]
@@ -83,21 +87,21 @@ def test_a_process_that_ends_is_told_and_started_anew(apart: PlantApart) -> None
     driven(apart)
     apart.process.kill()
     with pytest.raises(ConnectionError, match="the plant's process ended with code -9"):
-        apart.write(np.zeros(2))
+        apart.exchange(output(0.0, 0.0))
     driven(apart)
 
 
 def test_signals_that_end_a_board_do_not_end_it(apart: PlantApart) -> None:
     """The board may have to park first (R6)."""
-    apart.connect()
+    driven(apart)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         apart.process.send_signal(number)
-    assert isinstance(apart.read(), Readings)
+    assert isinstance(apart.exchange(output(0.0, 0.0)), Readings)
 
 
 def test_what_the_plant_raises_is_told_in_its_words(apart: PlantApart) -> None:
     with pytest.raises(RuntimeError, match="index out of range") as caught:
-        apart.enable(7)
+        apart.clear_fault(7)
     assert type(caught.value).__name__ == "IndexError"
 
 
@@ -108,7 +112,9 @@ def test_what_cannot_be_had_is_one_line(offered: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
-test_a_watched_plant_keeps_the_contract = plant_contract(lambda: Watchdog(Levers("left", "right")))
+test_a_watched_plant_keeps_the_contract = plant_contract(
+    lambda: Watchdog(as_drives(Levers("left", "right")))
+)
 
 
 # A board on it --------------------------------------------------------------------------------

@@ -122,7 +122,7 @@ def test_a_plant_that_raises_is_a_fault_with_its_words_and_connected_anew(bench:
 @pytest.mark.parametrize(
     ("answer", "told"),
     [
-        (42, "read returned int; Readings are wanted"),
+        (42, "what was read is int; Readings are wanted"),
         (Readings(position=np.zeros(3)), r"position has shape (3,); (2,) is wanted"),
         (Readings(position=None), "position is None"),
         (Readings(position=np.zeros(2), torque=["a", 1]), "torque is ['a', 1]; 2 numbers"),
@@ -156,7 +156,7 @@ def test_a_fault_of_a_drive_is_told_and_reset_on_it_without_power(bench: Bench) 
     driven(bench)
     bench.plant.faults[1] = "0x3210 DC link over-voltage"
     bench.until(lambda: bench.modes() == [M.OPENLOOP, M.HW_FAULT])
-    assert bench.text(1) == "plant, its drive: 0x3210 DC link over-voltage"
+    assert bench.text(1) == "drive, 0x3210 DC link over-voltage"
     bench.until(lambda: "clear 1" in bench.plant.calls)
     assert not bench.plant.on[1]
     assert not bench.board.set_control_mode("right", "fidl")
@@ -177,7 +177,7 @@ def test_a_drive_s_text_is_cleaned_where_it_enters(bench: Bench) -> None:
     bench.plant.faults[1] = HOSTILE + "x" * 1_000_000
     bench.until(lambda: bench.modes()[1] is M.HW_FAULT)
     text = bench.text(1)
-    assert text.startswith("plant, its drive: 0x3210\ufffd \ufffd\ufffd]0;mine\ufffd\ufffdover v")
+    assert text.startswith("drive, 0x3210\ufffd \ufffd\ufffd]0;mine\ufffd\ufffdover v")
     assert text.isprintable()
     assert len(text) < 600
     text.encode()

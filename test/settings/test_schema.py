@@ -13,6 +13,7 @@ import pytest
 
 from control_board_ros.core.config import ConfigError, JointConfig
 from control_board_ros.core.parameter import HUGE, TINY, Kind, Parameter
+from control_board_ros.core.set_points import SetPoint
 from control_board_ros.core.vocabs import Vocab
 from control_board_ros.settings import build
 from control_board_ros.settings.loading import Settings, load
@@ -50,7 +51,7 @@ def another(row: Parameter, value: Any) -> Any:
     if row.kind is Kind.STRING:
         return next(code for code in row.choices if code != value)
     if row.kind is Kind.STRINGS:
-        return value[::-1]
+        return value[::-1] or [*row.choices][:2]
     return 0.999 * value if value else 0.001
 
 
@@ -58,7 +59,7 @@ def plain(value: Any) -> Any:
     """A field's value as a parameter file has it."""
     if isinstance(value, tuple):
         return [plain(item) for item in value]
-    return value.code if isinstance(value, Vocab) else value
+    return value.code if isinstance(value, Vocab | SetPoint) else value
 
 
 @pytest.mark.parametrize("row", JOINT, ids=lambda row: row.name)

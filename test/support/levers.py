@@ -74,6 +74,7 @@ class Levers:
 
     def clear_fault(self, joint: int) -> None:
         self.calls.append(f"clear {joint}")
+        self.faults[joint]  # an IndexError where there is no such joint
         if joint in self.latched:
             self.faults[joint] = ""
 
