@@ -11,9 +11,9 @@ STAMPS := $(VENV)/.control_board_ros
 
 # What the installation is made of: when one of these changes, it is made again.
 SOURCES := setup.py setup.cfg pyproject.toml package.xml MANIFEST.in \
-    control_board_ros/__init__.py control_board_ros/core/dynamics.py \
-    control_board_ros/core/laws.py \
-    control_board_ros/core/monitor.py control_board_ros/sim/drive.py \
+    control_board_ros/__init__.py control_board_ros/core/model/dynamics.py \
+    control_board_ros/core/laws/laws.py \
+    control_board_ros/core/watch/monitor.py control_board_ros/sim/drive.py \
     tools/compile_modules.py tools/msg_defs.cmake \
     $(shell find msg_defs vendor config launch resource -type f 2>/dev/null)
 

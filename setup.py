@@ -35,9 +35,9 @@ VENDORED = {path.parent.name: path.parent for path in sorted(HERE.glob("vendor/*
 # Plain Python in Cython's pure mode; runs as it is where it cannot be compiled. pyproject.toml
 # (cache-keys) and the Makefile (SOURCES) name the same files.
 COMPILED = [
-    "control_board_ros.core.dynamics",
-    "control_board_ros.core.laws",
-    "control_board_ros.core.monitor",
+    "control_board_ros.core.model.dynamics",
+    "control_board_ros.core.laws.laws",
+    "control_board_ros.core.watch.monitor",
     "control_board_ros.sim.drive",
 ]
 #: Executables, and what they call.

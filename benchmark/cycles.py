@@ -14,8 +14,8 @@ from statistics import median
 from time import perf_counter
 from typing import Protocol
 
-from control_board_ros.core.measurement import Array
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.measurement import Array
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.settings.loading import Settings
 from control_board_ros.sim.bodies.bullet import BulletBody
 from control_board_ros.sim.bodies.world import bullet

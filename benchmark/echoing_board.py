@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from control_board_ros.node.main import main
-from control_board_ros.node.services import Services
+from control_board_ros.node.wiring.services import Services
 
 
 def echo(_services: Services, request: Any, response: Any) -> Any:

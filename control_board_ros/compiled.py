@@ -15,9 +15,9 @@ from pathlib import Path
 
 #: What is compiled where that is possible; setup.py (COMPILED) names the same modules.
 MODULES = (
-    "control_board_ros.core.dynamics",
-    "control_board_ros.core.laws",
-    "control_board_ros.core.monitor",
+    "control_board_ros.core.model.dynamics",
+    "control_board_ros.core.laws.laws",
+    "control_board_ros.core.watch.monitor",
     "control_board_ros.sim.drive",
 )
 

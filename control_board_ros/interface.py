@@ -12,7 +12,7 @@ import importlib
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from .core.vocabs import CommandKind
+from .core.terms.vocabs import CommandKind
 
 K = CommandKind
 

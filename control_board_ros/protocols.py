@@ -18,8 +18,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from .core.reply import Reply
-from .core.vocabs import ControlMode, InteractionMode
+from .core.terms.reply import Reply
+from .core.terms.vocabs import ControlMode, InteractionMode
 
 Joints = int | str | Sequence[int | str] | None
 Values = float | Sequence[float] | NDArray[np.float64]

@@ -13,8 +13,8 @@ from types import TracebackType
 from typing import Self
 
 from .core.board import Board
-from .core.config import BoardConfig
-from .core.layout import joined
+from .core.config.config import BoardConfig
+from .core.config.layout import joined
 from .settings.loading import Settings, load
 from .sim.config import SimulationConfig
 from .sim.plant import Body, SimulatedPlant

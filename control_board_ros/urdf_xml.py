@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from xml.parsers import expat
 
-from .core.joint_kind import JointKind
+from .core.terms.joint_kind import JointKind
 
 SIZE_CAP = 5 * 1024 * 1024
 DEPTH_CAP = 64

@@ -6,7 +6,7 @@ docs/generate.py writes it.
 
 from __future__ import annotations
 
-from control_board_ros.core.modes import (
+from control_board_ros.core.terms.modes import (
     ACCEPTS,
     LAWS,
     SELECTABLE,
@@ -18,7 +18,7 @@ from control_board_ros.core.modes import (
     Law,
     Trigger,
 )
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 WORDS = {
     Event.FORCE_IDLE: "FORCE_IDLE",
@@ -33,7 +33,7 @@ WORDS = {
 INTRODUCTION = """\
 # The mode machine
 
-Drawn from the tables of `control_board_ros/core/modes.py`; a test fails when it is stale.
+Drawn from the tables of `control_board_ros/core/terms/modes.py`; a test fails when it is stale.
 A request that has no arrow is refused and changes nothing.
 
 *Selectable* stands for {selectable}:

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from control_board_ros.core.modes import modes_accepting
+from control_board_ros.core.terms.modes import modes_accepting
 from control_board_ros.interface import (
     ACTIONS,
     COMMAND_TOPICS,

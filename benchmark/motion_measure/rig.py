@@ -11,9 +11,9 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from control_board_ros.core.config import JointConfig
-from control_board_ros.core.reply import Reply
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.config.config import JointConfig
+from control_board_ros.core.terms.reply import Reply
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.settings.loading import Settings, load
 from control_board_ros.simulation import Simulation
 

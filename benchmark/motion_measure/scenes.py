@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control_board_ros.core.measurement import Row
+from control_board_ros.core.terms.measurement import Row
 
 from .change_rows import beyond_stopping
 from .rig import M, RefusedError, Rig, Way

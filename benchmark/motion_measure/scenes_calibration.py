@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.simulation import Simulation
 
 from .rig import RefusedError

@@ -14,13 +14,13 @@ from typing import Any
 from control_board_ros.text import nearest
 
 from .. import __version__
-from .arguments import HELP, Parser, arguments_of
-from .boards import is_pattern, sessions_meant
-from .options import ARGUMENTS, Options, hoist, read_options, split_ros_arguments
-from .output import DONE, REFUSED, USAGE, ReaderGone, complain, fail, put, put_json
-from .session import Session
+from .board.boards import is_pattern, sessions_meant
+from .board.session import Session
+from .line.arguments import HELP, Parser, arguments_of
+from .line.options import ARGUMENTS, Options, hoist, read_options, split_ros_arguments
+from .line.words import Refused, UsageError
+from .text.output import DONE, REFUSED, USAGE, ReaderGone, complain, fail, put, put_json
 from .verbs import SECTIONS, VERBS, load
-from .words import Refused, UsageError
 
 #: Set by the completion scripts: then the words to offer are printed, and nothing is done.
 COMPLETE = "_CBCTL_COMPLETE"

@@ -8,13 +8,13 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from .arguments import Argument, arguments_of
-from .boards import boards_meant
-from .offers import Typed
-from .options import ARGUMENTS, Options, hoist, read_options
-from .output import DONE, put
-from .session import Session
-from .words import Refused, UsageError
+from .board.boards import boards_meant
+from .board.session import Session
+from .line.arguments import Argument, arguments_of
+from .line.offers import Typed
+from .line.options import ARGUMENTS, Options, hoist, read_options
+from .line.words import Refused, UsageError
+from .text.output import DONE, put
 
 #: s to look for a board and to wait for its answers: a Tab must not hang.
 TIMEOUT = 2.0

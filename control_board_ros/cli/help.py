@@ -9,8 +9,8 @@ from argparse import BooleanOptionalAction
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from .arguments import HELP, Argument, argument, arguments_of
-from .output import put
+from .line.arguments import HELP, Argument, argument, arguments_of
+from .text.output import put
 
 TEXT = """Look at and move a control board.
 

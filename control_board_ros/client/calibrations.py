@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from control_board_ros.core.calibration import CalibrationStatus
+from control_board_ros.core.calibration.calibration import CalibrationStatus
 
 
 class CalibrationView:

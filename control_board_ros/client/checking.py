@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.interface import MOST_JOINTS, Endpoint
 from control_board_ros.text import clean, clean_names
 

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from control_board_ros.core.reply import Reply, refused, sent
 from control_board_ros.core.selection import RequestError, spread
+from control_board_ros.core.terms.reply import Reply, refused, sent
 from control_board_ros.interface import (
     FEEDFORWARD_COMMAND,
     OUTPUT_COMMAND,

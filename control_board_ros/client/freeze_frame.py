@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from control_board_ros.core.faults import FaultRecord
+from control_board_ros.core.terms.faults import FaultRecord
 from control_board_ros.protocols import Floats
 from control_board_ros.text import clean, clean_name
 

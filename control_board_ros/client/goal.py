@@ -12,7 +12,7 @@ from uuid import uuid4
 from action_msgs.msg import GoalStatus
 from unique_identifier_msgs.msg import UUID
 
-from control_board_ros.core.reply import Reply, accepted, refused
+from control_board_ros.core.terms.reply import Reply, accepted, refused
 from control_board_ros.interface import Endpoint
 
 from .cancellation import cancel_over_new_context

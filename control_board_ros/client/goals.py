@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from control_board_ros.core.calibration import CalibrationStatus
-from control_board_ros.core.modes import CALIBRATES
-from control_board_ros.core.reply import Reply, refused
+from control_board_ros.core.calibration.calibration import CalibrationStatus
 from control_board_ros.core.selection import RequestError, spread
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.terms.modes import CALIBRATES
+from control_board_ros.core.terms.reply import Reply, refused
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.interface import CALIBRATE, GET_CONTROL_MODE, MOVE
 from control_board_ros.protocols import Floats, Joints, Values
 

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from control_board_ros.core.reply import Reply, refused
-from control_board_ros.core.vocabs import (
+from control_board_ros.core.terms.reply import Reply, refused
+from control_board_ros.core.terms.vocabs import (
     ControlMode,
     InteractionMode,
     Vocab,

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import warnings
 
-from control_board_ros.core.reply import Reply
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.reply import Reply
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.protocols import OLD_NAMES, Joints, deprecation, replacement
 
 from .modes import ModeRequests

@@ -12,9 +12,9 @@ from rcl_interfaces.msg import Parameter
 from rclpy.parameter import Parameter as TypedParameter
 from rclpy.parameter import parameter_value_to_python
 
-from control_board_ros.core.parts import Pid
-from control_board_ros.core.reply import Reply, refused
+from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.interface import service
 from control_board_ros.protocols import Floats, Joints
 from control_board_ros.text import nearest

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from control_board_ros.core.pose import HOME, PARK, Pose
-from control_board_ros.core.reply import Reply, refused
+from control_board_ros.core.goals.pose import HOME, PARK, Pose
 from control_board_ros.core.selection import RequestError, spread
+from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.interface import GO_TO_POSE, LIST_POSES, SAVE_POSE
 from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import clean_names

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from control_board_ros.core.reply import Reply, refused
 from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.interface import GET_REFERENCES, SET_REFERENCE_SPEED, STOP
 from control_board_ros.protocols import Floats, Joints, Values
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import Any, TypeVar
 
-from control_board_ros.core.reply import Answer, Reason, Reply, refused
 from control_board_ros.core.selection import RequestError, Selection, Selector
+from control_board_ros.core.terms.reply import Answer, Reason, Reply, refused
 from control_board_ros.interface import MODES, Endpoint
 from control_board_ros.protocols import Joints
 from control_board_ros.text import NAME, clean

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from control_board_ros.core.reply import Reply, refused
 from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.interface import CLEAR_INJECTED_FAULTS, INJECT_FAULT, PAUSE, RESET, STEP
 from control_board_ros.protocols import Joints
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from control_board_ros.core.faults import FaultRecord
-from control_board_ros.core.reply import Reply, refused
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.vocabs import parse_control_mode
+from control_board_ros.core.terms.faults import FaultRecord
+from control_board_ros.core.terms.reply import Reply, refused
+from control_board_ros.core.terms.vocabs import parse_control_mode
 from control_board_ros.interface import (
     CONFIGURE,
     EMERGENCY_STOP,

@@ -6,9 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from control_board_ros.client import BoardError, ControlBoardClient
-from control_board_ros.core.modes import SELECTABLE
-from control_board_ros.core.reply import Reply
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.modes import SELECTABLE
+from control_board_ros.core.terms.reply import Reply
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.protocols import Floats
 
 from .bench import Bench, M

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient, State
-from control_board_ros.core.modes import SELECTABLE, STOPPABLE, UNIMPLEMENTED
-from control_board_ros.core.reply import Reply
-from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+from control_board_ros.core.terms.modes import SELECTABLE, STOPPABLE, UNIMPLEMENTED
+from control_board_ros.core.terms.reply import Reply
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from control_board_ros.interface import Endpoint
 
 from .channel import Channel

@@ -6,7 +6,7 @@ from __future__ import annotations
 import time
 
 from control_board_ros.client import BoardError
-from control_board_ros.core.vocabs import parse_control_mode, parse_interaction_mode
+from control_board_ros.core.terms.vocabs import parse_control_mode, parse_interaction_mode
 
 from .bench import STIFF, Bench, Fate, K, M
 from .rules import NotTestable, expect, inside, offered, rule

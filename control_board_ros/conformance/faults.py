@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from control_board_ros.client import BoardError
-from control_board_ros.core.modes import SELECTABLE
+from control_board_ros.core.terms.modes import SELECTABLE
 from control_board_ros.interface import SET_CONTROL_MODE
 
 from .bench import Bench, M

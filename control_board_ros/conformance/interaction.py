@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from control_board_ros.client import State
-from control_board_ros.core.vocabs import InteractionMode
+from control_board_ros.core.terms.vocabs import InteractionMode
 from control_board_ros.interface import GET_IMPEDANCE, SET_IMPEDANCE, SET_INTERACTION_MODE
 
 from .bench import COMPLIANT, STIFF, Bench, Fate, K, M

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from control_board_ros.core.reply import Answer
+from control_board_ros.core.terms.reply import Answer
 from control_board_ros.interface import (
     ACTIONS,
     COMMAND_TOPICS,

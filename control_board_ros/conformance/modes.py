@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import time
 
-from control_board_ros.core.modes import ACCEPTS, STOPPABLE
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import ControlMode, encode
+from control_board_ros.core.terms.modes import ACCEPTS, STOPPABLE
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import ControlMode, encode
 from control_board_ros.interface import GET_CONTROL_MODE, POSITION_COMMAND, SET_CONTROL_MODE
 
 from .bench import TAKING, Bench, Fate, K, M

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.terms.vocabs import ControlMode
 
 from .bench import Bench, M
 from .rules import NotTestable, assume, expect, inside, offered, rule

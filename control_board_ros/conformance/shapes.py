@@ -8,8 +8,8 @@ from dataclasses import fields
 from typing import Any
 
 from control_board_ros.client import State
-from control_board_ros.core.reply import Answer, Reply
-from control_board_ros.core.vocabs import ControlMode, InteractionMode, encode
+from control_board_ros.core.terms.reply import Answer, Reply
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode, encode
 from control_board_ros.interface import Endpoint
 
 from .rules import NotHeld

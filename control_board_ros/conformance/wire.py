@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import time
 
-from control_board_ros.core.vocabs import CommandKind
+from control_board_ros.core.terms.vocabs import CommandKind
 from control_board_ros.interface import (
     COMMAND_TOPICS,
     SET_CONTROL_MODE,

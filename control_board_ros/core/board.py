@@ -20,28 +20,28 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .bring_up import BringUp, complete_levels
-from .commands import Commands, timeout_cycles
-from .config import BoardConfig
-from .control import Controller
-from .emergency import EmergencyStop
-from .events import BoardEvent, Events
-from .fault_monitor import FaultMonitor
-from .feedforward import Feedforward
-from .freeze_frame import FreezeFrames
+from .config.config import BoardConfig
+from .config.layout import Zone, joined, zones_of
+from .config.limits import BoardLimits
 from .group import JointGroup
-from .layout import Zone, joined, zones_of
-from .limits import BoardLimits
-from .machine import Machine
-from .measurement import Actuation, Measurement
-from .modes import Stage
-from .references import References
-from .requests import Requests
-from .start_up import StartUp
+from .laws.control import Controller
+from .laws.references import References
+from .laws.timeouts import ReferenceTimeouts
+from .machine.bring_up import BringUp, complete_levels
+from .machine.commands import Commands, timeout_cycles
+from .machine.feedforward import Feedforward
+from .machine.machine import Machine
+from .machine.requests import Requests
+from .machine.start_up import StartUp
+from .machine.stops import Stops
 from .state import StateArrays
-from .stops import Stops
-from .timeouts import ReferenceTimeouts
-from .vocabs import CommandKind
+from .terms.events import BoardEvent, Events
+from .terms.measurement import Actuation, Measurement
+from .terms.modes import Stage
+from .terms.vocabs import CommandKind
+from .watch.emergency import EmergencyStop
+from .watch.fault_monitor import FaultMonitor
+from .watch.freeze_frame import FreezeFrames
 
 __all__ = ["Board", "BoardEvent", "CommandKind"]
 

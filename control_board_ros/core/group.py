@@ -17,17 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..protocols import Floats, Interaction, Joints, Mode, ModeShortcuts, Values
-from .calibration import CalibrationStatus
-from .commands import spread_along
-from .config import BoardConfig, ConfigError, JointConfig
-from .decisions import Wanted
-from .events import BoardEvent
-from .faults import FaultRecord
-from .feedforward import terms_of
-from .freeze_frame import FreezeFrame
-from .layout import Zone
-from .modes import CONFIGURED, POWER_OFF, Event, Stage
-from .reply import Reason, Reply, accepted, refused
+from .calibration.calibration import CalibrationStatus
+from .config.config import BoardConfig, ConfigError, JointConfig
+from .config.layout import Zone
+from .machine.commands import spread_along
+from .machine.decisions import Wanted
+from .machine.feedforward import terms_of
 from .selection import (
     RequestError,
     Selection,
@@ -38,7 +33,12 @@ from .selection import (
     spread,
 )
 from .state import Snapshot, StateArrays
-from .vocabs import CommandKind, ControlMode, InteractionMode
+from .terms.events import BoardEvent
+from .terms.faults import FaultRecord
+from .terms.modes import CONFIGURED, POWER_OFF, Event, Stage
+from .terms.reply import Reason, Reply, accepted, refused
+from .terms.vocabs import CommandKind, ControlMode, InteractionMode
+from .watch.freeze_frame import FreezeFrame
 
 if TYPE_CHECKING:
     from .board import Board

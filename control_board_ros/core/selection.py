@@ -10,11 +10,11 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from ..text import nearest
-from .measurement import Array
-from .modes import REQUESTABLE, REQUESTS
-from .reply import Reason, Reply, refused
 from .state import Indices
-from .vocabs import (
+from .terms.measurement import Array
+from .terms.modes import REQUESTABLE, REQUESTS
+from .terms.reply import Reason, Reply, refused
+from .terms.vocabs import (
     ControlMode,
     InteractionMode,
     Vocab,

@@ -10,11 +10,11 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from .config import BoardConfig
-from .faults import FaultRecord
-from .measurement import ROWS, Array, Row
-from .modes import INITIAL, INITIAL_INTERACTION, Stage
-from .vocabs import CommandKind
+from .config.config import BoardConfig
+from .terms.faults import FaultRecord
+from .terms.measurement import ROWS, Array, Row
+from .terms.modes import INITIAL, INITIAL_INTERACTION, Stage
+from .terms.vocabs import CommandKind
 
 Indices = NDArray[np.intp]
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.arm_model import ArmModel, Link
-from ..core.measurement import Array
+from ..core.model.arm_model import ArmModel, Link
+from ..core.terms.measurement import Array
 from .geometry import axis_of, origin_of, rotations_about
 from .merge import Inertial, inertial_of
 from .urdf import Urdf

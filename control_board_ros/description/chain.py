@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from ..core.measurement import Array
+from ..core.terms.measurement import Array
 from .geometry import origin_of, set_origin
 from .urdf_tree import Tree
 from .urdf_xml import UrdfError

@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..core.joint_kind import JointKind
-from ..core.parts import DEGREE
+from ..core.config.parts import DEGREE
+from ..core.terms.joint_kind import JointKind
 from .assumed import Assumed
 from .derive_gains import gains
 from .derive_motor import current_loop, electrical, friction, limits, rotor, thermal

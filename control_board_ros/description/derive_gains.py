@@ -23,9 +23,9 @@ import math
 from dataclasses import fields
 from typing import Any
 
-from ..core.config import spring_damping
-from ..core.joint_kind import JointKind
-from ..core.parts import DERIVATIVE_CUTOFF, Pid
+from ..core.config.config import spring_damping
+from ..core.config.parts import DERIVATIVE_CUTOFF, Pid
+from ..core.terms.joint_kind import JointKind
 
 MAX_CROSSOVER = 600.0  # 1/s
 CROSSOVER_PHASE = 0.6  # rad

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.measurement import Array
+from ..core.terms.measurement import Array
 from .geometry import axis_of, numbers_of, origin_of, quaternion_of_rpy
 from .urdf import Mimic, Urdf
 from .urdf_tree import Tree

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from ..core.measurement import Array
+from ..core.terms.measurement import Array
 
 ZEROS = (0.0, 0.0, 0.0)
 

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.measurement import Array
+from ..core.terms.measurement import Array
 from .geometry import axis_of, inertia_of, numbers_of, origin_of, rotations_about
 from .urdf_tree import Tree
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.measurement import Array
+from ..core.terms.measurement import Array
 from .kinematics import MovedJoint, gravity_torque, inertia_matrix, inward, moved_joints
 from .urdf import Urdf
 

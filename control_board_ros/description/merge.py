@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.measurement import Array
+from ..core.terms.measurement import Array
 from .geometry import inertia_of, numbers_of, origin_of, set_origin
 from .urdf_tree import Tree
 

@@ -21,8 +21,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..core.config import ConfigError
-from ..core.measurement import Array
+from ..core.config.config import ConfigError
+from ..core.terms.measurement import Array
 from .geometry import as_text, axis_of, inertia_of, rpy_of_rotation
 from .urdf_tree import Tree
 

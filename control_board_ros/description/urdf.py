@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from ..core.joint_kind import JointKind
+from ..core.terms.joint_kind import JointKind
 from ..urdf_xml import joint_of
 from .chain import cut
 from .geometry import numbers_of

@@ -17,8 +17,8 @@ import numpy as np
 
 from ..core.board import Board
 from ..core.state import Snapshot
-from ..core.vocabs import ControlMode as M
-from ..core.vocabs import InteractionMode
+from ..core.terms.vocabs import ControlMode as M
+from ..core.terms.vocabs import InteractionMode
 from ..simulation import Simulation
 
 JOINT = "lbr_iiwa_joint_4"

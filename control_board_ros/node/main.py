@@ -18,10 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 from .. import __version__
 from ..compiled import describe
-from ..core.modes import CONFIGURED
-from ..core.pose import PARK
+from ..core.goals.pose import PARK
+from ..core.terms.modes import CONFIGURED
 from ..startup import announce_often, defer_collection, leave_out_the_generator
-from .console import (
+from .loop.scheduling import take_priority
+from .process.console import (
     KnownError,
     check_arguments,
     check_name,
@@ -30,13 +31,12 @@ from .console import (
     say,
     settle_stdout,
 )
-from .name_lock import NameTakenError, lock_name
-from .scheduling import take_priority
-from .welcome import welcome
+from .process.name_lock import NameTakenError, lock_name
+from .process.welcome import welcome
 
 if TYPE_CHECKING:
-    from .boards import Boards
-    from .parameters import Start
+    from .process.boards import Boards
+    from .wiring.parameters import Start
 
 #: s for which a thread may keep the interpreter from others; the default makes cycles late.
 SWITCH_INTERVAL = 5e-5
@@ -99,7 +99,7 @@ def run(
         KnownError: it cannot run, or did not end as it should.
     """
     from ..settings.params_file import SettingsError
-    from .parameters import settings_from_arguments
+    from .wiring.parameters import settings_from_arguments
 
     check_arguments(arguments)
     try:
@@ -133,7 +133,7 @@ def run_alone(start: Start, ended: threading.Event, at_once: threading.Event) ->
     """From the settings to a running node, and back."""
     from ..plants.errors import PlantSettingsError
     from ..sim.errors import PlantError, PlantGone
-    from .plant import make_plant
+    from .process.plant import make_plant
 
     try:
         start, plant = make_plant(start)
@@ -172,8 +172,8 @@ def serve(
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import try_shutdown
 
-    from .boards import Boards
-    from .executor import KeptWaitSetExecutor
+    from .process.boards import Boards
+    from .process.executor import KeptWaitSetExecutor
 
     try:
         rclpy.init(args=start.arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -206,7 +206,7 @@ def serve(
 
 def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> str:
     """Say that the board runs, wait until it is to end, and park; why it is not parked, if so."""
-    from .lifecycle import starts_alone
+    from .process.lifecycle import starts_alone
 
     await_first_cycles(boards, ended)
     name, settings = boards.nodes[0].get_fully_qualified_name(), boards.settings
@@ -219,7 +219,7 @@ def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> 
 
 def park(boards: Boards, at_once: threading.Event) -> str:
     """Take the robot to the pose park (R6); why that was not possible, or an empty text."""
-    from .parking import Parking
+    from .process.parking import Parking
 
     def tell(time: float) -> None:
         say(f"parking, {time:.1f} s; a second Ctrl-C ends at once, without power\n")
@@ -234,7 +234,7 @@ def park(boards: Boards, at_once: threading.Event) -> str:
 
 def await_first_cycles(boards: Boards, ended: threading.Event) -> None:
     """Let the joints leave NOT_CONFIGURED, where they do so by themselves (N2)."""
-    from .lifecycle import starts_alone
+    from .process.lifecycle import starts_alone
 
     if not starts_alone(boards.settings.values):
         return

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
 from typing import Any
 
-from control_board_ros.core.reply import Reply
+from control_board_ros.core.terms.reply import Reply
 from control_board_ros.interface import POSITION_COMMAND, POSITION_DIRECT_COMMAND
 
 from .boards import Board, finite

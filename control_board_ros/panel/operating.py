@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from control_board_ros.client import BoardError
-from control_board_ros.core.modes import MOVES, NOT_HOLDING, STOPPABLE, UNPOWERED
 from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.modes import MOVES, NOT_HOLDING, STOPPABLE, UNPOWERED
 
 from . import doing
 from .boards import Board

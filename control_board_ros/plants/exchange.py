@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.config import BoardConfig
-from ..core.measurement import ROWS, Array, Row
-from ..core.set_points import VALUES, SetPoint, SetPoints
+from ..core.config.config import BoardConfig
+from ..core.terms.measurement import ROWS, Array, Row
+from ..core.terms.set_points import VALUES, SetPoint, SetPoints
 from ..text import clean
 from .interface import DrivePlant, Readings, Setup
 

@@ -27,10 +27,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.config import BoardConfig
-from ..core.faults import FaultCode
-from ..core.measurement import ROWS, Actuation, Array, Measurement, Row
-from ..core.set_points import SetPoints
+from ..core.config.config import BoardConfig
+from ..core.terms.faults import FaultCode
+from ..core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
+from ..core.terms.set_points import SetPoints
 from ..text import clean
 from .exchange import Exchange, Sample
 from .interface import Clock, DrivePlant, RobotPlant

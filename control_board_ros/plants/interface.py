@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
-from ..core.config import JointConfig
-from ..core.measurement import Array
-from ..core.modes import SELECTABLE
-from ..core.set_points import OnSilence, SetPoint, SetPoints
-from ..core.vocabs import ControlMode
+from ..core.config.config import JointConfig
+from ..core.terms.measurement import Array
+from ..core.terms.modes import SELECTABLE
+from ..core.terms.set_points import OnSilence, SetPoint, SetPoints
+from ..core.terms.vocabs import ControlMode
 
 
 class Clock(StrEnum):

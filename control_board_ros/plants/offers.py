@@ -6,8 +6,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..core.config import BoardConfig, ConfigError, JointConfig
-from ..core.modes import SENSE_TORQUE, UNPOWERED
+from ..core.config.config import BoardConfig, ConfigError, JointConfig
+from ..core.terms.modes import SENSE_TORQUE, UNPOWERED
 from ..settings.loading import Settings
 from .errors import PlantSettingsError
 from .interface import Description, JointDescription

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from control_board_ros.core.joint_kind import JointKind
-from control_board_ros.core.modes import STATES
+from control_board_ros.core.terms.joint_kind import JointKind
+from control_board_ros.core.terms.modes import STATES
 from control_board_ros.protocols import Floats
 
 from .figures import Response

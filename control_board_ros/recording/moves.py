@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from control_board_ros.core.joint_kind import JointKind
-from control_board_ros.core.modes import STOPPABLE
+from control_board_ros.core.terms.joint_kind import JointKind
+from control_board_ros.core.terms.modes import STOPPABLE
 from control_board_ros.protocols import Floats
 
 from .figures import (

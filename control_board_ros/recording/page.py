@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 
 from .. import __version__
-from ..core.joint_kind import JointKind
+from ..core.terms.joint_kind import JointKind
 from .charts import (
     MODE_COLOURS,
     MODE_NAMES,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.interface import (
     FAULTS,
     MODES,

@@ -6,9 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from ..core.arm_model import ArmModel
-from ..core.config import BoardConfig, JointConfig
-from ..core.parameter import Parameter, parameters_of, parts_of
+from ..core.config.config import BoardConfig, JointConfig
+from ..core.config.parameter import Parameter, parameters_of, parts_of
+from ..core.model.arm_model import ArmModel
 from ..description.arm_model import Motors, arm_model
 from ..description.urdf import Urdf
 from ..sim.config import IDEAL, PYBULLET, JointSimulation, SimulationConfig

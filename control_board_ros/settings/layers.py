@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..core.parameter import Parameter
+from ..core.config.parameter import Parameter
 from ..description.urdf import Urdf
 from ..text import nearest
 from .params_file import Entry, Layer, SettingsError, shown

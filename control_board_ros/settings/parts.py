@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 
-from ..core.parameter import Kind, Parameter
+from ..core.config.parameter import Kind, Parameter
 from .layers import Entries
 from .params_file import Entry, SettingsError, shown
 from .values import convert

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..core.config import BoardConfig
-from ..core.parameter import Kind, Parameter
-from ..core.pose import HOME, NAME, PARK, Pose
+from ..core.config.config import BoardConfig
+from ..core.config.parameter import Kind, Parameter
+from ..core.goals.pose import HOME, NAME, PARK, Pose
 from .params_file import Entry, SettingsError
 
 POSES = "poses"

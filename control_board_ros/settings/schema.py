@@ -12,9 +12,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
-from ..core.config import BoardConfig, JointConfig
-from ..core.parameter import Bound, Kind, Parameter, parameters_of, parts_of
-from ..core.vocabs import Vocab
+from ..core.config.config import BoardConfig, JointConfig
+from ..core.config.parameter import Bound, Kind, Parameter, parameters_of, parts_of
+from ..core.terms.vocabs import Vocab
 from ..sim.config import JointSimulation, SimulationConfig
 from .poses import pose_row
 

@@ -22,7 +22,7 @@ from typing import Any
 
 import yaml
 
-from ..core.pose import NAME, Pose
+from ..core.goals.pose import NAME, Pose
 from ..core.selection import RequestError
 from .params_file import SIZE_CAP
 from .yaml_tree import Leaf, SettingsError, parse_yaml, shown

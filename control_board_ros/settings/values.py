@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from ..core.parameter import Kind, Parameter
+from ..core.config.parameter import Kind, Parameter
 from .params_file import Entry, SettingsError, shown
 
 

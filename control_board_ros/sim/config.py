@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 import sys
 
-from ..core.checks import ConfigError, check_number, check_parameters
-from ..core.config import BoardConfig
-from ..core.parameter import configuration, parameter, part
+from ..core.config.checks import ConfigError, check_number, check_parameters
+from ..core.config.config import BoardConfig
+from ..core.config.parameter import configuration, parameter, part
 from ..description.urdf import Urdf
 
 PYBULLET, MUJOCO, IDEAL = PHYSICS = ("pybullet", "mujoco", "ideal")

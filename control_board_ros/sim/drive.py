@@ -15,7 +15,7 @@ from __future__ import annotations
 try:
     import cython
 except ImportError:
-    from ..core import nocython as cython
+    from ..core.model import nocython as cython
 
 if cython.compiled:
     from cython.cimports.libc.math import rint, tanh

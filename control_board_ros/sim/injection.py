@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..core.config import JointConfig, Limits
-from ..core.faults import FaultCode
-from ..core.measurement import Array, Row
+from ..core.config.config import JointConfig, Limits
+from ..core.terms.faults import FaultCode
+from ..core.terms.measurement import Array, Row
 
 #: The least that a passing fault lasts, s; in whole readings, one at least.
 TRANSIENT = 0.02

@@ -19,8 +19,8 @@ import math
 
 import numpy as np
 
-from ..core.config import BoardConfig, JointConfig
-from ..core.measurement import Array
+from ..core.config.config import BoardConfig, JointConfig
+from ..core.terms.measurement import Array
 from .config import MotorModel, SimulationConfig
 from .drive import Drive, Drives
 from .stiction import bristle_constants

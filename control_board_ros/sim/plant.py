@@ -27,9 +27,9 @@ from typing import Protocol, cast
 
 import numpy as np
 
-from ..core.config import BoardConfig
-from ..core.faults import FaultCode
-from ..core.measurement import Actuation, Array, Measurement
+from ..core.config.config import BoardConfig
+from ..core.terms.faults import FaultCode
+from ..core.terms.measurement import Actuation, Array, Measurement
 from .bodies.ideal import IdealBody
 from .config import IDEAL, MUJOCO, PYBULLET, SimulationConfig
 from .errors import PlantError, PlantGone

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.faults import FaultCode
-from ..core.measurement import ROWS, Row
+from ..core.terms.faults import FaultCode
+from ..core.terms.measurement import ROWS, Row
 from .config import SimulationConfig
 from .drive import Sampler
 from .motor import Motors

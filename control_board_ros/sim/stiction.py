@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 
-from ..core.config import JointConfig
+from ..core.config.config import JointConfig
 from .config import MotorModel
 
 TORQUE_SHARE, COULOMB_SHARE = 2e-4, 0.1

@@ -20,11 +20,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from ..core.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
-from ..core.measurement import Actuation, Array, Row
-from ..core.modes import SENSE_TORQUE, UNPOWERED
-from ..core.set_points import KINDS, VALUES, SetPoint, SetPoints, Value
-from ..core.vocabs import InteractionMode
+from ..core.config.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
+from ..core.terms.measurement import Actuation, Array, Row
+from ..core.terms.modes import SENSE_TORQUE, UNPOWERED
+from ..core.terms.set_points import KINDS, VALUES, SetPoint, SetPoints, Value
+from ..core.terms.vocabs import InteractionMode
 from ..plants.guarded import GuardedPlant
 from ..plants.interface import (
     Description,

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..core.modes import INITIAL
+from ..core.terms.modes import INITIAL
 from ..interface import GET_CONTROL_MODE, MODES, SET_CONTROL_MODE, Endpoint
 from .domains import child_environment, free_domain
 from .nodes import ros_node

@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..core.vocabs import InteractionMode
+from ..core.terms.vocabs import InteractionMode
 from ..settings.loading import Settings, SettingsError
 from ..tuning_options import OPTIONS
 from .errors import TuningError

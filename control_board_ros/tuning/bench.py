@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.board import Board
-from ..core.config import BoardConfig, JointConfig
-from ..core.measurement import Array
-from ..core.vocabs import ControlMode, InteractionMode
+from ..core.config.config import BoardConfig, JointConfig
+from ..core.terms.measurement import Array
+from ..core.terms.vocabs import ControlMode, InteractionMode
 from ..settings.loading import Settings
 from ..sim.errors import PlantGone
 from ..simulation import Simulation

@@ -12,8 +12,8 @@ from typing import Any
 import yaml
 
 from .. import __version__
-from ..core.config import JointConfig
-from ..core.joint_kind import JointKind
+from ..core.config.config import JointConfig
+from ..core.terms.joint_kind import JointKind
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, difference, document, number
 from .bench import Take

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..core.measurement import Array
+from ..core.terms.measurement import Array
 from ..description.geometry import origin_of
 from ..description.urdf import Urdf
 from ..description.urdf_tree import Tree

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..core.config import JointConfig
+from ..core.config.config import JointConfig
 from ..description.derive_gains import gains
 from ..settings.loading import Settings
 

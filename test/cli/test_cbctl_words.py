@@ -11,16 +11,12 @@ from typing import Any
 import pytest
 
 from control_board_ros.cli.app import explain
-from control_board_ros.cli.arguments import Parser, arguments_of
-from control_board_ros.cli.limits import check_limits
-from control_board_ros.cli.options import Options, hoist, split_ros_arguments
-from control_board_ros.cli.output import bar, conclude, plain
-from control_board_ros.cli.progress import Standstill
-from control_board_ros.cli.streaming import duration
-from control_board_ros.cli.verbs.look import when
-from control_board_ros.cli.verbs.modes import joints_and_mode
-from control_board_ros.cli.verbs.motion import move
-from control_board_ros.cli.words import (
+from control_board_ros.cli.board.limits import check_limits
+from control_board_ros.cli.board.progress import Standstill
+from control_board_ros.cli.board.streaming import duration
+from control_board_ros.cli.line.arguments import Parser, arguments_of
+from control_board_ros.cli.line.options import Options, hoist, split_ros_arguments
+from control_board_ros.cli.line.words import (
     Quantity,
     Refused,
     UsageError,
@@ -30,8 +26,12 @@ from control_board_ros.cli.words import (
     find_joints,
     quantity,
 )
-from control_board_ros.core.joint_kind import JointKind
-from control_board_ros.core.reply import Answer, Reply
+from control_board_ros.cli.text.output import bar, conclude, plain
+from control_board_ros.cli.verbs.look import when
+from control_board_ros.cli.verbs.modes import joints_and_mode
+from control_board_ros.cli.verbs.motion import move
+from control_board_ros.core.terms.joint_kind import JointKind
+from control_board_ros.core.terms.reply import Answer, Reply
 from control_board_ros.joint_limits import JointLimits, limit_parameters, limits_of
 from control_board_ros.urdf_xml import heard_joints
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from control_board_ros.cli.jogging import FASTEST, FIRST_PRESS, REPEATED, SLOWEST, Jog, split
+from control_board_ros.cli.line.jogging import FASTEST, FIRST_PRESS, REPEATED, SLOWEST, Jog, split
 
 
 def test_a_press_lasts_until_the_keyboard_would_repeat_it() -> None:

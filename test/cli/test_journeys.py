@@ -9,8 +9,8 @@ import pytest
 from cbctl_process import Asker
 
 from control_board_ros.cli.app import invoke
-from control_board_ros.cli.options import Options
-from control_board_ros.cli.session import Session
+from control_board_ros.cli.board.session import Session
+from control_board_ros.cli.line.options import Options
 from control_board_ros.client.link import Link
 from control_board_ros.testing import BoardProcess
 

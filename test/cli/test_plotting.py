@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from control_board_ros.cli.plotting import EMPTY, Signal, Trace, chart, dots, line, scale
+from control_board_ros.cli.text.plotting import EMPTY, Signal, Trace, chart, dots, line, scale
 
 WIDTH, HEIGHT = 40, 6
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cli/progress.py: how much of a move is done, as measured."""
+"""progress.py: how much of a move is done, as measured."""
 
 from __future__ import annotations
 
 import pytest
 
-from control_board_ros.cli.progress import Way
+from control_board_ros.cli.board.progress import Way
 
 NEAR = {"a": 0.01, "b": 0.01}
 

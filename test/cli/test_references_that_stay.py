@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.cli.options import Options
+from control_board_ros.cli.line.options import Options
 from control_board_ros.cli.verbs.streams import set_once
-from control_board_ros.core.reply import accepted, refused
+from control_board_ros.core.terms.reply import accepted, refused
 
 ASKED = {"elbow": 500.0, "wrist": 2.0}
 SESSION: Any = SimpleNamespace(options=Options(), shared=False, names=list(ASKED), line=str)

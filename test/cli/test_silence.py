@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from control_board_ros.cli.recordings import Silence
+from control_board_ros.cli.board.recordings import Silence
 
 
 def test_a_silence_is_told_once() -> None:

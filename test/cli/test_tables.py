@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from control_board_ros.cli.tables import grid
+from control_board_ros.cli.line.words import short_names
+from control_board_ros.cli.text.tables import grid
 from control_board_ros.cli.verbs.look import joints_table, references_table
 from control_board_ros.cli.verbs.modes import impedance_table
-from control_board_ros.cli.words import short_names
-from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.core.terms.joint_kind import JointKind
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]
 WIDTHS = [40, 60, 80, 120]
@@ -50,7 +50,7 @@ def drawn(table: Any, width: int) -> str:
 def narrowed(monkeypatch: pytest.MonkeyPatch, width: int) -> None:
     """Let the tables find a terminal of this width."""
     screen = lambda: SimpleNamespace(width=width)  # noqa: E731
-    monkeypatch.setattr("control_board_ros.cli.tables.console", screen)
+    monkeypatch.setattr("control_board_ros.cli.text.tables.console", screen)
 
 
 @pytest.mark.parametrize("width", WIDTHS)

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from control_board_ros.cli.line.words import short_names
 from control_board_ros.cli.verbs.watch import TITLES, watch_table
-from control_board_ros.cli.words import short_names
-from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.joint_limits import JointLimits
 
 IIWA = [f"lbr_iiwa_joint_{j}" for j in range(1, 8)]

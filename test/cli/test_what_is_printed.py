@@ -12,7 +12,7 @@ import pytest
 from rich.table import Table
 from rich.text import Text
 
-from control_board_ros.cli import output
+from control_board_ros.cli.text import output
 from control_board_ros.cli.verbs.recording import write_pictures
 from control_board_ros.recording import page, png
 

@@ -19,10 +19,10 @@ from talk import TIMEOUT, patient
 
 from control_board_ros import protocols
 from control_board_ros.client import BoardNotFound, BoardTimeout, ControlBoardClient
-from control_board_ros.core.reply import Answer
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.vocabs import ControlMode as M
-from control_board_ros.core.vocabs import InteractionMode
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import ControlMode as M
+from control_board_ros.core.terms.vocabs import InteractionMode
 from control_board_ros.interface import CALIBRATE
 from control_board_ros.testing import BoardProcess, ros_node
 

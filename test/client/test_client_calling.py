@@ -13,7 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from talk import TIMEOUT, patient
 
 from control_board_ros.client import BoardError, ControlBoardClient
-from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.testing import BoardProcess, board_process, free_domain, ros_node
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]

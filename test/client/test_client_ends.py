@@ -15,7 +15,7 @@ from control_board_msgs.msg import JointFault, JointFaults
 from talk import TIMEOUT, patient
 
 from control_board_ros.client import BoardError, ControlBoardClient
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.interface import FAULTS
 from control_board_ros.testing import BoardProcess, ros_node
 

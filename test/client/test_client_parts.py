@@ -22,9 +22,9 @@ from control_board_ros.client.services import Services, reply_of
 from control_board_ros.client.state import StateView
 from control_board_ros.client.values import as_given
 from control_board_ros.client.waiting import Wait, run
-from control_board_ros.core.reply import Answer, accepted, refused, sent
 from control_board_ros.core.selection import Selection
-from control_board_ros.core.vocabs import (
+from control_board_ros.core.terms.reply import Answer, accepted, refused, sent
+from control_board_ros.core.terms.vocabs import (
     ControlMode,
     parse_control_mode,
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.examples import every_mode
 
 pytestmark = [pytest.mark.physics]

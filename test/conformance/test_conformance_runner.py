@@ -31,7 +31,7 @@ from control_board_ros.conformance.shapes import (
     check_state,
     reply_of,
 )
-from control_board_ros.core.reply import Answer
+from control_board_ros.core.terms.reply import Answer
 from control_board_ros.interface import SET_CONTROL_MODE
 from control_board_ros.testing import board_process
 

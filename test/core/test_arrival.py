@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.core.arrival import SETTLING, Standing, ending, standing, tolerance
-from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.core.goals.arrival import SETTLING, Standing, ending, standing, tolerance
+from control_board_ros.core.terms.joint_kind import JointKind
 
 S = Standing
 TURNS, SLIDES = JointKind.REVOLUTE, JointKind.PRISMATIC

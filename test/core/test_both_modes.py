@@ -19,10 +19,10 @@ from pure import as_python, load_python
 from rig import COMMANDS, LIMITS, MOTOR, Rig, board_config, joint, plain, simulation_config
 
 from control_board_ros import compiled
-from control_board_ros.core.config import BoardConfig
-from control_board_ros.core.faults import FaultCode
-from control_board_ros.core.parts import Calibration, Timeouts
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.config.config import BoardConfig
+from control_board_ros.core.config.parts import Calibration, Timeouts
+from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import Encoder, MotorModel
 from control_board_ros.sim.injection import KINDS
 from control_board_ros.sim.plant import SimulatedPlant

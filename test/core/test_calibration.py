@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/calibration.py: types of one's own."""
+"""calibration.py: types of one's own."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import Any, cast
 import pytest
 from rig import joint
 
-from control_board_ros.core import calibration
-from control_board_ros.core.calibration import AbsoluteSensor, register
-from control_board_ros.core.config import Calibration
-from control_board_ros.core.hard_stop import HardStop
+from control_board_ros.core.calibration import calibration
+from control_board_ros.core.calibration.calibration import AbsoluteSensor, register
+from control_board_ros.core.calibration.hard_stop import HardStop
+from control_board_ros.core.config.config import Calibration
 
 
 @pytest.fixture(autouse=True)

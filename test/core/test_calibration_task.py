@@ -6,10 +6,10 @@ from __future__ import annotations
 import pytest
 from rig import Rig, board_config, joint
 
-from control_board_ros.core.calibration_task import CalibrationTask
-from control_board_ros.core.parts import Calibration
+from control_board_ros.core.config.parts import Calibration
+from control_board_ros.core.goals.calibration_task import CalibrationTask
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.terms.vocabs import ControlMode
 
 OFFSET = Calibration(type=3, required=False, start=0.4, speed=1.0)
 

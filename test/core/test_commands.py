@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/commands.py: one row per kind; a whole command is answered as each joint is decided."""
+"""commands.py: one row per kind; a whole command is answered as each joint is decided."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from rig import board_config, joint, ready
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.commands import COMMANDS
-from control_board_ros.core.decisions import decide_reference
-from control_board_ros.core.limits import BoardLimits
-from control_board_ros.core.modes import STATES, modes_accepting
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import CommandKind
+from control_board_ros.core.config.limits import BoardLimits
+from control_board_ros.core.machine.commands import COMMANDS
+from control_board_ros.core.machine.decisions import decide_reference
+from control_board_ros.core.terms.modes import STATES, modes_accepting
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import CommandKind
 
 CONFIG = board_config(joint("a"), joint("b"), joint("c"))
 LIMITS = BoardLimits.of(CONFIG)

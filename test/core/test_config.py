@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/config.py: what exists is valid; an error names the key, the value and what is allowed."""
+"""config.py: what exists is valid; an error names the key, the value and what is allowed."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from rig import LIMITS, MOTOR, board_config, joint, plain
 
-from control_board_ros.core.config import (
+from control_board_ros.core.config.config import (
     BoardConfig,
     Calibration,
     ConfigError,
@@ -20,7 +20,7 @@ from control_board_ros.core.config import (
     Timeouts,
     check_number,
 )
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 M, COMPLIANT = ControlMode, InteractionMode.COMPLIANT
 NAN, INF = math.nan, math.inf

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/control.py: gains that change under way, anti-windup, constants, the drive."""
+"""control.py: gains that change under way, anti-windup, constants, the drive."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from joints import OneJoint, gains, outputs, resting
 from rig import LIMITS, MOTOR, board_config, joint
 
-from control_board_ros.core.config import BoardConfig, Impedance, Pid
-from control_board_ros.core.control import Controller, set_constants, set_gains
-from control_board_ros.core.modes import Law
+from control_board_ros.core.config.config import BoardConfig, Impedance, Pid
+from control_board_ros.core.laws.control import Controller, set_constants, set_gains
 from control_board_ros.core.state import StateArrays
+from control_board_ros.core.terms.modes import Law
 
 PERIOD = 0.001
 LOOPS = {"position_pid": Law.POSITION, "torque_pid": Law.TORQUE, "current_pid": Law.TORQUE}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/decisions.py and explanations.py: total, pure, and every refusal says what to do."""
+"""decisions.py and explanations.py: total, pure, and every refusal says what to do."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rig import joint
 
-from control_board_ros.core.causes import Cause
-from control_board_ros.core.config import Calibration
-from control_board_ros.core.decisions import (
+from control_board_ros.core.config.config import Calibration
+from control_board_ros.core.machine.decisions import (
     Facts,
     Reason,
     Verdict,
@@ -24,16 +23,24 @@ from control_board_ros.core.decisions import (
     decide_reference,
     decide_stop,
 )
-from control_board_ros.core.explanations import (
+from control_board_ros.core.machine.explanations import (
     explain,
     explain_feedforward,
     explain_reference,
     explain_stop,
 )
-from control_board_ros.core.faults import FaultCode, FaultRecord
-from control_board_ros.core.modes import ACCEPTS, REQUESTABLE, SELECTABLE, STATES, Event, Stage
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+from control_board_ros.core.terms.faults import FaultCode, FaultRecord
+from control_board_ros.core.terms.modes import (
+    ACCEPTS,
+    REQUESTABLE,
+    SELECTABLE,
+    STATES,
+    Event,
+    Stage,
+)
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
+from control_board_ros.core.watch.causes import Cause
 
 M = ControlMode
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT

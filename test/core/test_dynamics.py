@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/dynamics.py: the torques that motion takes, and how much of them moves take (SPEC P1)."""
+"""dynamics.py: the torques that motion takes, and how much of them moves take (SPEC P1)."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pure import load_python
 
-from control_board_ros.core.arm_model import ArmModel, Link
-from control_board_ros.core.dynamics import Arm
+from control_board_ros.core.model.arm_model import ArmModel, Link
+from control_board_ros.core.model.dynamics import Arm
 
 EYE = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 DOWN = (0.0, 0.0, -9.81)
@@ -135,7 +135,7 @@ def test_friction_and_back_emf_take_of_the_room() -> None:
 
 def test_compiled_and_plain_python_give_the_same_bits() -> None:
     """The source runs where nothing is compiled."""
-    module = load_python("control_board_ros.core.dynamics")
+    module = load_python("control_board_ros.core.model.dynamics")
     links = (link(rotor=0.1), link(0, offset=(0.4, 0.1, 0.2), slides=True), link(1, coulomb=0.2))
     compiled = made(*links)
     plain = module.Arm(*_rebuilt(module, compiled, links))

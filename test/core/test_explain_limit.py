@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 from rig import joint
 
-from control_board_ros.core.explanations import explain_cut, explain_limit, explain_slower
+from control_board_ros.core.machine.explanations import explain_cut, explain_limit, explain_slower
 
 LIMITS = {"lower": -1.0, "upper": 2.0}
 

@@ -11,13 +11,17 @@ import numpy as np
 import pytest
 from rig import MOTOR, RATE, Held, Rig, board_config, held, joint, ready
 
-from control_board_ros.core.causes import Check, bound_cause
-from control_board_ros.core.fault_monitor import checked_limits, first_weight, travel_constants
-from control_board_ros.core.faults import FaultCode
-from control_board_ros.core.measurement import Row
-from control_board_ros.core.parts import DEGREE
-from control_board_ros.core.reply import Reply
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.config.parts import DEGREE
+from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.reply import Reply
+from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.core.watch.causes import Check, bound_cause
+from control_board_ros.core.watch.fault_monitor import (
+    checked_limits,
+    first_weight,
+    travel_constants,
+)
 
 M = ControlMode
 

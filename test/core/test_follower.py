@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from rig import Rig, board_config, joint
 
-from control_board_ros.core.follower import Follower
-from control_board_ros.core.path import Path, make_path
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.goals.follower import Follower
+from control_board_ros.core.goals.path import Path, make_path
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 NAMES = ("a", "b", "c")
 

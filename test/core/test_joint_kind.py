@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from control_board_ros.core.joint_kind import JointKind as K
+from control_board_ros.core.terms.joint_kind import JointKind as K
 
 
 @pytest.mark.parametrize(

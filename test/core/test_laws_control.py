@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/laws.py: the law of each mode, its formula computed by hand (source Fig. 2)."""
+"""laws.py: the law of each mode, its formula computed by hand (source Fig. 2)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from joints import Body, OneJoint, gains, outputs, resting, started
 
-from control_board_ros.core.modes import Law
+from control_board_ros.core.terms.modes import Law
 
 PERIOD = 0.001
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/laws.py: what the laws follow keeps to speed, acceleration and limits (SPEC P9, P14)."""
+"""laws.py: what the laws follow keeps to speed, acceleration and limits (SPEC P9, P14)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from joints import OneJoint, gains
 from pure import load_python
 
-from control_board_ros.core.modes import Law
+from control_board_ros.core.terms.modes import Law
 
 PERIOD, SPEED, ACCELERATION = 0.001, 3.0, 20.0
-PYTHON = load_python("control_board_ros.core.laws")
+PYTHON = load_python("control_board_ros.core.laws.laws")
 FOLLOWED = ("followed", "followed_velocity", "followed_acceleration")
 PERIODS = st.sampled_from([0.001, 0.002, 0.01])
 

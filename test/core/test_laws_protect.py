@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/laws.py: what no law may ask for: too much speed, a way beyond a limit (SPEC P9, P14)."""
+"""laws.py: what no law may ask for: too much speed, a way beyond a limit (SPEC P9, P14)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from joints import Body, OneJoint, Winding, gains, outputs, started
 
-from control_board_ros.core.modes import Law
+from control_board_ros.core.terms.modes import Law
 
 SPEED, ACCELERATION = 3.0, 20.0
 

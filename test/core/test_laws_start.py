@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/laws.py: how a law begins: it takes over the load, from rest or from motion (SPEC M9)."""
+"""laws.py: how a law begins: it takes over the load, from rest or from motion (SPEC M9)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from joints import Body, OneJoint, gains, outputs, resting
 
-from control_board_ros.core import laws
-from control_board_ros.core.modes import Law
+from control_board_ros.core.laws import laws
+from control_board_ros.core.terms.modes import Law
 
 LAWS = (Law.POSITION, Law.IMPEDANCE, Law.TORQUE)
 FREE = (Law.IMPEDANCE, Law.TORQUE)

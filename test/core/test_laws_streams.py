@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/laws.py: direct positions as programs send them, steps and streams (SPEC P4)."""
+"""laws.py: direct positions as programs send them, steps and streams (SPEC P4)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from joints import OneJoint
 
-from control_board_ros.core.modes import Law
+from control_board_ros.core.terms.modes import Law
 
 PERIOD, ACCELERATION = 0.001, 20.0
 CYCLES = 2000

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/machine.py and events.py: the engine does what the tables say, and nothing else."""
+"""machine.py and events.py: the engine does what the tables say, and nothing else."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import pytest
 from rig import board_config, joint
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import Calibration
-from control_board_ros.core.events import EVENTS_KEPT, Events
-from control_board_ros.core.explanations import LEFT_AS_IT_IS
-from control_board_ros.core.faults import FaultCode
-from control_board_ros.core.machine import Machine
-from control_board_ros.core.measurement import CREDIBLE, ROWS, Measurement, Row
-from control_board_ros.core.modes import (
+from control_board_ros.core.config.config import Calibration
+from control_board_ros.core.machine.explanations import LEFT_AS_IT_IS
+from control_board_ros.core.machine.machine import Machine
+from control_board_ros.core.terms.events import EVENTS_KEPT, Events
+from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.measurement import CREDIBLE, ROWS, Measurement, Row
+from control_board_ros.core.terms.modes import (
     ACCEPTS,
     CONFIGURED,
     DIRECT_GAINS,
@@ -30,8 +30,8 @@ from control_board_ros.core.modes import (
     Trigger,
     law_of,
 )
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 
 M = ControlMode
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/modes.py: the named sets of modes, as the rules have them."""
+"""modes.py: the named sets of modes, as the rules have them."""
 
 from __future__ import annotations
 
-from control_board_ros.core import modes
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms import modes
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 M = ControlMode
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from rig import Rig, with_a_slide
 
-from control_board_ros.core.arrival import Outcome
-from control_board_ros.core.move_task import MoveTask
-from control_board_ros.core.reply import Answer, Reply
+from control_board_ros.core.goals.arrival import Outcome
+from control_board_ros.core.goals.move_task import MoveTask
+from control_board_ros.core.terms.reply import Answer, Reply
 
 
 @pytest.fixture

@@ -18,9 +18,9 @@ from rig import (
     simulation_config,
 )
 
-from control_board_ros.core.config import Pid
-from control_board_ros.core.measurement import ROWS, Actuation, Intake, Measurement, Row
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.config.config import Pid
+from control_board_ros.core.terms.measurement import ROWS, Actuation, Intake, Measurement, Row
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.sim.plant import SimulatedPlant
 
 M = ControlMode

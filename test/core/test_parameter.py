@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/parameter.py: the kind of a parameter is that of its field."""
+"""parameter.py: the kind of a parameter is that of its field."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import FrozenInstanceError
 
 import pytest
 
-from control_board_ros.core import parameter as module
-from control_board_ros.core.parameter import Kind, configuration, parameter, parameters_of
+from control_board_ros.core.config import parameter as module
+from control_board_ros.core.config.parameter import Kind, configuration, parameter, parameters_of
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control_board_ros.core.path import MAX_POINTS, Path, Sample, Spline, make_path
+from control_board_ros.core.goals.path import MAX_POINTS, Path, Sample, Spline, make_path
 from control_board_ros.core.selection import RequestError
 
 TIMES = [0.5, 1.0, 2.5]

@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 from rig import in_status, ready
 
-from control_board_ros.core.modes import SELECTABLE
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.terms.modes import SELECTABLE
+from control_board_ros.core.terms.vocabs import ControlMode
 
 M = ControlMode
 

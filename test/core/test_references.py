@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/references.py, limits.py and timeouts.py, each alone."""
+"""references.py, limits.py and timeouts.py, each alone."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from rig import board_config, joint
 
-from control_board_ros.core.commands import COMMANDS, timeout_cycles
-from control_board_ros.core.config import Timeouts
-from control_board_ros.core.control import Controller
-from control_board_ros.core.limits import BoardLimits
-from control_board_ros.core.references import References
+from control_board_ros.core.config.config import Timeouts
+from control_board_ros.core.config.limits import BoardLimits
+from control_board_ros.core.laws.control import Controller
+from control_board_ros.core.laws.references import References
+from control_board_ros.core.laws.timeouts import ReferenceTimeouts
+from control_board_ros.core.machine.commands import COMMANDS, timeout_cycles
 from control_board_ros.core.state import StateArrays
-from control_board_ros.core.timeouts import ReferenceTimeouts
-from control_board_ros.core.vocabs import CommandKind
+from control_board_ros.core.terms.vocabs import CommandKind
 
 K = CommandKind
 CONFIG = board_config(joint("a"), joint("b", limits={"velocity": 1.0, "lower": -1.0}))

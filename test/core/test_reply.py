@@ -1,9 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/reply.py: what a reply says and whether it is true."""
+"""reply.py: what a reply says and whether it is true."""
 
 from __future__ import annotations
 
-from control_board_ros.core.reply import Answer, JointAnswer, Reply, accepted, decided, refused
+from control_board_ros.core.terms.reply import (
+    Answer,
+    JointAnswer,
+    Reply,
+    accepted,
+    decided,
+    refused,
+)
 
 FINE = JointAnswer()
 

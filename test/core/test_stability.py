@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/stability.py: which gains no loop bears, tried on rigid joints."""
+"""stability.py: which gains no loop bears, tried on rigid joints."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from rig import board_config, joint
 
-from control_board_ros.core.config import Pid
-from control_board_ros.core.stability import bounds, warnings
+from control_board_ros.core.config.config import Pid
+from control_board_ros.core.config.stability import bounds, warnings
 from control_board_ros.settings.loading import load
 
 GOOD = Pid(kp=400.0, ki=400.0, kd=40.0, integral_limit=20.0, derivative_cutoff=100.0)

@@ -6,11 +6,11 @@ from __future__ import annotations
 import pytest
 from rig import COMPLIANT, STIFF, Rig, board_config, joint
 
-from control_board_ros.core.config import Calibration
-from control_board_ros.core.faults import FaultCode
-from control_board_ros.core.modes import SELECTABLE, UNPOWERED_MODES, Stage
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import CommandKind, ControlMode
+from control_board_ros.core.config.config import Calibration
+from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.modes import SELECTABLE, UNPOWERED_MODES, Stage
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 
 M = ControlMode
 MOVES = joint("moves", startup_mode=M.POSITION, startup_interaction=COMPLIANT)

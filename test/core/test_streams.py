@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/laws.py: streams of direct positions are measured, and caught up with (SPEC P4, P14)."""
+"""laws.py: streams of direct positions are measured, and caught up with (SPEC P4, P14)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from joints import OneJoint
 from pure import load_python
 
-from control_board_ros.core.modes import Law
+from control_board_ros.core.terms.modes import Law
 
 PERIOD = 0.001
 OMEGA = 2.0 * math.pi
@@ -197,7 +197,7 @@ def test_compiled_and_plain_streams_are_the_same_bits() -> None:
     """P4: an uneven stream, of both readings, measured and followed by either form of the laws."""
     for made_late in (False, True):
         due, forms = uneven(50.0, 1.0, 1, made_late=made_late), []
-        for one in (OneJoint(), OneJoint(load_python("control_board_ros.core.laws"))):
+        for one in (OneJoint(), OneJoint(load_python("control_board_ros.core.laws.laws"))):
             one.step(2)
             one.joint.start(Law.POSITION)
             rows = []

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rig import joint
 
-from control_board_ros.core.config import ConfigError
+from control_board_ros.core.config.config import ConfigError
 from control_board_ros.text import clean, clean_lines, clean_name, file_name
 
 #: A title of a terminal, a colour, the clipboard, other directions, a NUL, a lone surrogate.

@@ -8,9 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from control_board_ros.core.joint_kind import JointKind
-from control_board_ros.core.selection import RequestError
-from control_board_ros.core.tolerances import (
+from control_board_ros.core.goals.tolerances import (
     Excess,
     Tolerances,
     Wish,
@@ -19,6 +17,8 @@ from control_board_ros.core.tolerances import (
     explain,
     resolve,
 )
+from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.joint_kind import JointKind
 
 DEFAULTS = Tolerances(
     path=np.array([[0.1, 0.1], [0.0, 0.0]]),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/trajectory.py and the moves of core/laws.py, for any numbers."""
+"""trajectory.py and the moves of core/laws/laws.py, for any numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from joints import OneJoint
 
-from control_board_ros.core.trajectory import (
+from control_board_ros.core.laws.trajectory import (
     NO_OVERSHOOT,
     PEAK,
     PEAK_ACCELERATION,

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from rig import Rig, board_config, joint
 
-from control_board_ros.core.constraints import Constraints, JointConstraints
-from control_board_ros.core.follower import Follower
-from control_board_ros.core.path import make_path
-from control_board_ros.core.tolerances import Wish
-from control_board_ros.core.trajectory_goal import (
+from control_board_ros.core.config.constraints import Constraints, JointConstraints
+from control_board_ros.core.goals.follower import Follower
+from control_board_ros.core.goals.path import make_path
+from control_board_ros.core.goals.tolerances import Wish
+from control_board_ros.core.goals.trajectory_goal import (
     Code,
     GoalError,
     Points,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/vocabs.py: packing, and the names people type."""
+"""vocabs.py: packing, and the names people type."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from control_board_ros.core.vocabs import (
+from control_board_ros.core.terms.vocabs import (
     CommandKind,
     ControlMode,
     InteractionMode,

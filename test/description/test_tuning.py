@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.parts import DEGREE
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.config.parts import DEGREE
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.description.robots import ROBOTS
 from control_board_ros.settings.loading import load
 from control_board_ros.simulation import Simulation

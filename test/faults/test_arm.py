@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from arms import J1, J2, J4, enter, iiwa, truth
 
-from control_board_ros.core.faults import FaultCode as F
-from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.terms.faults import FaultCode as F
+from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.sim.errors import PlantGone
 
 pytestmark = pytest.mark.physics

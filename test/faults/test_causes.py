@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from rig import POSITION_MODES, RATE, Rig, board_config, held, joint, ready
 
-from control_board_ros.core.config import Calibration, Timeouts
-from control_board_ros.core.faults import FaultCode as F
-from control_board_ros.core.measurement import Row
-from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.config.config import Calibration, Timeouts
+from control_board_ros.core.terms.faults import FaultCode as F
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.sim.injection import KINDS
 
 #: What is injected: the code it must give, words of its text, cycles until it must be found.

@@ -81,7 +81,13 @@ ROBOTS = {
 
 def complaint(path: Path, *arguments: str) -> str:
     """What the executable says before it ends with exit code 2, and has not worked for long."""
-    command = [sys.executable, "-m", "control_board_ros.node.main", "--ros-args", *arguments]
+    command = [
+        sys.executable,
+        "-m",
+        "control_board_ros.node.main",
+        "--ros-args",
+        *arguments,
+    ]
     children = os.times()
     done = subprocess.run(
         command,

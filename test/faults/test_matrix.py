@@ -11,10 +11,10 @@ import random
 import pytest
 from rig import COMPLIANT, STATUSES, STIFF, board_config, in_status, joint, plain, ready
 
-from control_board_ros.core.config import Calibration
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import ControlMode as M
-from control_board_ros.core.vocabs import InteractionMode
+from control_board_ros.core.config.config import Calibration
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import ControlMode as M
+from control_board_ros.core.terms.vocabs import InteractionMode
 
 USER_MODES = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
 #: Source Table 3: what set may not ask for (M6).

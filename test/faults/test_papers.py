@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from control_board_ros.core.faults import FaultCode
+from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.interface import Endpoint
 from control_board_ros.sim.injection import KINDS
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from rig import board_config, joint, plain, ready
 
-from control_board_ros.core.config import Calibration
-from control_board_ros.core.modes import STATES
-from control_board_ros.core.vocabs import ControlMode as M
-from control_board_ros.core.vocabs import InteractionMode
+from control_board_ros.core.config.config import Calibration
+from control_board_ros.core.terms.modes import STATES
+from control_board_ros.core.terms.vocabs import ControlMode as M
+from control_board_ros.core.terms.vocabs import InteractionMode
 from control_board_ros.sim.injection import KINDS
 
 NUMBERS = [0.0, 0.1, -0.3, 1.0, -5.0, 1e6, 1e308, 5e-324, math.nan, math.inf, -math.inf]

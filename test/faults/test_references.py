@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from rig import COMMANDS, TAKES, ready
 
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import ControlMode as M
 
 DEGREE = math.radians(1.0)
 #: A mode that takes each kind.

@@ -11,8 +11,8 @@ import pytest
 from action_msgs.msg import GoalStatus
 
 from control_board_ros.interface import ACTIONS, FOLLOW_JOINT_TRAJECTORY
-from control_board_ros.node import actions, follow_trajectory
-from control_board_ros.node.request_log import RequestLog
+from control_board_ros.node.wiring import actions, follow_trajectory
+from control_board_ros.node.wiring.request_log import RequestLog
 
 
 class Handle:

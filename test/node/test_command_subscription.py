@@ -15,8 +15,8 @@ from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
 
 from control_board_ros.interface import NOT_KNOWN_YET, TORQUE_COMMAND
-from control_board_ros.node import command_subscription
-from control_board_ros.node.command_subscription import HANDOVER, CommandSubscription
+from control_board_ros.node.wiring import command_subscription
+from control_board_ros.node.wiring.command_subscription import HANDOVER, CommandSubscription
 
 
 class Subscription:

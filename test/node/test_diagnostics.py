@@ -12,8 +12,8 @@ import yaml
 from builtin_interfaces.msg import Time
 from rig import Rig, board_config, joint
 
-from control_board_ros.node.diagnostics import Diagnostics
-from control_board_ros.node.loop import ControlLoop
+from control_board_ros.node.loop.loop import ControlLoop
+from control_board_ros.node.wiring.diagnostics import Diagnostics
 from control_board_ros.settings.shipped import SettingsError, find_config
 
 FILE = Path(__file__).resolve().parents[2] / "config" / "diagnostics.yaml"

@@ -14,14 +14,14 @@ from rig import board_config, joint, simulation_config
 from talk import TIMEOUT
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import BoardConfig
-from control_board_ros.core.measurement import Actuation, Measurement
-from control_board_ros.core.vocabs import ControlMode
-from control_board_ros.node import pacing
-from control_board_ros.node.fair_lock import FairLock
-from control_board_ros.node.loop import ControlLoop
-from control_board_ros.node.pacing import MAX_LAG, Pacer
-from control_board_ros.node.state_thread import StateThread
+from control_board_ros.core.config.config import BoardConfig
+from control_board_ros.core.terms.measurement import Actuation, Measurement
+from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.node.loop import pacing
+from control_board_ros.node.loop.fair_lock import FairLock
+from control_board_ros.node.loop.loop import ControlLoop
+from control_board_ros.node.loop.pacing import MAX_LAG, Pacer
+from control_board_ros.node.loop.state_thread import StateThread
 from control_board_ros.sim.errors import PlantGone
 from control_board_ros.sim.plant import SimulatedPlant
 
@@ -532,7 +532,7 @@ def test_diagnostics_warn_of_overruns_and_are_well_again(rig: Rig) -> None:
     from builtin_interfaces.msg import Time
     from diagnostic_msgs.msg import DiagnosticStatus
 
-    from control_board_ros.node.diagnostics import Diagnostics
+    from control_board_ros.node.wiring.diagnostics import Diagnostics
 
     told = Diagnostics(rig.loop, rig.board.names, "rig", 1000.0)
     rig.loop.start()
@@ -562,7 +562,7 @@ def test_diagnostics_count_commands_for_unknown_joints(rig: Rig) -> None:
     from builtin_interfaces.msg import Time
     from diagnostic_msgs.msg import DiagnosticStatus
 
-    from control_board_ros.node.diagnostics import Diagnostics
+    from control_board_ros.node.wiring.diagnostics import Diagnostics
 
     told = Diagnostics(rig.loop, rig.board.names, "rig", 1000.0)
     with rig.loop.exclusive() as board:
@@ -585,7 +585,7 @@ def test_diagnostics_warn_of_heat_before_it_is_a_fault(rig: Rig) -> None:
     from builtin_interfaces.msg import Time
     from diagnostic_msgs.msg import DiagnosticStatus
 
-    from control_board_ros.node.diagnostics import Diagnostics
+    from control_board_ros.node.wiring.diagnostics import Diagnostics
 
     rig.loop.start()
     rig.run_to(20)

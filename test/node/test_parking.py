@@ -13,12 +13,12 @@ from rig import Rig, board_config, joint, plain, simulation_config
 from talk import talking_to, until
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.pose import Pose
-from control_board_ros.core.poses import start_parking
+from control_board_ros.core.goals.pose import Pose
+from control_board_ros.core.goals.poses import start_parking
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.vocabs import ControlMode
-from control_board_ros.node.loop import ControlLoop
-from control_board_ros.node.parking import PAUSED, Parking
+from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.node.loop.loop import ControlLoop
+from control_board_ros.node.process.parking import PAUSED, Parking
 from control_board_ros.sim.plant import SimulatedPlant
 from control_board_ros.testing import board_process
 

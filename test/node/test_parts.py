@@ -30,16 +30,16 @@ from std_srvs.srv import Trigger
 from talk import TIMEOUT, until
 
 from control_board_ros import startup
-from control_board_ros.core.faults import FaultRecord
-from control_board_ros.core.measurement import Row
 from control_board_ros.core.state import Reference, Snapshot
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
-from control_board_ros.node import messages
-from control_board_ros.node.executor import KeptWaitSetExecutor
-from control_board_ros.node.name_lock import NameTakenError, lock_name
-from control_board_ros.node.scheduling import take_priority
-from control_board_ros.node.state_message import StateMessage
-from control_board_ros.node.throttle import ThrottledLog
+from control_board_ros.core.terms.faults import FaultRecord
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+from control_board_ros.node.loop.scheduling import take_priority
+from control_board_ros.node.process.executor import KeptWaitSetExecutor
+from control_board_ros.node.process.name_lock import NameTakenError, lock_name
+from control_board_ros.node.wiring import messages
+from control_board_ros.node.wiring.state_message import StateMessage
+from control_board_ros.node.wiring.throttle import ThrottledLog
 from control_board_ros.testing import free_domain
 
 
@@ -229,7 +229,7 @@ def test_lock_dies_with_its_process(tmp_path: Any, monkeypatch: pytest.MonkeyPat
     """Nothing stale is left by a killed process."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     code = (
-        "import os; from control_board_ros.node.name_lock import lock_name;"
+        "import os; from control_board_ros.node.process.name_lock import lock_name;"
         "lock_name('/x', '1'); os.kill(os.getpid(), 9)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode != 0
@@ -274,7 +274,7 @@ def test_faults_as_messages() -> None:
 @pytest.mark.parametrize("kind", [JointState, BoardState])
 def test_states_hold_the_snapshot(kind: type, names: tuple[str, ...]) -> None:
     """Whatever the names: every field has one entry per joint, from its own row."""
-    from control_board_ros.node.publishing import BOARD_STATE, JOINT_STATE
+    from control_board_ros.node.wiring.publishing import BOARD_STATE, JOINT_STATE
 
     sources, count = {JointState: JOINT_STATE, BoardState: BOARD_STATE}[kind], len(names)
     field_of_names = "name" if kind is JointState else "names"

@@ -26,7 +26,7 @@ from std_srvs.srv import SetBool, Trigger
 from talk import Talker, stamp_of, talking_to, until
 
 from control_board_ros.node.main import KnownError, run
-from control_board_ros.node.plant import make_plant
+from control_board_ros.node.process.plant import make_plant
 from control_board_ros.testing import (
     BoardProcess,
     board_process,
@@ -108,7 +108,7 @@ def noted(monkeypatch: pytest.MonkeyPatch) -> list[Noted]:
         made.append(Noted(plant))
         return start, made[-1]
 
-    monkeypatch.setattr("control_board_ros.node.plant.make_plant", make)
+    monkeypatch.setattr("control_board_ros.node.process.plant.make_plant", make)
     return made
 
 
@@ -256,11 +256,11 @@ def test_a_ros_argument_that_does_not_exist_is_named() -> None:
 UNCOMPILED = """
 import sys
 from importlib.util import module_from_spec, spec_from_file_location
-from control_board_ros import core
-name = "control_board_ros.core.laws"
-spec = spec_from_file_location(name, f"{core.__path__[0]}/laws.py")
-sys.modules[name] = core.laws = module_from_spec(spec)
-spec.loader.exec_module(core.laws)
+from control_board_ros.core import laws
+name = "control_board_ros.core.laws.laws"
+spec = spec_from_file_location(name, f"{laws.__path__[0]}/laws.py")
+sys.modules[name] = laws.laws = module_from_spec(spec)
+spec.loader.exec_module(laws.laws)
 from control_board_ros.node.main import main
 sys.exit(main())
 """

@@ -14,7 +14,7 @@ from std_srvs.srv import SetBool
 from talk import Talker, stamp_of, talking_to, until
 
 from control_board_ros.client import ControlBoardClient
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.interface import HEARTBEAT
 from control_board_ros.testing import board_process, ros_node
 

@@ -26,7 +26,7 @@ from control_board_ros.interface import (
     SET_IMPEDANCE,
     STEP,
 )
-from control_board_ros.node.request_log import CHARACTERS, RequestLog, left_out
+from control_board_ros.node.wiring.request_log import CHARACTERS, RequestLog, left_out
 from control_board_ros.testing import board_process
 
 HISTORY = REQUEST_LOG.qos

@@ -14,9 +14,9 @@ from rig import Rig, board_config
 from sensor_msgs.msg import JointState, LaserScan
 
 from control_board_ros.core.state import Snapshot
-from control_board_ros.node import state_message
-from control_board_ros.node.publishing import BOARD_STATE, JOINT_STATE
-from control_board_ros.node.state_message import StateMessage, UnknownLayout, place_of
+from control_board_ros.node.wiring import state_message
+from control_board_ros.node.wiring.publishing import BOARD_STATE, JOINT_STATE
+from control_board_ros.node.wiring.state_message import StateMessage, UnknownLayout, place_of
 
 NAMES = ("left", "right", "bare")
 KINDS = [(JointState(name=list(NAMES)), JOINT_STATE), (BoardState(names=list(NAMES)), BOARD_STATE)]

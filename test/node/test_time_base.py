@@ -7,8 +7,8 @@ import itertools
 
 import pytest
 
-from control_board_ros.node.pacing import Divider
-from control_board_ros.node.time_base import GROWTH, JUMP, NANOSECONDS, TimeBase
+from control_board_ros.node.loop.pacing import Divider
+from control_board_ros.node.loop.time_base import GROWTH, JUMP, NANOSECONDS, TimeBase
 
 START = 1_700_000_000 * NANOSECONDS
 PERIOD = 0.001

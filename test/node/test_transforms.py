@@ -14,9 +14,9 @@ from talk import until
 from tf2_msgs.msg import TFMessage
 
 from control_board_ros.description.frames import POSE, Edge, Frames
-from control_board_ros.node import transforms
-from control_board_ros.node.state_message import UnknownLayout
-from control_board_ros.node.transforms import TransformMessage, places_of, tf_message
+from control_board_ros.node.wiring import transforms
+from control_board_ros.node.wiring.state_message import UnknownLayout
+from control_board_ros.node.wiring.transforms import TransformMessage, places_of, tf_message
 from control_board_ros.settings.loading import load
 from control_board_ros.testing import board_process, ros_node
 

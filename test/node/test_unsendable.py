@@ -12,7 +12,7 @@ from rcl_interfaces.srv import ListParameters
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
-from control_board_ros.node.executor import KeptWaitSetExecutor
+from control_board_ros.node.process.executor import KeptWaitSetExecutor
 from control_board_ros.testing import free_domain, ros_node
 
 pytestmark = pytest.mark.ros

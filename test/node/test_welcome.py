@@ -8,8 +8,14 @@ import math
 import pytest
 from rig import board_config, joint
 
-from control_board_ros.core.vocabs import ControlMode
-from control_board_ros.node.welcome import first_target, ros2_lines, suggestions, table, welcome
+from control_board_ros.core.terms.vocabs import ControlMode
+from control_board_ros.node.process.welcome import (
+    first_target,
+    ros2_lines,
+    suggestions,
+    table,
+    welcome,
+)
 
 M = ControlMode
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""node/yarp_words.py, yarp_commands.py, and the callbacks of yarp_interface.py, without a node."""
+"""yarp_words.py, yarp_commands.py, and the callbacks of yarp_interface.py, without a node."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from rig import Rig, board_config, joint
 from yarp_control_msgs import msg, srv
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.modes import STATES
-from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+from control_board_ros.core.terms.modes import STATES
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from control_board_ros.interface import YARP
-from control_board_ros.node.reporter import Reporter
-from control_board_ros.node.yarp_interface import YarpInterface, offer_yarp
-from control_board_ros.node.yarp_words import (
+from control_board_ros.node.wiring.reporter import Reporter
+from control_board_ros.node.yarp.yarp_interface import YarpInterface, offer_yarp
+from control_board_ros.node.yarp.yarp_words import (
     NAMES,
     SETTABLE,
     RefusedError,

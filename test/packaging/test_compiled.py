@@ -21,7 +21,7 @@ from rig import ready
 
 import control_board_ros
 from control_board_ros import compiled
-from control_board_ros.core import nocython
+from control_board_ros.core.model import nocython
 
 MODULES = [ROOT / f"{name.replace('.', '/')}.py" for name in setup_list("COMPILED")]
 SUFFIX = EXTENSION_SUFFIXES[0]
@@ -102,7 +102,7 @@ def test_the_modules_run_without_cython(name: str, monkeypatch: pytest.MonkeyPat
 
 
 def test_boards_can_be_made_with_either() -> None:
-    from control_board_ros.core import control, laws
+    from control_board_ros.core.laws import control, laws
 
     before = vars(control).copy()
     with as_python() as python:
@@ -152,7 +152,7 @@ def copied_package(tmp_path: Path) -> Path:
     """
     where = "import control_board_ros; print(control_board_ros.__path__[0])"
     source, target = Path(run(where, tmp_path)), tmp_path / "control_board_ros"
-    for pattern in ("__init__.py", "compiled.py", "core/*.*", "sim/__init__.py", "sim/drive.*"):
+    for pattern in ("__init__.py", "compiled.py", "core/**/*.*", "sim/__init__.py", "sim/drive.*"):
         for path in source.glob(pattern):
             (target / path.relative_to(source)).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(path, target / path.relative_to(source))
@@ -161,30 +161,28 @@ def copied_package(tmp_path: Path) -> Path:
 
 
 def test_a_changed_source_runs_in_the_place_of_the_compiled_module(copy: Path) -> None:
-    if not list(copy.glob("core/laws*.so")):
+    if not list(copy.glob("core/laws/laws*.so")):
         pytest.skip("the laws are not compiled here")
     assert run(TELL, copy.parent) == "compiled"
-    with (copy / "core/laws.py").open("a", encoding="utf-8") as file:
+    with (copy / "core/laws/laws.py").open("a", encoding="utf-8") as file:
         file.write("\nCHANGED = 42\n")
     told = run(TELL, copy.parent)
     assert told == "uncompiled (laws.py changed since; install it again)"
-    code = (
-        "from control_board_ros.core import laws; from control_board_ros.core.laws import CHANGED"
-    )
+    code = "import control_board_ros.core.laws.laws as laws"
     assert run(f"{code}; print(laws.CHANGED, laws.__file__)", copy.parent) == (
-        f"42 {copy / 'core/laws.py'}"
+        f"42 {copy / 'core/laws/laws.py'}"
     )
 
 
 def test_the_compiled_module_needs_no_source(copy: Path) -> None:
-    if not list(copy.glob("core/laws*.so")):
+    if not list(copy.glob("core/laws/laws*.so")):
         pytest.skip("the laws are not compiled here")
-    (copy / "core/laws.py").unlink()
+    (copy / "core/laws/laws.py").unlink()
     assert run(TELL, copy.parent) == "compiled"
 
 
 def test_the_source_runs_where_nothing_is_compiled(copy: Path) -> None:
-    for path in copy.glob("core/laws*.so"):
+    for path in copy.glob("core/laws/laws*.so"):
         path.unlink()
     assert run(TELL, copy.parent).startswith("uncompiled (slower; ")
 
@@ -203,7 +201,7 @@ super(type(build), build).run()  # the messages aside
 @pytest.mark.slow
 def test_a_build_without_a_compiler_goes_on_and_says_so_in_one_line(tmp_path: Path) -> None:
     """What an earlier build has left behind does not go into this one."""
-    leftover = tmp_path / f"lib/control_board_ros/core/laws{SUFFIX}"
+    leftover = tmp_path / f"lib/control_board_ros/core/laws/laws{SUFFIX}"
     leftover.parent.mkdir(parents=True)
     leftover.write_bytes(b"of another source")
     done = subprocess.run(

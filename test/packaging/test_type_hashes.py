@@ -148,7 +148,7 @@ def test_constants_are_those_of_jazzy() -> None:
 
 
 def test_the_core_s_codes_are_those_of_the_action() -> None:
-    from control_board_ros.core.trajectory_goal import Code
+    from control_board_ros.core.goals.trajectory_goal import Code
 
     result = importlib.import_module("control_msgs.action").FollowJointTrajectory.Result
     assert {code.name: int(code) for code in Code} == {

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from control_board_ros import interface
-from control_board_ros.cli.arguments import Parser, arguments_of
-from control_board_ros.cli.options import hoist, read_options
+from control_board_ros.cli.line.arguments import Parser, arguments_of
+from control_board_ros.cli.line.options import hoist, read_options
 from control_board_ros.cli.verbs import load
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.panel.lines import WRITERS, lines_of

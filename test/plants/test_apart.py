@@ -16,7 +16,7 @@ from control_board_msgs import msg, srv
 from levers import IIWA, Levers, offer
 from talk import Talker, talking_to, until
 
-from control_board_ros.core.measurement import Actuation
+from control_board_ros.core.terms.measurement import Actuation
 from control_board_ros.plants import Readings, SetPoints, Setup
 from control_board_ros.plants.apart import PlantApart
 from control_board_ros.plants.errors import PlantSettingsError

@@ -14,9 +14,9 @@ from levers import Levers, OwnClock
 from talk import until
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.faults import FaultCode
-from control_board_ros.core.vocabs import ControlMode as M
-from control_board_ros.node.loop import ControlLoop
+from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.vocabs import ControlMode as M
+from control_board_ros.node.loop.loop import ControlLoop
 from control_board_ros.plants import Readings
 from control_board_ros.plants.guarded import GuardedPlant
 from control_board_ros.testing.plants import board_for, plant_contract

@@ -10,7 +10,7 @@ import pytest
 from levers import IIWA, Levers, offer
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.plants import Description, JointDescription
 from control_board_ros.plants.entry_points import find, make
 from control_board_ros.plants.errors import PlantSettingsError

@@ -13,8 +13,8 @@ import pytest
 from rclpy.duration import Duration
 from talk import until
 
-from control_board_ros.cli.experiments import await_states
-from control_board_ros.cli.words import Refused
+from control_board_ros.cli.board.experiments import await_states
+from control_board_ros.cli.line.words import Refused
 from control_board_ros.interface import MODES, STATE
 from control_board_ros.recording.parameters import Parameters
 from control_board_ros.recording.recorder import Recorder

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.recording.charts import Chart, Trace, step_chart
 from control_board_ros.recording.chirp import MOST_POINTS, SHARE, sweep
 from control_board_ros.recording.drawing import draw, thin

@@ -13,11 +13,11 @@ from rig import board_config, joint, plain
 from robots import RobotRig, calibrated
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import BoardConfig
-from control_board_ros.core.measurement import Measurement
-from control_board_ros.core.modes import Stage
+from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.core.state import Snapshot
-from control_board_ros.core.vocabs import CommandKind
+from control_board_ros.core.terms.measurement import Measurement
+from control_board_ros.core.terms.modes import Stage
+from control_board_ros.core.terms.vocabs import CommandKind
 
 MODES = ("pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl", "bad")
 STAGES = (Stage.UNCONFIGURED, Stage.INACTIVE, Stage.ACTIVE)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/layout.py and group.py: a board of parts (SPEC R1 to R3), with ideal bodies."""
+"""layout.py and group.py: a board of parts (SPEC R1 to R3), with ideal bodies."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from rig import Rig, board_config, joint
 from robots import RobotRig, parts
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import BoardConfig, ConfigError
-from control_board_ros.core.layout import joined
-from control_board_ros.core.move_task import MoveTask
-from control_board_ros.core.reply import Answer
+from control_board_ros.core.config.config import BoardConfig, ConfigError
+from control_board_ros.core.config.layout import joined
+from control_board_ros.core.goals.move_task import MoveTask
 from control_board_ros.core.state import Snapshot
-from control_board_ros.core.vocabs import CommandKind, ControlMode
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 from control_board_ros.settings.loading import load
 from control_board_ros.simulation import made_board
 

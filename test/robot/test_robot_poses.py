@@ -6,8 +6,8 @@ from __future__ import annotations
 import pytest
 from robots import RobotRig, parts
 
-from control_board_ros.core.pose import Pose
-from control_board_ros.core.poses import PoseTask, start_parking
+from control_board_ros.core.goals.pose import Pose
+from control_board_ros.core.goals.poses import PoseTask, start_parking
 from control_board_ros.core.selection import RequestError
 
 NAMES = tuple(name for config in parts().values() for name in config.names)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""core/bring_up.py: start-up levels and calibration groups (SPEC R4), with ideal bodies."""
+"""bring_up.py: start-up levels and calibration groups (SPEC R4), with ideal bodies."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 from rig import board_config, joint
 from robots import RobotRig, calibrated
 
-from control_board_ros.core.bring_up import complete_levels
-from control_board_ros.core.config import BoardConfig, ConfigError
-from control_board_ros.core.modes import Stage
+from control_board_ros.core.config.config import BoardConfig, ConfigError
+from control_board_ros.core.machine.bring_up import complete_levels
+from control_board_ros.core.terms.modes import Stage
 
 LEVELS = (("torso",), ("left", "right"))
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from robots import RobotRig, parts
 
-from control_board_ros.core.follower import Follower
-from control_board_ros.core.path import Points, make_path
-from control_board_ros.core.tolerances import Wish
-from control_board_ros.core.trajectory_goal import (
+from control_board_ros.core.goals.follower import Follower
+from control_board_ros.core.goals.path import Points, make_path
+from control_board_ros.core.goals.tolerances import Wish
+from control_board_ros.core.goals.trajectory_goal import (
     Code,
     GoalError,
     TrajectoryGoal,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from control_board_ros.core.pose import HOME, PARK, Pose
+from control_board_ros.core.goals.pose import HOME, PARK, Pose
 from control_board_ros.core.selection import RequestError
 from control_board_ros.settings.loading import load
 from control_board_ros.settings.params_file import SettingsError

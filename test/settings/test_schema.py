@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.core.config import ConfigError, JointConfig
-from control_board_ros.core.parameter import HUGE, TINY, Kind, Parameter
-from control_board_ros.core.set_points import SetPoint
-from control_board_ros.core.vocabs import Vocab
+from control_board_ros.core.config.config import ConfigError, JointConfig
+from control_board_ros.core.config.parameter import HUGE, TINY, Kind, Parameter
+from control_board_ros.core.terms.set_points import SetPoint
+from control_board_ros.core.terms.vocabs import Vocab
 from control_board_ros.settings import build
 from control_board_ros.settings.loading import Settings, load
 from control_board_ros.settings.params_file import Entry, SettingsError

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 from parameter_files import refusal, written
 
-from control_board_ros.core.parts import DEGREE
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.config.parts import DEGREE
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.description.robots import ROBOTS
 from control_board_ros.settings import params_file, schema, yaml_tree
 from control_board_ros.settings.layers import RESERVED, joints_of

@@ -30,8 +30,8 @@ from plants import (
     simulation,
 )
 
-from control_board_ros.core.config import ConfigError, Motor
-from control_board_ros.core.measurement import Row
+from control_board_ros.core.config.config import ConfigError, Motor
+from control_board_ros.core.terms.measurement import Row
 from control_board_ros.description.geometry import rotation_of_rpy, rpy_of_rotation
 from control_board_ros.description.rotor import add_rotor_inertia
 from control_board_ros.description.urdf import UrdfError

@@ -10,9 +10,9 @@ import pytest
 from plants import ENGINES, arm_plant, drive, ideal_plant, plant_of
 from rig import LIMITS, Rig, board_config, joint
 
-from control_board_ros.core.config import Limits, Pid, Timeouts
-from control_board_ros.core.faults import FaultCode
-from control_board_ros.core.measurement import Row
+from control_board_ros.core.config.config import Limits, Pid, Timeouts
+from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.measurement import Row
 from control_board_ros.sim.config import Encoder, JointSimulation, SimulationConfig
 from control_board_ros.sim.injection import KINDS
 from control_board_ros.sim.plant import SimulatedPlant

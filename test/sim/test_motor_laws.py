@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from plants import MOTOR, board, drive, ideal_plant, simulation
 
-from control_board_ros.core.config import Motor
-from control_board_ros.core.measurement import Actuation, Row
+from control_board_ros.core.config.config import Motor
+from control_board_ros.core.terms.measurement import Actuation, Row
 from control_board_ros.sim.config import MotorModel
 from control_board_ros.sim.plant import SimulatedPlant
 

@@ -17,8 +17,8 @@ from plants import (
     simulation,
 )
 
-from control_board_ros.core.config import ConfigError
-from control_board_ros.core.measurement import ROWS, Actuation, Plant, Row
+from control_board_ros.core.config.config import ConfigError
+from control_board_ros.core.terms.measurement import ROWS, Actuation, Plant, Row
 from control_board_ros.sim.bodies.ideal import IdealBody
 from control_board_ros.sim.config import Encoder, MotorModel
 from control_board_ros.sim.plant import PlantError, PlantGone, SimulatedPlant

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control_board_ros.core.config import JointConfig, Pid
-from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.config.config import JointConfig, Pid
+from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.simulation import Simulation
 
 pytestmark = pytest.mark.physics

@@ -19,7 +19,7 @@ from plants import board as make_board
 from plants import described as parsed
 from plants import simulation as make_simulation
 
-from control_board_ros.core.config import BoardConfig
+from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.description.meshes import package_folder, share_folders
 from control_board_ros.settings.loading import Settings, load
 from control_board_ros.sim.bodies.bullet import BulletBody

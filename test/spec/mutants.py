@@ -49,12 +49,12 @@ LEFT_OUT = ("__init__", "nocython")
 def every() -> list[Mutant]:
     """All mutants of the core, module by module."""
     made: list[Mutant] = []
-    for path in sorted((PACKAGE / "core").glob("*.py")):
+    for path in sorted((PACKAGE / "core").rglob("*.py")):
         if path.stem in LEFT_OUT:
             continue
         text = path.read_text(encoding="utf-8")
         if path.stem == "modes":
-            from control_board_ros.core import modes
+            from control_board_ros.core.terms import modes
 
             tables = {
                 name: value

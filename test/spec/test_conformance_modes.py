@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from rig import COMMANDS, COMPLIANT, STIFF, TAKES, M
 
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import ControlMode, encode
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import ControlMode, encode
 
 MODES = [mode for mode in TAKES if mode not in (M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED)]
 STATUSES_AND_EVENTS = ["hwfa", "cal", "cald", "cfgn", "cfgy"]

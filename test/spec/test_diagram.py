@@ -7,7 +7,7 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
-from control_board_ros.core.modes import STATES, TRANSITIONS
+from control_board_ros.core.terms.modes import STATES, TRANSITIONS
 
 DIAGRAM = Path(__file__).resolve().parents[2] / "docs" / "diagram.py"
 

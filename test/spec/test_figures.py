@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 from rig import COMPLIANT, STIFF, M, Rig, board_config, joint, ready
 
-from control_board_ros.core.config import Calibration
+from control_board_ros.core.config.config import Calibration
 
 GENERIC = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP)
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rig import COMMANDS, M, Rig, board_config, joint, plain, simulation_config
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import BoardConfig, Calibration, Pid
+from control_board_ros.core.config.config import BoardConfig, Calibration, Pid
 from control_board_ros.sim.plant import SimulatedPlant
 
 MODES = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl", "icur", "hwfa"]

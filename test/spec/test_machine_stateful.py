@@ -19,7 +19,7 @@ from hypothesis.stateful import (
 from model import CALIBRATING, FAULT, OFF, POSITION_LIKE, USUAL, JointModel
 from rig import COMMANDS, LIMITS, STIFF, M, Rig, board_config, joint, plain
 
-from control_board_ros.core.config import Calibration
+from control_board_ros.core.config.config import Calibration
 
 NAMES = ("left", "right", "bare", "late")
 SENSOR = Calibration(type=12, required=False)

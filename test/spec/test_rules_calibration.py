@@ -21,8 +21,8 @@ from rig import (
     ready,
 )
 
-from control_board_ros.core.config import Calibration, ConfigError, Pid
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.config.config import Calibration, ConfigError, Pid
+from control_board_ros.core.terms.vocabs import ControlMode
 
 SENSOR = Calibration(type=12, zero=0.7)
 OFFSET = Calibration(type=3, zero=0.7, start=-0.4, speed=1.0)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from rig import COMMANDS, COMPLIANT, M, Rig, board_config, held, in_status, joint, ready
 
-from control_board_ros.core.config import Pid
-from control_board_ros.core.measurement import Row
-from control_board_ros.core.reply import Reply
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.config.config import Pid
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.reply import Reply
+from control_board_ros.core.terms.vocabs import ControlMode
 
 ACTIVE = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP)
 CAUSES = {

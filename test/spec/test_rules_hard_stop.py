@@ -11,9 +11,15 @@ import numpy as np
 import pytest
 from rig import M, Rig, board_config, joint, simulation_config
 
-from control_board_ros.core.calibration import CalibrationError, HardStop
-from control_board_ros.core.config import BoardConfig, Calibration, ConfigError, JointConfig, Pid
-from control_board_ros.core.measurement import Array
+from control_board_ros.core.calibration.calibration import CalibrationError, HardStop
+from control_board_ros.core.config.config import (
+    BoardConfig,
+    Calibration,
+    ConfigError,
+    JointConfig,
+    Pid,
+)
+from control_board_ros.core.terms.measurement import Array
 from control_board_ros.sim.bodies.ideal import IdealBody
 from control_board_ros.sim.config import SimulationConfig
 from control_board_ros.sim.plant import SimulatedPlant

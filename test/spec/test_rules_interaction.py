@@ -21,10 +21,10 @@ from rig import (
     ready,
 )
 
-from control_board_ros.core.config import Pid
-from control_board_ros.core.measurement import Row
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.config.config import Pid
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import ControlMode
 
 PER_TORQUE = 100.0 / 48.0 / 5.0
 PASSIVE = (M.IDLE, M.TORQUE, M.OPENLOOP)

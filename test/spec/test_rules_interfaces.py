@@ -14,7 +14,7 @@ from rig import COMMANDS, COMPLIANT, STIFF, M, Rig, board_config, joint, ready
 from control_board_ros import protocols
 from control_board_ros.core.board import Board
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.terms.vocabs import ControlMode
 
 #: §4, method by method, in snake_case.
 SOURCE = {

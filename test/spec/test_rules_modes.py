@@ -23,10 +23,10 @@ from rig import (
     ready,
 )
 
-from control_board_ros.core.config import Pid, Timeouts
-from control_board_ros.core.measurement import Row
-from control_board_ros.core.reply import Answer
-from control_board_ros.core.vocabs import ControlMode, InteractionMode, decode, encode
+from control_board_ros.core.config.config import Pid, Timeouts
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.reply import Answer
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode, decode, encode
 
 SELECTABLE = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
 NEVER_SET = ("hwfa", "cal", "cald", "cfgn", "cfgy", "stif", "comp", "xyz", "", 0, -1, 2**40)

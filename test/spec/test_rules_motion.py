@@ -26,9 +26,9 @@ from rig import (
     ready,
 )
 
-from control_board_ros.core.config import Pid, Timeouts
-from control_board_ros.core.measurement import Row
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.config.config import Pid, Timeouts
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.vocabs import ControlMode
 
 PERIOD = 1.0 / RATE
 PER_TORQUE = 100.0 / 48.0 / 5.0

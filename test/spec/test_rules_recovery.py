@@ -11,12 +11,12 @@ import pytest
 from rig import COMPLIANT, STIFF, Held, Rig, board_config, joint
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import Calibration
-from control_board_ros.core.layout import joined
-from control_board_ros.core.measurement import Row
-from control_board_ros.core.reply import Answer, Reason
+from control_board_ros.core.config.config import Calibration
+from control_board_ros.core.config.layout import joined
 from control_board_ros.core.state import Reference
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.reply import Answer, Reason
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 M = ControlMode
 MOVING = {"left": (M.VELOCITY, STIFF), "right": (M.POSITION, COMPLIANT), "bare": (M.MIXED, STIFF)}

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 from rig import Rig
 
-from control_board_ros.core.measurement import Array
 from control_board_ros.core.selection import Selector
+from control_board_ros.core.terms.measurement import Array
 from control_board_ros.settings import loading as settings
 from control_board_ros.sim.plant import SimulatedPlant
 

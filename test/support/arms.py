@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from control_board_ros.core.measurement import Array
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.core.terms.measurement import Array
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.settings.loading import load
 from control_board_ros.simulation import Simulation
 

@@ -38,7 +38,7 @@ def breaks(rule: str, **options: Any) -> Callable[[Callable[[], None]], Callable
 
 def around(owner: Any, name: str, new: Callable[..., Any]) -> None:
     """Put ``new(old, *args)`` in the place of a function or method, and of a command's start."""
-    from control_board_ros.core.commands import COMMANDS
+    from control_board_ros.core.machine.commands import COMMANDS
 
     old = getattr(owner, name)
 

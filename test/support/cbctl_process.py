@@ -19,8 +19,8 @@ from unittest import mock
 
 from control_board_ros.cli import main
 from control_board_ros.cli.app import invoke
-from control_board_ros.cli.options import ROS_ARGUMENTS, hoist, read_options
-from control_board_ros.cli.session import Session
+from control_board_ros.cli.board.session import Session
+from control_board_ros.cli.line.options import ROS_ARGUMENTS, hoist, read_options
 
 #: s; a guard against what hangs, on the busiest machine: no test is decided by it.
 GUARD = 120.0

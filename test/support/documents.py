@@ -35,11 +35,11 @@ from pathlib import Path
 
 import pytest
 
-from control_board_ros.cli import output
 from control_board_ros.cli.app import invoke
-from control_board_ros.cli.options import Options
-from control_board_ros.cli.session import Session
-from control_board_ros.core.vocabs import ControlMode
+from control_board_ros.cli.board.session import Session
+from control_board_ros.cli.line.options import Options
+from control_board_ros.cli.text import output
+from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.testing import BoardProcess, board_process
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -53,7 +53,7 @@ def raising() -> None:
 
 def prepare_raising() -> None:
     """Let every callback of services, topics and actions raise once SIGUSR1 has come."""
-    from control_board_ros.node import actions, services, topics, trajectory
+    from control_board_ros.node.wiring import actions, services, topics, trajectory
 
     def raised(original: Any) -> Any:
         def call(*given: Any, **named: Any) -> Any:

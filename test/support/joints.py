@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from control_board_ros.core import laws
+from control_board_ros.core.laws import laws
 
 ROWS = (
     "position",

@@ -9,8 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from control_board_ros.core.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
-from control_board_ros.core.measurement import Actuation
+from control_board_ros.core.config.config import (
+    BoardConfig,
+    Impedance,
+    JointConfig,
+    Limits,
+    Motor,
+    Pid,
+)
+from control_board_ros.core.terms.measurement import Actuation
 from control_board_ros.description.robots import load_robot
 from control_board_ros.description.urdf import Urdf, parse
 from control_board_ros.sim.config import (

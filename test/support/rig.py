@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import (
+from control_board_ros.core.config.config import (
     BoardConfig,
     Calibration,
     Impedance,
@@ -19,10 +19,10 @@ from control_board_ros.core.config import (
     Motor,
     Pid,
 )
-from control_board_ros.core.measurement import ROWS, Actuation, Array, Measurement, Row
-from control_board_ros.core.modes import SELECTABLE
 from control_board_ros.core.state import Snapshot
-from control_board_ros.core.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
+from control_board_ros.core.terms.modes import SELECTABLE
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import (
     Encoder,
     JointSimulation,

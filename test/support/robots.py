@@ -9,8 +9,8 @@ from typing import Any
 from rig import board_config, joint, plain, simulation_config
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.config import BoardConfig, Calibration
-from control_board_ros.core.layout import joined
+from control_board_ros.core.config.config import BoardConfig, Calibration
+from control_board_ros.core.config.layout import joined
 from control_board_ros.sim.plant import SimulatedPlant
 
 #: The iiwa as two parts.

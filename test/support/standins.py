@@ -15,7 +15,7 @@ from typing import Any
 import uvicorn
 from websockets.sync.client import ClientConnection, connect
 
-from control_board_ros.core.reply import Answer, Reply
+from control_board_ros.core.terms.reply import Answer, Reply
 from control_board_ros.interface import MODES
 from control_board_ros.panel import robot
 from control_board_ros.panel.app import config_of, listen

@@ -10,7 +10,7 @@ from typing import Any
 from breaking import around, breaks
 
 from control_board_ros import interface
-from control_board_ros.core.vocabs import CommandKind, ControlMode
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 
 M, K = ControlMode, CommandKind
 
@@ -22,7 +22,7 @@ def diagnostics_elsewhere() -> None:
 
 @breaks("D2")
 def a_velocity_switches() -> None:
-    from control_board_ros.core.commands import Commands
+    from control_board_ros.core.machine.commands import Commands
 
     def command(
         old: Any, self: Commands, kind: CommandKind, selection: Any, *args: Any, **more: Any
@@ -39,7 +39,7 @@ def a_velocity_switches() -> None:
 
 @breaks("A")
 def answers_in_the_boards_order() -> None:
-    from control_board_ros.node.services import Services
+    from control_board_ros.node.wiring.services import Services
 
     def joints(old: Any, board: Any, request: Any) -> Any:
         chosen = old(board, request)
@@ -58,7 +58,7 @@ def in_order(old: Any, self: Any, request: Any, response: Any) -> Any:
 
 @breaks("A")
 def refusals_in_the_boards_order() -> None:
-    from control_board_ros.node.services import Services
+    from control_board_ros.node.wiring.services import Services
 
     def set_control_mode(old: Any, self: Any, request: Any, response: Any) -> Any:
         old(self, request, response)
@@ -72,7 +72,7 @@ def refusals_in_the_boards_order() -> None:
 
 @breaks("A")
 def a_state_with_fields_of_length_one() -> None:
-    from control_board_ros.node import publishing
+    from control_board_ros.node.wiring import publishing
 
     class Shortened(publishing.StateMessage):
         def of(self, snapshot: Any, nanoseconds: int) -> Any:
@@ -86,7 +86,7 @@ def a_state_with_fields_of_length_one() -> None:
 
 @breaks("D2")
 def a_position_switches() -> None:
-    from control_board_ros.core.commands import Commands
+    from control_board_ros.core.machine.commands import Commands
 
     def command(
         old: Any, self: Commands, kind: CommandKind, selection: Any, *args: Any, **more: Any
@@ -104,7 +104,7 @@ def a_position_switches() -> None:
 @breaks("")
 def answers_late() -> None:
     """Not one rule is broken: all take too long."""
-    from control_board_ros.node.services import Services
+    from control_board_ros.node.wiring.services import Services
 
     def late(old: Any, *args: Any) -> Any:
         time.sleep(0.4)

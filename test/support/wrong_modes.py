@@ -10,8 +10,8 @@ import numpy as np
 from breaking import around, breaks
 
 from control_board_ros.conformance.bench import Allowed
-from control_board_ros.core import modes
-from control_board_ros.core.modes import (
+from control_board_ros.core.terms import modes
+from control_board_ros.core.terms.modes import (
     ACCEPTS,
     LAWS,
     REQUESTS,
@@ -20,7 +20,7 @@ from control_board_ros.core.modes import (
     Event,
     Law,
 )
-from control_board_ros.core.vocabs import CommandKind, ControlMode, InteractionMode
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 
 M, K = ControlMode, CommandKind
 
@@ -28,7 +28,7 @@ M, K = ControlMode, CommandKind
 def drive(mode: ControlMode) -> None:
     """Let a mode that is unpowered give half a percent to the motor."""
     LAWS[mode] = dict.fromkeys(InteractionMode, Law.OUTPUT)
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.machine import Machine
 
     def enter(old: Any, self: Machine, joints: Any, entered: ControlMode) -> None:
         old(self, joints, entered)
@@ -41,7 +41,7 @@ def drive(mode: ControlMode) -> None:
 
 @breaks("V1")
 def names_for_codes() -> None:
-    from control_board_ros.node import messages
+    from control_board_ros.node.wiring import messages
 
     def joint_modes(old: Any, names: Any, control: Any, interaction: Any, stamp: int) -> Any:
         message = old(names, control, interaction, stamp)
@@ -53,7 +53,7 @@ def names_for_codes() -> None:
 
 @breaks("M1")
 def one_for_all() -> None:
-    from control_board_ros.core.requests import Requests
+    from control_board_ros.core.machine.requests import Requests
     from control_board_ros.core.selection import Selection
 
     def request(old: Any, self: Requests, selection: Any, wanted: Any) -> Any:
@@ -68,7 +68,7 @@ def one_for_all() -> None:
 
 @breaks("M2")
 def position_when_a_velocity_expires() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.machine import Machine
 
     def expire(old: Any, self: Machine) -> None:
         takes = self.state.accepts[K.VELOCITY].copy()
@@ -94,7 +94,7 @@ def velocity_in_position() -> None:
 
 @breaks("M4")
 def ignored_and_not_counted() -> None:
-    from control_board_ros.core.commands import Commands
+    from control_board_ros.core.machine.commands import Commands
 
     def ignored(old: Any, self: Commands, *args: Any) -> Any:
         counts = self._state.rejected.copy()
@@ -107,8 +107,8 @@ def ignored_and_not_counted() -> None:
 
 @breaks("M5")
 def refuses_what_it_does_not_implement() -> None:
-    from control_board_ros.core import decisions
-    from control_board_ros.core.reply import Answer
+    from control_board_ros.core.machine import decisions
+    from control_board_ros.core.terms.reply import Answer
 
     def decide(old: Any, *args: Any) -> Any:
         verdict = old(*args)
@@ -136,7 +136,7 @@ def a_joint_may_be_named_twice() -> None:
 
 @breaks("M8")
 def the_present_mode_resets() -> None:
-    from control_board_ros.core import decisions
+    from control_board_ros.core.machine import decisions
 
     def decide(old: Any, facts: Any, wanted: ControlMode) -> Any:
         verdict = old(facts, wanted)
@@ -149,7 +149,7 @@ def the_present_mode_resets() -> None:
 
 @breaks("M9")
 def a_move_survives_a_change_of_mode() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.machine import Machine
 
     def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
         before = {self.state.control_modes[j] for j in joints}
@@ -170,7 +170,7 @@ def power_in_idle() -> None:
 
 @breaks("M11")
 def references_are_forgotten() -> None:
-    from control_board_ros.core.references import References
+    from control_board_ros.core.laws.references import References
 
     def reset(old: Any, self: References, joints: Any, **kwargs: Any) -> None:
         old(self, joints, **kwargs)
@@ -181,14 +181,14 @@ def references_are_forgotten() -> None:
 
 @breaks("I2")
 def nothing_is_stored_in_a_fault() -> None:
-    from control_board_ros.core import decisions
+    from control_board_ros.core.machine import decisions
 
     decisions.STORES_INTERACTION = modes.STORES_INTERACTION - {M.HW_FAULT}
 
 
 @breaks("I3")
 def compliant_takes_direct_positions() -> None:
-    from control_board_ros.core.requests import Requests
+    from control_board_ros.core.machine.requests import Requests
 
     def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
         old(self, j, wanted)
@@ -201,7 +201,7 @@ def compliant_takes_direct_positions() -> None:
 
 @breaks("I4")
 def a_move_survives_the_interaction_mode() -> None:
-    from control_board_ros.core.requests import Requests
+    from control_board_ros.core.machine.requests import Requests
 
     def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
         references = self._machine.references
@@ -224,7 +224,7 @@ def any_stiffness() -> None:
 
 @breaks("I10")
 def a_compliant_stop_pushes() -> None:
-    from control_board_ros.core.stops import Stops
+    from control_board_ros.core.machine.stops import Stops
 
     def hold(old: Any, self: Stops, chosen: Any) -> None:
         old(self, chosen)
@@ -248,7 +248,7 @@ def idle_leaves_a_fault() -> None:
 
 @breaks("F3")
 def any_cause_is_cleared() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.machine import Machine
 
     def facts(old: Any, self: Machine, j: int) -> Any:
         return old(self, j)._replace(cause=None)
@@ -264,14 +264,14 @@ def force_idle_only_in_a_fault() -> None:
 
 @breaks("F5")
 def a_fault_is_forgotten() -> None:
-    from control_board_ros.core.faults import FaultRecord
+    from control_board_ros.core.terms.faults import FaultRecord
 
     around(FaultRecord, "cleared", lambda _, self: FaultRecord(self.name))
 
 
 @breaks("V1")
 def another_vocab() -> None:
-    from control_board_ros.node import messages
+    from control_board_ros.node.wiring import messages
 
     def joint_modes(old: Any, *args: Any) -> Any:
         message = old(*args)
@@ -286,7 +286,7 @@ def another_vocab() -> None:
 
 @breaks("V1")
 def a_mode_of_its_own() -> None:
-    from control_board_ros.node.services import Services
+    from control_board_ros.node.wiring.services import Services
 
     def get(old: Any, *args: Any) -> Any:
         response = old(*args)
@@ -298,7 +298,7 @@ def a_mode_of_its_own() -> None:
 
 @breaks("M4")
 def a_mixed_message_is_refused_whole() -> None:
-    from control_board_ros.core.commands import Commands
+    from control_board_ros.core.machine.commands import Commands
 
     def command(
         old: Any, self: Commands, kind: CommandKind, selection: Any, *args: Any, **more: Any
@@ -314,8 +314,8 @@ def a_mixed_message_is_refused_whole() -> None:
 
 @breaks("M4")
 def an_ignored_move_is_kept() -> None:
-    from control_board_ros.core.commands import Commands
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.commands import Commands
+    from control_board_ros.core.machine.machine import Machine
 
     kept: dict[int, float] = {}
 
@@ -338,8 +338,8 @@ def an_ignored_move_is_kept() -> None:
 
 @breaks("M5")
 def refuses_and_says_success() -> None:
-    from control_board_ros.core.reply import Answer
-    from control_board_ros.node import services
+    from control_board_ros.core.terms.reply import Answer
+    from control_board_ros.node.wiring import services
 
     def answered(old: Any, response: Any, reply: Any) -> Any:
         old(response, reply)
@@ -351,7 +351,7 @@ def refuses_and_says_success() -> None:
 
 @breaks("M5")
 def idle_for_what_it_does_not_implement() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.machine import Machine
 
     def raise_fault(old: Any, self: Machine, j: int, code: Any, text: str) -> None:
         if code.name == "UNSUPPORTED":
@@ -369,7 +369,7 @@ def calibration_is_a_mode() -> None:
 
 @breaks("M9")
 def a_jump_on_entering() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.machine import Machine
 
     def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
         old(self, joints, mode)
@@ -382,7 +382,7 @@ def a_jump_on_entering() -> None:
 
 @breaks("M9")
 def an_output_on_entering_open_loop() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.machine import Machine
 
     def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
         old(self, joints, mode)
@@ -396,7 +396,7 @@ def an_output_on_entering_open_loop() -> None:
 @breaks("M9")
 def no_load_taken_over() -> None:
     """TORQUE begins with a torque that nobody asked for."""
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.machine import Machine
 
     def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
         old(self, joints, mode)
@@ -409,7 +409,7 @@ def no_load_taken_over() -> None:
 
 @breaks("I1")
 def compliant_for_all() -> None:
-    from control_board_ros.core.requests import Requests
+    from control_board_ros.core.machine.requests import Requests
 
     def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
         for other in range(self._machine.state.n):
@@ -421,7 +421,7 @@ def compliant_for_all() -> None:
 
 @breaks("I2")
 def stiff_on_entering_from_idle() -> None:
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.machine.machine import Machine
 
     def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
         for j in joints:
@@ -434,13 +434,13 @@ def stiff_on_entering_from_idle() -> None:
 
 @breaks("I4")
 def the_present_interaction_mode_stops() -> None:
-    from control_board_ros.core import decisions
+    from control_board_ros.core.machine import decisions
 
     def decide(old: Any, facts: Any, wanted: InteractionMode) -> Any:
         verdict = old(facts, wanted)
         return verdict._replace(effect=wanted) if verdict == decisions.FINE else verdict
 
-    from control_board_ros.core.requests import Requests
+    from control_board_ros.core.machine.requests import Requests
 
     def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
         old(self, j, wanted)
@@ -453,7 +453,7 @@ def the_present_interaction_mode_stops() -> None:
 
 @breaks("I5")
 def half_the_spring() -> None:
-    from control_board_ros.core.control import Controller
+    from control_board_ros.core.laws.control import Controller
 
     def set_impedance(
         old: Any, self: Controller, joints: Any, stiffness: Any, damping: Any
@@ -475,8 +475,8 @@ def half_the_spring() -> None:
 @breaks("I6")
 def impedance_acts_with_the_next_mode() -> None:
     from control_board_ros.core.board import Board
-    from control_board_ros.core.control import Controller
-    from control_board_ros.core.machine import Machine
+    from control_board_ros.core.laws.control import Controller
+    from control_board_ros.core.machine.machine import Machine
 
     wanted: dict[int, tuple[float, float]] = {}
 
@@ -507,8 +507,8 @@ def impedance_acts_with_the_next_mode() -> None:
 
 @breaks("I7", joint="bare")
 def compliant_without_a_sensor_is_refused() -> None:
-    from control_board_ros.core import decisions
-    from control_board_ros.core.reply import Answer
+    from control_board_ros.core.machine import decisions
+    from control_board_ros.core.terms.reply import Answer
 
     def decide(old: Any, *args: Any) -> Any:
         verdict = old(*args)
@@ -521,7 +521,7 @@ def compliant_without_a_sensor_is_refused() -> None:
 
 @breaks("F2")
 def force_idle_works_and_says_it_failed() -> None:
-    from control_board_ros.node.services import Services
+    from control_board_ros.node.wiring.services import Services
 
     def set_control_mode(old: Any, self: Any, request: Any, response: Any) -> Any:
         old(self, request, response)
@@ -533,7 +533,7 @@ def force_idle_works_and_says_it_failed() -> None:
 
 @breaks("F2")
 def a_fault_refuses_and_says_success() -> None:
-    from control_board_ros.node.services import Services
+    from control_board_ros.node.wiring.services import Services
 
     def set_control_mode(old: Any, self: Any, request: Any, response: Any) -> Any:
         old(self, request, response)
@@ -549,7 +549,7 @@ def a_fault_refuses_and_says_success() -> None:
 
 @breaks("F5")
 def a_fault_is_stamped_when_cleared() -> None:
-    from control_board_ros.core.faults import FaultRecord
+    from control_board_ros.core.terms.faults import FaultRecord
 
     around(
         FaultRecord,
@@ -565,7 +565,7 @@ POWERS = {"allowed": Allowed(power_cycle=True)}
 
 @breaks("K1", **CALIBRATES)
 def a_calibration_does_nothing() -> None:
-    from control_board_ros.core.calibrations import Calibrations
+    from control_board_ros.core.calibration.calibrations import Calibrations
 
     around(Calibrations, "start", lambda *_: None)
 
@@ -573,7 +573,7 @@ def a_calibration_does_nothing() -> None:
 @breaks("K2", **CALIBRATES)
 def a_mode_ends_a_calibration() -> None:
     TRANSITIONS.update({(M.CALIBRATING, mode): mode for mode in SELECTABLE})
-    from control_board_ros.core import decisions
+    from control_board_ros.core.machine import decisions
 
     del decisions.UNAVAILABLE[M.CALIBRATING]
 

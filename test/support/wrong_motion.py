@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from breaking import around, breaks
 
-from control_board_ros.core.vocabs import CommandKind, ControlMode
+from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 
 M, K = ControlMode, CommandKind
 
 
 @breaks("P1")
 def moves_of_twice_the_time() -> None:
-    from control_board_ros.core import references
+    from control_board_ros.core.laws import references
 
     def durations(old: Any, *args: Any) -> Any:
         time, brake = old(*args)
@@ -37,14 +37,14 @@ def a_speed_of_zero() -> None:
 
 @breaks("P3")
 def stop_does_nothing() -> None:
-    from control_board_ros.core.stops import Stops
+    from control_board_ros.core.machine.stops import Stops
 
     around(Stops, "_hold", lambda _, *__: None)
 
 
 @breaks("P4")
 def direct_positions_are_moves() -> None:
-    from control_board_ros.core.commands import COMMANDS
+    from control_board_ros.core.machine.commands import COMMANDS
 
     def start(references: Any, joints: Any, positions: Any, _: Any) -> None:
         references.move(joints, positions, np.full(len(joints), 0.1))
@@ -54,7 +54,7 @@ def direct_positions_are_moves() -> None:
 
 @breaks("P5")
 def slower_velocities() -> None:
-    from control_board_ros.core.references import References
+    from control_board_ros.core.laws.references import References
 
     def ramp(old: Any, self: References, joints: Any, velocities: Any, accelerations: Any) -> None:
         old(self, joints, 0.7 * velocities, accelerations)
@@ -64,7 +64,7 @@ def slower_velocities() -> None:
 
 @breaks("P7")
 def half_the_torque() -> None:
-    from control_board_ros.core.commands import COMMANDS
+    from control_board_ros.core.machine.commands import COMMANDS
 
     row = COMMANDS[K.TORQUE]
 
@@ -76,7 +76,7 @@ def half_the_torque() -> None:
 
 @breaks("P8")
 def half_the_output() -> None:
-    from control_board_ros.core.commands import COMMANDS
+    from control_board_ros.core.machine.commands import COMMANDS
 
     row = COMMANDS[K.OUTPUT]
 
@@ -88,7 +88,7 @@ def half_the_output() -> None:
 
 @breaks("P9")
 def no_limits_for_moves() -> None:
-    from control_board_ros.core.commands import Commands
+    from control_board_ros.core.machine.commands import Commands
 
     def reconfigure(old: Any, self: Commands, limits: Any) -> None:
         old(self, limits)
@@ -100,14 +100,14 @@ def no_limits_for_moves() -> None:
 
 @breaks("P11")
 def no_feed_forward() -> None:
-    from control_board_ros.core import feedforward
+    from control_board_ros.core.machine import feedforward
 
     around(feedforward, "feed_output", lambda *_: None)
 
 
 @breaks("P12")
 def velocities_last() -> None:
-    from control_board_ros.core.timeouts import ReferenceTimeouts
+    from control_board_ros.core.laws.timeouts import ReferenceTimeouts
 
     around(ReferenceTimeouts, "expired", lambda *_: None)
 
@@ -125,7 +125,7 @@ def the_first_of_too_many() -> None:
 
 @breaks("P1")
 def moves_a_tenth_slower() -> None:
-    from control_board_ros.core import references
+    from control_board_ros.core.laws import references
 
     def durations(old: Any, *args: Any) -> Any:
         time, brake = old(*args)
@@ -136,7 +136,7 @@ def moves_a_tenth_slower() -> None:
 
 @breaks("P1")
 def a_new_target_starts_from_rest() -> None:
-    from control_board_ros.core.references import References
+    from control_board_ros.core.laws.references import References
 
     def move(old: Any, self: References, joints: Any, *args: Any, **more: Any) -> Any:
         for j in joints.tolist():
@@ -148,7 +148,7 @@ def a_new_target_starts_from_rest() -> None:
 
 @breaks("P1")
 def a_new_target_starts_where_the_last_move_began() -> None:
-    from control_board_ros.core.references import References
+    from control_board_ros.core.laws.references import References
 
     def move(old: Any, self: References, joints: Any, *args: Any, **more: Any) -> Any:
         for joint in (self._joints[j] for j in joints.tolist()):
@@ -193,14 +193,14 @@ def shown_done(snapshot: Any, done: bool) -> Any:
 
 @breaks("P3")
 def stop_leads_to_idle() -> None:
-    from control_board_ros.core.stops import Stops
+    from control_board_ros.core.machine.stops import Stops
 
     around(Stops, "_hold", lambda _, self, chosen: self._machine.enter(chosen, M.IDLE))
 
 
 @breaks("P3")
 def stop_holds_where_the_move_began() -> None:
-    from control_board_ros.core.stops import Stops
+    from control_board_ros.core.machine.stops import Stops
 
     def hold(old: Any, self: Stops, chosen: Any) -> None:
         joints = [self._machine.controller.joints[j] for j in chosen]
@@ -215,7 +215,7 @@ def stop_holds_where_the_move_began() -> None:
 
 @breaks("P5")
 def velocities_without_a_ramp() -> None:
-    from control_board_ros.core.references import References
+    from control_board_ros.core.laws.references import References
 
     def ramp(old: Any, self: References, joints: Any, velocities: Any, accelerations: Any) -> None:
         old(self, joints, velocities, np.full_like(accelerations, 1e3))
@@ -225,7 +225,7 @@ def velocities_without_a_ramp() -> None:
 
 @breaks("P6")
 def a_new_move_drops_the_velocity() -> None:
-    from control_board_ros.core.references import References
+    from control_board_ros.core.laws.references import References
 
     def move(old: Any, self: References, joints: Any, *args: Any, **more: Any) -> Any:
         times = old(self, joints, *args)
@@ -238,7 +238,7 @@ def a_new_move_drops_the_velocity() -> None:
 
 @breaks("P6")
 def a_new_move_drops_what_the_velocity_added() -> None:
-    from control_board_ros.core.references import References
+    from control_board_ros.core.laws.references import References
 
     def move(old: Any, self: References, joints: Any, *args: Any, **more: Any) -> Any:
         for j in joints.tolist():
@@ -250,7 +250,7 @@ def a_new_move_drops_what_the_velocity_added() -> None:
 
 @breaks("P9")
 def no_limits_for_direct_positions() -> None:
-    from control_board_ros.core.commands import Commands
+    from control_board_ros.core.machine.commands import Commands
 
     def reconfigure(old: Any, self: Commands, limits: Any) -> None:
         old(self, limits)
@@ -262,7 +262,7 @@ def no_limits_for_direct_positions() -> None:
 
 @breaks("P13")
 def infinite_is_the_most() -> None:
-    from control_board_ros.core.commands import Commands
+    from control_board_ros.core.machine.commands import Commands
 
     def command(
         old: Any, self: Commands, kind: Any, joints: Any, values: Any, *args: Any, **more: Any

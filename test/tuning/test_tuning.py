@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import yaml
 
-from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.description.urdf import Urdf
 from control_board_ros.settings.loading import load
 from control_board_ros.tuning.bench import Bench, Faulted, Take, with_gains

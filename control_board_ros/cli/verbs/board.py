@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from ..arguments import JOINTS, takes
-from ..output import conclude
-from ..progress import Bar
-from ..session import Session
-from ..status import cancelled
+from ..board.progress import Bar
+from ..board.session import Session
+from ..board.status import cancelled
+from ..line.arguments import JOINTS, takes
+from ..text.output import conclude
 
 
 @takes(JOINTS)

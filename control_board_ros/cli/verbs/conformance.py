@@ -8,10 +8,10 @@ from typing import Any
 
 from control_board_ros.conformance_options import OPTIONS
 
-from ..arguments import argument, takes
-from ..output import DONE, complain, show
-from ..session import Session
-from ..words import Refused, UsageError
+from ..board.session import Session
+from ..line.arguments import argument, takes
+from ..line.words import Refused, UsageError
+from ..text.output import DONE, complain, show
 
 
 def sentence(text: str) -> str:

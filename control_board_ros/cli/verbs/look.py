@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from control_board_ros.core.joint_kind import JointKind
+from control_board_ros.core.terms.joint_kind import JointKind
 
-from ..arguments import JOINTS, argument, several, takes
-from ..frames import show_frame
-from ..output import mode_text, show
-from ..reading import (
+from ..board.frames import show_frame
+from ..board.reading import (
     UNCALIBRATED,
     Rows,
     lacks_calibration,
@@ -21,8 +19,10 @@ from ..reading import (
     read_modes,
     read_references,
 )
-from ..session import Session
-from ..tables import grid
+from ..board.session import Session
+from ..line.arguments import JOINTS, argument, several, takes
+from ..text.output import mode_text, show
+from ..text.tables import grid
 
 #: Before this a stamp is simulated time, not a date, s.
 DATES_FROM = 1e9

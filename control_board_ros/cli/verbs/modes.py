@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from control_board_ros.core.modes import REQUESTABLE, UNIMPLEMENTED
-from control_board_ros.core.vocabs import (
+from control_board_ros.core.terms.modes import REQUESTABLE, UNIMPLEMENTED
+from control_board_ros.core.terms.vocabs import (
     InteractionMode,
     Vocab,
     parse_control_mode,
@@ -15,13 +15,13 @@ from control_board_ros.core.vocabs import (
 )
 from control_board_ros.text import nearest
 
-from ..arguments import JOINTS, argument, joints_then_mode, number, takes
-from ..output import DONE, conclude, show
-from ..reading import Rows, read_impedance
-from ..session import Session
-from ..status import warn_without_power
-from ..tables import grid
-from ..words import Refused, UsageError
+from ..board.reading import Rows, read_impedance
+from ..board.session import Session
+from ..board.status import warn_without_power
+from ..line.arguments import JOINTS, argument, joints_then_mode, number, takes
+from ..line.words import Refused, UsageError
+from ..text.output import DONE, conclude, show
+from ..text.tables import grid
 
 MODE_CODES = tuple(mode.code for mode in REQUESTABLE if mode not in UNIMPLEMENTED)
 INTERACTION_CODES = tuple(mode.code for mode in InteractionMode)

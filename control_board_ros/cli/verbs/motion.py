@@ -9,17 +9,17 @@ from argparse import BooleanOptionalAction
 from functools import partial
 from typing import Any
 
-from control_board_ros.core.modes import ACCEPTS
-from control_board_ros.core.vocabs import CommandKind
+from control_board_ros.core.terms.modes import ACCEPTS
+from control_board_ros.core.terms.vocabs import CommandKind
 
-from ..arguments import JOINTS, VALUES, argument, several, takes
-from ..jogging import Jog, keys_at_once, pressed
-from ..output import complain, conclude, console
-from ..progress import Bar, Standstill, Way
-from ..session import Session
-from ..status import cancelled, what_they_do
-from ..streaming import RATE, end
-from ..words import Refused, UsageError, assignments, short_names, speed_above_zero
+from ..board.progress import Bar, Standstill, Way
+from ..board.session import Session
+from ..board.status import cancelled, what_they_do
+from ..board.streaming import RATE, end
+from ..line.arguments import JOINTS, VALUES, argument, several, takes
+from ..line.jogging import Jog, keys_at_once, pressed
+from ..line.words import Refused, UsageError, assignments, short_names, speed_above_zero
+from ..text.output import complain, conclude, console
 
 #: How near to its target a joint has arrived, rad and m.
 NEAR, NEAR_SLIDING = 0.01, 1e-3

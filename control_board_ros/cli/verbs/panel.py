@@ -6,10 +6,10 @@ from __future__ import annotations
 from importlib.util import find_spec
 from pathlib import Path
 
-from ..arguments import argument, takes
-from ..output import DONE, note, put, put_json
-from ..session import Session
-from ..words import Refused, UsageError, quantity
+from ..board.session import Session
+from ..line.arguments import argument, takes
+from ..line.words import Refused, UsageError, quantity
+from ..text.output import DONE, note, put, put_json
 
 #: What the extra brings.
 NEEDED = ("starlette", "uvicorn", "websockets")

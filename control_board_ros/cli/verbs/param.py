@@ -9,12 +9,12 @@ from typing import Any
 
 import yaml
 
-from ..arguments import argument, takes
-from ..offers import joints
-from ..output import DONE, conclude, show
-from ..saving import IDENTITY, OF_RCLPY, gather, yaml_value
-from ..session import Session
-from ..words import Refused, UsageError, find_joint
+from ..board.saving import IDENTITY, OF_RCLPY, gather, yaml_value
+from ..board.session import Session
+from ..line.arguments import argument, takes
+from ..line.offers import joints
+from ..line.words import Refused, UsageError, find_joint
+from ..text.output import DONE, conclude, show
 
 
 @takes(

@@ -9,13 +9,13 @@ from typing import Any
 
 from control_board_ros.text import nearest
 
-from ..arguments import FOR, argument, number, takes
-from ..offers import Typed, joints
-from ..output import console, put, put_json
-from ..plotting import SIGNALS, Signal, Trace, chart, signal_of
-from ..session import Session
-from ..streaming import duration
-from ..words import UsageError, find_joint, short_names
+from ..board.session import Session
+from ..board.streaming import duration
+from ..line.arguments import FOR, argument, number, takes
+from ..line.offers import Typed, joints
+from ..line.words import UsageError, find_joint, short_names
+from ..text.output import console, put, put_json
+from ..text.plotting import SIGNALS, Signal, Trace, chart, signal_of
 
 #: Lines of a chart, with the one of its labels.
 LOWEST, HIGHEST = 5, 16

@@ -6,14 +6,14 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from ..arguments import argument, several, takes
-from ..offers import Typed, joints
-from ..output import conclude, show
-from ..progress import Bar, Standstill
-from ..session import Session
-from ..status import cancelled
-from ..tables import grid
-from ..words import UsageError, assignments, short_names, speed_above_zero
+from ..board.progress import Bar, Standstill
+from ..board.session import Session
+from ..board.status import cancelled
+from ..line.arguments import argument, several, takes
+from ..line.offers import Typed, joints
+from ..line.words import UsageError, assignments, short_names, speed_above_zero
+from ..text.output import conclude, show
+from ..text.tables import grid
 
 if TYPE_CHECKING:
     from control_board_ros.client import PoseFeedback

@@ -10,13 +10,13 @@ from typing import Any
 
 from control_board_ros.text import file_name
 
-from ..arguments import FOR, argument, patterns, takes
-from ..output import DONE, REFUSED, complain, note, put, put_json
-from ..progress import Bar
-from ..recordings import Silence, read_boards, start
-from ..session import Session
-from ..streaming import duration
-from ..words import Refused, UsageError, quantity
+from ..board.progress import Bar
+from ..board.recordings import Silence, read_boards, start
+from ..board.session import Session
+from ..board.streaming import duration
+from ..line.arguments import FOR, argument, patterns, takes
+from ..line.words import Refused, UsageError, quantity
+from ..text.output import DONE, REFUSED, complain, note, put, put_json
 
 #: s between looks at a recording, and between looks whether its boards are there.
 LOOK, LOOK_AT_BOARDS = 0.25, 2.0

@@ -5,17 +5,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from control_board_ros.core.reply import Answer, Reply
+from control_board_ros.core.terms.reply import Answer, Reply
 
-from ..advice import advice
-from ..arguments import JOINTS, argument, several, takes
-from ..offers import one_of
-from ..output import DONE, REFUSED, conclude, note, show
-from ..reading import Rows, read_faults
-from ..session import Session
-from ..status import warn_without_power
-from ..tables import grid
-from ..words import Refused
+from ..board.reading import Rows, read_faults
+from ..board.session import Session
+from ..board.status import warn_without_power
+from ..line.arguments import JOINTS, argument, several, takes
+from ..line.offers import one_of
+from ..line.words import Refused
+from ..text.advice import advice
+from ..text.output import DONE, REFUSED, conclude, note, show
+from ..text.tables import grid
 
 
 @several

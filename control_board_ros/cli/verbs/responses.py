@@ -6,14 +6,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from control_board_ros.core.modes import STEPS
+from control_board_ros.core.terms.modes import STEPS
 
-from ..arguments import argument, takes
-from ..experiments import Experiment, check_reach, measured, prepare, wait
-from ..offers import joints
-from ..output import DONE, conclude, put, put_json
-from ..session import Session
-from ..words import DEGREE, Refused, UsageError, quantity
+from ..board.experiments import Experiment, check_reach, measured, prepare, wait
+from ..board.session import Session
+from ..line.arguments import argument, takes
+from ..line.offers import joints
+from ..line.words import DEGREE, Refused, UsageError, quantity
+from ..text.output import DONE, conclude, put, put_json
 
 if TYPE_CHECKING:
     from control_board_ros.recording.figures import Response

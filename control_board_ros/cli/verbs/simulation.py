@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-from ..arguments import argument, takes
-from ..offers import joints_then
-from ..output import conclude
-from ..session import Session
-from ..words import UsageError
+from ..board.session import Session
+from ..line.arguments import argument, takes
+from ..line.offers import joints_then
+from ..line.words import UsageError
+from ..text.output import conclude
 
 FAULTS = ("overcurrent", "encoder", "torque_sensor", "overheating", "external")
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from functools import partial
 
-from ..arguments import FOR, JOINTS, VALUES, argument, takes
-from ..output import conclude, note
-from ..session import Session
-from ..streaming import Send, duration, stream
-from ..words import UsageError, assignments, quantity
+from ..board.session import Session
+from ..board.streaming import Send, duration, stream
+from ..line.arguments import FOR, JOINTS, VALUES, argument, takes
+from ..line.words import UsageError, assignments, quantity
+from ..text.output import conclude, note
 
 
 @takes(

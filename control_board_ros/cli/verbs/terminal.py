@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..arguments import argument, takes
+from ..board.session import Session
 from ..completion import SCRIPTS, line_offers, list_poses
-from ..offers import one_of
-from ..output import DONE, USAGE, complain, note, put
-from ..session import Session
-from ..words import UsageError
+from ..line.arguments import argument, takes
+from ..line.offers import one_of
+from ..line.words import UsageError
+from ..text.output import DONE, USAGE, complain, note, put
 from . import VERBS, load
 
 #: What ends the shell, and what shows the help of cbctl.

@@ -9,9 +9,9 @@ from typing import Any
 
 from control_board_ros.tuning_options import OPTIONS
 
-from ..arguments import argument, takes
-from ..output import put_json
-from ..session import Session
+from ..board.session import Session
+from ..line.arguments import argument, takes
+from ..text.output import put_json
 
 #: The search has the simulation in it, which cbctl does not know: it is a program of its own.
 PROGRAM = "control_board_ros.tuning"

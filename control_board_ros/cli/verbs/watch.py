@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ..arguments import JOINTS, argument, number, patterns, takes
-from ..boards import sessions_meant
-from ..dense import HEAD, dense
-from ..output import bar, console, mode_text, put, show
-from ..reading import UNCALIBRATED, Rows, lacks_calibration, read_state
-from ..session import Session
-from ..tables import drawn, needed, text_of
-from ..words import UsageError, short_names
+from ..board.boards import sessions_meant
+from ..board.reading import UNCALIBRATED, Rows, lacks_calibration, read_state
+from ..board.session import Session
+from ..line.arguments import JOINTS, argument, number, patterns, takes
+from ..line.words import UsageError, short_names
+from ..text.dense import HEAD, dense
+from ..text.output import bar, console, mode_text, put, show
+from ..text.tables import drawn, needed, text_of
 
 if TYPE_CHECKING:
     from rich.text import Text

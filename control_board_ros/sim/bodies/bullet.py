@@ -17,8 +17,8 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.config import BoardConfig
-from ...core.measurement import Array
+from ...core.config.config import BoardConfig
+from ...core.terms.measurement import Array
 from ...description.rotor import Moments
 from ..config import SimulationConfig
 from ..drive import StateReader

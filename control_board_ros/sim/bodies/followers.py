@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...core.measurement import Array
+from ...core.terms.measurement import Array
 from ...description.urdf import Mimic
 
 

@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
-from ...core.config import BoardConfig
-from ...core.measurement import Array
+from ...core.config.config import BoardConfig
+from ...core.terms.measurement import Array
 from ..config import SimulationConfig
 from ..motor import reflected_inertia
 

@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.config import BoardConfig
-from ...core.measurement import Array
+from ...core.config.config import BoardConfig
+from ...core.terms.measurement import Array
 from ..config import SimulationConfig
 from ..errors import PlantGone
 from .followers import Followers

@@ -13,8 +13,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.config import BoardConfig
-from ...core.measurement import Array
+from ...core.config.config import BoardConfig
+from ...core.terms.measurement import Array
 from ..config import SimulationConfig
 from .mujoco_spec import Builder
 from .prepare import Fitted

@@ -19,8 +19,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...core.config import BoardConfig
-from ...core.measurement import Array
+from ...core.config.config import BoardConfig
+from ...core.terms.measurement import Array
 from ...description.geometry import axis_of, inertia_of, numbers_of, origin_of
 from ...description.urdf_tree import Tree
 from ..config import SimulationConfig

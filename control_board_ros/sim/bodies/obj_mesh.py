@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.measurement import Array
+from ...core.terms.measurement import Array
 
 
 def read_obj(path: Path) -> tuple[Array, NDArray[np.int32]]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 
-from ...core.config import BoardConfig, ConfigError
+from ...core.config.config import BoardConfig, ConfigError
 from ...description.geometry import as_text, axis_of
 from ...description.merge import merge_fixed
 from ...description.rotor import Moments, add_rotor_inertia

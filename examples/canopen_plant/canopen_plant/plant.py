@@ -18,7 +18,7 @@ from itertools import count
 import canopen
 import numpy as np
 
-from control_board_ros.core.measurement import Array
+from control_board_ros.core.terms.measurement import Array
 from control_board_ros.plants import Description, JointDescription, Readings
 
 from . import objects

@@ -13,7 +13,7 @@ from canopen_plant.drive import COUNTS
 from canopen_plant.states import TRANSITIONS, Command, Mode, State, command_of, state_of
 
 from control_board_ros.core.board import Board
-from control_board_ros.core.vocabs import ControlMode as M
+from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.plants.guarded import GuardedPlant
 from control_board_ros.testing.plants import board_for, plant_contract
 

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which boards a pattern means, for verbs that make sense on several."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+from ..line.words import Refused
+
+if TYPE_CHECKING:
+    from .session import Session
+
+#: s that boards have to show up after the first one did.
+GATHERING = 1.0
+POLL = 0.05
+
+
+def is_pattern(board: str) -> bool:
+    """Whether a name of boards is a pattern."""
+    return any(mark in board for mark in "*?[")
+
+
+@contextmanager
+def sessions_meant(session: Session, joints: Sequence[str] = ()) -> Iterator[dict[str, Session]]:
+    """A session for each board that ``--board`` means, by the board's name, in their order.
+
+    Where a pattern means a robot of several parts, too, it is left out: its parts show all of it.
+
+    Args:
+        session: the one of the command line; of a single board it is the one that comes back.
+        joints: words for joints; boards that have none of them are left out.
+
+    Raises:
+        Refused: no board fits, or none has such joints.
+    """
+    if not is_pattern(session.options.board):
+        yield {session.options.board: session}
+        return
+    with ExitStack() as stack:
+        found = {
+            board: stack.enter_context(session.beside(board)) for board in boards_meant(session)
+        }
+        wholes = robots_among({board: one.names for board, one in found.items()})
+        refusals, kept = [], {}
+        for board, one in found.items():
+            if board in wholes:
+                continue
+            try:
+                one.joints(joints)
+            except Refused as refusal:
+                refusals.append(refusal)
+            else:
+                kept[board] = one
+        if not kept:
+            raise refusals[0]
+        yield kept
+
+
+def robots_among(boards: Mapping[str, Sequence[str]]) -> set[str]:
+    """Boards whose joints are those of the other ones beside them: robots of several parts.
+
+    Args:
+        boards: the joints of each, by its absolute name.
+    """
+    robots = set()
+    for board, names in boards.items():
+        folder = board.rpartition("/")[0]
+        beside = [
+            other
+            for name, other in boards.items()
+            if name != board and name.rpartition("/")[0] == folder
+        ]
+        joints = [joint for other in beside for joint in other]
+        if len(beside) > 1 and len(joints) == len(names) and set(joints) == set(names):
+            robots.add(board)
+    return robots
+
+
+def boards_meant(session: Session) -> list[str]:
+    """Absolute names of the boards that ``--board`` names, which may be a pattern: ``/icub/*``.
+
+    Raises:
+        Refused: no board fits the pattern.
+    """
+    asked = session.options.board
+    if not is_pattern(asked):
+        return [asked]
+    node = session.node
+    pattern = node.resolve_topic_name("x").rpartition("/")[0] + "/" + asked
+    pattern = asked if asked.startswith("/") else pattern
+    deadline = time.monotonic() + session.options.timeout
+    found: list[str] = []
+    while time.monotonic() < deadline:
+        now = [name for name in boards_there(session) if fnmatchcase(name, pattern)]
+        if now and now == found:
+            return found
+        found = now
+        time.sleep(GATHERING if found else POLL)
+    there = ", ".join(boards_there(session)) or "none"
+    raise Refused(f"no board fits {pattern}; boards there are: {there}")
+
+
+def boards_there(session: Session) -> list[str]:
+    """Absolute names of all boards that are seen, from their ~/modes topics."""
+    from control_board_ros.interface import MODES
+
+    below = MODES.of("")
+    return sorted(
+        name.removesuffix(below)
+        for name, types in session.node.get_topic_names_and_types()
+        if MODES.type in types and name.endswith(below)
+    )

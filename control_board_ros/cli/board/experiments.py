@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Moving one joint for a measurement, recorded: prepared, run, and left as it was."""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from control_board_ros.core.terms.joint_kind import JointKind
+from control_board_ros.core.terms.modes import FAULTED, STEPS, STOPPABLE
+from control_board_ros.interface import STATE
+
+from ...joint_limits import JointLimits
+from ..line.words import Refused
+from ..text.output import note
+from .progress import Bar
+from .recordings import read_boards, start
+from .session import Session
+
+#: States a second while it is measured, where the board's control rate allows it.
+STATE_RATE = 500.0
+#: s of rest before and after, and between looks.
+REST, LOOK = 0.5, 0.1
+#: s that the first state may take to be heard.
+FIRST_STATE = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """A joint under measurement: name, where it began (rad or m), limits, kind, control mode."""
+
+    joint: str
+    start: float
+    limits: JointLimits
+    kind: JointKind
+    mode: str
+
+
+def prepare(session: Session, word: str) -> Experiment:
+    """The joint that a word means, where it can be measured.
+
+    Raises:
+        Refused: several joints, one that does not hold its position, or unknown limits.
+    """
+    names = session.joints([word])
+    if len(names) != 1:
+        raise Refused(f"{word!r} means {len(names)} joints; name one")
+    (joint,) = names
+    (mode,) = session.client.get_control_mode(names)
+    if mode not in STOPPABLE:
+        words = ("clear", joint) if mode in FAULTED else ("mode", joint, "pos")
+        step = session.line(*words)
+        raise Refused(f"{joint} is in {mode.name} and does not hold its position; first: {step}")
+    limits = session.limits(names)[joint]
+    if limits is None:
+        raise Refused(f"the board does not tell the limits of {joint}: nothing is moved")
+    position = float(session.client.get_state().position_reference[session.names.index(joint)])
+    return Experiment(joint, position, limits, session.kind(joint), mode.code)
+
+
+def check_reach(session: Session, experiment: Experiment, targets: list[float]) -> None:
+    """Refuse what would leave the software limits, before anything moves.
+
+    Raises:
+        Refused: says where it would go, what is allowed, and the next step.
+    """
+    limits, joint = experiment.limits, experiment.joint
+    show = session.position
+    for target in targets:
+        if not limits.lower <= target <= limits.upper:
+            raise Refused(
+                f"{joint} at {show(joint, experiment.start)} would go to {show(joint, target)}, "
+                f"outside its limits, {show(joint, limits.lower)} to {show(joint, limits.upper)}; "
+                "make it smaller, or move the joint away from its limit first"
+            )
+
+
+def measured(
+    session: Session, experiment: Experiment, run: Callable[[], None], keep: str | None
+) -> tuple[Any, Path | None]:
+    """Record while a joint is moved; it is left in the mode it was in.
+
+    Args:
+        session: The session.
+        experiment: The joint.
+        run: Moves it; it is in POSITION_DIRECT meanwhile.
+        keep: The folder of the recording; None: it is not kept.
+
+    Returns:
+        What the recording holds of the board, and its folder where it is kept.
+
+    Raises:
+        Refused: the board refuses a mode, or a joint faults.
+    """
+    from control_board_ros.recording import RecordingError
+    from control_board_ros.recording.bag import Bag
+    from control_board_ros.recording.reading import read
+
+    with contextlib.ExitStack() as stack:
+        temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="cbctl"))
+        folder = Path(keep) if keep else Path(temporary) / "recording"
+        try:
+            stack.enter_context(faster_states(session))
+            stack.enter_context(in_position_direct(session, experiment))
+            boards = read_boards(session)
+            recorder = start(session, boards, Bag(folder))
+            try:
+                await_states(session, recorder)
+                wait(session, "at rest", REST)
+                run()
+                wait(session, "at rest", REST)
+            finally:
+                recorder.close()
+            if recorder.ended:
+                raise Refused(recorder.ended)
+            (recording,) = read(folder)
+        except RecordingError as error:
+            raise Refused(str(error)) from error
+    for fault in recording.faults:
+        if fault.joint == experiment.joint and fault.time >= 0.0:
+            raise Refused(f"{fault.joint} went into HW_FAULT: {fault.text}")
+    return recording, folder if keep else None
+
+
+def await_states(session: Session, recorder: Any) -> None:
+    """Wait until the states are heard that are to show the motion.
+
+    Raises:
+        Refused: none comes.
+    """
+    topic = STATE.of(session.client.board_name)
+    if not recorder.await_first(topic, FIRST_STATE):
+        reason = recorder.ended or f"nothing of {topic} was heard for {FIRST_STATE:g} s"
+        raise Refused(f"{reason}: nothing was moved; try again")
+
+
+@contextlib.contextmanager
+def faster_states(session: Session) -> Iterator[None]:
+    """States at STATE_RATE, or at the control rate where that is lower."""
+    client = session.client
+    before = client.get_parameters(["state_rate", "control_rate"])
+    rate = min(STATE_RATE, float(before["control_rate"]))
+    if rate <= float(before["state_rate"]):
+        yield
+        return
+    reply = client.set_parameters({"state_rate": rate})
+    if not reply:
+        note(session, f"states come at {before['state_rate']:g} Hz: {reply.message}")
+    try:
+        yield
+    finally:
+        client.set_parameters({"state_rate": float(before["state_rate"])})
+
+
+@contextlib.contextmanager
+def in_position_direct(session: Session, experiment: Experiment) -> Iterator[None]:
+    """The joint in POSITION_DIRECT; stopped and back in its mode in the end, whatever happens."""
+    client, joint = session.client, experiment.joint
+    reply = client.set_control_mode(joint, STEPS)
+    if not reply:
+        raise Refused(reply.message)
+    try:
+        yield
+    except BaseException:
+        client.stop(joint)
+        raise
+    finally:
+        (mode,) = client.get_control_mode([joint])
+        if mode is STEPS:
+            client.set_control_mode(joint, experiment.mode)
+
+
+def wait(session: Session, label: str, seconds: float) -> None:
+    """Let time pass, and show how much is left."""
+    begun = time.monotonic()
+    with Bar(session, label) as bar:
+        while (elapsed := time.monotonic() - begun) < seconds:
+            if seconds > 2.0:
+                bar.update(elapsed / seconds, f"{seconds - elapsed:.0f} s")
+            time.sleep(min(LOOK, seconds - elapsed))
+        if seconds > 2.0:
+            bar.update(1.0, "done")

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A progress bar on stderr; silent with --json."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ..text.output import console
+from .session import Session
+
+
+class Bar:
+    """``with Bar(session, "moving") as bar: bar.update(0.5, "1.2 s")``.
+
+    It is drawn from the first update on: what is refused at once needs none.
+    Of what has no end known beforehand (``endless``) only the text is shown.
+    """
+
+    def __init__(self, session: Session, label: str, *, endless: bool = False) -> None:
+        self._progress: Any = None
+        self._label = label
+        if not session.options.json:
+            from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+            share = () if endless else (BarColumn(), TaskProgressColumn())
+            self._progress = Progress(
+                TextColumn("{task.description}"),
+                *share,
+                TextColumn("{task.fields[text]}"),
+                console=console(stderr=True),
+            )
+            self._task = self._progress.add_task(label, total=1.0, text="")
+
+    def __enter__(self) -> Bar:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._progress is not None and self._progress.live.is_started:
+            self._progress.stop()
+
+    def update(self, share: float, text: str = "") -> None:
+        """Show a share from 0 to 1."""
+        if self._progress is not None:
+            self._progress.start()
+            self._progress.update(self._task, completed=min(max(share, 0.0), 1.0), text=text)
+
+
+class Way:
+    """How much of a move is done, as measured: by the joint that is furthest behind.
+
+    Args:
+        targets: by joint, rad or m.
+        near: ways that count as none, by joint.
+    """
+
+    def __init__(self, targets: Mapping[str, float], near: Mapping[str, float]) -> None:
+        self._targets, self._near = targets, near
+        self._starts: dict[str, float] = {}
+
+    def share(self, positions: Mapping[str, float]) -> float:
+        """From 0 to 1; the first positions are where the move began."""
+        if not self._starts:
+            self._starts = dict(positions)
+        made = [1.0]
+        for name, target in self._targets.items():
+            whole = target - self._starts[name]
+            if abs(whole) > self._near[name]:
+                made.append((positions[name] - self._starts[name]) / whole)
+        return max(min(made), 0.0)
+
+
+class Standstill:
+    """Notices that the board's time stands still, by a value that changes with it."""
+
+    #: s for which the value must not change.
+    PATIENCE = 1.0
+    HINT = "; paused? go on with: cbctl resume"
+
+    def __init__(self) -> None:
+        self._value = math.nan
+        self._since = 0.0
+
+    def hint(self, value: float, now: float) -> str:
+        """What to add to a text.
+
+        Args:
+            value: what is left of a motion, s, or the stamp of a state; 0 when it has ended.
+            now: time of this process, s.
+        """
+        if value != self._value:
+            self._value, self._since = value, now
+        return self.HINT if value and now - self._since >= self.PATIENCE else ""

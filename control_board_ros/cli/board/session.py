@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One connection for the length of a command, or of a shell."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from ...core.terms.joint_kind import JointKind
+from ...joint_limits import JointLimits, limit_parameters, limits_of
+from ...startup import announce_often, leave_out_the_generator
+from ...urdf_xml import DescribedJoint, heard_joints
+from ..line.options import Options
+from ..line.words import Quantity, Refused, UsageError, assigned, find_joints
+from ..text.output import load_drawing
+from .limits import check_limits
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from control_board_ros.client import ControlBoardClient
+
+
+class Session:
+    """The options in force, and the client once a verb asks for it.
+
+    Attributes: options, shared (whether several lines use it: the shell), run_line (runs another
+    line in this session, and gives its exit code; set by whatever runs a line), answers (takes
+    what would be printed as JSON, where several boards answer together; else None).
+    """
+
+    run_line: Callable[[Sequence[str]], int]
+
+    def __init__(self, options: Options) -> None:
+        self.shared = False
+        self.options = options
+        self.answers: list[Any] | None = None
+        self._stack = contextlib.ExitStack()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def beside(self, board: str) -> Session:
+        """A session of another board over the same node; close it before this one."""
+        made = Session(replace(self.options, board=board))
+        made.__dict__["node"] = self.node
+        return made
+
+    def close(self) -> None:
+        """End the connection, if there is one."""
+        self._stack.close()
+        self.__dict__.pop("client", None)
+        self.__dict__.pop("node", None)
+
+    @cached_property
+    def node(self) -> Node:
+        """The node of this command; made on first use, in a context of its own."""
+        announce_often()
+        leave_out_the_generator()
+        return self._start_node()
+
+    @cached_property
+    def client(self) -> ControlBoardClient:
+        """The client; made on first use.
+
+        The node comes first: from then on the middleware looks for the board in threads of its
+        own, while this one loads the rest.
+        """
+        node = self.node
+        from control_board_ros.client import ControlBoardClient
+
+        client = ControlBoardClient(
+            node,
+            self.options.board,
+            find_timeout=self.options.timeout,
+            answer_timeout=max(self.options.timeout, 1.0),
+        )
+        self._stack.callback(client.close)
+        load_drawing()
+        return client
+
+    def _start_node(self) -> Node:
+        """A node in a context of its own, that ends with the session.
+
+        Raises:
+            UsageError: ROS refuses the namespace, the domain or the ROS arguments.
+        """
+        from rclpy.context import Context
+        from rclpy.node import Node
+
+        options = self.options
+        context = Context()  # of its own: without rclpy's signal handlers, Ctrl-C is ours
+        try:
+            context.init(args=options.ros_arguments or None, domain_id=options.domain)
+            self._stack.callback(context.try_shutdown)
+            node = Node(
+                "cbctl",
+                namespace=options.namespace or None,
+                context=context,
+                use_global_arguments=bool(options.ros_arguments),
+                enable_rosout=False,
+                start_parameter_services=False,
+            )
+        except Exception as error:
+            raise UsageError(f"cannot start a ROS node: {str(error).splitlines()[0]}") from error
+        self._stack.callback(node.destroy_node)
+        return node
+
+    def line(self, *words: str) -> str:
+        """A line of cbctl for the board that is meant, as one types it: ``cbctl modes``."""
+        address = "" if self.shared else self.options.address  # in the shell, it is known
+        return " ".join(word for word in ("cbctl", address, *words) if word)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The board's joints."""
+        return self.client.names
+
+    def joints(self, words: Sequence[str] | None) -> list[str]:
+        """The joints that words mean; none: all."""
+        return find_joints(words or (), self.names)
+
+    def values(self, pairs: Sequence[tuple[str, Quantity]]) -> dict[str, float]:
+        """Values by joint, each with a unit that fits the joint.
+
+        Raises:
+            Refused: an unknown joint, or degrees for a sliding joint and the like.
+        """
+        values = assigned(pairs, self.names)
+        for name, value in values.items():
+            joint = self.robot.get(name) if value.dimension else None
+            if joint is not None and joint.dimension != value.dimension:
+                unit = self.kind(name).choose("rad or deg", "m or mm")
+                raise Refused(f"{name} is {joint.kind}; give its value in {unit}")
+        return {name: value.value for name, value in values.items()}
+
+    def within_limits(
+        self, pairs: Sequence[tuple[str, Quantity]], kind: str = "position"
+    ) -> dict[str, float]:
+        """Values of a kind by joint, as ``values``, within the limits that the board has now.
+
+        Raises:
+            Refused: as ``values``, or a value beyond the joint's limits.
+        """
+        values = self.values(pairs)
+        given = assigned(pairs, self.names)
+        kinds = {name: self.kind(name) for name in values}
+        check_limits(kind, given, self.limits(list(values)), kinds)
+        return values
+
+    def limits(self, names: Sequence[str]) -> dict[str, JointLimits | None]:
+        """The limits in force, from the board's parameters; None where it does not tell them."""
+        from control_board_ros.client import BoardError
+        from control_board_ros.core.selection import RequestError
+
+        try:
+            values = self.client.get_parameters(limit_parameters(names)).values()
+        except (BoardError, RequestError):
+            return dict.fromkeys(names)
+        return limits_of(names, values)
+
+    def kind(self, name: str) -> JointKind:
+        """The kind of a joint; REVOLUTE where the board's URDF does not tell."""
+        joint = self.robot.get(name)
+        return JointKind.of(None if joint is None else joint.kind)
+
+    @cached_property
+    def robot(self) -> Mapping[str, DescribedJoint]:
+        """Kind and limits of each joint, from the board's URDF; empty when it has none."""
+        from control_board_ros.client import BoardTimeout
+
+        try:
+            return heard_joints(self.client.get_robot_description())
+        except BoardTimeout:
+            return {}
+
+    def position(self, name: str, value: float) -> str:
+        """A position of a joint, for people."""
+        return self.kind(name).position(value)

@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What joints do now, in words, and the next step where nothing holds them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from control_board_ros.core.terms.modes import NOT_HOLDING
+
+from ..text.output import REFUSED, fail, note
+
+if TYPE_CHECKING:
+    from .session import Session
+
+#: What a joint does in a mode when nothing more is asked of it.
+DOING = {
+    "pos": "holds",
+    "posd": "holds",
+    "vel": "holds",
+    "mix": "holds",
+    "torq": "gives {torque:.3g} {unit}",
+    "open": "gets {output:.3g} %",
+    "idl": "is free, without power,",
+    "hwfa": "is in fault, without power,",
+    "cal": "is calibrating",
+    "cfgn": "is not configured",
+}
+#: Modes without power, and the next step.
+WITHOUT_POWER = {"idl": ("hold with", "mode {} pos"), "hwfa": ("clear with", "clear {}")}
+
+
+def what_they_do(session: Session, names: list[str]) -> str:
+    """What each joint does, where, in which mode."""
+    client = session.client
+    modes = client.get_control_mode(names)
+    positions = client.get_encoder(names).tolist()
+    torques, outputs = client.get_ref_torque(names), client.get_output(names)
+    doing = [
+        DOING.get(mode.code, "is").format(torque=torque, output=output, unit=unit)
+        for mode, torque, output, unit in zip(
+            modes, torques, outputs, [session.kind(name).force_unit for name in names], strict=True
+        )
+    ]
+    return ", ".join(
+        f"{name} {does} at {session.position(name, q)} ({mode.name})"
+        for name, does, q, mode in zip(names, doing, positions, modes, strict=True)
+    )
+
+
+def cancelled(session: Session, what: str, names: list[str]) -> int:
+    """Say what joints do after Ctrl-C; the exit code."""
+    text = f"{what} cancelled: {what_they_do(session, names)}"
+    if session.options.json:
+        return fail(text, REFUSED, as_json=True)
+    note(session, text)
+    return REFUSED
+
+
+def warn_without_power(session: Session, modes: Mapping[str, str]) -> None:
+    """Say which of the joints have no power, where they are, and how to hold them.
+
+    Args:
+        session: with the board.
+        modes: the codes of the modes that joints have now, by joint.
+    """
+    if session.options.json:
+        return
+    for code, (what, verb) in WITHOUT_POWER.items():
+        loose = [name for name, mode in modes.items() if mode == code]
+        if loose:
+            positions = session.client.get_encoder(loose).tolist()
+            angles = zip(loose, map(session.position, loose, positions), strict=True)
+            where = ", ".join(f"{name} at {angle}" for name, angle in angles)
+            words = "all" if len(loose) == len(session.names) else " ".join(loose)
+            step = f"{what}: {session.line(verb.format(words))}"
+            note(session, f"free to fall, without power: {where}; {step}")
+
+
+def warn_not_holding(session: Session, names: list[str]) -> None:
+    """Say which joints nothing holds, now that their torque or output is zero."""
+    modes = session.client.get_control_mode(names)
+    loose = [name for name, mode in zip(names, modes, strict=True) if mode in NOT_HOLDING]
+    if loose:
+        words = " ".join(loose)
+        step = session.line("mode", words, "pos")
+        note(session, f"nothing holds {words} now; hold with: {step}")

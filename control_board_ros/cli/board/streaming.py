@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sending references again and again, and stopping in the end."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
+
+from ..line.words import UsageError, quantity, short_names
+from ..text.output import REFUSED, conclude, note
+from .progress import Bar, Standstill
+from .session import Session
+from .status import warn_not_holding, what_they_do
+
+if TYPE_CHECKING:
+    from control_board_ros.core.terms.reply import Reply
+
+#: Hz; velocity references expire after 0.2 s unless configured otherwise.
+RATE = 50.0
+#: s to wait for the end of a ramp.
+RAMP_TIMEOUT = 5.0
+#: Joints whose positions are shown meanwhile.
+SHOWN = 2
+
+Send = Callable[[list[str], list[float]], "Reply"]
+
+
+def duration(text: str | None) -> float | None:
+    """The seconds of ``--for``.
+
+    Raises:
+        UsageError: no time, or none above 0.
+    """
+    if text is None:
+        return None
+    seconds = quantity(text, "time").value
+    if seconds <= 0.0:
+        raise UsageError(f"--for {text} is not valid; give a time above 0, e.g. 2s")
+    return seconds
+
+
+def settle(session: Session, names: list[str]) -> None:
+    """Let velocity references ramp down, so that what is said of them holds."""
+    from control_board_ros.client import BoardTimeout
+
+    chosen = [session.names.index(name) for name in names]
+    with contextlib.suppress(BoardTimeout):  # a very slow ramp: tell what is so far
+        session.client.wait_for_state(
+            lambda state: not state.velocity_reference[chosen].any(), RAMP_TIMEOUT
+        )
+
+
+def stream(
+    session: Session, send: Send, values: dict[str, float], seconds: float | None, mode: str
+) -> int:
+    """Send references until the time is over or Ctrl-C, then zero; the exit code.
+
+    It ends early when the board ignores them: a joint has left its mode. Ctrl-C before the time
+    is over is exit code 1; where no time was given it is the end asked for. What the board does
+    instead of what is asked is told once.
+
+    Args:
+        session: with the board.
+        send: sends references, and gives the board's answer.
+        values: by joint.
+        seconds: how long; None: until Ctrl-C.
+        mode: in which joints take them.
+    """
+    names = list(values)
+    start = time.monotonic()
+    reply, told, interrupted = None, "", False
+    try:
+        for reply in sent(session, send, values, seconds):
+            if not reply:
+                break
+            if reply.message and not told:
+                told = reply.message
+                note(session, told)
+    except KeyboardInterrupt:
+        interrupted = seconds is not None
+    if reply is not None and not reply:
+        if taken := accepted_joints(reply):
+            end(session, send, taken)
+        return conclude(session, reply, mode=mode)
+    if interrupted:
+        note(session, f"interrupted after {time.monotonic() - start:.1f} s of {seconds:g} s")
+    last = end(session, send, names)
+    code = conclude(session, last, f"stopped: {what_they_do(session, names)}")
+    warn_not_holding(session, names)
+    return REFUSED if interrupted else code
+
+
+def sent(
+    session: Session, send: Send, values: dict[str, float], seconds: float | None
+) -> Iterator[Reply]:
+    """Send references at RATE, showing how the joints stand; the reply to each."""
+    names, numbers = list(values), list(values.values())
+    where(session, names)  # from now on it is known without waiting
+    standstill = Standstill()
+    with Bar(session, "streaming", endless=seconds is None) as bar:
+        start = due = time.monotonic()
+        yield send(names, numbers)  # what is refused at once draws no bar
+        while seconds is None or due - start < seconds:
+            elapsed = due - start
+            left = "Ctrl-C stops" if seconds is None else f"{seconds - elapsed:.1f} s"
+            share = 0.0 if seconds is None else elapsed / seconds
+            stamp = session.client.get_state(fresh=False).stamp
+            hint = standstill.hint(stamp, time.monotonic())
+            bar.update(share, f"{where(session, names)}, {left}{hint}")
+            due += 1.0 / RATE
+            time.sleep(max(due - time.monotonic(), 0.0))
+            yield send(names, numbers)
+        bar.update(1.0, "done")
+
+
+def where(session: Session, names: list[str]) -> str:
+    """The positions last heard of some joints, as many as a line has room for."""
+    state = session.client.get_state(fresh=False)
+    shorts = short_names(state.names)
+    positions = [
+        f"{shorts[name]} {session.position(name, float(state.position[j]))}"
+        for j, name in enumerate(state.names)
+        if name in names
+    ]
+    return ", ".join(positions[:SHOWN]) + (", …" if len(positions) > SHOWN else "")
+
+
+def accepted_joints(reply: Reply) -> list[str]:
+    """The joints of a reply that took the references."""
+    answers = zip(reply.joints, reply.answers, strict=True)
+    return [name for name, answer in answers if answer == "accepted"]
+
+
+def end(session: Session, send: Send, names: list[str]) -> Reply:
+    """Send zero to joints, and let what they did run out."""
+    reply = send(names, [0.0] * len(names))
+    settle(session, names)
+    return reply

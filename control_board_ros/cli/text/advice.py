@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What to type next, by the code of a reply: the board says what is so, and names no tool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from control_board_ros.core.terms.reply import Reply
+
+#: What to do about joints with a code, and with which verb; they stand between verb and mode.
+STEPS = {
+    "in_fault": ("clear with", "clear"),
+    "emergency_stop": ("release with", "estop"),
+    "uncalibrated": ("calibrate with", "calibrate"),
+    "other_mode": ("switch with", "mode"),
+    "nothing_to_stop": ("take the power with", "mode"),
+}
+
+
+def advice(
+    reply: Reply, everyone: Sequence[str], line: Callable[..., str], mode: str = "pos"
+) -> str:
+    """What to type about the joints that did not do what was asked; empty: nothing.
+
+    Args:
+        reply: of the board.
+        everyone: the names of all its joints.
+        line: makes the line to type, of a verb and what follows it.
+        mode: in which the joints would have done it.
+    """
+    texts = []
+    for code in dict.fromkeys(reply.codes):
+        names = [n for n, its in zip(reply.joints, reply.codes, strict=True) if its == code]
+        if code == "not_configured":
+            texts.append(f"configure with: {line('configure')}")
+        elif code in STEPS:
+            what, verb = STEPS[code]
+            words = "all" if len(names) == len(everyone) else " ".join(names)
+            wanted = {"other_mode": mode, "nothing_to_stop": "idl"}.get(code, "")
+            words, wanted = ("release", "") if verb == "estop" else (words, wanted)
+            texts.append(f"{what}: {line(verb, words, wanted)}")
+    return ", then ".join(texts)

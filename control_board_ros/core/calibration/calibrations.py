@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The calibrations of a board: those that run, and how the last of each joint stands (SPEC K)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..config.config import BoardConfig
+from ..config.layout import zones_of
+from ..config.parts import Calibration
+from ..terms.faults import FaultCode
+from ..terms.modes import Event
+from ..terms.vocabs import CommandKind
+from .calibration import TYPES, CalibrationError, CalibrationStatus, Calibrator
+from .joint_access import JointAccess
+
+if TYPE_CHECKING:
+    from ..machine.machine import Machine
+
+
+class Calibrations:
+    """Starts, steps and ends calibrators, group after group; knows which joints know their angle.
+
+    ``j in calibrations`` tells whether one of joint j runs or waits for its group.
+
+    Args:
+        machine: of the board; its modes change when a calibration begins and ends.
+
+    Attributes: shifted (any joint's angle differs from its reading).
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine, self._state = machine, machine.state
+        config = machine.config
+        self._status = [CalibrationStatus(name) for name in config.names]
+        self._running: dict[int, Calibrator] = {}
+        self._former: dict[int, tuple[float, bool]] = {}  # offset, calibrated: before it began
+        self._groups = groups_of(config)
+        self.shifted = False
+
+    def __contains__(self, j: int) -> bool:
+        return j in self._running
+
+    def __len__(self) -> int:
+        return len(self._running)
+
+    def status(self, j: int) -> CalibrationStatus:
+        """How the last calibration of a joint stands, and whether it is calibrated (K7)."""
+        return replace(self._status[j], calibrated=bool(self._state.calibrated[j]))
+
+    def forget(self, joints: Sequence[int]) -> None:
+        """Nothing is known of the calibrations of joints that begin anew (N1)."""
+        for j in joints:
+            self._running.pop(j, None)
+            self._status[j] = CalibrationStatus(self._machine.config.names[j])
+        self.shifted = bool(self._state.offset.any())
+
+    def start(self, j: int) -> None:
+        """Start the calibration of a joint (K1)."""
+        machine = self._machine
+        calibration = self._config(j)
+        self._former[j] = float(self._state.offset[j]), bool(self._state.calibrated[j])
+        self._state.calibrated[j] = False
+        access = JointAccess(machine, j)
+        self._running[j] = TYPES[calibration.type](calibration, access, machine.config.period)
+        self._show(j, running=True, phase="waiting")
+        machine.go(j, Event.CALIBRATE)
+
+    def step(self) -> None:
+        """Step the calibrators that have begun, and those whose turn it is (K1, K3, K4)."""
+        for j in self._active():
+            calibrator = self._running[j]
+            try:
+                done = calibrator.step()
+            except CalibrationError as error:
+                self._machine.raise_fault(j, FaultCode.CALIBRATION, str(error))
+                continue
+            progress = calibrator.progress
+            self._show(j, running=True, progress=progress.fraction, phase=progress.phase)
+            if done:
+                self._finish(j)
+
+    def abort(self, j: int) -> None:
+        """End a calibration that is not done: what it changed is taken back (K2, K4).
+
+        A joint that requires it is left uncalibrated (K7), another as it was: its former
+        angle and its limits hold.
+        """
+        if self._running.pop(j, None) is None:
+            return
+        calibration, (offset, calibrated) = self._config(j), self._former[j]
+        self.set_offset(j, offset)
+        self._state.calibrated[j] = calibrated and not calibration.required
+        progress = self._status[j].progress
+        self._show(j, progress=progress, phase="aborted", message="aborted")
+
+    def fail(self, j: int, text: str) -> None:
+        """Note why the calibration that was just ended failed (K4)."""
+        self._status[j] = replace(self._status[j], phase="failed", message=text)
+
+    def set_offset(self, j: int, offset: float) -> None:
+        """Take reading − offset as the joint angle, rad."""
+        state = self._state
+        state.position[j] += state.offset[j] - offset
+        state.offset[j] = offset
+        self.shifted = bool(state.offset.any())
+
+    def know_angle(self, j: int) -> None:
+        """A joint's angle is true from now on; its last references are where it stands (M11)."""
+        self._state.calibrated[j] = True
+        for kind in (CommandKind.POSITION, CommandKind.POSITION_DIRECT):
+            self._machine.references.last[kind, j] = self._state.position[j]
+
+    def _active(self) -> list[int]:
+        """The joints that calibrate now; the others wait, and nobody who has begun does.
+
+        In each part, a group begins when it is the first of those that are asked for and no other
+        drives; parts go side by side (R4).
+        """
+        active: list[int] = []
+        for part in {self._groups[j].part for j in self._running}:
+            running = [j for j in self._running if self._groups[j].part == part]
+            turn = min(self._groups[j].turn for j in running)
+            begun = [j for j in running if self._running[j].begun]
+            if all(self._groups[j].turn == turn for j in begun):
+                begun = [j for j in running if self._groups[j].turn == turn]
+            active += begun
+        return active
+
+    def _finish(self, j: int) -> None:
+        del self._running[j]
+        self.know_angle(j)
+        self._show(j, done=True, progress=1.0, phase="done")
+        self._machine.go(j, Event.CALIBRATED)
+        self._machine.report("info", "calibrated", j, "calibrated")
+
+    def _config(self, j: int) -> Calibration:
+        calibration = self._machine.config.joints[j].calibration
+        assert calibration is not None
+        return calibration
+
+    def _show(self, j: int, **fields: Any) -> None:
+        self._status[j] = CalibrationStatus(self._machine.config.names[j], **fields)
+
+
+class Group(NamedTuple):
+    """The calibration group of a joint: of which part, and its turn there."""
+
+    part: int
+    turn: int
+
+
+def groups_of(config: BoardConfig) -> list[Group]:
+    """The calibration group of each joint; joints in none form the last one of their part."""
+    found = []
+    for part, zone in enumerate(zones_of(config)):
+        groups = zone.config.calibration_groups
+        turns = {name: turn for turn, names in enumerate(groups) for name in names}
+        found += [Group(part, turns.get(name, len(turns))) for name in zone.config.names]
+    return found

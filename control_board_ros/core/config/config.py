@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The configuration of a board: frozen, checked when made (SPEC N2).
+
+If a :class:`BoardConfig` exists, it is valid. Every error names the key, the value and what
+is allowed. Units: rad, rad/s, N·m, A, V, K, s, and percent for PWM; m and N for prismatic
+joints.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import field
+
+from ...text import clean_name
+from ..model.arm_model import ArmModel
+from ..terms.joint_kind import JointKind
+from ..terms.modes import (
+    INITIAL_INTERACTION,
+    MOVES,
+    SELECTABLE,
+    SENSE_TORQUE,
+    STARTUP_MODES,
+    UNPOWERED,
+)
+from ..terms.set_points import KINDS, OnSilence, SetPoint
+from ..terms.vocabs import ControlMode, InteractionMode
+from .checks import ConfigError, check_number, check_parameters
+from .constraints import Constraints, JointConstraints
+from .parameter import configuration, parameter, parameters_of, part
+from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Pid, Timeouts
+
+__all__ = [
+    "STARTUP_MODES",
+    "BoardConfig",
+    "Calibration",
+    "ConfigError",
+    "Impedance",
+    "JointConfig",
+    "Limits",
+    "Motor",
+    "Pid",
+    "Timeouts",
+    "check_number",
+]
+
+NAMES = "a joint name: up to 120 characters that can be shown"
+OUTPUTS = ("pwm", "current")
+#: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
+DAMPING_RATIO, FASTEST_DAMPING = 0.75, 400.0
+
+#: Units of the loops' gains.
+_POSITION = {"kp": "N·m/rad", "ki": "N·m/(rad·s)", "kd": "N·m·s/rad", "kff": "N·m/rad"}
+_TORQUE = {"kp": "1", "ki": "1/s", "kd": "s", "kff": "1"}
+_CURRENT = {"kp": "V/A", "ki": "V/(A·s)", "kd": "V·s/A", "kff": "V/A", "integral_limit": "V"}
+
+
+@configuration
+class JointConfig:
+    """Everything the board must know of one joint.
+
+    Attributes:
+        name: Of the joint.
+        kind: A prismatic joint has m for rad and N for N·m.
+        position_pid: Of POSITION, MIXED and VELOCITY.
+        direct_pid: Of POSITION_DIRECT; None: as position_pid.
+        current_pid: Used where the board's output is ``current``.
+        inertia_min: For protection and gains.
+        inertia_mean: For feed-forward.
+        inertia_max: For damping.
+    """
+
+    name: str
+    kind: JointKind = JointKind.REVOLUTE
+    limits: Limits = part()
+    position_pid: Pid = part(
+        "Position PID: ",
+        units=_POSITION,
+        derived={
+            "kp": "inertia_min",
+            "ki": "inertia_min",
+            "kd": "inertia_min",
+            "integral_limit": "limits.torque",
+        },
+    )
+    direct_pid: Pid | None = part(
+        "PID of POSITION_DIRECT: ",
+        default=None,
+        units=_POSITION,
+        derived=dict.fromkeys((row.name for row in parameters_of(Pid)), "position_pid at start"),
+    )
+    torque_pid: Pid = part(
+        "Torque PID: ",
+        in_files=Pid(kp=0.0, ki=30.0, kff=1.0),
+        units=_TORQUE,
+        derived={"integral_limit": "limits.torque"},
+    )
+    current_pid: Pid = part(
+        "Current PI: ",
+        default=Pid(kp=0.5, ki=200.0),
+        units=_CURRENT,
+        derived={
+            "kp": "motor and control_rate",
+            "ki": "motor and control_rate",
+            "integral_limit": "motor.supply_voltage",
+        },
+    )
+    impedance: Impedance = part()
+    motor: Motor = part(default=Motor())
+    back_emf_compensation: float = parameter(
+        "Part of the back-EMF that the output makes up for", default=1.0, low=0.0, high=1.0
+    )
+    reference_speed: float = parameter(
+        "Reference speed at start",
+        "rad/s or m/s",
+        default=10.0 * DEGREE,
+        above=0.0,
+        high="limits.velocity",
+        derived="10 deg/s; 0.05 m/s",
+    )
+    reference_acceleration: float = parameter(
+        "Reference acceleration at start",
+        "rad/s² or m/s²",
+        default=10.0 * DEGREE,
+        above=0.0,
+        high="limits.acceleration",
+        derived="10 deg/s²; 0.05 m/s²",
+    )
+    timeouts: Timeouts = part(default=Timeouts())
+    constraints: JointConstraints = part(default=JointConstraints())
+    torque_sensor: bool = parameter(
+        "Has a torque sensor; TORQUE and COMPLIANT need one", default=True
+    )
+    control_modes: tuple[ControlMode, ...] = parameter(
+        "Control modes that the joint implements", default=SELECTABLE, choices=SELECTABLE
+    )
+    interaction_modes: tuple[InteractionMode, ...] = parameter(
+        "Interaction modes that the joint implements",
+        default=tuple(InteractionMode),
+        choices=InteractionMode,
+    )
+    startup_mode: ControlMode = parameter(
+        "Control mode without calibration",
+        default=MOVES,
+        choices=STARTUP_MODES,
+    )
+    startup_interaction: InteractionMode = parameter(
+        "Interaction mode without calibration",
+        default=INITIAL_INTERACTION,
+        choices=InteractionMode,
+    )
+    drive: tuple[SetPoint, ...] = parameter(
+        "Set-points that the joint's drive is given; empty: all that it takes, which of a "
+        "simulated one is pwm",
+        default=(),
+        choices=KINDS,
+    )
+    on_silence: OnSilence = parameter(
+        "What the motor does when its drive hears nothing from the board, as far as it can",
+        default=OnSilence.FREE,
+        choices=OnSilence,
+    )
+    calibration: Calibration | None = part(default=None)
+    max_travel_error: float = parameter(
+        "Disagreement of encoder and motor that is a fault",
+        "rad or m",
+        default=2.0 * DEGREE,
+        above=0.0,
+        high=math.inf,
+        derived="2 deg; 5 mm",
+    )
+    inertia_min: float = parameter(
+        "Least inertia that the motor moves, rotor included, other joints free to give way",
+        "kg·m² or kg",
+        default=1.0,
+        above=0.0,
+        derived="URDF and motor.inertia",
+    )
+    inertia_mean: float = parameter(
+        "Mean inertia that the motor moves, rotor included, other joints standing",
+        "kg·m² or kg",
+        default=1.0,
+        low="inertia_min",
+        derived="URDF and motor.inertia",
+    )
+    inertia_max: float = parameter(
+        "Greatest inertia that the motor moves in any pose, rotor included",
+        "kg·m² or kg",
+        default=1.0,
+        low="inertia_mean",
+        derived="URDF and motor.inertia",
+    )
+
+    def __post_init__(self) -> None:
+        if not self.name or clean_name(self.name) != self.name:
+            raise ConfigError("joints", clean_name(self.name), NAMES)
+        if {*".,"} & {*self.name}:  # they part parameters and lists
+            allowed = "joint names without '.' and ','; rename the joint in its URDF"
+            raise ConfigError("joints", self.name, allowed)
+        if self.kind not in set(JointKind):
+            raise ConfigError(f"{self.name}.kind", self.kind, _one_of(tuple(JointKind)))
+        object.__setattr__(self, "kind", JointKind(self.kind))
+        check_parameters(f"{self.name}.", self)
+        self.limits.check(f"{self.name}.limits")
+        self._check_modes(self.name)
+        if self.calibration is not None:
+            key, final = f"{self.name}.calibration", self.calibration
+            final.check(key, self.limits, self.motor)
+            self._check_final(f"{key}.control_mode", final.control_mode, SELECTABLE)
+            self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)
+
+    def _check_modes(self, key: str) -> None:
+        if UNPOWERED not in self.control_modes:
+            allowed = f"a list that holds {UNPOWERED.code}"
+            raise ConfigError(f"{key}.control_modes", self._codes(), allowed)
+        for mode in self.control_modes:
+            if mode not in SELECTABLE:
+                allowed = ", ".join(m.code for m in SELECTABLE)
+                raise ConfigError(f"{key}.control_modes", mode.code, f"one of {allowed}")
+        if InteractionMode.STIFF not in self.interaction_modes:
+            raise ConfigError(f"{key}.interaction_modes", "without stif", "a list that holds stif")
+        sense = SENSE_TORQUE.intersection((*self.control_modes, *self.interaction_modes))
+        if sense and not self.torque_sensor:
+            raise ConfigError(
+                f"{key}.torque_sensor",
+                False,
+                "true, or leave torq out of control_modes and comp out of interaction_modes",
+            )
+        self._check_final(f"{key}.startup_mode", self.startup_mode, STARTUP_MODES)
+        self._check_interaction(f"{key}.startup_interaction", self.startup_interaction)
+
+    def _check_final(self, key: str, mode: ControlMode, choices: tuple[ControlMode, ...]) -> None:
+        if mode not in choices or mode not in self.control_modes:
+            allowed = ", ".join(m.code for m in choices if m in self.control_modes)
+            raise ConfigError(key, mode.code, f"one of {allowed}")
+
+    def _check_interaction(self, key: str, mode: InteractionMode) -> None:
+        if mode not in self.interaction_modes:
+            allowed = ", ".join(m.code for m in self.interaction_modes)
+            raise ConfigError(key, mode.code, f"one of {allowed}")
+
+    def _codes(self) -> list[str]:
+        return [m.code for m in self.control_modes]
+
+
+def spring_damping(stiffness: float, inertia: float) -> float:
+    """Damping of a spring: d = 2 ζ √(k J), N·m·s/rad; ζ = DAMPING_RATIO."""
+    return 2.0 * DAMPING_RATIO * math.sqrt(stiffness * inertia)
+
+
+def damping_for(stiffness: float, joint: JointConfig) -> float:
+    """The damping that goes with a stiffness, N·m·s/rad.
+
+    That of J = inertia_max: released, the joint passes its place by no more than a tenth in any
+    pose. At most max_damping, and what the torque loop bears at inertia_min.
+    """
+    best = spring_damping(stiffness, joint.inertia_max)
+    return min(best, FASTEST_DAMPING * joint.inertia_min, joint.impedance.max_damping)
+
+
+@configuration
+class BoardConfig:
+    """A whole board.
+
+    Attributes:
+        joints: In the board's order.
+        calibration_groups: Names of joints that calibrate together, group after group; joints in
+            no group form the last one.
+        model: The masses of the arm; None: not known, each joint is taken by itself.
+        parts: The parts of a robot by name, each with a configuration of its own, and with it its
+            model, calibration groups and constraints; made by ``layout.joined``.
+    """
+
+    joints: tuple[JointConfig, ...]
+    model: ArmModel | None = None
+    parts: Mapping[str, BoardConfig] = field(default_factory=dict)
+    control_rate: float = parameter(
+        "Control cycles; the gains hold from 200 to 4000, the log warns below",
+        "Hz",
+        default=1000.0,
+        low=10.0,
+        high=20000.0,
+    )
+    output: str = parameter(
+        "What the control laws give: pwm, or current to an inner loop",
+        default="pwm",
+        choices=OUTPUTS,
+    )
+    heartbeat_timeout: float = parameter(
+        "Silence of ~/heartbeat that is an emergency stop; 0: none is expected",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=1e6,
+    )
+    autoconfigure: bool = parameter(
+        "Leave NOT_CONFIGURED at start; else by ~/configure", default=True
+    )
+    calibration_groups: tuple[tuple[str, ...], ...] = parameter(
+        'Joints that calibrate together, group after group: each "joint,joint,…"', default=()
+    )
+    allow_partial_joints_goal: bool = parameter(
+        "Take trajectory goals for some of the joints", default=True, run_time=True
+    )
+    constraints: Constraints = part(default=Constraints())
+
+    def __post_init__(self) -> None:
+        if not self.joints:
+            raise ConfigError("joints", [], "at least one joint")
+        names = [joint.name for joint in self.joints]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ConfigError("joints", twice, "each joint once")
+        if self.model is not None and len(self.model.links) != len(self.joints):
+            raise ConfigError("model", len(self.model.links), f"{len(self.joints)} links")
+        check_parameters("", self)
+        if self.output not in OUTPUTS:
+            raise ConfigError("output", self.output, _one_of(OUTPUTS))
+        grouped = [name for group in self.calibration_groups for name in group]
+        for name in grouped:
+            if name not in names or grouped.count(name) > 1:
+                raise ConfigError("calibration_groups", name, "joints of the board, each once")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Joint names in the board's order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def period(self) -> float:
+        """The control period, s."""
+        return 1.0 / self.control_rate
+
+
+def _one_of(choices: tuple[str, ...]) -> str:
+    *most, last = choices
+    return f"{', '.join(most)} or {last}"

@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The parts of a joint's configuration; units as in config.py."""
+
+from __future__ import annotations
+
+import math
+
+from ..terms.modes import INITIAL_INTERACTION, MOVES, SELECTABLE
+from ..terms.vocabs import ControlMode, InteractionMode
+from .checks import ConfigError, check_number
+from .parameter import configuration, parameter
+
+DERIVATIVE_CUTOFF = 400.0  # Hz, unless configured otherwise
+DEGREE = math.pi / 180.0
+
+_INSIDE = "hard stop, 2 deg or 2 % of the range inside"
+
+
+@configuration
+class Pid:
+    """Gains of a PID loop whose output is a torque (N·m), or for the current loop a voltage.
+
+    u = kff·reference + kp·e + ki·∫e dt + kd·d, d being the rate of e through a first-order
+    low pass. The units of gain and output are the loop's.
+    """
+
+    kp: float = parameter("proportional gain", low=0.0, run_time=True)
+    ki: float = parameter("integral gain", default=0.0, low=0.0, run_time=True)
+    kd: float = parameter("derivative gain", default=0.0, low=0.0, run_time=True)
+    kff: float = parameter("feed-forward of the reference", default=0.0, low=0.0, run_time=True)
+    integral_limit: float = parameter(
+        "bound of the integral part",
+        "N·m",
+        default=math.inf,
+        low=0.0,
+        high=math.inf,
+        run_time=True,
+    )
+    derivative_cutoff: float = parameter(
+        "low pass of the rate", "Hz", default=DERIVATIVE_CUTOFF, above=0.0, run_time=True
+    )
+
+
+@configuration
+class Limits:
+    """What a joint may do. The software limits lie within the hard stops."""
+
+    lower: float = parameter(
+        "Software limit", "rad or m", low=-math.inf, run_time=True, derived=_INSIDE
+    )
+    upper: float = parameter(
+        "Software limit", "rad or m", above="lower", high=math.inf, run_time=True, derived=_INSIDE
+    )
+    hard_lower: float = parameter("Hard stop", "rad or m", low=-math.inf, derived="URDF")
+    hard_upper: float = parameter(
+        "Hard stop", "rad or m", above="hard_lower", high=math.inf, derived="URDF"
+    )
+    velocity: float = parameter("Speed limit", "rad/s or m/s", above=0.0, derived="URDF")
+    acceleration: float = parameter(
+        "Acceleration limit",
+        "rad/s² or m/s²",
+        above=0.0,
+        derived="10 × limits.velocity per s, at most what torque and inertia_max allow",
+    )
+    torque: float = parameter("Torque limit", "N·m or N", above=0.0, derived="URDF (effort)")
+    output: float = parameter("Largest PWM", "percent", default=100.0, above=0.0, high=100.0)
+    nominal_current: float = parameter(
+        "Continuous current", "A", above=0.0, derived="0.6 × torque limit, gravity"
+    )
+    peak_current: float = parameter(
+        "Overcurrent threshold",
+        "A",
+        above="nominal_current",
+        derived="motor reversed at full speed",
+    )
+    hard_margin: float = parameter(
+        "Overrun of a hard stop that is a fault",
+        "rad or m",
+        default=2.0 * DEGREE,
+        above=0.0,
+        derived="2 deg; 5 mm",
+    )
+    overload_time: float = parameter(
+        "Time at peak current until I²t trips", "s", default=2.0, above=0.0
+    )
+    temperature: float = parameter("Hottest winding allowed", "°C", default=120.0, above=0.0)
+    temperature_hysteresis: float = parameter(
+        "How far below it the fault can clear", "K", default=10.0, low=0.0
+    )
+
+    def check(self, key: str) -> None:
+        """Raise ConfigError unless the software limits lie within the hard stops."""
+        if self.lower < self.hard_lower:
+            raise ConfigError(
+                f"{key}.lower", self.lower, f"at least the hard stop, {self.hard_lower:g}"
+            )
+        if self.upper > self.hard_upper:
+            raise ConfigError(
+                f"{key}.upper", self.upper, f"at most the hard stop, {self.hard_upper:g}"
+            )
+
+
+@configuration
+class Motor:
+    """The DC motor and gearbox of a joint, as on its name plate."""
+
+    resistance: float = parameter(
+        "Winding resistance", "ohm", default=1.0, above=0.0, derived="limits"
+    )
+    inductance: float = parameter(
+        "Winding inductance",
+        "H",
+        default=1e-3,
+        above=0.0,
+        derived="1.5 ms × motor.resistance",
+    )
+    torque_constant: float = parameter(
+        "Torque constant, and back-EMF constant in V·s/rad",
+        "N·m/A",
+        default=0.1,
+        above=0.0,
+        derived="limits",
+    )
+    gear_ratio: float = parameter("Motor turns per joint turn", default=100.0, above=0.0)
+    efficiency: float = parameter("Of the gearbox", default=1.0, above=0.0, high=1.0)
+    supply_voltage: float = parameter("Supply", "V", default=48.0, above=0.0)
+    thermal_time: float = parameter(
+        "Time constant of the winding's cooling; 0: not known",
+        "s",
+        default=0.0,
+        low=0.0,
+        derived="thermal_resistance × thermal_capacitance",
+    )
+    ambient: float = parameter(
+        "Temperature around the motor", "°C", default=25.0, low=-273.15, high=1000.0
+    )
+
+    @property
+    def torque_per_ampere(self) -> float:
+        """Joint torque per ampere, N·m/A."""
+        return self.torque_constant * self.gear_ratio * self.efficiency
+
+    @property
+    def back_emf(self) -> float:
+        """Back-EMF per joint speed, V·s/rad."""
+        return self.torque_constant * self.gear_ratio
+
+    def stall_current(self, output: float) -> float:
+        """Current at standstill, I = V/R, A; output in percent."""
+        return 0.01 * output * self.supply_voltage / self.resistance
+
+
+@configuration
+class Impedance:
+    """Virtual spring and damper at start-up and their bounds (SPEC I6)."""
+
+    stiffness: float = parameter(
+        "Stiffness at start", "N·m/rad", low=0.0, high="max_stiffness", derived="position_pid"
+    )
+    damping: float = parameter(
+        "Damping at start", "N·m·s/rad", low=0.0, high="max_damping", derived="position_pid"
+    )
+    max_stiffness: float = parameter(
+        "Largest stiffness", "N·m/rad", low=0.0, derived="position_pid"
+    )
+    max_damping: float = parameter("Largest damping", "N·m·s/rad", low=0.0, derived="position_pid")
+
+
+@configuration
+class Timeouts:
+    """Reference timeouts (SPEC P12), and sensor silence that is a fault."""
+
+    velocity: float = parameter(
+        "Age of a velocity reference that stops the joint; 0: never",
+        "s",
+        default=0.2,
+        low=0.0,
+        high=1e6,
+        run_time=True,
+    )
+    torque: float = parameter(
+        "Age of a torque reference that is a fault; 0: never",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=1e6,
+        run_time=True,
+    )
+    output: float = parameter(
+        "Age of an open-loop reference that is a fault; 0: never",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=1e6,
+        run_time=True,
+    )
+    encoder: float = parameter(
+        "Silence of the encoder that is a fault",
+        "s",
+        default=0.02,
+        above=0.0,
+        high=1e6,
+        run_time=True,
+    )
+    torque_sensor: float = parameter(
+        "Silence of the torque sensor that is a fault",
+        "s",
+        default=0.02,
+        above=0.0,
+        high=1e6,
+        run_time=True,
+    )
+
+
+#: Types of calibration and what they are; core.calibration has the class of each.
+CALIBRATION_TYPES = {3: "offset and move", 5: "move to a hard stop", 12: "absolute sensor"}
+
+#: A hard stop is confirmed by a push that is harder by PUSH, and by LEAST_PUSH at least; it stays
+#: below the peak current by PUSH_CURRENT.
+PUSH, LEAST_PUSH, PUSH_CURRENT = 1.5, 1.2, 0.9
+
+
+@configuration
+class Calibration:
+    """How a joint finds its zero (SPEC K5), with the iCub's type numbers."""
+
+    type: int = parameter(
+        ", ".join(["0 none", *(f"{n} {text}" for n, text in CALIBRATION_TYPES.items())]),
+        default=0,
+        low=0,
+        high=12,
+    )
+    required: bool = parameter("Leave NOT_CONFIGURED only through calibration", default=True)
+    zero: float = parameter("Encoder reading at angle 0 (types 3 and 12)", "rad or m", default=0.0)
+    start: float = parameter("Where to go when done", "rad or m", default=0.0, derived="home")
+    speed: float = parameter(
+        "Speed on the way there",
+        "rad/s or m/s",
+        default=10.0 * DEGREE,
+        above=0.0,
+        high="limits.velocity",
+        derived="reference_speed",
+    )
+    output: float = parameter(
+        "PWM towards the stop, within limits.output; its sign is the direction (type 5)",
+        "percent",
+        default=0.0,
+        low=-100.0,
+        high=100.0,
+    )
+    stop: float = parameter("Angle of that stop (type 5)", "rad or m", default=0.0)
+    stall_time: float = parameter(
+        "Time without motion that makes a stop (type 5)", "s", default=0.1, above=0.0
+    )
+    timeout: float = parameter("Time for a calibration", "s", default=30.0, above=0.0)
+    control_mode: ControlMode = parameter(
+        "Control mode when calibrated", default=MOVES, choices=SELECTABLE
+    )
+    interaction_mode: InteractionMode = parameter(
+        "Interaction mode when calibrated", default=INITIAL_INTERACTION, choices=InteractionMode
+    )
+
+    def push(self, limits: Limits, motor: Motor) -> float:
+        """PWM that confirms a hard stop, percent: 1.5 times the output, within the joint's limits.
+
+        The limits are those of output, torque and peak current; the sign is left out.
+        """
+        per_percent = motor.stall_current(1.0)
+        current = min(limits.torque / motor.torque_per_ampere, PUSH_CURRENT * limits.peak_current)
+        return min(PUSH * abs(self.output), limits.output, current / per_percent)
+
+    def check(self, key: str, limits: Limits, motor: Motor) -> None:
+        """Raise ConfigError unless the joint can be calibrated like this."""
+        if self.type not in CALIBRATION_TYPES:
+            known = (f"{number} ({text})" for number, text in sorted(CALIBRATION_TYPES.items()))
+            raise ConfigError(f"{key}.type", self.type, ", ".join(known))
+        if self.type != 12:
+            check_number(f"{key}.start", self.start, limits.lower, limits.upper)
+        check_number(f"{key}.output", self.output, -limits.output, limits.output)
+        if self.type == 5:
+            self._check_stop(key, limits, motor)
+
+    def _check_stop(self, key: str, limits: Limits, motor: Motor) -> None:
+        """The stop lies where the joint can be, and its drive leaves room for a harder push."""
+        if self.output == 0.0:
+            raise ConfigError(
+                f"{key}.output", self.output, "not zero: the PWM that finds the stop"
+            )
+        margin = limits.hard_margin
+        check_number(
+            f"{key}.stop", self.stop, limits.hard_lower - margin, limits.hard_upper + margin
+        )
+        push = self.push(limits, motor)
+        if push < LEAST_PUSH * abs(self.output):
+            raise ConfigError(
+                f"{key}.output",
+                self.output,
+                f"at most {push / LEAST_PUSH:.4g} %, so that limits.output, limits.torque and "
+                "limits.peak_current let a harder push confirm the stop",
+            )

@@ -1,0 +1,285 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Following paths in POSITION_DIRECT, joint by joint (SPEC T2, T3, M4).
+
+One for a board, also for the joints of its parts.
+Whoever holds the board calls, between two cycles, ``follow`` for a new path, ``stop`` to stop
+joints, ``check`` after every request, and ``step`` before every tick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...protocols import Joints
+from ..board import Board
+from ..group import JointGroup
+from ..machine.explanations import explain_cut
+from ..terms.reply import Answer, JointAnswer, Reply, decided, joints_of
+from ..terms.vocabs import CommandKind
+from .path import SAME_TIME, Path, Sample, Spline, braking
+from .path_run import Bools, Run
+
+#: Why joints leave a path for a newer one.
+TAKEN = "another trajectory took over"
+
+
+class Follower:
+    """Follows paths, each for joints of its own; a joint follows the newest one."""
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._runs: list[Run] = []
+        self._version = board.modes_version
+        # The last direct positions as they should be: others than these are somebody else's.
+        self._known = self._last.copy()
+
+    @property
+    def _last(self) -> NDArray[np.float64]:
+        """The last direct positions that the board accepted, shape (n,)."""
+        row: NDArray[np.float64] = self._board.references.last[CommandKind.POSITION_DIRECT]
+        return row
+
+    @property
+    def busy(self) -> bool:
+        """Whether any path is under way or waiting."""
+        return bool(self._runs)
+
+    def follow(self, joints: Joints, path: Path, start: float) -> Reply:
+        """Follow a path from a time on (SPEC M4, T1).
+
+        A start in the future waits, and what the joints do goes on until then; of a path that
+        began in the past, the points that are past are left out. It begins at the reference
+        that is then in force, with its velocity.
+
+        Args:
+            joints: of the path's columns.
+            path: to follow.
+            start: time of the board at which the path begins, s.
+
+        Returns:
+            False where joints are not in POSITION_DIRECT (the others follow), where all of the
+            path is past, or where joints are missing that may not be. Its message also tells what
+            a limit cuts.
+        """
+        board = self._board
+        self.check()
+        selection = board.selector.select(joints)
+        if text := incomplete(board, selection.names):
+            return board.reject(selection.names, text)
+        late = board.time - (start + path.duration)
+        if late > 0.0:
+            text = f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
+            return board.reject(selection.names, text)
+        good = board.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
+        verdicts = dict(zip(selection.names, [JointAnswer()] * len(good), strict=True))
+        if not good.all():  # the board counts them and says why
+            names = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
+            refusal = board.set_position(names, path.positions[-1, ~good])
+            verdicts |= zip(names, refusal.each(), strict=True)
+        if good.any():
+            run = self.take(selection.joints[good], path.of(good), start)
+            verdicts |= {name: JointAnswer(text=text) for name, text in cuts(board, run).items()}
+        return decided(tuple(verdicts), list(verdicts.values()))
+
+    def take(
+        self, joints: NDArray[np.intp], path: Path, start: float, *, held: bool = False
+    ) -> Run:
+        """Follow a path with joints that are known to be in POSITION_DIRECT.
+
+        Args:
+            joints: indices, of the path's columns.
+            path: to follow.
+            start: time of the board at which the path begins, s.
+            held: stay at the last point, and watch the joints, until the run is ended.
+        """
+        board = self._board
+        run = Run(joints, [board.state.interaction_modes[j] for j in joints], path, start, held)
+        self._begin_due(board.time)
+        self._release(joints, waiting=True)
+        self._known[joints] = self._last[joints]
+        self._runs.append(run)
+        return run
+
+    def follows(self, run: Run) -> bool:
+        """Whether a run is under way or waiting still."""
+        return any(other is run for other in self._runs)
+
+    def leave(self, run: Run) -> None:
+        """End a run, quietly: its joints hold its last reference."""
+        self._runs = [other for other in self._runs if other is not run]
+
+    def brake(self, joints: NDArray[np.intp], why: str, present: Sample | None = None) -> None:
+        """End what joints follow, and stop them with their acceleration limits.
+
+        Args:
+            joints: indices, shape (k,).
+            why: for the log.
+            present: where they begin to brake, shape (k,); None: at their references.
+        """
+        if not joints.size:
+            return
+        board = self._board
+        references, rates = board.state.position_reference, board.state.velocity_reference
+        if present is None:
+            present = Sample(references[joints], rates[joints], np.zeros(len(joints)))
+        self.end(joints.tolist(), why)
+        for k, j in enumerate(joints.tolist()):
+            path = braking(
+                float(present.positions[k]),
+                float(present.velocities[k]),
+                board.config.joints[j].limits.acceleration,
+            )
+            self.take(joints[k : k + 1], path, board.time)
+
+    def end(self, joints: Joints, why: str) -> None:
+        """Follow nothing any more with these joints; ``why`` goes to the log."""
+        chosen = self._board.selector.select(joints).joints
+        for run in list(self._runs):
+            self._drop(run, np.isin(run.joints, chosen), why)
+
+    def stop(self, group: JointGroup, joints: Joints) -> Reply:
+        """Stop joints of a group (P3): it does, and they follow nothing any more."""
+        reply = group.stop(joints)
+        if stopped := joints_of(reply, Answer.ACCEPTED):
+            self.end(stopped, "stopped")
+        return reply
+
+    def hold(self, joints: Joints, why: str) -> None:
+        """End what these joints follow, and hold their present reference at rest."""
+        board = self._board
+        chosen = board.selector.select(joints).joints
+        followed = {int(j) for run in self._runs if run.spline is not None for j in run.joints}
+        moving = [j for j in chosen.tolist() if j in followed]
+        self.end(joints, why)
+        if moving:
+            zeros = np.zeros(len(moving))
+            send(board, moving, Sample(board.state.position_reference[moving], zeros, zeros))
+
+    def check(self) -> None:
+        """End what joints follow that changed their modes, or got somebody else's positions."""
+        board = self._board
+        if not self._runs:
+            self._version = board.modes_version
+            return
+        taken = self._last != self._known
+        if taken.any():
+            for run in list(self._runs):
+                self._drop(run, taken[run.joints], "another direct position took over")
+        if board.modes_version != self._version:
+            self._version = board.modes_version
+            for run in list(self._runs):
+                self._check_modes(run)
+
+    def step(self, time: float) -> None:
+        """Send the references of a cycle.
+
+        Args:
+            time: of the reading that the coming tick takes, s; ``board.time`` is that of the last.
+        """
+        if not self._runs:
+            return
+        self.check()
+        self._begin_due(time)
+        for run in list(self._runs):
+            if run.spline is not None:
+                self._send(run, time)
+
+    def _begin_due(self, time: float) -> None:
+        for run in list(self._runs):
+            if run.spline is None and time >= run.start - SAME_TIME:
+                self._begin(run)
+
+    def _check_modes(self, run: Run) -> None:
+        board = self._board
+        kept = board.state.accepts[CommandKind.POSITION_DIRECT, run.joints]
+        if not kept.all():
+            j = int(run.joints[~kept][0])
+            self._drop(run, ~kept, f"{board.names[j]} is in {board.state.control_modes[j].name}")
+        changed = np.array(
+            [
+                board.state.interaction_modes[j] is not mode
+                for j, mode in zip(run.joints, run.interactions, strict=True)
+            ],
+            dtype=bool,
+        )
+        self._drop(run, changed, "the interaction mode changed")
+
+    def _begin(self, run: Run) -> None:
+        """Join the path where it is now; joints leave what they followed until now."""
+        board, joints = self._board, run.joints
+        present = Sample(
+            board.state.position_reference[joints],
+            board.state.velocity_reference[joints],
+            self._accelerations()[joints],
+        )
+        self._release(joints, waiting=False)
+        run.path = run.path.joined(board.time - run.start, present)
+        run.spline = Spline(run.path)
+
+    def _accelerations(self) -> NDArray[np.float64]:
+        """Of what was sent last, shape (n,), rad/s²; 0 where nothing is followed."""
+        found = np.zeros(self._board.count)
+        for run in self._runs:
+            if run.last is not None:
+                found[run.joints] = run.last.accelerations
+        return found
+
+    def _send(self, run: Run, time: float) -> None:
+        assert run.spline is not None
+        elapsed = time - run.start
+        run.last = run.spline.at(elapsed)
+        joints = run.joints.tolist()
+        reply = send(self._board, joints, run.last)
+        self._known[run.joints] = self._last[run.joints]
+        if not reply:
+            self._drop(run, np.ones(len(joints), dtype=bool), reply.message)
+        elif elapsed >= run.path.duration and not run.held:
+            self._runs.remove(run)
+
+    def _release(self, joints: NDArray[np.intp], *, waiting: bool) -> None:
+        """Joints leave the paths that wait, or those that run, for a newer one."""
+        for run in list(self._runs):
+            if (run.spline is None) is waiting:
+                self._drop(run, np.isin(run.joints, joints), TAKEN, quiet=True)
+
+    def _drop(self, run: Run, columns: Bools, why: str, *, quiet: bool = False) -> None:
+        """Take joints out of a run, and say why."""
+        if not columns.any():
+            return
+        names = [self._board.names[j] for j in run.joints[columns]]
+        run.left = run.left or f"{', '.join(names)}: {why}"
+        if not quiet:
+            text = f"trajectory of {', '.join(names)} ended: {why}"
+            self._board.events.add("info", "trajectory", names[0], text)
+        if columns.all():
+            self._runs.remove(run)
+        else:
+            run.keep(~columns)
+
+
+def incomplete(board: Board, names: Sequence[str]) -> str:
+    """Why parts of a board do not take a trajectory for these joints only; empty where they do."""
+    for part in board.bring_up.groups.values():
+        missing = [name for name in part.names if name not in names]
+        if 0 < len(missing) < part.count and not part.config.allow_partial_joints_goal:
+            text = f"{', '.join(missing)} missing"
+            return f"{text}; send all joints, or set allow_partial_joints_goal"
+    return ""
+
+
+def cuts(board: Board, run: Run) -> dict[str, str]:
+    """What the limits cut of a path, by joint."""
+    texts = {
+        board.names[j]: explain_cut(board.config.joints[j], run.path.positions[:, k].tolist())
+        for k, j in enumerate(run.joints)
+    }
+    return {name: text for name, text in texts.items() if text}
+
+
+def send(board: Board, joints: list[int], sample: Sample) -> Reply:
+    """Give the board the references of a cycle."""
+    kind = CommandKind.POSITION_DIRECT
+    return board.command(kind, joints, sample.positions, sample.velocities)

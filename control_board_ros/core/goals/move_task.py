@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A position move of several joints, watched to its end (SPEC P1, P3).
+
+Callers make the task, which starts the move, and ask between two cycles for its outcome::
+
+    move = MoveTask(board, ["elbow"], [0.5])
+    while (outcome := move.outcome()) is None:
+        plant.write(board.tick(plant.read()))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...protocols import Floats, Joints
+from ..selection import RequestError
+from ..terms.joint_kind import JointKind
+from ..terms.modes import ACCEPTS
+from ..terms.reply import summary
+from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
+from .arrival import Outcome, Standing, ending, standing, tolerance
+
+if TYPE_CHECKING:
+    from ..group import JointGroup
+
+K = CommandKind
+
+
+@dataclass(frozen=True, slots=True)
+class JointMove:
+    """One joint's part of a move, as it was accepted: kind of joint, target (rad or m), modes."""
+
+    name: str
+    kind: JointKind
+    target: float
+    control: ControlMode
+    interaction: InteractionMode
+
+
+class MoveTask:
+    """A position move of several joints, started for all of them or for none.
+
+    Args:
+        board: which moves.
+        joints: as in every request.
+        positions: targets, one per joint, rad or m.
+        speeds: mean speeds, one per joint, rad/s or m/s; None: the reference speeds.
+        time: s after which all of them arrive, in place of speeds (R5); None: each at its own.
+        note: what there is to say of it at the end.
+
+    Raises:
+        RequestError: the board does not take it; nothing has changed.
+
+    Attributes: names (of the joints).
+    """
+
+    def __init__(
+        self,
+        board: JointGroup,
+        joints: Joints,
+        positions: Sequence[float] | Floats,
+        speeds: Sequence[float] | Floats | None = None,
+        *,
+        time: float | None = None,
+        note: str = "",
+    ) -> None:
+        self._board = board
+        self.names = board.selector.select(joints).names
+        reply = board.command(K.POSITION, self.names, positions, speeds, together=True, time=time)
+        if not reply:
+            raise RequestError(reply.message, codes=reply.codes)
+        self._note = summary([note, reply.message])
+        self._joints = [
+            JointMove(joint.name, joint.kind, target, control, interaction)
+            for joint, target, control, interaction in zip(
+                board.get_config(self.names),
+                board.get_target_position(self.names).tolist(),
+                board.get_control_mode(self.names),
+                board.get_interaction_mode(self.names),
+                strict=True,
+            )
+        ]
+        self._ended: float | None = None  # when the profiles ended, s
+
+    def outcome(self) -> Outcome | None:
+        """How it ended, or None while it is under way; stops its joints where it failed."""
+        board = self._board
+        left = [name for name, takes in zip(self.names, self._takes(), strict=True) if not takes]
+        if left:
+            self._stop()
+            return Outcome(False, self._left(left[0]))
+        for joint, target in zip(self._joints, self._targets(), strict=True):
+            if target != joint.target:
+                taken = f"{joint.name} to {joint.kind.position(target)}"
+                wanted = joint.kind.position(joint.target)
+                return Outcome(False, f"another move took {taken} instead of {wanted}")
+        if all(board.check_motion_done(self.names)):
+            return self._arrival()
+        self._ended = None
+        return self._dropped()
+
+    def remaining_time(self) -> float:
+        """Time until the last profile ends, s."""
+        return float(np.max(self._board.get_remaining_time(self.names), initial=0.0))
+
+    def cancel(self) -> str:
+        """Stop the joints that still do this move; what they do now."""
+        self._stop()
+        return f"cancelled; {', '.join(self.names)} stopped and held where they were"
+
+    def _takes(self) -> list[bool]:
+        return [takes_moves(mode) for mode in self._board.get_control_mode(self.names)]
+
+    def _targets(self) -> list[float]:
+        targets: list[float] = self._board.get_target_position(self.names).tolist()
+        return targets
+
+    def _stop(self) -> None:
+        """Stop the joints that still do this move."""
+        moving = [
+            joint.name
+            for joint, takes, target in zip(
+                self._joints, self._takes(), self._targets(), strict=True
+            )
+            if takes and target == joint.target
+        ]
+        if moving:  # none named would mean all
+            self._board.stop(moving)
+
+    def _dropped(self) -> Outcome | None:
+        """While some joints move: has the move of another one been dropped?"""
+        done = self._board.check_motion_done(self.names)
+        found = [
+            one if ended else Standing.ARRIVED
+            for one, ended in zip(self._standings(since=0.0), done, strict=True)
+        ]
+        if Standing.DROPPED not in found:
+            return None
+        message = self._message(found)
+        self._stop()
+        return Outcome(False, message)
+
+    def _arrival(self) -> Outcome | None:
+        """The profiles have ended: are the joints there?"""
+        now = self._board.time
+        if self._ended is None:
+            self._ended = now
+        found = self._standings(since=now - self._ended)
+        if Standing.DROPPED not in found and Standing.SETTLING in found:
+            return None
+        return Outcome(all(one is Standing.ARRIVED for one in found), self._message(found))
+
+    def _standings(self, *, since: float) -> list[Standing]:
+        board, names = self._board, self.names
+        joints, state = board.selector.select(names).joints, board.state
+        return [
+            standing(
+                joint.target,
+                reference,
+                velocity,
+                position,
+                tolerance=tolerance(joint.kind),
+                compliant=interaction is InteractionMode.COMPLIANT,
+                since=since,
+            )
+            for joint, reference, velocity, position, interaction in zip(
+                self._joints,
+                state.position_reference[joints].tolist(),
+                state.velocity_reference[joints].tolist(),
+                state.position[joints].tolist(),
+                board.get_interaction_mode(names),
+                strict=True,
+            )
+        ]
+
+    def _message(self, found: list[Standing]) -> str:
+        """What there is to say at the end: what was bounded at the start, and of each joint."""
+        board, names = self._board, self.names
+        texts = [self._note] if all(one is Standing.ARRIVED for one in found) else []
+        texts += [
+            ending(
+                joint.name,
+                joint.kind,
+                one,
+                joint.target,
+                position,
+                changed=change(joint, control, interaction),
+                compliant=interaction is InteractionMode.COMPLIANT,
+            )
+            for joint, one, position, control, interaction in zip(
+                self._joints,
+                found,
+                board.get_encoder(names).tolist(),
+                board.get_control_mode(names),
+                board.get_interaction_mode(names),
+                strict=True,
+            )
+            if one is not Standing.SETTLING
+        ]
+        return summary(texts)
+
+    def _left(self, name: str) -> str:
+        mode = self._board.get_control_mode(name)[0]
+        fault = self._board.get_faults(name)[0]
+        cause = f" ({fault.text})" if fault.active else ""
+        return f"{name} left for {mode.name}{cause} during the move; the other joints stopped"
+
+
+def takes_moves(mode: ControlMode) -> bool:
+    """Whether a control mode takes position moves."""
+    return K.POSITION in ACCEPTS.get(mode, frozenset())
+
+
+def change(joint: JointMove, control: ControlMode, interaction: InteractionMode) -> str:
+    """Which mode of a joint is another one than when its move began, and else what may be."""
+    if control is not joint.control:
+        return f"its control mode became {control.name}"
+    if interaction is not joint.interaction:
+        return f"its interaction mode became {interaction.name}"
+    takes_both = {K.POSITION, K.VELOCITY} <= ACCEPTS.get(control, frozenset())
+    return "it was stopped, or a velocity moved it" if takes_both else ""

@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A path through points: its checks and its sampling (SPEC T1).
+
+Between two points the path is a polynomial in s = (t − t0)/T, T = t1 − t0, Δ = q1 − q0:
+
+    positions only           q = q0 + Δ s
+    with velocities          q = q0 + V0 s + (3Δ − 2V0 − V1) s² + (V0 + V1 − 2Δ) s³
+    with accelerations, too  the quintic that meets q, dq/dt and d²q/dt² at both points
+
+with V = v T. After the last point the path is at rest there. This is what ros2_controllers'
+joint_trajectory_controller makes of the same points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..selection import RequestError
+from ..terms.measurement import Array
+
+#: A trajectory of more points is refused.
+MAX_POINTS = 10_000
+
+#: Speed up to which the last point counts as at rest, rad/s (m/s for a prismatic joint).
+AT_REST = 1e-6
+
+#: Times nearer to each other than this are one time, s.
+SAME_TIME = 1e-9
+
+#: Factors and powers of s in q, dq/ds, d²q/ds² of a polynomial of six coefficients.
+_FACTORS = np.array([[1, 1, 1, 1, 1, 1], [0, 1, 2, 3, 4, 5], [0, 0, 2, 6, 12, 20]], dtype=float)
+_POWERS = np.array([[0, 1, 2, 3, 4, 5], [0, 0, 1, 2, 3, 4], [0, 0, 0, 1, 2, 3]], dtype=float)
+
+Rows = Sequence[Sequence[float]]
+
+
+class Sample(NamedTuple):
+    """A path at one time, arrays of shape (k,): rad, rad/s, rad/s²."""
+
+    positions: Array
+    velocities: Array
+    accelerations: Array
+
+
+class Points(NamedTuple):
+    """The points of a trajectory as they come in a message; see ``make_path``."""
+
+    times: Sequence[float]
+    positions: Rows
+    velocities: Rows
+    accelerations: Rows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Path:
+    """Points of k joints.
+
+    Attributes: times (s from the start of the path, rising, shape (m,)); positions (rad, shape
+    (m, k)); velocities (rad/s) and accelerations (rad/s²), of the same shape, or None.
+    """
+
+    times: Array
+    positions: Array
+    velocities: Array | None = None
+    accelerations: Array | None = None
+
+    @property
+    def duration(self) -> float:
+        """Time of the last point, s."""
+        return float(self.times[-1])
+
+    def of(self, columns: NDArray[np.bool_] | NDArray[np.intp]) -> Path:
+        """The path of some of its joints; columns: a mask, shape (k,), or their numbers."""
+        velocities, accelerations = self.velocities, self.accelerations
+        return Path(
+            self.times,
+            self.positions[:, columns],
+            None if velocities is None else velocities[:, columns],
+            None if accelerations is None else accelerations[:, columns],
+        )
+
+    def joined(self, time: float, present: Sample) -> Path:
+        """The path from a time on: points before it are left out, the present leads to the rest.
+
+        Args:
+            time: of the present, s from the start of the path; before its last point.
+            present: where the joints are then; ignored where a point has that very time.
+        """
+        first = int(np.searchsorted(self.times, time - SAME_TIME))
+        fields = (self.positions, self.velocities, self.accelerations)
+        if self.times[first] - time <= SAME_TIME:
+            return Path(
+                self.times[first:],
+                *(None if f is None else f[first:] for f in fields),  # type: ignore[arg-type]
+            )
+        return Path(
+            np.concatenate([[time], self.times[first:]]),
+            *(
+                None if field is None else np.vstack([start, field[first:]])  # type: ignore[arg-type]
+                for field, start in zip(fields, present, strict=True)
+            ),
+        )
+
+
+class Spline:
+    """A path that is ready to be sampled."""
+
+    def __init__(self, path: Path) -> None:
+        self._times, self._last = path.times, path.positions[-1]
+        self._periods = np.diff(path.times)
+        self._coefficients = coefficients(path)
+
+    def at(self, time: float) -> Sample:
+        """The path at a time, s; at rest at the last point from its time on."""
+        times = self._times
+        if time >= times[-1]:
+            zeros = np.zeros_like(self._last)
+            return Sample(self._last, zeros, zeros)
+        segment = max(int(np.searchsorted(times, time, side="right")) - 1, 0)
+        period = self._periods[segment]
+        s = max(time - times[segment], 0.0) / period
+        rows = (_FACTORS * s**_POWERS) @ self._coefficients[segment]
+        return Sample(rows[0], rows[1] / period, rows[2] / period**2)
+
+
+def coefficients(path: Path) -> Array:
+    """Coefficients of the powers of s, lowest first, shape (m − 1, 6, k); see the module."""
+    periods = np.diff(path.times)[:, None]
+    q0, delta = path.positions[:-1], np.diff(path.positions, axis=0)
+    zero = np.zeros_like(delta)
+    if path.velocities is None:
+        rows = [q0, delta, zero, zero, zero, zero]
+        return np.stack(rows, axis=1)
+    v0, v1 = path.velocities[:-1] * periods, path.velocities[1:] * periods
+    if path.accelerations is None:
+        rows = [q0, v0, 3 * delta - 2 * v0 - v1, v0 + v1 - 2 * delta, zero, zero]
+        return np.stack(rows, axis=1)
+    a0, a1 = path.accelerations[:-1] * periods**2, path.accelerations[1:] * periods**2
+    rows = [
+        q0,
+        v0,
+        0.5 * a0,
+        10 * delta - 6 * v0 - 4 * v1 - 1.5 * a0 + 0.5 * a1,
+        -15 * delta + 8 * v0 + 7 * v1 + 1.5 * a0 - a1,
+        6 * delta - 3 * (v0 + v1) - 0.5 * (a0 - a1),
+    ]
+    return np.stack(rows, axis=1)
+
+
+def braking(position: float, velocity: float, acceleration: float) -> Path:
+    """The path of one joint to rest.
+
+    q(t) = q₀ + v₀ t − sign(v₀) a t²/2 until t = |v₀|/a.
+
+    Args:
+        position: q₀, rad or m.
+        velocity: v₀, rad/s or m/s.
+        acceleration: a, above 0, rad/s² or m/s².
+    """
+    time = abs(velocity) / acceleration
+    if time <= SAME_TIME:
+        return Path(np.zeros(1), np.array([[position]]))
+    return Path(
+        np.array([0.0, time]),
+        np.array([[position], [position + 0.5 * velocity * time]]),
+        np.array([[velocity], [0.0]]),
+    )
+
+
+def make_path(
+    names: Sequence[str], times: Sequence[float], positions: Rows, velocities: Rows, accels: Rows
+) -> Path:
+    """A path of points as they come in a message, checked whole (SPEC P13).
+
+    Args:
+        names: of the k joints, for the texts of errors.
+        times: of the m points, s.
+        positions: one row per point, one entry per joint, rad.
+        velocities: likewise, rad/s; or every row empty.
+        accels: accelerations, likewise, rad/s²; or every row empty.
+
+    Raises:
+        RequestError: what is wrong with which point, and what would be right.
+    """
+    if not times:
+        raise RequestError("it has no points; send at least one")
+    if len(times) > MAX_POINTS:
+        raise RequestError(f"it has {len(times)} points; send at most {MAX_POINTS}")
+    _check_times(times)
+    where = _field(names, "positions", positions)
+    if where is None:
+        raise RequestError("its points have no positions; send one per joint")
+    speeds = _field(names, "velocities", velocities)
+    rates = _field(names, "accelerations", accels)
+    if speeds is None and rates is not None:
+        raise RequestError("its points have accelerations and no velocities; send both or neither")
+    if speeds is not None and (np.abs(speeds[-1]) > AT_REST).any():
+        worst = int(np.argmax(np.abs(speeds[-1])))
+        raise RequestError(
+            f"point {len(times) - 1}, the last one, has velocity {speeds[-1, worst]:.6g} of "
+            f"{names[worst]}; a trajectory ends at rest, send 0"
+        )
+    return Path(np.array(times, dtype=np.float64), where, speeds, rates)
+
+
+def _check_times(times: Sequence[float]) -> None:
+    if times[0] < 0.0:
+        raise RequestError(f"point 0 has time_from_start {times[0]:.9g} s; send 0 or more")
+    for i in range(1, len(times)):
+        if times[i] <= times[i - 1]:
+            raise RequestError(
+                f"point {i} has time_from_start {times[i]:.9g} s after {times[i - 1]:.9g} s of "
+                "the point before; send times that rise from point to point"
+            )
+
+
+def _field(names: Sequence[str], what: str, rows: Rows) -> Array | None:
+    """The rows of one field as an array, shape (m, k); None where no point has it."""
+    count = len(names)
+    if not any(len(row) for row in rows):
+        return None
+    for i, row in enumerate(rows):
+        if len(row) == 0:
+            raise RequestError(
+                f"point {i} has no {what} and others have; send them at every point or at none"
+            )
+        if len(row) != count:
+            raise RequestError(
+                f"point {i} has {len(row)} {what} for {count} joint{'s' if count != 1 else ''}; "
+                "send one per joint"
+            )
+    values: Array = np.array(rows, dtype=np.float64)
+    bad = ~np.isfinite(values)
+    if bad.any():
+        i, k = np.argwhere(bad)[0]
+        raise RequestError(
+            f"point {i} has {values[i, k]} in {what} of {names[k]}; send finite numbers"
+        )
+    return values

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The move to a pose, all joints arriving together; and poses that are checked (SPEC R5).
+
+::
+
+    task = PoseTask(board, Pose("park", ("shoulder", "elbow"), (0.0, 1.2), speed=0.3))
+    while (outcome := task.outcome()) is None:
+        plant.write(board.tick(plant.read()))
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ...protocols import Floats
+from ..machine.decisions import UNAVAILABLE
+from ..machine.explanations import explain_slower
+from ..selection import RequestError
+from ..terms.modes import FAULTED, MOVES, POWERED, modes_accepting
+from ..terms.reply import Reason
+from ..terms.vocabs import CommandKind, ControlMode
+from .arrival import Outcome, tolerance
+from .move_task import MoveTask, takes_moves
+from .pose import NAME, Pose
+
+if TYPE_CHECKING:
+    from ..group import JointGroup
+
+
+class Plan(NamedTuple):
+    """A move to a pose: how long it lasts, s, and what limits made of the speed asked for."""
+
+    time: float
+    note: str
+
+
+class PoseTask:
+    """The move to a pose, started for all of its joints or for none.
+
+    Args:
+        board: which moves.
+        pose: where to.
+        speed: mean speed of the slowest joint, rad/s or m/s; 0: the pose's.
+
+    Raises:
+        RequestError: a joint cannot move, or the speed is none; nothing has changed.
+
+    Attributes: names (of the joints).
+    """
+
+    def __init__(self, board: JointGroup, pose: Pose, speed: float = 0.0) -> None:
+        self._board = board
+        self.names = board.selector.select(pose.joints).names
+        require_moves(board, pose)
+        positions = np.array(pose.positions)
+        plan = plan_move(board, pose, speed)
+        self._move = MoveTask(board, self.names, positions, time=plan.time, note=plan.note)
+        self._targets = board.get_target_position(self.names)
+
+    def outcome(self) -> Outcome | None:
+        """How it ended, or None while it is under way."""
+        return self._move.outcome()
+
+    def remaining(self) -> Floats:
+        """Distances still to go, with their sign, rad or m, one per joint."""
+        return self._targets - self._board.get_encoder(self.names)
+
+    def remaining_time(self) -> float:
+        """Time until the joints arrive, s."""
+        return self._move.remaining_time()
+
+    def cancel(self) -> str:
+        """Stop the joints that still do this move; what they do now."""
+        return self._move.cancel()
+
+
+def start_parking(board: JointGroup, pose: Pose) -> PoseTask:
+    """Start the move to the pose in which the robot is left without power (R6).
+
+    Whoever asks for it at the end has asked for POSITION, too (M2): joints that have power in
+    another mode are switched. One without power gets none, since somebody took it.
+
+    Raises:
+        RequestError: a joint has no power, or no POSITION; nothing has changed.
+    """
+    modes = dict(zip(pose.joints, board.get_control_mode(pose.joints), strict=True))
+    stuck = {name: mode for name, mode in modes.items() if mode not in POWERED}
+    if stuck:
+        raise RequestError(told_by_mode(board, stuck))
+    others = [name for name, mode in modes.items() if mode is not MOVES]
+    available = board.get_available_modes(others) if others else []
+    for name, (control, _) in zip(others, available, strict=True):
+        if MOVES not in control:
+            raise RequestError(f"{name} has no {MOVES.name} mode")
+    if others:
+        reply = board.set_control_mode(others, MOVES)
+        if not reply:
+            raise RequestError(reply.message)
+    return PoseTask(board, pose)
+
+
+def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:
+    """How long the move to a pose lasts: T = max over joints of their own times (P1).
+
+    The slowest joint moves at the mean speed asked for, the others as slowly as they must.
+
+    Raises:
+        RequestError: the speed is none.
+    """
+    if not (math.isfinite(speed) and speed >= 0.0):
+        raise RequestError(f"speed {speed:g} is not valid; above 0, or 0 for that of the pose")
+    asked = speed or pose.speed
+    speeds = board.get_ref_speed(pose.joints)
+    if asked:
+        speeds = np.full(len(pose.joints), asked)
+    times = board.get_move_time(pose.joints, np.array(pose.positions), speeds)
+    k = int(np.argmax(times))
+    time = float(times[k])
+    (joint,) = board.get_config(pose.joints[k])
+    start = float(board.state.position_reference[board.selector.select(joint.name).joints[0]])
+    target = min(max(pose.positions[k], joint.limits.lower), joint.limits.upper)
+    way, rate = abs(target - start), float(speeds[k])
+    return Plan(time, explain_slower(joint, way, rate, time))
+
+
+def require_moves(board: JointGroup, pose: Pose) -> None:
+    """Refuse unless every joint of a pose takes position moves.
+
+    Raises:
+        RequestError: naming every joint that does not, and its mode.
+    """
+    modes = board.get_control_mode(pose.joints)
+    pairs = zip(pose.joints, modes, strict=True)
+    others = {name: mode for name, mode in pairs if not takes_moves(mode)}
+    if others:
+        codes = [
+            Reason.NONE if takes_moves(mode) else UNAVAILABLE.get(mode, Reason.OTHER_MODE)
+            for mode in modes
+        ]
+        takers = " or ".join(mode.code for mode in modes_accepting(CommandKind.POSITION))
+        raise RequestError(
+            f"{pose.name} is a {MOVES.name} move, and {told_by_mode(board, others)}; "
+            f"its joints must be in {takers}",
+            codes=codes,
+        )
+
+
+def told_by_mode(board: JointGroup, modes: dict[str, ControlMode]) -> str:
+    """``a, b are in IDLE, c is in HW_FAULT (overcurrent …)``: every joint is named."""
+    texts = []
+    for mode in dict.fromkeys(modes.values()):
+        names = [name for name, its in modes.items() if its is mode]
+        active = [fault.text for fault in board.get_faults(names) if fault.active]
+        why = f" ({'; '.join(dict.fromkeys(active))})" if mode in FAULTED else ""
+        texts.append(f"{', '.join(names)} {'are' if len(names) > 1 else 'is'} in {mode.name}{why}")
+    return ", ".join(texts)
+
+
+def pose_now(board: JointGroup, name: str, joints: Sequence[str], speed: float = 0.0) -> Pose:
+    """The pose in which joints are measured to be.
+
+    Raises:
+        RequestError: a joint has no reading, or is outside its software limits.
+    """
+    chosen = board.selector.select(joints)
+    positions = board.get_encoder(chosen.names).tolist()
+    for k, joint in enumerate(board.get_config(chosen.names)):
+        low, high, slack = joint.limits.lower, joint.limits.upper, tolerance(joint.kind)
+        if low - slack <= positions[k] <= high + slack:  # a joint held at a limit is within
+            positions[k] = min(max(positions[k], low), high)
+    return made_pose(board, name, chosen.names, positions, speed)
+
+
+def made_pose(
+    board: JointGroup,
+    name: str,
+    joints: Sequence[str],
+    positions: Sequence[float],
+    speed: float = 0.0,
+) -> Pose:
+    """A pose of a board's joints, checked.
+
+    Raises:
+        RequestError: an unknown joint, or a value that is not allowed; what would be.
+    """
+    if not NAME.fullmatch(name):
+        raise RequestError(f"pose {name[:80]!r}: is no name; up to 64 letters, digits and _ are")
+    chosen = board.selector.select(joints)
+    if len(positions) != len(chosen.names):
+        raise RequestError(
+            f"pose {name!r}: {len(positions)} positions for {len(chosen.names)} joints; give each "
+            "joint one, or none for as measured"
+        )
+    if not (math.isfinite(speed) and speed >= 0.0):
+        raise RequestError(
+            f"pose {name!r}: speed {speed:g} is not valid; above 0, or 0 for the reference speeds"
+        )
+    for joint, position in zip(board.get_config(chosen.names), positions, strict=True):
+        low, high = joint.limits.lower, joint.limits.upper
+        if not low <= position <= high:
+            unit = joint.kind.unit
+            shown, least, most = map(joint.kind.position, (position, low, high))
+            raise RequestError(
+                f"pose {name!r}: {joint.name} at {shown} ({position:.6g} {unit}) is outside its "
+                f"limits, {least} to {most} ({low:.6g} to {high:.6g} {unit})"
+            )
+    # -0.0 + 0.0 is 0.0
+    return Pose(name, chosen.names, tuple(float(q) + 0.0 for q in positions), float(speed))

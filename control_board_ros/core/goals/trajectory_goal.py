@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A trajectory that is followed to its end, within tolerances (SPEC T1 to T3).
+
+Callers holding the board make the goal, which begins it, and call ``check`` before every tick::
+
+    goal = start_goal(follower, board, ["elbow"], points, board.time)
+    while goal.outcome is None:
+        measurement = plant.read()
+        goal.check()
+        follower.step(measurement.time)
+        plant.write(board.tick(measurement))
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...protocols import Joints
+from ..board import Board
+from ..group import JointGroup
+from ..selection import RequestError, Selection
+from ..terms.reply import summary
+from ..terms.vocabs import CommandKind
+from .follower import Follower, cuts, incomplete
+from .path import Path, Points, Sample, make_path
+from .path_run import Run
+from .tolerances import Excess, Tolerances, Wish, chosen, excess, explain
+
+PREEMPTED, REACHED = "preempted by a new goal", "goal reached"
+NOBODY: NDArray[np.intp] = np.array([], dtype=np.intp)
+
+
+class Code(IntEnum):
+    """The error codes of control_msgs' FollowJointTrajectory."""
+
+    SUCCESSFUL = 0
+    INVALID_GOAL = -1
+    INVALID_JOINTS = -2
+    OLD_HEADER_TIMESTAMP = -3
+    PATH_TOLERANCE_VIOLATED = -4
+    GOAL_TOLERANCE_VIOLATED = -5
+
+
+class End(NamedTuple):
+    """How a goal ended; the text is for people."""
+
+    code: Code
+    text: str
+
+
+class GoalError(Exception):
+    """A goal that is refused; nothing has changed."""
+
+    def __init__(self, code: Code, text: str) -> None:
+        super().__init__(text)
+        self.code, self.text = code, text
+
+
+class Wishes(NamedTuple):
+    """The tolerances that a goal names: on the way, at the last point, and time after it (s)."""
+
+    path: Sequence[Wish] = ()
+    goal: Sequence[Wish] = ()
+    goal_time: float = 0.0
+
+
+def start_goal(
+    follower: Follower,
+    group: JointGroup,
+    joints: Joints,
+    points: Points,
+    start: float,
+    wishes: Wishes = Wishes(),  # noqa: B008 - a tuple
+) -> TrajectoryGoal:
+    """Start a goal whole, or refuse it.
+
+    Args:
+        follower: of the board.
+        group: whose joints move: of a part of a robot, or of several parts (R3).
+        joints: as in every request.
+        points: one number per joint in each field that is there.
+        start: time of the board at which the trajectory begins, s.
+        wishes: tolerances; what is not named is as configured.
+
+    Raises:
+        GoalError: with the code and the reason; nothing has changed, but that joints in another
+            mode count a rejected command (M4).
+    """
+    try:
+        selection = group.selector.select(joints)
+    except RequestError as error:
+        raise GoalError(Code.INVALID_JOINTS, str(error)) from error
+    if text := incomplete(group.board, selection.names):
+        raise GoalError(Code.INVALID_JOINTS, text)
+    try:
+        path = make_path(selection.names, *points)
+        defaults = configured(group.board, selection)
+        tolerances = chosen(defaults, selection.names, group.names, **wishes._asdict())
+    except RequestError as error:
+        raise GoalError(Code.INVALID_GOAL, str(error)) from error
+    check_start(group, selection, path, start)
+    return TrajectoryGoal(follower, group, selection.joints, path, start, tolerances)
+
+
+def check_start(group: JointGroup, selection: Selection, path: Path, start: float) -> None:
+    """Raise GoalError unless joints can follow a path that begins at this time of the board, s."""
+    late = group.time - (start + path.duration)
+    if late > 0.0:
+        text = f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
+        raise GoalError(Code.OLD_HEADER_TIMESTAMP, text)
+    good = group.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
+    if not good.all():  # the board counts them and says why
+        others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
+        refusal = group.set_position(others, path.positions[-1, ~good])
+        raise GoalError(Code.INVALID_GOAL, refusal.message)
+
+
+def configured(board: Board, selection: Selection) -> Tolerances:
+    """The tolerances that the parameters give; a goal's velocity is that of a joint at rest.
+
+    Of joints of several parts, the first that has waited long enough after the last point ends it.
+    """
+    own = [
+        (joint.constraints, group.config.constraints)
+        for name, joint in zip(selection.names, board.get_config(selection.names), strict=True)
+        for group in board.bring_up.groups.values()
+        if name in group.names
+    ]
+    times = [part.goal_time for _, part in own if part.goal_time > 0.0]
+    return Tolerances(
+        path=np.array([[one.trajectory for one, _ in own], [0.0] * len(own)]),
+        goal=np.array(
+            [[one.goal for one, _ in own], [part.stopped_velocity_tolerance for _, part in own]]
+        ),
+        goal_time=min(times, default=0.0),
+    )
+
+
+class TrajectoryGoal:
+    """A trajectory under way, or waiting for its start; see ``start_goal``.
+
+    Args:
+        follower: of the board that follows it.
+        group: whose joints move.
+        joints: the board's numbers, of the path's columns; all in POSITION_DIRECT.
+        path: to follow.
+        start: time of the board at which the path begins, s.
+        tolerances: of the same joints.
+
+    Attributes: joints, names (theirs), start, notes (what a limit cuts), outcome (None while it is
+    under way), cancelled.
+    """
+
+    def __init__(
+        self,
+        follower: Follower,
+        group: JointGroup,
+        joints: NDArray[np.intp],
+        path: Path,
+        start: float,
+        tolerances: Tolerances,
+    ) -> None:
+        board = group.board
+        self._follower, self._group, self._board = follower, group, board
+        self._tolerances = tolerances
+        self.joints, self._duration, self.start = joints, path.duration, start
+        self._run = follower.take(joints, path, start, held=True)
+        self.notes = list(cuts(board, self._run).values())
+        self._before: Run | None = None  # what its joints follow until it begins
+        self._begun = False
+        self.names = [board.names[j] for j in joints]
+        self.outcome: End | None = None
+        self.cancelled = False
+
+    @property
+    def elapsed(self) -> float:
+        """Time since the start, s; negative before it."""
+        return self._board.time - self.start
+
+    def check(self) -> None:
+        """Find out, between two cycles, whether it has ended; stop its joints where it failed."""
+        self._follower.check()
+        if self.outcome is not None:
+            return
+        if self._run.left:
+            self._end(Code.INVALID_GOAL, f"ended before its time; {self._run.left}")
+        elif self._run.last is not None:
+            self._judge(self._run.last)
+
+    def cancel(self) -> None:
+        """Stop the joints within their acceleration limits."""
+        if self.outcome is None:
+            self.cancelled = True
+            self._end(Code.SUCCESSFUL, f"cancelled; {', '.join(self.names)} stopped")
+
+    def preempt(self) -> None:
+        """Stop the joints: a new goal is for others."""
+        if self.outcome is None:
+            self._end(Code.INVALID_GOAL, PREEMPTED)
+
+    def take_over(self, old: TrajectoryGoal) -> None:
+        """Preempt a goal: joints of both go on with it until this one begins, the others stop."""
+        if old.outcome is not None:
+            return
+        if (before := old._acting()) is not None:
+            before.held = False
+            self._before = before
+        others = old._followed()
+        old._end(Code.INVALID_GOAL, PREEMPTED, others[~np.isin(others, self.joints)])
+
+    def desired(self) -> Sample:
+        """What the joints of the group shall do now, shapes (n,): outside the goal, references."""
+        state, joints = self._board.state, self._group.joints
+        rows = state.position_reference, state.velocity_reference, np.zeros(state.n)
+        made = Sample(*(row[joints.start : joints.stop].copy() for row in rows))
+        if self._run.last is not None:
+            for whole, row in zip(made, self._run.last, strict=True):
+                whole[self._run.joints - joints.start] = row
+        return made
+
+    def _judge(self, last: Sample) -> None:
+        """Compare what was sent last with the reading of the same time."""
+        state, limits = self._board.state, self._tolerances
+        errors = np.stack(
+            [
+                last.positions - state.position[self.joints],
+                last.velocities - state.velocity[self.joints],
+            ]
+        )
+        late = self.elapsed - self._duration
+        on_the_way = late < 0.0 or not self._begun  # one point alone is judged as a way, too
+        self._begun = True
+        if on_the_way and (found := excess(errors, limits.path)):
+            text = f"{self._explain(found, 'path')}, {self.elapsed:.3g} s after the start"
+            self._miss(Code.PATH_TOLERANCE_VIOLATED, text, errors, limits.path)
+        elif late >= 0.0:
+            found = excess(errors, limits.goal)
+            if found is None:
+                self._end(Code.SUCCESSFUL, summary([REACHED, *self.notes]), NOBODY)
+                self._follower.leave(self._run)
+            elif 0.0 < limits.goal_time < late:
+                text = f"{self._explain(found, 'goal')}, {late:.3g} s after the last point"
+                self._miss(Code.GOAL_TOLERANCE_VIOLATED, text, errors, limits.goal)
+
+    def _explain(self, found: Excess, which: str) -> str:
+        kind = self._board.config.joints[int(self.joints[found.column])].kind
+        return explain(found, self.names[found.column], kind, which)
+
+    def _miss(
+        self, code: Code, text: str, errors: NDArray[np.float64], tolerances: NDArray[np.float64]
+    ) -> None:
+        """End it: joints beyond a tolerance stop where they are, others at their references."""
+        state, joints = self._board.state, self.joints
+        beyond = ((tolerances > 0.0) & (np.abs(errors) > tolerances)).any(axis=0)
+        present = Sample(
+            np.where(beyond, state.position[joints], state.position_reference[joints]),
+            np.where(beyond, state.velocity[joints], state.velocity_reference[joints]),
+            np.zeros(len(joints)),
+        )
+        self._end(code, text, present=present)
+
+    def _end(
+        self,
+        code: Code,
+        text: str,
+        stopped: NDArray[np.intp] | None = None,
+        present: Sample | None = None,
+    ) -> None:
+        """Set the outcome; stop joints, by default all that still follow it."""
+        joints = self._followed() if stopped is None else stopped
+        self.outcome = End(code, text)
+        if self._run.spline is None:
+            self._follower.leave(self._run)
+        self._follower.brake(joints, text, present)
+
+    def _acting(self) -> Run | None:
+        """Its run, or while that waits, the one of the goal before it; not what others sent."""
+        return self._before if self._run.spline is None else self._run
+
+    def _followed(self) -> NDArray[np.intp]:
+        """The joints that still follow it."""
+        run = self._acting()
+        return run.joints if run is not None and self._follower.follows(run) else NOBODY

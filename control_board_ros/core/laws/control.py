@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The joints' laws as the board holds them: constants in, one step for all joints.
+
+The laws themselves are in ``core.laws``, one joint at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..config.config import BoardConfig, JointConfig, Pid, damping_for
+from ..config.layout import Zone, zones_of
+from ..model.arm_model import Link
+from ..state import Indices, StateArrays
+from ..terms.measurement import Array
+from ..terms.modes import Law
+from .effort import Effort
+from .laws import Joint, Laws
+from .laws import Pid as Loop
+
+#: A current reference stays below what would be an overcurrent, by this part of it.
+PEAK_SHARE = 0.95
+
+#: A winding that is slower than the control period by more than this is not made up for whole.
+MOST_LEAD = 3.0
+
+#: An integral part that is beyond a new limit gets there in this time, evenly, s.
+UNLOADING = 0.5
+
+
+class Controller:
+    """From references and measurements to the output of every motor.
+
+    The laws of a part's joints are stepped together: they know one arm, and settle as one.
+
+    Attributes: joints (of ``laws.Joint``, in the board's order), efforts (of each joint, the
+    torque that the moves of its part take; None: it is not known).
+    """
+
+    def __init__(self, config: BoardConfig, state: StateArrays) -> None:
+        self._state = state
+        self._current_loop = config.output == "current"
+        self._config = config
+        n = len(config.joints)
+        self.joints = [Joint() for _ in config.joints]
+        self.efforts: list[Effort | None] = [None] * n
+        self._links: list[Link | None] = [None] * n  # of each joint, where its part has a model
+        self._armed = [(Law.OFF, False)] * n  # law, and whether with the direct gains
+        self._position_pids: list[Pid | None] = [None] * n  # in force
+        self._laws: dict[str, Laws] = {}
+        self._laws_of = [zone.name for zone in zones_of(config) for _ in zone.joints]
+        for zone in zones_of(config):
+            self.power_on(zone)
+
+    def power_on(self, zone: Zone) -> None:
+        """The joints of a part begin anew, with the gains of their configuration (N1)."""
+        state, columns = self._state, zone.columns
+        rows = (
+            state.position,
+            state.velocity,
+            state.torque,
+            state.current,
+            state.position_reference,
+            state.velocity_reference,
+            state.torque_reference,
+            state.output,
+        )
+        model = zone.config.model
+        arm = None if model is None else model.arm()
+        joints = [Joint() for _ in zone.joints]
+        effort = None if arm is None else Effort(arm, joints, columns.start)
+        done = state.done[columns].view(np.uint8).data
+        self._laws[zone.name] = Laws(joints, [row[columns].data for row in rows], done, arm)
+        self.joints[columns] = joints
+        for j, joint, own in zip(zone.joints, joints, zone.config.joints, strict=True):
+            self.efforts[j] = effort
+            self._links[j] = None if model is None else model.links[j - columns.start]
+            self._armed[j] = Law.OFF, False
+            joint.stiffness, joint.damping = own.impedance.stiffness, own.impedance.damping
+            self._configure(j)
+
+    def step(self) -> bool:
+        """One cycle of all laws; whether one has something to tell, as :meth:`Laws.step`."""
+        tells = [laws.step() for laws in self._laws.values()]  # of all, before any is asked
+        return True in tells
+
+    def reconfigure(self, config: BoardConfig) -> None:
+        """Take new constants and gains; the laws that run go on with them, without a jump.
+
+        Joints whose configuration is as before are left alone.
+        """
+        before, self._config = self._config, config
+        for j, own in enumerate(config.joints):
+            if own != before.joints[j]:
+                self._configure(j)
+
+    def _configure(self, j: int) -> None:
+        """Give a joint the constants and gains of its configuration."""
+        joint, own, period = self.joints[j], self._config.joints[j], self._config.period
+        set_constants(joint, own, period)
+        if (link := self._links[j]) is not None:
+            joint.coulomb, joint.viscous = link.coulomb, link.viscous
+        set_gains(joint.torque_pid, own.torque_pid, period)
+        set_gains(joint.current_pid, own.current_pid, period)
+        set_drive(joint, own, in_amps=joint.in_amps)
+        self._position_pids[j] = None
+        self._set_law(j, *self._armed[j])
+
+    def arm(self, joints: Sequence[int], law: Law, *, direct: bool, feeds: bool = True) -> None:
+        """Give joints their law, from their present torque on (M9).
+
+        Args:
+            joints: whose law it becomes.
+            law: of source Fig. 2.
+            direct: with the gains of POSITION_DIRECT.
+            feeds: whether u_ff acts; in a calibration it does not (K6).
+        """
+        state = self._state
+        resting = {part: self._laws[part].prepare() for part in {self._laws_of[j] for j in joints}}
+        for j in joints:
+            joint = self.joints[j]
+            joint.feeds = feeds
+            joint.calibrated = bool(state.calibrated[j])
+            joint.torque = joint_torque(joint, float(state.torque[j]), float(state.current[j]))
+            self._armed[j] = law, direct
+            self._set_law(j, law, direct)
+            joint.start(int(law), resting[self._laws_of[j]])
+            state.torque_reference[j] = joint.torque_reference
+            state.powered[j] = float(law is not Law.OFF)
+            if law is Law.OFF:
+                state.output[j] = 0.0
+
+    def set_impedance(self, joints: Indices, stiffness: Array, damping: Array | None) -> None:
+        """Set spring and damper (I6), N·m/rad and N·m·s/rad, shapes (k,).
+
+        Without damping it is what goes with the stiffness (``damping_for``).
+        """
+        for k, j in enumerate(joints.tolist()):
+            joint = self.joints[j]
+            joint.stiffness = float(stiffness[k])
+            if damping is None:
+                joint.damping = damping_for(joint.stiffness, self._config.joints[j])
+            else:
+                joint.damping = float(damping[k])
+
+    def _set_law(self, j: int, law: Law, direct: bool) -> None:
+        """The gains and the kind of drive that go with a law; set where they are others."""
+        joint, own = self.joints[j], self._config.joints[j]
+        pid = (own.direct_pid if direct else None) or own.position_pid
+        if pid is not self._position_pids[j]:
+            set_gains(joint.position_pid, pid, self._config.period)
+            self._position_pids[j] = pid
+        in_amps = self._current_loop and law is not Law.OUTPUT  # P8: the PWM as given
+        if in_amps != joint.in_amps:
+            set_drive(joint, own, in_amps=in_amps)
+
+
+def joint_torque(joint: Joint, measured: float, current: float) -> float:
+    """The measured torque; where there is no sensor, what the motor's current makes."""
+    return measured if joint.has_torque_sensor else current * joint.torque_per_ampere
+
+
+def set_constants(joint: Joint, own: JointConfig, period: float) -> None:
+    """What the laws must know of a joint's configuration."""
+    limits, motor = own.limits, own.motor
+    joint.period = period
+    joint.limit_lower, joint.limit_upper = limits.lower, limits.upper
+    joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
+    joint.max_torque, joint.max_output = limits.torque, limits.output
+    joint.inertia_min = own.inertia_min
+    joint.inertia = own.inertia_mean
+    joint.torque_per_ampere = motor.torque_per_ampere
+    joint.has_torque_sensor = own.torque_sensor
+    joint.compensation = own.back_emf_compensation
+    joint.ohms, joint.emf = motor.resistance, motor.back_emf
+    joint.percent_per_volt = 100.0 / motor.supply_voltage
+    winding = motor.inductance / motor.resistance
+    kept = math.exp(-period / winding)
+    joint.lead = min(kept / (1.0 - kept), MOST_LEAD)
+    joint.lag = winding / period - kept / (1.0 - kept)
+
+
+def set_drive(joint: Joint, own: JointConfig, *, in_amps: bool) -> None:
+    """How the laws' torque becomes what the drive takes: a current, A, or a PWM, percent.
+
+    i = τ/(k_t N);  u = 100/V_s (R i + k_e N dq)
+    """
+    motor, limits = own.motor, own.limits
+    per_volt = 100.0 / motor.supply_voltage
+    joint.in_amps = in_amps
+    if in_amps:
+        joint.per_torque, joint.per_speed = 1.0 / motor.torque_per_ampere, 0.0
+        joint.per_feed = 0.01 * limits.peak_current
+        joint.max_drive = PEAK_SHARE * limits.peak_current
+    else:
+        joint.per_torque = per_volt * motor.resistance / motor.torque_per_ampere
+        joint.per_speed, joint.per_feed = per_volt * motor.back_emf, 1.0
+        joint.max_drive = limits.output
+
+
+def set_gains(loop: Loop, pid: Pid, period: float) -> None:
+    """Give a loop its gains; what they change of the output, the integral part makes up for.
+
+    Where that is beyond the integral's limit, it gets there within UNLOADING.
+    """
+    before = loop.feed()
+    loop.kp, loop.ki_period, loop.kd, loop.kff = pid.kp, pid.ki * period, pid.kd, pid.kff
+    loop.alpha = -math.expm1(-2.0 * math.pi * pid.derivative_cutoff * period)
+    loop.limit = pid.integral_limit
+    loop.integral += before - loop.feed()
+    loop.room = max(abs(loop.integral) - loop.limit, 0.0)
+    loop.fall = loop.room * period / UNLOADING

@@ -1,0 +1,1602 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The control laws of a joint: what to read first to know how a joint moves.
+
+One joint at a time, in the order of a control cycle:
+
+1. ``observe``    acceleration and rest, from the last two readings; ``weigh``: the load
+2. ``advance``    the reference: moves, velocities, direct positions (P1 to P6), kept within the
+                  joint's limits of position, speed and acceleration (P9, P14)
+3. ``control``    the law of the mode (source Fig. 2): position PID, impedance, torque PID, output
+4. ``protect``    what no law may ask for: more speed than the limit, a way beyond it (P9, P14)
+
+Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
+by bit, where there is none. Units: rad, rad/s, N·m, A, s; m and N for prismatic joints.
+"""
+
+from __future__ import annotations
+
+from array import array
+from typing import TYPE_CHECKING, Any
+
+try:
+    import cython
+except ImportError:
+    from ..model import nocython as cython
+
+if cython.compiled:
+    from cython.cimports.libc.math import ceil, fabs, floor, sqrt
+else:
+    from math import ceil, fabs, floor, sqrt
+
+if TYPE_CHECKING:
+    from ..model.dynamics import Arm
+
+COMPILED = bool(cython.compiled)
+
+#: The laws of source Fig. 2; modes.Law gives them names.
+OFF = cython.declare(cython.int, 0)
+POSITION = cython.declare(cython.int, 1)
+IMPEDANCE = cython.declare(cython.int, 2)
+TORQUE = cython.declare(cython.int, 3)
+OUTPUT = cython.declare(cython.int, 4)
+
+#: Direct positions that follow each other within this time are a stream, others are steps, s; one
+#: that has begun goes on up to the second; each with half of the mean deviation from it on top.
+SLOWEST = cython.declare(cython.double, 0.052)
+SLOWER = cython.declare(cython.double, 0.060)
+#: For so long a direct position can be the last of a stream, s: five intervals at 20 Hz.
+LAST = cython.declare(cython.double, 0.25)
+#: The interval of a stream counts as no less, s.
+BRIEF = cython.declare(cython.double, 0.008)
+#: Samples that a motion is measured from, and how far apart they are at least, s.
+KNOTS = cython.declare(cython.int, 6)
+APART = cython.declare(cython.double, 0.012)
+#: Where samples come more slowly, s, jitter does not hide how the motion turns.
+SLOW = cython.declare(cython.double, 0.025)
+#: Memory of the interval, of residuals and of how a motion turns, in samples.
+MEMORY = cython.declare(cython.double, 100.0)
+BRIEF_MEMORY = cython.declare(cython.double, 12.0)
+#: Natural frequency of what follows a stream, rad/s: at most, and times the interval.
+QUICKEST = cython.declare(cython.double, 60.0)
+QUICK = cython.declare(cython.double, 1.2)
+#: A joint is at rest below this part of its speed limit, and of its torque limit in acceleration.
+REST_SPEED = cython.declare(cython.double, 2e-3)
+REST_TORQUE = cython.declare(cython.double, 5e-3)
+#: Coulomb friction is whole from this part of the speed limit on.
+SLIP = cython.declare(cython.double, 1e-2)
+#: How long a joint must be at rest for its load to be known, s; time constant of its filter, s.
+REST_TIME = cython.declare(cython.double, 0.03)
+LOAD_FILTER = cython.declare(cython.double, 0.01)
+#: How long the load is looked for at least where a reference waits for it, and at most, s.
+SETTLE_LEAST = cython.declare(cython.double, 0.05)
+SETTLE_MOST = cython.declare(cython.double, 0.5)
+#: How long a joint at rest waits at most for others that still brake, s.
+OTHERS_MOST = cython.declare(cython.double, 3.0)
+#: How long a torque is beyond its limit in a position mode until that is told of, s.
+STRAIN_TIME = cython.declare(cython.double, 0.05)
+#: How firmly TORQUE holds a joint before its first reference, as a part of the torque limit.
+HOLD_SHARE = cython.declare(cython.double, 0.1)
+#: A way so long that no braking is in sight, rad or m.
+FAR = cython.declare(cython.double, 1e9)
+#: Within how many periods the protection takes the speed to what is allowed.
+SPAN = cython.declare(cython.double, 3.0)
+#: Time constant of the way back from beyond a limit, s.
+RETURN = cython.declare(cython.double, 0.1)
+#: Part of the acceleration limit that the protection brakes with, ahead of a limit.
+BRAKING = cython.declare(cython.double, 0.7)
+#: The inertia that it reckons with: this part of the least one where it lets the torque grow;
+#: where it takes torque away this multiple of the mean one, and of the former at most so much.
+LIGHT = cython.declare(cython.double, 0.7)
+HEAVY = cython.declare(cython.double, 2.0)
+WIDE = cython.declare(cython.double, 4.0)
+#: How far what is followed may lead a joint, in position errors worth the torque limit.
+LEAD = cython.declare(cython.double, 1.0)
+#: No output is greater, percent; NaN is not, either.
+MOST_OUTPUT = cython.declare(cython.double, 1e3)
+#: Speed that the position law may reach, over the limit: room for a reference at the limit.
+PURSUIT = cython.declare(cython.double, 1.02)
+
+
+@cython.cclass
+class Pid:
+    """A PID with feed-forward, a bounded integral and a filtered rate.
+
+    u = kff·r + kp·e + I + kd·D;   I += ki·e·T, |I| ≤ limit;   D += alpha·(rate − D)
+
+    An integral beyond a limit that is new has room above it, which shrinks by ``fall`` a cycle.
+    """
+
+    kp = cython.declare(cython.double, visibility="public")
+    ki_period = cython.declare(cython.double, visibility="public")
+    kd = cython.declare(cython.double, visibility="public")
+    kff = cython.declare(cython.double, visibility="public")
+    limit = cython.declare(cython.double, visibility="public")
+    room = cython.declare(cython.double, visibility="public")
+    fall = cython.declare(cython.double, visibility="public")
+    alpha = cython.declare(cython.double, visibility="public")
+    integral = cython.declare(cython.double, visibility="public")
+    derivative = cython.declare(cython.double, visibility="public")
+    previous = cython.declare(cython.double, visibility="public")
+    error = cython.declare(cython.double, visibility="public")
+    reference = cython.declare(cython.double, visibility="public")
+
+    def __init__(self) -> None:
+        self.kp = self.ki_period = self.kd = self.kff = self.limit = self.fall = self.alpha = 0.0
+        self.reset(0.0)
+
+    @cython.ccall
+    def reset(self, integral: cython.double) -> cython.void:
+        """Start with an integral part, and with no rate."""
+        self.room = 0.0
+        self.integral = self.previous = clamp(integral, -self.limit, self.limit)
+        self.derivative = self.error = self.reference = 0.0
+
+    @cython.ccall
+    def feed(self) -> cython.double:
+        """What the last output was made of, the integral part aside."""
+        return self.kff * self.reference + self.kp * self.error + self.kd * self.derivative
+
+
+@cython.cfunc
+@cython.inline
+def clamp(value: cython.double, low: cython.double, high: cython.double) -> cython.double:
+    """The value, or the bound that it passes."""
+    if value < low:
+        return low
+    if value > high:
+        return high
+    return value
+
+
+@cython.cfunc
+def brake_speed(
+    distance: cython.double, acceleration: cython.double, period: cython.double
+) -> cython.double:
+    """The greatest speed from which braking in whole cycles ends within a distance.
+
+    In k cycles, each slower than the last by a·T:  d = k v T − a T² k(k − 1)/2, for the least k
+    that ends at rest.
+    """
+    cycles: cython.double
+    if distance <= 0.0:
+        return 0.0
+    if distance > FAR:  # no limit is known
+        return FAR
+    cycles = ceil(0.5 * (sqrt(1.0 + 8.0 * distance / (acceleration * period * period)) - 1.0))
+    cycles = max(cycles, 1.0)
+    return distance / (cycles * period) + 0.5 * acceleration * period * (cycles - 1.0)
+
+
+@cython.cclass
+class TimeBase:
+    """The last samples of a stream at the times that one reading of it gives them (P4).
+
+    The motion that they are samples of is x + v S(t) + a C(t), S = sin(ωt)/ω, C = (1 − cos ωt)/ω²:
+    a parabola whose acceleration turns with ω² = −jerk/velocity, which the samples show; fitted by
+    least squares, t from the last one.
+    """
+
+    times: cython.double[::1]
+    turned = cython.declare(cython.double, visibility="public")  # Σ −jerk · velocity
+    run = cython.declare(cython.double, visibility="public")  # Σ velocity²
+    turning = cython.declare(cython.double, visibility="public")  # ω²
+    x = cython.declare(cython.double, visibility="public")
+    v = cython.declare(cython.double, visibility="public")
+    a = cython.declare(cython.double, visibility="public")
+    residual = cython.declare(cython.double, visibility="public")  # mean square, of predictions
+
+    def __init__(self) -> None:
+        self.times = memoryview(array("d", [0.0] * KNOTS))
+        self.clear(0.0, 0.0)
+
+    @cython.cfunc
+    def clear(self, x: cython.double, v: cython.double) -> cython.void:
+        """Start anew with one sample."""
+        self.times[0] = 0.0
+        self.turned = self.run = self.turning = self.residual = self.a = 0.0
+        self.x, self.v = x, v
+
+    @cython.cfunc
+    def at(self, time: cython.double) -> cython.double:
+        """The position so long after the last sample."""
+        return self.x + self.v * sine(self.turning, time) + self.a * versine(self.turning, time)
+
+    @cython.cfunc
+    def judge(self, error: cython.double, share: cython.double) -> cython.void:
+        self.residual += share * (error * error - self.residual)
+
+    @cython.cfunc
+    def speed_up(
+        self, before: cython.double, time: cython.double, most: cython.double
+    ) -> cython.void:
+        """The acceleration that leads from a velocity so long before to that of now."""
+        if self.turning * time * time > 3.0:
+            self.turning = 0.0
+        before = self.v * (1.0 - self.turning * versine(self.turning, time)) - before
+        self.a = clamp(before / sine(self.turning, time), -most, most)
+
+    @cython.cfunc
+    def turn(self, x: cython.double[::1], knots: cython.int, share: cython.double) -> cython.void:
+        """ω² from four samples, the older ones fading.
+
+        r = −jerk τ²/3 v = 4 sin²u/(3 − 4 sin²u) for even samples, u = ωτ/2
+        """
+        t: cython.double[::1] = self.times
+        k: cython.int = 0
+        if knots > 4 and t[0] - t[1] < 0.5 * (t[1] - t[2]):
+            k = 1  # the last one is only just there
+        tau: cython.double = (t[k] - t[k + 3]) / 3.0
+        first: cython.double = t[k] - t[k + 1]
+        second: cython.double = t[k + 1] - t[k + 2]
+        third: cython.double = t[k + 2] - t[k + 3]
+        if tau <= 0.0 or min(first, second, third) < 0.5 * tau:
+            return  # of one cycle, or too uneven to tell
+        first = (x[k] - x[k + 1]) / first
+        second = (x[k + 1] - x[k + 2]) / second
+        third = (x[k + 2] - x[k + 3]) / third
+        jerk: cython.double = (first - second) / (t[k] - t[k + 2])
+        jerk = 2.0 * (jerk - (second - third) / (t[k + 1] - t[k + 3])) / tau
+        velocity: cython.double = (x[k] - x[k + 3]) / (3.0 * tau)
+        self.turned = (1.0 - share) * self.turned - jerk * velocity
+        self.run = (1.0 - share) * self.run + velocity * velocity
+        if self.run < 1e-12:
+            self.turning = 0.0
+            return
+        r: cython.double = clamp(self.turned / self.run * tau * tau / 3.0, 0.0, 1.5)
+        r = 3.0 * r / (4.0 * (1.0 + r))
+        self.turning = 4.0 * r * (1.0 + r * (1.0 / 3.0 + r * (8.0 / 45.0))) / (tau * tau)
+
+    @cython.cfunc
+    def fit(
+        self, values: cython.double[::1], knots: cython.int, max_acceleration: cython.double
+    ) -> cython.void:
+        """Position, velocity and acceleration at the last sample, by least squares."""
+        k: cython.int
+        t: cython.double
+        y: cython.double
+        s: cython.double
+        c: cython.double
+        n: cython.double = 0.0
+        ss: cython.double = 0.0
+        cc: cython.double = 0.0
+        sc: cython.double = 0.0
+        s1: cython.double = 0.0
+        c1: cython.double = 0.0
+        y1: cython.double = 0.0
+        ys: cython.double = 0.0
+        yc: cython.double = 0.0
+        span: cython.double = -self.times[knots - 1]
+        self.x, self.a = values[0], 0.0
+        if span <= 0.0:
+            return
+        scale: cython.double = 1.0 / span
+        for k in range(knots):
+            t = self.times[k]
+            y = values[k] - values[0]
+            s = sine(self.turning, t) * scale
+            c = versine(self.turning, t) * scale * scale
+            n += 1.0
+            s1 += s
+            c1 += c
+            y1 += y
+            ss += s * s
+            sc += s * c
+            cc += c * c
+            ys += y * s
+            yc += y * c
+        n = 1.0 / n  # about the means
+        ss -= s1 * s1 * n
+        sc -= s1 * c1 * n
+        cc -= c1 * c1 * n
+        ys -= y1 * s1 * n
+        yc -= y1 * c1 * n
+        whole: cython.double = ss * cc - sc * sc
+        if knots < 3 or whole < 1e-9:
+            self.v = (values[0] - values[knots - 1]) * scale
+            return
+        s = (ys * cc - yc * sc) / whole
+        c = (yc * ss - ys * sc) / whole
+        self.x = values[0] + (y1 - s * s1 - c * c1) * n
+        self.v, self.a = s * scale, c * scale * scale
+        if fabs(self.a) > 1.5 * max_acceleration:  # no motion of this joint
+            self.x, self.a = values[0], 0.0
+            self.v = (values[0] - values[1]) / -self.times[1] if self.times[1] < 0.0 else 0.0
+
+
+@cython.cfunc
+@cython.inline
+def sine(turning: cython.double, t: cython.double) -> cython.double:
+    """sin(ωt)/ω as a series of ω²; t where ω is zero."""
+    z: cython.double = turning * t * t
+    return t * (1.0 - z / 6.0 * (1.0 - z / 20.0 * (1.0 - z / 42.0)))
+
+
+@cython.cfunc
+@cython.inline
+def versine(turning: cython.double, t: cython.double) -> cython.double:
+    """(1 − cos ωt)/ω² as a series of ω²; t²/2 where ω is zero."""
+    z: cython.double = turning * t * t
+    return 0.5 * t * t * (1.0 - z / 12.0 * (1.0 - z / 30.0 * (1.0 - z / 56.0)))
+
+
+@cython.cclass
+class Stream:
+    """Direct positions that follow each other: samples of a motion (P4).
+
+    When was a sample made? On an even grid, from which it comes late (``grid``), or when it was
+    sent (``sent``): the reading that predicts the next sample better is believed. Interval and
+    phase of the grid: regression of the arrivals over their numbers, and their lower envelope; a
+    gap counts as a lost sample where the arrival, or the value, says so.
+    """
+
+    values: cython.double[::1]
+    numbers: cython.double[::1]  # of intervals that they lie back
+    grid = cython.declare(TimeBase, visibility="public")
+    sent = cython.declare(TimeBase, visibility="public")
+    count = cython.declare(cython.double, visibility="public")  # samples
+    knots = cython.declare(cython.int, visibility="public")
+    pushed = cython.declare(cython.double, visibility="public")  # knots so far
+    last = cython.declare(cython.double, visibility="public")
+    last_velocity = cython.declare(cython.double, visibility="public")  # where given
+    interval = cython.declare(cython.double, visibility="public")  # s
+    early = cython.declare(cython.double, visibility="public")  # envelope before last arrival, s
+    late = cython.declare(cython.double, visibility="public")  # of the last sample, s
+    uneven = cython.declare(cython.double, visibility="public")  # mean deviation of intervals, s
+    gap = cython.declare(cython.double, visibility="public")  # the longest of late, s
+    weight = cython.declare(cython.double, visibility="public")  # sums of the regression
+    sum_k = cython.declare(cython.double, visibility="public")
+    sum_t = cython.declare(cython.double, visibility="public")
+    sum_kk = cython.declare(cython.double, visibility="public")
+    sum_kt = cython.declare(cython.double, visibility="public")
+    missing = cython.declare(cython.double, visibility="public")  # samples lost per sample
+    on_grid = cython.declare(cython.bint, visibility="public")
+    flows = cython.declare(cython.bint, visibility="public")  # fast enough
+
+    def __init__(self) -> None:
+        self.values = memoryview(array("d", [0.0] * KNOTS))
+        self.numbers = memoryview(array("d", [0.0] * KNOTS))
+        self.grid, self.sent = TimeBase(), TimeBase()
+        self.count = 0.0
+
+    @cython.cfunc
+    def take(
+        self,
+        x: cython.double,
+        velocity: cython.double,
+        given: cython.bint,
+        age: cython.double,
+        period: cython.double,
+        max_velocity: cython.double,
+        max_acceleration: cython.double,
+    ) -> cython.void:
+        """Take a sample.
+
+        Args:
+            x: rad.
+            velocity: rad/s; where given.
+            given: whether it is.
+            age: of the last sample, control cycles.
+            period: of control, s.
+            max_velocity: rad/s; a difference that would be faster is a step.
+            max_acceleration: rad/s².
+        """
+        m: cython.double
+        reach: cython.double
+        d: cython.double = age * period
+        if self.count == 0.0 or d > LAST or d > 5.0 * self.interval > 0.0:
+            self.count = 0.0
+        elif self.count == 1.0:
+            reach = max_velocity * d
+        else:
+            reach = max_velocity * (d + self.late + 0.5 * self.interval)
+        if self.count > 0.0 and fabs(x - self.last) > reach:
+            self.count = 0.0  # a leap
+        if self.count == 0.0:
+            self.begin(x, velocity if given else 0.0, given)
+            return
+        self.count += 1.0
+        m = self.clock(x, d, period)
+        self.keep(x, d, m)
+        if given:
+            self.take_velocity(velocity, d, m, max_acceleration)
+        else:
+            self.grid.fit(self.values, self.knots, max_acceleration)
+            if self.interval > 1.5 * period:
+                few: cython.bint = self.knots > 5 and 0.015 < self.interval < SLOW
+                self.sent.fit(self.values, 5 if few else self.knots, max_acceleration)
+        self.last, self.last_velocity = x, velocity
+        reach = SLOWER if self.flows else SLOWEST
+        self.flows = self.interval < reach + 0.5 * self.uneven
+
+    @cython.cfunc
+    def begin(self, x: cython.double, velocity: cython.double, given: cython.bint) -> cython.void:
+        """Start with one sample."""
+        self.count, self.knots, self.pushed, self.weight = 1.0, 1, 0.0, 1.0
+        self.values[0], self.numbers[0] = x, 0.0
+        self.grid.clear(x, velocity)
+        self.sent.clear(x, velocity)
+        self.last, self.last_velocity = x, velocity
+        self.interval = self.early = self.late = self.uneven = self.gap = self.missing = 0.0
+        self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = 0.0
+        self.on_grid = True
+        self.flows = given
+
+    @cython.cfunc
+    def clock(self, x: cython.double, d: cython.double, period: cython.double) -> cython.double:
+        """Interval, lateness and time base after so many s; how many intervals they are."""
+        m: cython.double = self.intervals(x, d) if self.count > 2.0 else 1.0
+        share: cython.double
+        n: cython.double = self.count
+        self.missing += 0.05 * (m - 1.0 - self.missing)
+        if self.missing > 0.25 and n > 20.0:  # not lost: the interval is longer than was thought
+            self.missing = self.sum_k = self.sum_t = self.sum_kk = self.sum_kt = 0.0
+            self.weight, self.count, n, m = 1.0, 3.0, 3.0, 1.0
+        fade: cython.double = 1.0 - 1.0 / MEMORY
+        self.sum_kt += m * d * self.weight - d * self.sum_k - m * self.sum_t
+        self.sum_kk += m * m * self.weight - 2.0 * m * self.sum_k
+        self.sum_k -= m * self.weight
+        self.sum_t -= d * self.weight
+        self.sum_kt *= fade
+        self.sum_kk *= fade
+        self.sum_k *= fade
+        self.sum_t *= fade
+        self.weight = fade * self.weight + 1.0
+        self.interval = (self.weight * self.sum_kt - self.sum_k * self.sum_t) / (
+            self.weight * self.sum_kk - self.sum_k * self.sum_k
+        )
+        self.interval = max(self.interval, 0.25 * period)
+        self.gap = max(d, 0.99 * self.gap)
+        share = n - 1.0 if n < 21.0 else 20.0
+        self.uneven += (fabs(d - m * self.interval) - self.uneven) / share
+        self.early += m * self.interval - d + m * self.uneven * (1.0 / n + 0.002)
+        self.early = min(self.early, 0.0)
+        self.late = 0.2 * self.uneven - self.early
+        if n > 4.0:
+            share = n - 4.0 if n < 4.0 + BRIEF_MEMORY else BRIEF_MEMORY
+            self.grid.judge(x - self.grid.at(m * self.interval), 1.0 / share)
+            self.sent.judge(x - self.sent.at(d), 1.0 / share)
+            self.on_grid = self.interval <= 1.5 * period or self.grid.residual <= (
+                self.sent.residual * (0.5 if not self.on_grid else 1.0)
+            )
+        return m
+
+    @cython.cfunc
+    def intervals(self, x: cython.double, d: cython.double) -> cython.double:
+        """How many intervals a sample comes after the last one: 1, or more where some are lost."""
+        parts: cython.double = (d + self.late) / self.interval + 0.1
+        m: cython.double = floor(parts)
+        tolerance: cython.double = 0.25 if self.count > 13.0 else 0.6
+        error: cython.double
+        if self.count < 7.0 and d < 2.2 * self.interval:
+            return 1.0
+        m = clamp(m, 1.0, 6.0)
+        if self.count > 5.0 and self.grid.residual < self.sent.residual:
+            parts -= m
+            error = 0.7 * fabs(x - self.grid.at(m * self.interval))
+            fewer: cython.double = fabs(x - self.grid.at((m - 1.0) * self.interval))
+            more: cython.double = fabs(x - self.grid.at((m + 1.0) * self.interval))
+            if m > 1.0 and parts < tolerance and fewer < error:
+                return m - 1.0
+            if parts > 1.0 - tolerance and more < error:
+                return m + 1.0
+        return m
+
+    @cython.cfunc
+    def keep(self, x: cython.double, d: cython.double, m: cython.double) -> cython.void:
+        """Keep a sample, in place of the last one where the one before it is near."""
+        k: cython.int
+        share: cython.double
+        first: cython.double
+        grid: cython.double[::1] = self.grid.times
+        sent: cython.double[::1] = self.sent.times
+        apart: cython.double = 0.6 * self.interval
+        apart = max(apart, APART)
+        for k in range(self.knots):
+            self.numbers[k] -= m
+            grid[k] = self.numbers[k] * self.interval
+            sent[k] -= d
+        if self.knots > 1 and -sent[1] < apart and (-grid[1] < apart or not self.on_grid):
+            grid[0] = sent[0] = self.numbers[0] = 0.0
+            self.values[0] = x
+            return
+        if self.knots < KNOTS:
+            self.knots += 1
+        for k in range(self.knots - 1, 0, -1):
+            grid[k], sent[k], self.values[k] = grid[k - 1], sent[k - 1], self.values[k - 1]
+            self.numbers[k] = self.numbers[k - 1]
+        grid[0] = sent[0] = self.numbers[0] = 0.0
+        self.values[0] = x
+        self.pushed += 1.0
+        if self.knots >= 4:
+            first = 0.5 * self.pushed + 1.0
+            share = 1.0 / (first if first < BRIEF_MEMORY else BRIEF_MEMORY)
+            self.grid.turn(self.values, self.knots, share)
+            self.sent.turn(self.values, self.knots, share)
+            if self.interval < SLOW and self.uneven > 0.1 * self.interval:
+                self.sent.turning = 0.0  # what jitter does to near samples is no turning
+                if self.interval < 0.6 * SLOW:
+                    self.grid.turning = 0.0
+
+    @cython.cfunc
+    def take_velocity(
+        self,
+        velocity: cython.double,
+        d: cython.double,
+        m: cython.double,
+        max_acceleration: cython.double,
+    ) -> cython.void:
+        """The motion where its velocity comes along: acceleration from the last two."""
+        self.grid.x = self.sent.x = self.values[0]
+        self.grid.v = self.sent.v = velocity
+        self.grid.speed_up(self.last_velocity, m * self.interval, max_acceleration)
+        self.sent.speed_up(self.last_velocity, d if d > 0.0 else self.interval, max_acceleration)
+
+    @cython.cfunc
+    def patience(self) -> cython.double:
+        """How long after its last sample a stream goes on, s.
+
+        An even one for 1.5 of its interval, an uneven one until two in a row are missing.
+        """
+        least: cython.double = 1.5 * (self.interval if self.interval > BRIEF else BRIEF)
+        longest: cython.double = 1.2 * self.gap
+        if self.uneven > 0.1 * self.interval:
+            longest = self.interval + 3.5 * self.uneven
+            longest = 1.1 * (longest if longest > self.gap else self.gap) + self.interval
+        return longest if longest > least else least
+
+    @cython.cfunc
+    def velocity(self) -> cython.double:
+        """Of the motion at the last sample, rad/s; 0 where it is a step."""
+        if not self.flows:
+            return 0.0
+        return self.grid.v if self.on_grid else self.sent.v
+
+
+@cython.cclass
+class Joint:
+    """Everything that the laws know of one joint; ``core.control`` fills in the constants."""
+
+    # --- constants of the configuration -----------------------------------------------------
+    period = cython.declare(cython.double, visibility="public")
+    limit_lower = cython.declare(cython.double, visibility="public")
+    limit_upper = cython.declare(cython.double, visibility="public")
+    max_velocity = cython.declare(cython.double, visibility="public")
+    max_acceleration = cython.declare(cython.double, visibility="public")
+    max_torque = cython.declare(cython.double, visibility="public")
+    max_output = cython.declare(cython.double, visibility="public")  # PWM, percent
+    max_drive = cython.declare(cython.double, visibility="public")  # PWM or A, as the laws give
+    inertia_min = cython.declare(cython.double, visibility="public")
+    inertia = cython.declare(cython.double, visibility="public")
+    coulomb = cython.declare(cython.double, visibility="public")  # friction, N·m
+    viscous = cython.declare(cython.double, visibility="public")  # N·m·s/rad
+    torque_per_ampere = cython.declare(cython.double, visibility="public")
+    has_torque_sensor = cython.declare(cython.bint, visibility="public")
+    per_torque = cython.declare(cython.double, visibility="public")  # drive per N·m
+    per_speed = cython.declare(cython.double, visibility="public")  # drive per rad/s: back-EMF
+    compensation = cython.declare(cython.double, visibility="public")  # part of it made up for
+    per_feed = cython.declare(cython.double, visibility="public")  # drive per percent of u_ff
+    in_amps = cython.declare(cython.bint, visibility="public")  # drive is a current reference
+    ohms = cython.declare(cython.double, visibility="public")
+    emf = cython.declare(cython.double, visibility="public")  # V·s/rad
+    percent_per_volt = cython.declare(cython.double, visibility="public")
+    lead = cython.declare(cython.double, visibility="public")  # a/(1 − a), a = exp(−T R/L)
+    lag = cython.declare(cython.double, visibility="public")  # L/(T R) − a/(1 − a)
+
+    # --- what users and modes set -----------------------------------------------------------
+    law = cython.declare(cython.int, visibility="public")
+    calibrated = cython.declare(cython.bint, visibility="public")  # limits are known
+    feeds = cython.declare(cython.bint, visibility="public")  # u_ff acts
+    position_pid = cython.declare(Pid, visibility="public")
+    torque_pid = cython.declare(Pid, visibility="public")
+    current_pid = cython.declare(Pid, visibility="public")
+    stiffness = cython.declare(cython.double, visibility="public")
+    damping = cython.declare(cython.double, visibility="public")
+    torque_offset = cython.declare(cython.double, visibility="public")  # τ_ff
+    offset_given = cython.declare(cython.bint, visibility="public")  # by a user
+    load_taken = cython.declare(cython.double, visibility="public")  # taken over on entering
+    torque_command = cython.declare(cython.double, visibility="public")
+    output_command = cython.declare(cython.double, visibility="public")
+    output_offset = cython.declare(cython.double, visibility="public")  # u_ff, percent
+
+    # --- reference --------------------------------------------------------------------------
+    lower = cython.declare(cython.double, visibility="public")  # bounds of the reference
+    upper = cython.declare(cython.double, visibility="public")
+    active = cython.declare(cython.bint, visibility="public")  # the reference moves
+    moving = cython.declare(cython.bint, visibility="public")  # a position move is under way
+    move_start = cython.declare(cython.double, visibility="public")
+    move_target = cython.declare(cython.double, visibility="public")
+    move_velocity = cython.declare(cython.double, visibility="public")  # at its start
+    move_time = cython.declare(cython.double, visibility="public")
+    brake_time = cython.declare(cython.double, visibility="public")
+    move_cycles = cython.declare(cython.double, visibility="public")  # past
+    moved = cython.declare(cython.double, visibility="public")
+    moved_velocity = cython.declare(cython.double, visibility="public")
+    ramped = cython.declare(cython.double, visibility="public")  # ∫v dt
+    ramp_velocity = cython.declare(cython.double, visibility="public")
+    ramp_target = cython.declare(cython.double, visibility="public")
+    ramp_step = cython.declare(cython.double, visibility="public")  # rad/s per cycle
+    direct_velocity = cython.declare(cython.double, visibility="public")
+    direct_age = cython.declare(cython.double, visibility="public")  # cycles since the last one
+    stream = cython.declare(Stream, visibility="public")
+    stream_acceleration = cython.declare(cython.double, visibility="public")  # filtered
+    stream_peak = cython.declare(cython.double, visibility="public")  # of it, of late
+    reference = cython.declare(cython.double, visibility="public")
+    reference_velocity = cython.declare(cython.double, visibility="public")
+    followed = cython.declare(cython.double, visibility="public")  # within all limits
+    followed_velocity = cython.declare(cython.double, visibility="public")
+    followed_acceleration = cython.declare(cython.double, visibility="public")
+
+    # --- measured and observed --------------------------------------------------------------
+    position = cython.declare(cython.double, visibility="public")
+    velocity = cython.declare(cython.double, visibility="public")
+    torque = cython.declare(cython.double, visibility="public")
+    current = cython.declare(cython.double, visibility="public")
+    current_before = cython.declare(cython.double, visibility="public")  # a cycle ago
+    acceleration = cython.declare(cython.double, visibility="public")
+    load = cython.declare(cython.double, visibility="public")  # filtered, without inertia
+    motion = cython.declare(cython.double, visibility="public")  # torque that acceleration takes
+    gravity = cython.declare(cython.double, visibility="public")  # of the arm's model, or 0
+    forward = cython.declare(cython.double, visibility="public")  # fed forward to what is followed
+    blocked = cython.declare(cython.bint, visibility="public")  # stands, though it is to move
+    carried = cython.declare(cython.double, visibility="public")  # integral part when it was not
+    readings = cython.declare(cython.int, visibility="public")  # since power-on
+    rest_cycles = cython.declare(cython.int, visibility="public")
+    settling = cython.declare(cython.bint, visibility="public")  # held until the load is known
+    settle_cycles = cython.declare(cython.int, visibility="public")
+    wait_cycles = cython.declare(cython.int, visibility="public")  # for others that brake
+    awaited = cython.declare(cython.bint, visibility="public")  # a reference waits for the load
+    holding = cython.declare(cython.bint, visibility="public")  # TORQUE before its first reference
+    hold_place = cython.declare(cython.double, visibility="public")
+
+    # --- results ----------------------------------------------------------------------------
+    torque_reference = cython.declare(cython.double, visibility="public")
+    asked = cython.declare(cython.double, visibility="public")  # drive for the torque, last cycle
+    output = cython.declare(cython.double, visibility="public")  # PWM, percent
+    on_limit = cython.declare(cython.bint, visibility="public")
+    was_on_limit = cython.declare(cython.bint, visibility="public")  # in the last step
+    diverged = cython.declare(cython.bint, visibility="public")  # its output was not finite
+    strain_cycles = cython.declare(cython.int, visibility="public")  # beyond the torque limit
+    strained = cython.declare(cython.bint, visibility="public")  # for STRAIN_TIME
+
+    def __init__(self) -> None:
+        self.position_pid, self.torque_pid, self.current_pid = Pid(), Pid(), Pid()
+        self.lower, self.upper = -INFINITE, INFINITE
+        self.stream = Stream()
+        self.direct_age = INFINITE
+        self.was_on_limit = self.diverged = self.strained = False
+
+    # --- what the board asks of a joint -----------------------------------------------------
+
+    @cython.ccall
+    def hold(self, position: cython.double) -> cython.void:
+        """Let the reference stand at a position, at rest (M9, P3).
+
+        What is followed starts with the velocity that the joint has, and brakes within the
+        acceleration limit (P14).
+        """
+        self.moving = False
+        self.moved = self.reference = self.followed = position
+        self.moved_velocity = self.reference_velocity = self.ramped = 0.0
+        self.ramp_velocity = self.ramp_target = 0.0
+        self.followed_velocity = clamp(self.velocity, -self.max_velocity, self.max_velocity)
+        self.followed_acceleration = self.direct_velocity = 0.0
+        self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
+        if not self.active:
+            self.followed_velocity = 0.0
+        self.direct_age = INFINITE
+        self.stream.count, self.stream.flows = 0.0, False
+
+    @cython.ccall
+    def move(
+        self, target: cython.double, time: cython.double, brake: cython.double
+    ) -> cython.void:
+        """Start a minimum-jerk move from the present reference (P1, P6).
+
+        Args:
+            target: rad.
+            time: duration T, s; at least one period is used.
+            brake: time in which the present velocity is braked, s; 0: it goes on into the move.
+        """
+        self.active = self.moving = True
+        self.move_start = self.reference
+        self.move_velocity = self.moved_velocity
+        self.move_target = target
+        self.move_time = time if time > self.period else self.period
+        self.brake_time = brake
+        self.move_cycles = 0.0
+        self.moved = self.reference
+        self.ramped = 0.0
+        self.awaited = self.settling
+
+    @cython.ccall
+    def ramp(self, velocity: cython.double, acceleration: cython.double) -> cython.void:
+        """Ramp the velocity reference to a new value (P5)."""
+        self.active = True
+        self.ramp_target = velocity
+        self.ramp_step = acceleration * self.period
+        self.awaited = self.settling
+
+    @cython.ccall
+    def step_to(self, position: cython.double) -> cython.void:
+        """Take a direct position (P4): a step, or one more sample of a stream."""
+        self.take_sample(position, 0.0, False)
+
+    @cython.ccall
+    def step_with(self, position: cython.double, velocity: cython.double) -> cython.void:
+        """Take a direct position that has a velocity of its own (P4)."""
+        self.take_sample(position, clamp(velocity, -self.max_velocity, self.max_velocity), True)
+
+    @cython.cfunc
+    def take_sample(
+        self, position: cython.double, velocity: cython.double, given: cython.bint
+    ) -> cython.void:
+        self.stream.take(
+            position, velocity, given, self.direct_age, self.period, self.max_velocity,
+            self.max_acceleration,
+        )  # fmt: skip
+        self.active, self.moving = True, False
+        self.moved, self.ramped = position, 0.0
+        self.moved_velocity = self.ramp_velocity = self.ramp_target = 0.0
+        self.reference, self.reference_velocity = position, 0.0
+        self.direct_velocity = self.stream.velocity()
+        self.direct_age = 0.0
+        self.awaited = self.settling
+
+    @cython.ccall
+    def at_rest(self) -> cython.bint:
+        """Whether the last readings show a joint that neither moves nor begins to."""
+        return (
+            self.readings > 1
+            and fabs(self.velocity) <= REST_SPEED * self.max_velocity
+            and fabs(self.inertia * self.acceleration) <= REST_TORQUE * self.max_torque
+        )
+
+    @cython.ccall
+    def known_load(self) -> cython.double:
+        """The torque that carries the joint: measured, without what motion takes (M9)."""
+        if self.rest_cycles * self.period >= REST_TIME:
+            return self.load
+        return self.torque - self.motion
+
+    @cython.ccall
+    def feed_torque(self) -> cython.double:
+        """What u_ff is worth as a torque, N·m."""
+        if self.feeds and self.per_torque > 0.0:
+            return self.output_offset * self.per_feed / self.per_torque
+        return 0.0
+
+    @cython.ccall
+    def start(self, law: cython.int, resting: cython.bint = True) -> cython.void:
+        """Run a law from now on, without a jump: it takes over the load (M9).
+
+        A joint that is not at rest is first brought there by the position law, and one that is
+        held there while others move; what carries it when all have come to rest becomes its torque
+        (IMPEDANCE, TORQUE).
+
+        Args:
+            law: OFF, POSITION, ...
+            resting: whether the other joints are at rest.
+        """
+        load: cython.double = self.known_load() if resting else self.torque - self.motion
+        self.law = law
+        self.on_limit = self.holding = self.awaited = False
+        self.settling = law in (IMPEDANCE, TORQUE) and not (resting and self.at_rest())
+        self.settle_cycles = self.wait_cycles = self.strain_cycles = 0
+        self.load = load
+        self.current_pid.reset(0.0)
+        self.position_pid.reset(
+            load - self.gravity - self.feed_torque() - self.position_pid.kff * self.followed
+        )
+        self.torque_reference = self.torque_command = self.torque
+        self.torque_pid.reset(0.0)
+        self.asked = clamp(self.torque * self.per_torque, -self.max_drive, self.max_drive)
+        if law == OFF:
+            self.output = 0.0
+        elif not self.settling:
+            self.take(load)
+
+    @cython.cfunc
+    def take(self, load: cython.double) -> cython.void:
+        """Make the load what the law of the mode gives when nothing else is asked for."""
+        self.settling = self.awaited = False
+        self.load_taken = load - self.torque_offset
+        self.torque_command = load
+        self.holding = self.law == TORQUE
+        self.hold_place = self.followed
+        self.torque_pid.reset(self.torque - self.torque_pid.kff * load - self.feed_torque())
+
+    @cython.ccall
+    def offer_torque(self, torque: cython.double) -> cython.void:
+        """Take a τ_ff (P11); it replaces the load that was taken over."""
+        if self.settling:
+            self.take(self.known_load())
+        self.offset_given = True
+        self.torque_offset, self.load_taken = torque, 0.0
+
+    @cython.ccall
+    def command_torque(self, torque: cython.double) -> cython.void:
+        """Take a torque reference: from now on nothing but it acts (P7)."""
+        if self.settling:
+            self.take(self.known_load())
+        self.holding = False
+        self.torque_command = torque
+
+    @cython.ccall
+    def give_up(self) -> cython.void:
+        """Drive nothing, and forget what led to an output that is not finite.
+
+        The reference stays where the joint is; the next law starts afresh from there.
+        """
+        self.diverged = True
+        self.output = self.torque_reference = self.load = self.asked = 0.0
+        self.readings = self.rest_cycles = 0
+        self.position_pid.reset(0.0)
+        self.torque_pid.reset(0.0)
+        self.current_pid.reset(0.0)
+        self.hold(self.position)
+
+
+INFINITE = cython.declare(cython.double, 1e300)
+
+if not cython.compiled:  # attributes start at zero, as they do compiled
+    for _kind in (Pid, TimeBase, Stream, Joint):
+        for _name, _value in list(vars(_kind).items()):
+            if _value is None or isinstance(_value, Pid):
+                setattr(_kind, _name, 0.0)
+
+
+# --- 1. observe -----------------------------------------------------------------------------
+
+
+@cython.cfunc
+def observe(j: Joint, position: cython.double, velocity: cython.double) -> cython.void:
+    """Acceleration and rest: a = Δq̇/T; motion takes J·a where no more is known of the arm."""
+    j.acceleration = (velocity - j.velocity) / j.period if j.readings > 0 else 0.0
+    j.position, j.velocity = position, velocity
+    if not j.has_torque_sensor:
+        j.torque = j.current * j.torque_per_ampere
+    j.motion = j.inertia * j.acceleration
+    if j.readings < 2:
+        j.readings += 1
+    if j.at_rest():
+        if j.rest_cycles < 1000000:
+            j.rest_cycles += 1
+    else:
+        j.rest_cycles = 0
+
+
+@cython.cfunc
+def weigh(j: Joint) -> cython.void:
+    """The load: τ − what motion takes, through a low pass (M9)."""
+    raw: cython.double = j.torque - j.motion
+    if j.readings < 2 or j.period >= LOAD_FILTER:
+        j.load = raw
+    else:
+        j.load += j.period / LOAD_FILTER * (raw - j.load)
+
+
+@cython.cfunc
+def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
+    """Take the load over once it is known, or has been waited for long enough.
+
+    Args:
+        j: That settles.
+        braking: Whether one of those that settle is still being brought to rest.
+        rested: Whether all of them have been at rest for REST_TIME.
+    """
+    elapsed: cython.double
+    if j.active and not j.awaited:
+        return  # it still brakes
+    if braking and not j.awaited:
+        j.wait_cycles += 1
+        if j.wait_cycles * j.period < OTHERS_MOST:
+            return
+    j.settle_cycles += 1
+    elapsed = j.settle_cycles * j.period
+    if j.awaited:
+        rested = j.rest_cycles * j.period >= REST_TIME
+    if (
+        (rested and elapsed >= REST_TIME)
+        or elapsed >= SETTLE_MOST
+        or (j.awaited and elapsed >= SETTLE_LEAST)
+    ):
+        j.take(j.load)
+
+
+# --- 2. advance -----------------------------------------------------------------------------
+
+
+@cython.cfunc
+def advance(j: Joint) -> cython.void:
+    """One cycle of the reference: trajectory + ∫v dt, or the direct position (P1 to P6)."""
+    velocity: cython.double
+    if j.moving:
+        advance_move(j)
+    velocity = j.moved_velocity
+    if j.ramp_target != 0.0 or j.ramp_velocity != 0.0:
+        advance_ramp(j)
+        velocity += j.ramp_velocity
+    if j.direct_age < INFINITE:
+        j.direct_age += 1.0
+    else:
+        j.reference_velocity = velocity
+    j.reference = clamp(j.moved + j.ramped, j.lower, j.upper)
+    follow(j)
+    # A joint found outside its limits may come in, not go out again (P9).
+    if j.lower < j.limit_lower and j.calibrated:
+        j.lower = clamp(j.reference, j.lower, j.limit_lower)
+    if j.upper > j.limit_upper and j.calibrated:
+        j.upper = clamp(j.reference, j.limit_upper, j.upper)
+
+
+@cython.cfunc
+def advance_move(j: Joint) -> cython.void:
+    """The quintic of a move: leaves with v0, ends at rest (P1).
+
+    q(s) = q0 + v0 T s + (10 R − 6 v0 T) s³ + (8 v0 T − 15 R) s⁴ + (6 R − 3 v0 T) s⁵, s = t/T; a
+    velocity that is no part of it is braked by v0 (1 − 3u² + 2u³), u = t/T_b.
+    """
+    s: cython.double
+    u: cython.double
+    run: cython.double = 0.0
+    way: cython.double = 0.0
+    speed: cython.double = 0.0
+    reach: cython.double
+    time: cython.double = j.move_time
+    j.move_cycles += 1.0
+    elapsed: cython.double = j.move_cycles * j.period
+    if elapsed >= (time if time > j.brake_time else j.brake_time) - 1e-9 * j.period:
+        j.moving = False
+        j.moved, j.moved_velocity = j.move_target, 0.0
+        return
+    reach = j.move_target - j.move_start
+    if j.brake_time > 0.0:
+        u = elapsed / j.brake_time
+        reach -= 0.5 * j.move_velocity * j.brake_time
+        if u >= 1.0:
+            way = 0.5 * j.move_velocity * j.brake_time
+        else:
+            way = j.move_velocity * j.brake_time * u * (1.0 + u * u * (0.5 * u - 1.0))
+            speed = j.move_velocity * (1.0 + u * u * (2.0 * u - 3.0))
+    else:
+        run = j.move_velocity * time
+    s = elapsed / time
+    if s >= 1.0:
+        j.moved, j.moved_velocity = j.move_start + way + reach, speed
+        return
+    a: cython.double = 10.0 * reach - 6.0 * run
+    b: cython.double = 8.0 * run - 15.0 * reach
+    c: cython.double = 6.0 * reach - 3.0 * run
+    j.moved = j.move_start + way + s * (run + s * s * (a + s * (b + s * c)))
+    j.moved_velocity = speed + (run + s * s * (3.0 * a + s * (4.0 * b + s * 5.0 * c))) / time
+
+
+@cython.cfunc
+def advance_ramp(j: Joint) -> cython.void:
+    """The velocity reference: ramped (P5), and no more than speed and limits leave (P14).
+
+    Together with a move it keeps to the speed limit, and brakes ahead of a position limit.
+    """
+    total: cython.double
+    up: cython.double
+    down: cython.double
+    v: cython.double = clamp(
+        j.ramp_target, j.ramp_velocity - j.ramp_step, j.ramp_velocity + j.ramp_step
+    )
+    up = brake_speed(j.upper - j.reference, j.max_acceleration, j.period)
+    down = brake_speed(j.reference - j.lower, j.max_acceleration, j.period)
+    total = clamp(
+        j.moved_velocity + v,
+        -(down if down < j.max_velocity else j.max_velocity),
+        up if up < j.max_velocity else j.max_velocity,
+    )
+    j.ramp_velocity = total - j.moved_velocity if total != j.moved_velocity + v else v
+    j.ramped += j.ramp_velocity * j.period
+
+
+@cython.cfunc
+def follow(j: Joint) -> cython.void:
+    """What the laws follow: the reference, within speed, acceleration and limits (P14).
+
+    Where the joint can, it is the reference itself; else the fastest way there that ends with
+    the reference's velocity: v = v_ref + brake_speed(rest of the way). A stream is the motion
+    that its samples show (``follow_stream``).
+    """
+    goal: cython.double = j.reference
+    goal_velocity: cython.double = j.reference_velocity
+    velocity: cython.double
+    rest: cython.double
+    up: cython.double
+    down: cython.double
+    step: cython.double = j.max_acceleration * j.period
+    if j.direct_age < INFINITE:
+        goal_velocity = 0.0
+        if j.stream.flows and (j.direct_age - 1.0) * j.period > j.stream.patience():
+            j.stream.flows = False  # it has ended
+        if not j.stream.flows:
+            j.reference_velocity = j.direct_velocity = 0.0
+    if j.direct_age < INFINITE and j.stream.flows:
+        velocity = follow_stream(j)
+        goal_velocity = j.reference_velocity
+    else:
+        j.stream_acceleration = j.stream_peak = 0.0
+        rest = goal - j.followed - goal_velocity * j.period
+        if rest >= 0.0:
+            velocity = goal_velocity + brake_speed(rest, j.max_acceleration, j.period)
+        else:
+            velocity = goal_velocity - brake_speed(-rest, j.max_acceleration, j.period)
+    up = brake_speed(j.upper - j.followed, j.max_acceleration, j.period)
+    down = brake_speed(j.followed - j.lower, j.max_acceleration, j.period)
+    velocity = clamp(
+        velocity,
+        -(down if down < j.max_velocity else j.max_velocity),
+        up if up < j.max_velocity else j.max_velocity,
+    )
+    velocity = clamp(velocity, j.followed_velocity - step, j.followed_velocity + step)
+    j.followed_acceleration = (velocity - j.followed_velocity) / j.period
+    j.followed_velocity = velocity
+    j.followed += velocity * j.period
+    if fabs(goal - j.followed) <= 1e-12 and goal_velocity == 0.0:
+        j.followed = goal
+    if (
+        j.followed == goal
+        and fabs(velocity) <= step * 1e-6
+        and not (j.moving or j.ramp_target != 0.0 or j.ramp_velocity != 0.0)
+        and j.direct_velocity == 0.0
+        and (j.direct_age == INFINITE or j.direct_age * j.period > LAST)
+    ):
+        j.active = False
+        j.followed_velocity = j.followed_acceleration = 0.0
+
+
+@cython.cfunc
+def follow_stream(j: Joint) -> cython.double:
+    """The velocity that takes what is followed to the motion of a stream, and along with it.
+
+    e = r − x, w = v − v_r:  v̇ = a_r + 2ω (w_e − w), w_e = ½ω e near it (critically damped), and
+    √(2b(|e| − 2b/ω²)) far away, b = 0.8 (a_max − peak |a_r|): braking to the motion leaves room
+    for what the motion itself takes. a_r is low-passed, ω goes with the stream's interval.
+    """
+    s: Stream = j.stream
+    base: TimeBase = s.grid if s.on_grid else s.sent
+    age: cython.double = (j.direct_age - 1.0) * j.period
+    interval: cython.double = s.interval if s.interval > BRIEF else BRIEF
+    quick: cython.double = QUICK / interval
+    if s.on_grid:
+        age += s.late
+    quick = min(quick, QUICKEST)
+    quick = min(quick, 0.2 / j.period)
+    turned: cython.double = versine(base.turning, age)
+    cosine: cython.double = 1.0 - base.turning * turned
+    run: cython.double = sine(base.turning, age)
+    goal: cython.double = base.x + base.v * run + base.a * turned
+    speed: cython.double = base.v * cosine + base.a * run
+    speed = clamp(speed, -j.max_velocity, j.max_velocity)
+    rate: cython.double = base.a * cosine - base.turning * base.v * run
+    rate = clamp(rate, -j.max_acceleration, j.max_acceleration)
+    if (goal >= j.upper and speed > 0.0) or (goal <= j.lower and speed < 0.0):
+        goal, speed, rate = clamp(goal, j.lower, j.upper), 0.0, 0.0
+    j.reference_velocity = j.direct_velocity = speed
+    share: cython.double = 3.0 * quick * j.period
+    j.stream_acceleration += (rate - j.stream_acceleration) * (share if share < 1.0 else 1.0)
+    rate = j.stream_acceleration
+    j.stream_peak *= 1.0 - j.period
+    j.stream_peak = max(j.stream_peak, fabs(rate))
+    speed -= 0.5 * rate * j.period  # the mean over this cycle
+    error: cython.double = goal - j.followed - speed * j.period
+    off: cython.double = j.followed_velocity - speed + rate * j.period
+    brake: cython.double = 0.8 * (j.max_acceleration - j.stream_peak)
+    brake = max(brake, 0.03 * j.max_acceleration)
+    slope: cython.double = 0.5 * quick
+    near: cython.double = brake / (slope * slope)
+    wanted: cython.double = slope * error
+    ahead: cython.double = 0.0
+    if fabs(error) > near:
+        wanted = sqrt(2.0 * brake * (fabs(error) - 0.5 * near))
+        ahead = brake * fabs(off) / wanted
+        ahead = min(ahead, brake)
+        if error < 0.0:
+            wanted = -wanted
+        else:
+            ahead = -ahead
+    change: cython.double = (rate + ahead + 4.0 * slope * (wanted - off)) * j.period
+    wanted = speed + error / j.period
+    if fabs(wanted - j.followed_velocity - change) <= 0.01 * j.max_acceleration * j.period:
+        return wanted
+    return j.followed_velocity + change
+
+
+# --- 3. control -----------------------------------------------------------------------------
+
+
+@cython.cfunc
+def pid_step(
+    p: Pid, reference: cython.double, error: cython.double, rate: cython.double
+) -> cython.double:
+    """One period of a PID: u = kff·r + kp·e + I + kd·D."""
+    p.reference, p.error = reference, error
+    p.previous = p.integral
+    if p.room > 0.0:
+        p.room = max(p.room - p.fall, 0.0)
+    most: cython.double = p.limit + p.room
+    p.integral = clamp(p.integral + p.ki_period * error, -most, most)
+    p.derivative += p.alpha * (rate - p.derivative)
+    return p.kff * reference + p.kp * error + p.integral + p.kd * p.derivative
+
+
+@cython.cfunc
+def unwind(p: Pid, excess: cython.double) -> cython.void:
+    """Anti-windup: where the output is cut, an integral that pushes further goes back."""
+    if p.error * excess > 0.0:
+        p.integral = p.previous
+
+
+@cython.cfunc
+def position_law(j: Joint) -> cython.double:
+    """Position PID with the torque of what is followed fed forward (I5, first row of Fig. 2).
+
+    τ = kp·e + ∫ki·e dt + kd·ė + τ(q, q̇_ref, q̈_ref) + τ_friction(q̇_ref), e = q_ref − q; τ() is the
+    arm's dynamics and gravity, or J·q̈_ref where no more is known.
+
+    What is followed leads the joint by no more than the torque limit is worth: one that was held
+    back goes on from where it is, at the speed of a reference, when it is free again (P14).
+    """
+    p: Pid = j.position_pid
+    lead: cython.double
+    if p.kp > 0.0:
+        lead = LEAD * j.max_torque / p.kp
+        if fabs(j.followed - j.position) > lead:
+            stay(j, clamp(j.followed, j.position - lead, j.position + lead))
+        hold_back(j)
+    return (
+        pid_step(p, j.followed, j.followed - j.position, j.followed_velocity - j.velocity)
+        + j.forward
+        + friction(j, j.followed_velocity)
+    )
+
+
+@cython.cfunc
+def friction(j: Joint, velocity: cython.double) -> cython.double:
+    """Friction at a velocity: F_c v/v_slip + F_v v, the former up to ± F_c."""
+    slip: cython.double = SLIP * j.max_velocity
+    return j.coulomb * clamp(velocity / slip, -1.0, 1.0) + j.viscous * velocity
+
+
+@cython.cfunc
+def stay(j: Joint, place: cython.double) -> cython.void:
+    """Let what is followed stand at a place in this cycle, without the torque to get it moving."""
+    j.forward -= j.inertia * j.followed_acceleration
+    j.followed = place
+    j.followed_velocity = j.followed_acceleration = 0.0
+    j.active = True
+
+
+@cython.cfunc
+def hold_back(j: Joint) -> cython.void:
+    """Let a blocked joint push no harder than it can be caught when it is freed (P14).
+
+    |kp·e + I − I_free| ≤ J·v_top/T',  T' = T (1 + lead/2)
+
+    I_free is the integral part of the joint while it moved, or was told to stand; T' is how long
+    its torque acts unseen and while the winding takes it back. What is followed waits.
+    """
+    p: Pid = j.position_pid
+    excess: cython.double
+    back: cython.double
+    most: cython.double = (
+        LIGHT * j.inertia_min * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead))
+    )
+    if most >= j.max_torque:
+        return
+    most = max(most, HOLD_SHARE * j.max_torque)
+    if fabs(j.velocity) > REST_SPEED * j.max_velocity:
+        j.blocked = False
+    elif j.followed_velocity != 0.0:
+        j.blocked = True
+    if not j.blocked:
+        j.carried = p.integral
+        return
+    excess = p.kp * (j.followed - j.position) + p.integral - j.carried
+    if fabs(excess) > most:
+        back = j.followed - (excess - clamp(excess, -most, most)) / p.kp
+        # not beyond where the joint is
+        stay(j, clamp(back, min(j.followed, j.position), max(j.followed, j.position)))
+
+
+@cython.cfunc
+def impedance(j: Joint) -> cython.double:
+    """Torque of a virtual spring and damper (I5; second row of source Fig. 2).
+
+    τ = τ_ff + load + k (q_ref − q) − d q̇; the load is what was taken over on entering (M9).
+    """
+    return (
+        j.torque_offset
+        + j.load_taken
+        + j.stiffness * (j.followed - j.position)
+        - j.damping * j.velocity
+    )
+
+
+@cython.cfunc
+def held_torque(j: Joint) -> cython.double:
+    """TORQUE before its first reference: the load, and a hold as firm as a gearbox rubs (M9).
+
+    τ = load + clip(kp (q_hold − q) − kd q̇, ± HOLD_SHARE·τ_max); pushed harder, the joint gives
+    way and stays where it is left.
+    """
+    p: Pid = j.position_pid
+    firm: cython.double = HOLD_SHARE * j.max_torque
+    if p.kp > 0.0:
+        j.hold_place = clamp(j.hold_place, j.position - firm / p.kp, j.position + firm / p.kp)
+    return j.torque_command + clamp(
+        p.kp * (j.hold_place - j.position) - p.kd * j.velocity, -firm, firm
+    )
+
+
+@cython.cfunc
+def torque_law(j: Joint, reference: cython.double) -> cython.double:
+    """Torque PID: u = kff·τ_ref + kp·e + ∫ki·e dt + kd·ė, e = τ_ref − τ (P7)."""
+    p: Pid = j.torque_pid
+    error: cython.double
+    reference = clamp(reference, -j.max_torque, j.max_torque)
+    j.torque_reference = reference
+    error = reference - j.torque
+    return pid_step(p, reference, error, (error - p.error) / j.period)
+
+
+@cython.cfunc
+def control(j: Joint) -> cython.void:
+    """The output of the law that runs (source Fig. 2)."""
+    torque: cython.double
+    drive: cython.double
+    given: cython.double
+    loop: Pid = j.torque_pid
+    if j.law == OFF:
+        j.output = 0.0
+        return
+    given = j.output_offset * j.per_feed if j.feeds else 0.0
+    if j.law == OUTPUT:
+        drive = j.output_command + given
+        j.output = clamp(protect(j, drive), -j.max_output, j.max_output)
+        j.current_pid.integral = 0.0
+        return
+    if j.law == POSITION or j.settling:
+        loop = j.position_pid
+        torque = position_law(j)
+    elif j.law == IMPEDANCE:
+        torque = torque_law(j, impedance(j))
+    elif j.holding:
+        torque = torque_law(j, held_torque(j))
+    else:
+        torque = torque_law(j, j.torque_command)
+    drive = clamp(torque, -j.max_torque, j.max_torque)
+    if drive != torque:
+        unwind(loop, torque - drive)
+    if drive == torque or j.law != POSITION:
+        j.strain_cycles = 0
+    elif j.strain_cycles < 1000000:
+        j.strain_cycles += 1
+    drive = ahead_of_winding(j, drive * j.per_torque)
+    drive += j.compensation * j.per_speed * j.velocity + given
+    given = protect(j, clamp(drive, -j.max_drive, j.max_drive))
+    if given != drive:
+        unwind(loop, drive - given)
+    j.output = current_law(j, given) if j.in_amps else given
+
+
+@cython.cfunc
+def ahead_of_winding(j: Joint, wanted: cython.double) -> cython.double:
+    """The drive that brings the current within a cycle to what is wanted at its end.
+
+    L di/dt = v − R i, solved for v over one period:  v = R (i' − a i)/(1 − a), a = exp(−T R/L);
+    the current is taken to be where the last cycle sent it.
+    """
+    drive: cython.double = wanted
+    if not j.in_amps:
+        drive += j.lead * (wanted - j.asked)
+    j.asked = wanted
+    return drive
+
+
+@cython.cfunc
+def current_law(j: Joint, reference: cython.double) -> cython.double:
+    """The inner loop of a board with current output (P10).
+
+    v = R·(i_ref + lead·Δi_ref) + Ke·q̇ + PI(i_ref, i); the lead as in ``ahead_of_winding``.
+    """
+    p: Pid = j.current_pid
+    before: cython.double = p.reference
+    wanted: cython.double = j.percent_per_volt * (
+        pid_step(p, reference, reference - j.current, 0.0)
+        + j.ohms * (reference + j.lead * (reference - before))
+        + j.emf * j.velocity
+    )
+    given: cython.double = clamp(wanted, -j.max_output, j.max_output)
+    if given != wanted:
+        unwind(p, wanted - given)
+    return given
+
+
+# --- 4. protect -----------------------------------------------------------------------------
+
+
+@cython.cfunc
+def protect(j: Joint, drive: cython.double) -> cython.double:
+    """What a joint may get of a drive (P9, P14).
+
+    No faster than the speed limit; where no position law keeps it inside its limits, no faster
+    towards one than it can brake, and back from beyond it.
+    """
+    top: cython.double = PURSUIT * j.max_velocity
+    bottom: cython.double = -top
+    free: cython.bint = j.law != POSITION and not j.settling
+    if free:
+        top, bottom = j.max_velocity, -j.max_velocity
+        if j.calibrated:
+            top = speed_towards(j, j.limit_upper - j.position, top)
+            bottom = -speed_towards(j, j.position - j.limit_lower, -bottom)
+            note_limit(j)
+    drive = min(drive, speed_bound(j, top, 1.0))
+    drive = max(drive, -speed_bound(j, -bottom, -1.0))
+    return clamp(drive, -j.max_drive, j.max_drive)
+
+
+@cython.cfunc
+def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.double:
+    """The drive that takes a joint to a speed, and no further; both count in a way, +1 or -1.
+
+    The motor's torque τ lags by its winding. What is left over of it for acceleration, n, follows
+    from the last cycle whatever load and friction are, and may be at its end no more than lets
+    the joint come to the speed while n fades by T/H a cycle:
+
+    n0 = J q̈ + lag·Δτ,   n1 = (J (v_top − q̇) − lag·n0·T)/H,   τ1 = τ + n1 − n0,   H = 3 T
+
+    lag·Δτ is what the torque is beyond its mean over the cycle. Torque grows as if the joint were
+    light, and is taken away as if it were heavy.
+    """
+    drive: cython.double
+    span: cython.double = SPAN * j.period
+    torque: cython.double = way * j.current * j.torque_per_ampere
+    grown: cython.double = torque - way * j.current_before * j.torque_per_ampere
+    gain: cython.double = 1.0 + j.lag * j.period / span
+    spare: cython.double = (top - way * j.velocity) / span - gain * way * j.acceleration
+    inertia: cython.double = LIGHT * j.inertia_min
+    if spare < 0.0:
+        inertia = min(HEAVY * j.inertia, WIDE * inertia)
+    bound: cython.double = torque - gain * j.lag * grown + inertia * spare
+    if bound >= j.max_torque:
+        return INFINITE
+    bound = max(bound, -j.max_torque)
+    drive = j.per_torque * bound + j.per_speed * way * j.velocity
+    return drive if j.in_amps else drive + j.lead * j.per_torque * (bound - torque)
+
+
+@cython.cfunc
+def speed_towards(j: Joint, room: cython.double, top: cython.double) -> cython.double:
+    """The speed allowed towards a limit that is so far away; negative beyond it: back."""
+    speed: cython.double
+    if room < 0.0:
+        return room / RETURN
+    speed = brake_speed(room, BRAKING * j.max_acceleration, j.period)
+    return speed if speed < top else top
+
+
+@cython.cfunc
+def note_limit(j: Joint) -> cython.void:
+    """Whether the joint is beyond a limit, or was and still lies on its edge (P9)."""
+    room: cython.double = j.limit_upper - j.position
+    below: cython.double = j.position - j.limit_lower
+    room = min(room, below)
+    edge: cython.double = 0.01 * (j.limit_upper - j.limit_lower)
+    edge = min(edge, 0.0175)
+    j.on_limit = room < 0.0 or (j.on_limit and room < edge)
+
+
+# --- the cycle ------------------------------------------------------------------------------
+
+
+@cython.cclass
+class Laws:
+    """All joints of a board, and views of the arrays that everybody reads.
+
+    Args:
+        joints: of class Joint.
+        rows: measured position, velocity, torque, current; position, velocity and torque
+            reference; output: a buffer of n doubles each.
+        done: n bytes, 1 where no position move is under way.
+        arm: the dynamics of these joints; None: each is taken by itself.
+    """
+
+    joints: list[Joint]
+    arm: Any
+    modelled: cython.bint  # the arm's dynamics act
+    done: cython.uchar[::1]
+    position: cython.double[::1]
+    velocity: cython.double[::1]
+    torque: cython.double[::1]
+    current: cython.double[::1]
+    position_reference: cython.double[::1]
+    velocity_reference: cython.double[::1]
+    torque_reference: cython.double[::1]
+    output: cython.double[::1]
+    arm_position: cython.double[::1]
+    arm_velocity: cython.double[::1]
+    arm_acceleration: cython.double[::1]
+    arm_torque: cython.double[::1]
+
+    def __init__(
+        self, joints: list[Joint], rows: list[object], done: object, arm: Arm | None = None
+    ) -> None:
+        self.joints, self.arm, self.modelled = joints, arm, False
+        (
+            self.position,
+            self.velocity,
+            self.torque,
+            self.current,
+            self.position_reference,
+            self.velocity_reference,
+            self.torque_reference,
+            self.output,
+        ) = rows
+        self.done = done
+        if arm is not None:
+            self.arm_position, self.arm_velocity, self.arm_acceleration, self.arm_torque = arm.rows
+
+    def step(self) -> bool:
+        """One control period of all joints; whether one has something to tell, or no longer: a
+        limit, or that it diverged; an output that is not finite never leaves.
+        """
+        k: cython.Py_ssize_t
+        j: Joint
+        changed: cython.bint = False
+        settling: cython.bint = False
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            j.current_before = j.current
+            j.torque, j.current = self.torque[k], self.current[k]
+            observe(j, self.position[k], self.velocity[k])
+            settling = settling or j.settling
+        if settling and self.modelled:
+            self.sense_motion()
+        for k in range(len(self.joints)):
+            weigh(self.joints[k])
+        if settling:
+            self.settle_joints()
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            if j.active:
+                advance(j)
+                self.position_reference[k] = j.reference
+                self.velocity_reference[k] = j.reference_velocity
+                self.done[k] = not j.moving
+        self.feed_forward()
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            control(j)
+            if not fabs(j.output) <= MOST_OUTPUT:
+                j.give_up()
+                self.position_reference[k], self.velocity_reference[k] = j.reference, 0.0
+                changed = True
+            self.torque_reference[k] = j.torque_reference
+            self.output[k] = j.output
+            if tells(j):
+                changed = True
+        return changed
+
+    def prepare(self) -> bool:
+        """Before laws start: know motion and gravity; whether all joints are at rest."""
+        k: cython.Py_ssize_t
+        j: Joint
+        resting: cython.bint = True
+        for j in self.joints:
+            resting = resting and j.at_rest()
+        if self.modelled:
+            self.sense_motion()
+            self.sense_gravity()
+            for k in range(len(self.joints)):
+                j = self.joints[k]
+                j.gravity = self.arm_torque[k]
+        return resting
+
+    @cython.cfunc
+    def settle_joints(self) -> cython.void:
+        """Let joints take their loads over, none before all of them have come to rest."""
+        j: Joint
+        braking: cython.bint = False
+        rested: cython.bint = True
+        for j in self.joints:
+            if j.settling and not j.awaited:
+                braking = braking or j.active
+                rested = rested and j.rest_cycles * j.period >= REST_TIME
+        for j in self.joints:
+            if j.settling:
+                settle(j, braking, rested)
+
+    @cython.cfunc
+    def sense_motion(self) -> cython.void:
+        """What the measured motion of the whole arm takes of each joint's torque."""
+        k: cython.Py_ssize_t
+        j: Joint
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            self.arm_position[k], self.arm_velocity[k] = j.position, j.velocity
+            self.arm_acceleration[k] = j.acceleration
+        self.arm.inverse(0.0)
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            if is_number(self.arm_torque[k]):
+                j.motion = self.arm_torque[k]
+
+    @cython.cfunc
+    def sense_gravity(self) -> cython.void:
+        """The load of the arm's own links where it is measured to be."""
+        k: cython.Py_ssize_t
+        j: Joint
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            self.arm_position[k] = j.position
+            self.arm_velocity[k] = self.arm_acceleration[k] = 0.0
+        self.arm.inverse(1.0)
+
+    @cython.cfunc
+    def feed_forward(self) -> cython.void:
+        """The torque of what each joint follows, with gravity where all angles are known."""
+        k: cython.Py_ssize_t
+        j: Joint
+        if not self.knows_arm():
+            for j in self.joints:
+                j.forward = j.inertia * j.followed_acceleration
+            return
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            self.arm_position[k] = j.position
+            if j.law == POSITION or j.settling:
+                self.arm_velocity[k] = j.followed_velocity
+                self.arm_acceleration[k] = j.followed_acceleration
+            else:
+                self.arm_velocity[k], self.arm_acceleration[k] = j.velocity, 0.0
+        self.arm.inverse(1.0)
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            if is_number(self.arm_torque[k]):
+                j.forward = self.arm_torque[k]
+
+    @cython.cfunc
+    def knows_arm(self) -> cython.bint:
+        """Whether the arm's dynamics act: all angles are known.
+
+        From there on gravity is fed forward, and the integral parts give so much less.
+        """
+        k: cython.Py_ssize_t
+        j: Joint
+        sign: cython.double
+        known: cython.bint = self.arm is not None
+        for j in self.joints:
+            known = known and j.calibrated
+        if known == self.modelled:
+            return known
+        self.modelled = known
+        self.sense_gravity()
+        sign = 1.0 if known else -1.0
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            j.position_pid.integral -= sign * self.arm_torque[k]
+            j.gravity = self.arm_torque[k] if known else 0.0
+        return known
+
+
+@cython.cfunc
+@cython.inline
+def is_number(value: cython.double) -> cython.bint:
+    """Neither infinite nor not a number."""
+    return value - value == 0.0
+
+
+@cython.cfunc
+def tells(j: Joint) -> cython.bint:
+    """Whether a joint came to a limit or left it, of position or, for a while, of torque."""
+    changed: cython.bint = j.on_limit != j.was_on_limit
+    strained: cython.bint = j.strain_cycles * j.period >= STRAIN_TIME
+    changed = changed or strained != j.strained
+    j.was_on_limit, j.strained = j.on_limit, strained
+    return changed

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The references that users set: what runs, and the last accepted ones (SPEC P, M11).
+
+The position reference of a joint is its trajectory plus the integral of its velocity:
+q_ref = trajectory + ∫v dt, in every mode. POSITION leaves the second at zero, VELOCITY the
+first still, MIXED uses both, POSITION_DIRECT sets the first. ``laws.advance`` runs them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..config.config import BoardConfig
+from ..config.limits import BoardLimits
+from ..state import Indices, StateArrays
+from ..terms.measurement import Array
+from ..terms.vocabs import CommandKind
+from .effort import Effort, Plan
+from .laws import Joint
+from .trajectory import durations, durations_within
+
+#: A joint, its target and its speed, or its time; and what plans moves, stretched by a factor.
+Move = tuple[Joint, float, float]
+Planner = Callable[[float], list[Plan]]
+
+
+class Moves(NamedTuple):
+    """Position moves that start together.
+
+    Attributes: factors (how much longer each takes than its joint by itself would, for the torques
+    that they take; of one part the same), plans (durations of each and of its braking, s).
+    """
+
+    factors: list[float]
+    plans: list[Plan]
+
+    @property
+    def times(self) -> list[float]:
+        """How long each takes, s."""
+        return [max(plan) for plan in self.plans]
+
+
+class References:
+    """References of n joints.
+
+    Args:
+        config: of the board.
+        limits: of the same joints.
+        state: of the board; its rows of references are written.
+        joints: whose laws follow the references.
+        efforts: of each joint, the torque that moves of its part take; None: it is not known.
+
+    Attributes: last (shape (kinds, n): the last accepted of each kind, M11), speed and
+    acceleration (set by the user, rad/s and rad/s², shape (n,)).
+    """
+
+    def __init__(
+        self,
+        config: BoardConfig,
+        limits: BoardLimits,
+        state: StateArrays,
+        joints: list[Joint],
+        efforts: Sequence[Effort | None] = (),
+    ) -> None:
+        self._state, self._joints, self._limits = state, joints, limits
+        self._efforts = efforts or [None] * state.n
+        self.last: Array = np.zeros((len(CommandKind), state.n))
+        self.speed, self.acceleration = np.zeros(state.n), np.zeros(state.n)
+        self.power_on(range(state.n), config)
+
+    def power_on(self, joints: Sequence[int], config: BoardConfig) -> None:
+        """Forget the references of joints, and what users set for them (N1)."""
+        for j in joints:
+            own = config.joints[j]
+            self.last[:, j] = 0.0
+            self.speed[j], self.acceleration[j] = own.reference_speed, own.reference_acceleration
+
+    def reconfigure(self, limits: BoardLimits) -> None:
+        """Take new limits; running references go on."""
+        self._limits = limits
+
+    def reset(self, joints: Sequence[int], *, bounded: bool) -> None:
+        """Hold joints where they are measured to be, at rest (M9).
+
+        A joint found outside its software limits may stay there or move inwards, never
+        further out (P9); one that is not calibrated knows no limits.
+        """
+        for j in joints:
+            self._joints[j].lower, self._joints[j].upper = -math.inf, math.inf
+        self.hold(joints, [float(self._state.position[j]) for j in joints])
+        if bounded:
+            self.bound(joints)
+
+    def bound(self, joints: Sequence[int]) -> None:
+        """Bound position references by the limits, from where they stand (P9)."""
+        for j in joints:
+            joint = self._joints[j]
+            joint.lower = min(joint.limit_lower, joint.reference)
+            joint.upper = max(joint.limit_upper, joint.reference)
+
+    def hold(self, joints: Sequence[int], positions: Sequence[float]) -> None:
+        """Set the position reference at once, at rest (P3, M9)."""
+        state = self._state
+        for j, position in zip(joints, positions, strict=True):
+            state.position_reference[j], state.velocity_reference[j] = position, 0.0
+            state.done[j] = True
+            self._joints[j].hold(position)
+
+    def move(self, joints: Indices, targets: Array, speeds: Array) -> Moves:
+        """Start minimum-jerk moves from the present reference (P1, P6); shapes (k,)."""
+        return self._start(joints, targets, self.plan_moves(joints, targets, speeds))
+
+    def plan_moves(self, joints: Indices, targets: Array, speeds: Array) -> Moves:
+        """What such moves would be from now on."""
+
+        def planner(moves: Sequence[Move]) -> Planner:
+            first = [planned(durations, *move) for move in moves]
+
+            def plan(factor: float) -> list[Plan]:
+                if factor == 1.0:
+                    return first
+                return [
+                    planned(durations_within, joint, target, factor * max(made))
+                    for (joint, target, _), made in zip(moves, first, strict=True)
+                ]
+
+            return plan
+
+        return self._stretched(joints, targets, speeds, planner)
+
+    def move_within(self, joints: Indices, targets: Array, time: float) -> Moves:
+        """Start moves that all arrive after so many s; no less than ``plan_moves`` says."""
+
+        def planner(moves: Sequence[Move]) -> Planner:
+            return lambda factor: [
+                planned(durations_within, joint, target, factor * lasting)
+                for joint, target, lasting in moves
+            ]
+
+        times = np.full(len(targets), time)
+        return self._start(joints, targets, self._stretched(joints, targets, times, planner))
+
+    def _stretched(
+        self,
+        joints: Indices,
+        targets: Array,
+        along: Array,
+        planner: Callable[[Sequence[Move]], Planner],
+    ) -> Moves:
+        """Moves as long as the torques of each part's arm ask for."""
+        chosen, moves = joints.tolist(), list(self._with(joints, targets, along))
+        efforts = [self._efforts[j] for j in chosen]
+        if not any(efforts):
+            return Moves([1.0] * len(moves), planner(moves)(1.0))
+        found: dict[int, tuple[float, Plan]] = {}
+        for effort in dict.fromkeys(efforts):
+            places = [k for k, its in enumerate(efforts) if its is effort]
+            plan, factor = planner([moves[k] for k in places]), 1.0
+            plans = plan(factor)
+            if effort is not None:
+                some = [chosen[k] for k in places]
+                factor, plans = effort.stretched(some, [moves[k][1] for k in places], plan)
+            found |= {k: (factor, one) for k, one in zip(places, plans, strict=True)}
+        factors, made = zip(*(found[k] for k in range(len(moves))), strict=True)
+        return Moves(list(factors), list(made))
+
+    def _start(self, joints: Indices, targets: Array, moves: Moves) -> Moves:
+        self._state.done[joints] = False
+        for (joint, target, _), (time, brake) in zip(
+            self._with(joints, targets, targets), moves.plans, strict=True
+        ):
+            joint.move(target, time, brake)
+        return moves
+
+    def _with(self, joints: Indices, targets: Array, along: Array) -> Iterator[Move]:
+        """Joints with what they get each."""
+        chosen = [self._joints[j] for j in joints.tolist()]
+        return zip(chosen, targets.tolist(), along.tolist(), strict=True)
+
+    def step(self, joints: Indices, positions: Array, velocities: Array | None) -> None:
+        """Step the position reference (P4); velocities are its own, where it has them."""
+        state = self._state
+        state.position_reference[joints] = positions
+        state.done[joints] = True
+        if velocities is None:
+            for j, position in zip(joints.tolist(), positions.tolist(), strict=True):
+                self._joints[j].step_to(position)
+            return
+        for j, position, velocity in zip(
+            joints.tolist(), positions.tolist(), velocities.tolist(), strict=True
+        ):
+            self._joints[j].step_with(position, velocity)
+
+    def ramp(self, joints: Indices, velocities: Array, accelerations: Array) -> None:
+        """Ramp the velocity references to new values (P5); shapes (k,)."""
+        for j, velocity, acceleration in zip(
+            joints.tolist(), velocities.tolist(), accelerations.tolist(), strict=True
+        ):
+            self._joints[j].ramp(velocity, acceleration)
+
+    def is_ramping(self, j: int) -> bool:
+        """Whether a joint has a velocity reference other than zero."""
+        return bool(self._joints[j].ramp_target != 0.0)
+
+    def halt(self, joints: Indices) -> None:
+        """Stop the velocity references as hard as the joints may (P12)."""
+        self.ramp(joints, np.zeros(len(joints)), self._limits.acceleration[joints])
+
+    def set_torque(self, joints: Indices, torques: Array, _: Array | None = None) -> None:
+        """Set the torque references (P7), N·m; shapes (k,)."""
+        for j, torque in zip(joints.tolist(), torques.tolist(), strict=True):
+            self._joints[j].command_torque(torque)
+
+    def set_output(self, joints: Indices, outputs: Array, _: Array | None = None) -> None:
+        """Set the outputs (P8), percent; shapes (k,)."""
+        for j, output in zip(joints.tolist(), outputs.tolist(), strict=True):
+            self._joints[j].output_command = output
+
+    def remaining(self, joints: Indices) -> Array:
+        """Time until the moves end, shape (k,), s; 0 where there is none."""
+        left = []
+        for joint in (self._joints[j] for j in joints.tolist()):
+            whole = max(joint.move_time, joint.brake_time)
+            left.append(
+                max(0.0, whole - joint.move_cycles * joint.period) if joint.moving else 0.0
+            )
+        return np.array(left)
+
+
+def planned(
+    plan: Callable[[float, float, float, float, float], tuple[float, float]],
+    joint: Joint,
+    target: float,
+    value: float,
+) -> tuple[float, float]:
+    """The durations of a move from where a joint's reference is, and of its braking, s.
+
+    Args:
+        plan: ``durations`` or ``durations_within``.
+        joint: that moves.
+        target: rad.
+        value: of the plan: the mean speed, rad/s, or the time, s.
+    """
+    return plan(
+        target - joint.reference,
+        value,
+        joint.moved_velocity,
+        joint.max_velocity,
+        joint.max_acceleration,
+    )

@@ -1,0 +1,300 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The references of users: fire and forget, joint by joint (SPEC M3, M4, M11, P).
+
+One row of COMMANDS per kind says all that differs between the kinds. What the mode of a joint
+does not take, and what is not a finite number, is ignored and counted; the other joints of the
+same command are served.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...protocols import Floats, Values
+from ..config.config import BoardConfig
+from ..config.limits import BoardLimits
+from ..laws.references import Moves, References
+from ..selection import RequestError, Selection, spread
+from ..state import Indices
+from ..terms.measurement import Array
+from ..terms.reply import Answer, JointAnswer, Reply, decided
+from ..terms.vocabs import CommandKind
+from .decisions import decide_reference
+from .explanations import explain_bound, explain_reference, explain_slower, range_text
+from .machine import Machine
+from .requests import LEFT
+
+K = CommandKind
+#: What will be done instead of what was asked for, by joint.
+Notes = dict[int, str]
+Start = Callable[[References, Indices, Floats, Any], Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """One kind of reference.
+
+    Attributes: field (its name in messages), limit (attribute of BoardLimits: it is bounded to
+    ± that; None: to lower and upper, a position), start (what it starts), timeout (attribute of
+    Timeouts; None: it never expires), along (what may come along, as messages name it), standing
+    (attribute of References: what stands where none comes along, which then must be above 0),
+    most (attribute of BoardLimits: the greatest that may come along).
+    """
+
+    field: str
+    start: Start
+    limit: str | None = None
+    timeout: str | None = None
+    along: str | None = None
+    standing: str | None = None
+    most: str | None = None
+
+
+COMMANDS = {
+    K.POSITION: Command(  # P1
+        field="positions",
+        start=References.move,
+        along="speeds",
+        standing="speed",
+        most="velocity",
+    ),
+    K.POSITION_DIRECT: Command(  # P4
+        field="positions", start=References.step, along="velocities", most="velocity"
+    ),
+    K.VELOCITY: Command(  # P5
+        field="velocities",
+        start=References.ramp,
+        limit="velocity",
+        timeout="velocity",
+        along="accelerations",
+        standing="acceleration",
+        most="acceleration",
+    ),
+    K.TORQUE: Command(  # P7
+        field="torques", start=References.set_torque, limit="torque", timeout="torque"
+    ),
+    K.OUTPUT: Command(  # P8
+        field="outputs", start=References.set_output, limit="output", timeout="output"
+    ),
+}
+
+
+def timeout_cycles(config: BoardConfig) -> Array:
+    """How long references last (P12), cycles, shape (kinds, n); infinite: they never expire."""
+    cycles = np.full((len(K), len(config.joints)), np.inf)
+    for kind, row in COMMANDS.items():
+        if row.timeout is None:
+            continue
+        lasting = [getattr(joint.timeouts, row.timeout) for joint in config.joints]
+        cycles[kind] = [
+            np.ceil(seconds / config.period - 1e-9) if seconds > 0.0 else np.inf
+            for seconds in lasting
+        ]
+    return cycles
+
+
+class Commands:
+    """Checks references joint by joint, starts what is good, counts the rest.
+
+    Args:
+        machine: whose joints are commanded.
+        limits: of the same joints.
+    """
+
+    def __init__(self, machine: Machine, limits: BoardLimits) -> None:
+        self._machine = machine
+        self._state, self._references = machine.state, machine.references
+        self.reconfigure(limits)
+
+    def reconfigure(self, limits: BoardLimits) -> None:
+        """Take new limits."""
+        self._limits = limits
+        self._low, self._high, self._most = (dict.fromkeys(K, limits.lower) for _ in range(3))
+        for kind, row in COMMANDS.items():
+            high = limits.upper if row.limit is None else getattr(limits, row.limit)
+            self._high[kind] = high
+            self._low[kind] = limits.lower if row.limit is None else -high
+            if row.most is not None:
+                self._most[kind] = getattr(limits, row.most)
+
+    def command(
+        self,
+        kind: CommandKind,
+        selection: Selection,
+        asked: Floats,
+        along: Floats | None = None,
+        *,
+        together: bool = False,
+        time: float | None = None,
+    ) -> Reply:
+        """Start references of one kind; see COMMANDS for what comes along.
+
+        Args:
+            kind: of the references.
+            selection: the joints.
+            asked: the references, shape (k,).
+            along: likewise; None: as set.
+            together: whether all joints take their references or none does.
+            time: s after which position moves arrive, all at once (R5), no less than
+                ``get_move_time`` says; None: each at its own.
+        """
+        extra = self._standing(kind, selection) if along is None else along
+        chosen = selection.joints
+        good = self._state.accepts[kind, chosen] & np.isfinite(asked)
+        if along is not None:
+            good &= self._fits(kind, chosen, along)
+        answers: list[JointAnswer] = []
+        if not good.all():
+            answers = self._judged(kind, selection, asked, along)
+            if together:
+                return decided(selection.names, [a if a.code else LEFT for a in answers])
+            chosen, asked = chosen[good], asked[good]
+            extra = None if extra is None else extra[good]
+        taken, notes = asked, Notes()
+        if chosen.size:
+            taken, notes = self._start(kind, chosen, asked, extra, time)
+        if not (answers or notes):
+            given = (Answer.ACCEPTED,) * len(selection.names)
+            return Reply(selection.names, given, values=tuple(taken.tolist()))
+        started = dict(zip(chosen.tolist(), taken.tolist(), strict=True))
+        answers = answers or [JointAnswer()] * len(selection.names)
+        return told(selection, answers, started, notes)
+
+    def get_move_time(self, chosen: Indices, positions: Floats, speeds: Floats) -> Floats:
+        """How long position moves would take from now on (P1), s, shape (k,)."""
+        taken = self._taken(chosen, positions)
+        return np.array(self._references.plan_moves(chosen, taken, speeds).times)
+
+    def _taken(self, chosen: Indices, positions: Floats) -> Floats:
+        """Targets within the software limits (P9)."""
+        return np.clip(positions, self._low[K.POSITION][chosen], self._high[K.POSITION][chosen])
+
+    def _standing(self, kind: CommandKind, selection: Selection) -> Floats | None:
+        """What stands where nothing comes along with references, one per joint; None: nothing."""
+        if (name := COMMANDS[kind].standing) is None:
+            return None
+        standing: Floats = getattr(self._references, name)
+        return standing[selection.joints]
+
+    def _fits(self, kind: CommandKind, chosen: Indices, extra: Floats) -> NDArray[np.bool_]:
+        """Whether what comes along may: above 0 up to the most, or any finite number."""
+        if COMMANDS[kind].standing is None:
+            return np.isfinite(extra)
+        return (extra > 0.0) & (extra <= self._most[kind][chosen])
+
+    def _start(
+        self,
+        kind: CommandKind,
+        chosen: Indices,
+        asked: Floats,
+        extra: Floats | None,
+        time: float | None,
+    ) -> tuple[Floats, Notes]:
+        """Start references within the limits.
+
+        Returns:
+            Those in force, and what is done instead of what was asked for.
+        """
+        row, references = COMMANDS[kind], self._references
+        taken = np.minimum(np.maximum(asked, self._low[kind][chosen]), self._high[kind][chosen])
+        starts = self._state.position_reference[chosen]
+        notes: Notes = {}
+        if time is not None:
+            ways = np.abs(taken - starts)
+            moves = references.move_within(chosen, taken, time)
+            if max(moves.factors) > 1.0:
+                notes = self._slower(chosen, ways, ways / time, moves)
+        else:
+            if row.standing is None and extra is not None:
+                most = self._most[kind][chosen]
+                extra = np.clip(extra, -most, most)
+            moves = row.start(references, chosen, taken, extra)
+            if moves is not None and extra is not None:
+                notes = self._slower(chosen, np.abs(taken - starts), extra, moves)
+        if not same(asked, taken):
+            notes |= self._bounded(kind, chosen, asked, taken)
+        references.last[kind, chosen] = taken
+        if row.timeout is not None:
+            self._machine.timeouts.renew(kind, chosen, self._state.cycle)
+        return taken, notes
+
+    def _bounded(self, kind: CommandKind, chosen: Indices, asked: Floats, taken: Floats) -> Notes:
+        """What a limit made of references (P1, P9, P14)."""
+        joints = self._machine.config.joints
+        return {
+            j: explain_bound(joints[j], kind, one, other)
+            for j, one, other in zip(chosen.tolist(), asked.tolist(), taken.tolist(), strict=True)
+            if one != other
+        }
+
+    def _slower(self, chosen: Indices, ways: Floats, speeds: Floats, moves: Moves) -> Notes:
+        """Where limits make a move slower than asked for (P1)."""
+        notes = {}
+        joints = self._machine.config.joints
+        for j, way, speed, time, factor in zip(
+            chosen.tolist(),
+            ways.tolist(),
+            speeds.tolist(),
+            moves.times,
+            moves.factors,
+            strict=True,
+        ):
+            if text := explain_slower(joints[j], way, speed, time, factor=factor):
+                notes[j] = text
+        return notes
+
+    def _judged(
+        self, kind: CommandKind, selection: Selection, asked: Floats, along: Floats | None
+    ) -> list[JointAnswer]:
+        """An answer for each joint, what is ignored counted (M4)."""
+        answers = []
+        fits = (
+            np.ones(asked.shape, bool)
+            if along is None
+            else self._fits(kind, selection.joints, along)
+        )
+        for k, j in enumerate(selection.joints.tolist()):
+            facts = self._machine.facts(j)
+            values = (float(asked[k]),) if along is None else (float(asked[k]), float(along[k]))
+            verdict = decide_reference(facts, kind, values, fits=bool(fits[k]))
+            self._state.rejected[j] += np.uint64(not verdict.accepts)
+            allowed = range_text(COMMANDS[kind].along, values[-1], float(self._most[kind][j]))
+            text = explain_reference(verdict.reason, facts, kind, values, allowed)
+            answers.append(JointAnswer(verdict.answer, text, verdict.reason))
+        return answers
+
+
+def told(
+    selection: Selection, answers: Sequence[JointAnswer], started: dict[int, float], notes: Notes
+) -> Reply:
+    """The reply to references, of which some have started, as bounded, and some have notes."""
+    order = selection.numbers
+    texts = [
+        JointAnswer(text=notes[j]) if j in notes else answer
+        for j, answer in zip(order, answers, strict=True)
+    ]
+    values = tuple(started.get(j, math.nan) for j in order)
+    return replace(decided(selection.names, texts), values=values)
+
+
+def spread_along(kind: CommandKind, along: Values, count: int) -> Floats:
+    """What comes along with references of a kind, one for each of so many joints.
+
+    Raises:
+        RequestError: the length does not fit, or the kind takes none.
+    """
+    what = COMMANDS[kind].along
+    if what is None:
+        raise RequestError("nothing comes along with it; send the values alone")
+    return spread(along, count, what)
+
+
+def same(one: Floats, other: Floats) -> bool:
+    """Whether two arrays of numbers are equal to the bit; a tenth of the time of numpy's ==."""
+    return one.tobytes() == other.tobytes()

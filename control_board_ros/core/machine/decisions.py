@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What becomes of a request, for one joint: decided from facts and the tables of ``modes``.
+
+``decide`` is total: every request has a Verdict for every joint in every mode. Nothing is written
+here; ``machine`` carries out what is decided, ``explanations`` puts it into words.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Protocol
+
+from ..config.parts import Calibration
+from ..terms.faults import FaultCode, FaultRecord
+from ..terms.modes import (
+    ACCEPTS,
+    AT_REST,
+    CALIBRATES,
+    CONFIGURED,
+    FAULTED,
+    REQUESTS,
+    STOPPABLE,
+    STORES_INTERACTION,
+    UNCALIBRATED_MODES,
+    UNCONFIGURED,
+    UNPOWERED_MODES,
+    Event,
+    Stage,
+    Trigger,
+    next_mode,
+)
+from ..terms.reply import Answer, Reason
+from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
+from ..watch.causes import Cause
+
+Wanted = ControlMode | InteractionMode | Event
+
+
+class DecidedJoint(Protocol):
+    """What decisions, and the texts that explain them, need of a joint's configuration."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def control_modes(self) -> tuple[ControlMode, ...]: ...
+    @property
+    def interaction_modes(self) -> tuple[InteractionMode, ...]: ...
+    @property
+    def calibration(self) -> Calibration | None: ...
+
+
+class Facts(NamedTuple):
+    """What a decision on one joint rests on.
+
+    Attributes: joint (its configuration), mode, interaction, calibrated (K7), fault (its last
+    one), cause (of a fault that is active and would come back now), time (s, of the reading),
+    stage (of the board).
+    """
+
+    joint: DecidedJoint
+    mode: ControlMode
+    interaction: InteractionMode
+    calibrated: bool
+    fault: FaultRecord
+    cause: Cause | None
+    time: float
+    stage: Stage = Stage.ACTIVE
+
+    @property
+    def lacks_calibration(self) -> bool:
+        """Whether the joint requires a calibration and has none (K7)."""
+        calibration = self.joint.calibration
+        return calibration is not None and calibration.required and not self.calibrated
+
+    @property
+    def inactive(self) -> bool:
+        """Whether the joint may have no power."""
+        return self.stage is not Stage.ACTIVE
+
+    def after(self, verdict: Verdict) -> Facts:
+        """What they are once an accepted verdict is carried out."""
+        effect = verdict.effect
+        if isinstance(effect, InteractionMode):
+            return self._replace(interaction=effect)
+        if isinstance(effect, ControlMode):
+            return self._replace(mode=effect)
+        target = next_mode(self.mode, effect) if effect is not None else None
+        if isinstance(target, ControlMode):
+            return self._replace(mode=target, fault=self.fault.cleared(), cause=None)
+        return self
+
+    def withholds(self, wanted: ControlMode) -> bool:
+        """Whether a mode is out of reach as long as the joint is not calibrated, or inactive."""
+        return (self.lacks_calibration and wanted not in UNCALIBRATED_MODES) or (
+            self.inactive and wanted not in UNPOWERED_MODES
+        )
+
+
+class Verdict(NamedTuple):
+    """The answer for a joint, the reason where it is not accepted, and what to carry out.
+
+    Attributes: answer, reason, effect (a trigger of the mode machine, an interaction mode to
+    store, or None: nothing changes).
+    """
+
+    answer: Answer
+    reason: Reason = Reason.NONE
+    effect: Trigger | InteractionMode | None = None
+
+    @property
+    def accepts(self) -> bool:
+        """Whether the joint does what was asked for."""
+        return self.answer is Answer.ACCEPTED
+
+
+FINE = Verdict(Answer.ACCEPTED)
+
+#: Why a joint in such a mode takes no request; absent: it does, unless it is inactive or lacks a
+#: calibration.
+UNAVAILABLE = {
+    **dict.fromkeys(FAULTED, Reason.IN_FAULT),
+    **dict.fromkeys(CALIBRATES, Reason.CALIBRATING),
+    **dict.fromkeys(UNCONFIGURED, Reason.NOT_CONFIGURED),
+}
+
+
+def decide(facts: Facts, wanted: Wanted) -> Verdict:
+    """What becomes of a request.
+
+    Args:
+        facts: Of one joint.
+        wanted: A control mode that can be asked for (a key of REQUESTS), an interaction mode, or
+            Event.CALIBRATE.
+    """
+    if isinstance(wanted, InteractionMode):
+        return _decide_interaction(facts, wanted)
+    if wanted is Event.CALIBRATE:
+        return _decide_calibration(facts)
+    assert isinstance(wanted, ControlMode)
+    return _decide_control_mode(facts, wanted)
+
+
+def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
+    """M1, M5, M8, F2, F4, K2, K7."""
+    trigger = REQUESTS[wanted]
+    if trigger is wanted and wanted not in facts.joint.control_modes:
+        trigger = Event.UNSUPPORTED
+    target = next_mode(facts.mode, trigger)
+    if target is None or facts.withholds(wanted):
+        return _refused(facts)
+    if trigger is Event.UNSUPPORTED:
+        return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, trigger)
+    if facts.cause is not None:
+        stopped = facts.cause.code is FaultCode.EMERGENCY_STOP
+        reason = Reason.EMERGENCY_STOP if stopped else Reason.CAUSE_PERSISTS
+        return Verdict(Answer.REFUSED, reason)
+    if target is facts.mode:
+        return FINE
+    if trigger is wanted and isinstance(target, ControlMode):
+        return Verdict(Answer.ACCEPTED, effect=target)
+    return Verdict(Answer.ACCEPTED, effect=trigger)
+
+
+def _decide_interaction(facts: Facts, wanted: InteractionMode) -> Verdict:
+    """I1, I2, I4, I7."""
+    if facts.mode not in STORES_INTERACTION:
+        return _refused(facts)
+    if wanted not in facts.joint.interaction_modes:
+        if next_mode(facts.mode, Event.UNSUPPORTED) is None:
+            return _refused(facts)
+        return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, Event.UNSUPPORTED)
+    return FINE if wanted is facts.interaction else Verdict(Answer.ACCEPTED, effect=wanted)
+
+
+def _decide_calibration(facts: Facts) -> Verdict:
+    """K1, N4."""
+    if facts.joint.calibration is None:
+        return Verdict(Answer.REFUSED, Reason.NO_CALIBRATOR)
+    allowed = facts.mode in CONFIGURED and not facts.inactive
+    if not allowed or next_mode(facts.mode, Event.CALIBRATE) is None:
+        return _refused(facts)
+    return Verdict(Answer.ACCEPTED, effect=Event.CALIBRATE)
+
+
+def decide_stop(facts: Facts) -> Verdict:
+    """What becomes of a stop: it acts where a position reference is followed (P3)."""
+    if facts.mode in STOPPABLE or facts.mode in AT_REST:
+        return FINE
+    return Verdict(Answer.IGNORED, UNAVAILABLE.get(facts.mode, Reason.NOTHING_TO_STOP))
+
+
+def decide_reference(
+    facts: Facts, kind: CommandKind, values: tuple[float, ...], fits: bool = True
+) -> Verdict:
+    """What becomes of a reference (M4, P13).
+
+    Args:
+        facts: Of one joint.
+        kind: Of the reference.
+        values: It, and what comes along.
+        fits: Whether what comes along is in its range.
+    """
+    if kind not in ACCEPTS.get(facts.mode, ()):
+        known = any(kind in ACCEPTS.get(mode, ()) for mode in facts.joint.control_modes)
+        otherwise = Reason.OTHER_MODE if known else Reason.UNSUPPORTED
+        return _ignored(facts, _unavailable(facts, otherwise))
+    if not all(math.isfinite(value) for value in values):
+        return _ignored(facts, Reason.NOT_FINITE)
+    return FINE if fits else _ignored(facts, Reason.OUT_OF_RANGE)
+
+
+def decide_feedforward(facts: Facts, values: tuple[float, ...]) -> Verdict:
+    """What becomes of feed-forward terms (P11, K6, M4)."""
+    if facts.mode in CALIBRATES:
+        return _ignored(facts, Reason.CALIBRATING)
+    if not all(math.isfinite(value) for value in values):
+        return _ignored(facts, Reason.NOT_FINITE)
+    return FINE
+
+
+def _ignored(facts: Facts, reason: Reason) -> Verdict:
+    """Commands are ignored (M4); before the configuration is in, refused (N4)."""
+    answer = Answer.IGNORED if facts.mode in CONFIGURED else Answer.REFUSED
+    return Verdict(answer, reason)
+
+
+def _refused(facts: Facts) -> Verdict:
+    return Verdict(Answer.REFUSED, _unavailable(facts, Reason.UNCALIBRATED))
+
+
+def _unavailable(facts: Facts, otherwise: Reason) -> Reason:
+    """Why a joint in its mode takes nothing; ``otherwise`` where the mode is not the reason."""
+    if facts.mode in UNAVAILABLE:
+        return UNAVAILABLE[facts.mode]
+    if facts.inactive:
+        return Reason.INACTIVE
+    return Reason.UNCALIBRATED if facts.lacks_calibration else otherwise

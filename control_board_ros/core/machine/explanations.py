@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Verdicts in words: one line each with cause, value, and what is allowed; no tool is named.
+
+The only place where the texts of replies about single joints are made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from ..config.config import JointConfig
+from ..terms.modes import CALIBRATES, UNCONFIGURED, Event, Stage, modes_accepting
+from ..terms.reply import Reason, quantity
+from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
+from .decisions import Facts, Wanted
+
+ACTIVATE = "activate it first (transition activate of its lifecycle)"
+
+
+UNTIL_CALIBRATED = "until it is, it takes idl, fidl and a calibration"
+
+
+def waits_for(facts: Facts) -> str:
+    """What lets a joint leave NOT_CONFIGURED (N2)."""
+    if facts.stage is Stage.UNCONFIGURED:
+        return "its node waits for configure (a transition of its lifecycle)"
+    return "the board waits for configure (a service)"
+
+
+#: Why a request for a joint is not carried out.
+REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
+    Reason.IN_FAULT: lambda facts, _: (
+        f"{facts.joint.name} is in HW_FAULT ({facts.fault.text}, "
+        f"{facts.time - facts.fault.stamp:.1f} s ago); send FORCE_IDLE first"
+    ),
+    Reason.CALIBRATING: lambda facts, _: (
+        f"{facts.joint.name} is CALIBRATING; wait until it is done, or abort it with FORCE_IDLE"
+    ),
+    Reason.UNCALIBRATED: lambda facts, _: (
+        f"{facts.joint.name} is not calibrated; {UNTIL_CALIBRATED}"
+    ),
+    Reason.NOT_CONFIGURED: lambda facts, _: (
+        f"{facts.joint.name} is {facts.mode.name}; {waits_for(facts)}"
+    ),
+    Reason.INACTIVE: lambda facts, _: (
+        f"{facts.joint.name} has no power while its node is inactive; {ACTIVATE}"
+    ),
+    Reason.UNSUPPORTED: lambda facts, wanted: (
+        f"{facts.joint.name} does not implement {asked(wanted)} and is now in HW_FAULT; "
+        f"it has {offered(facts, wanted)}; send FORCE_IDLE, then one of these"
+    ),
+    Reason.CAUSE_PERSISTS: lambda facts, _: persisting(facts),
+    Reason.EMERGENCY_STOP: lambda facts, _: persisting(facts),
+    Reason.NO_CALIBRATOR: lambda facts, _: (
+        f"{facts.joint.name} has no calibrator; give it {facts.joint.name}.calibration.type"
+    ),
+}
+
+#: Why a joint that could is not set either, where joints are set together or not at all.
+LEFT_AS_IT_IS = "the others of the request stay as they are"
+
+#: What to do where a stop does nothing to a joint.
+STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
+    **dict.fromkeys(CALIBRATES, lambda _: "abort it with FORCE_IDLE, or wait until it is done"),
+    **dict.fromkeys(UNCONFIGURED, waits_for),
+}
+STOP_OTHERWISE = "idl takes its power"
+
+
+def explain(reason: Reason, facts: Facts, wanted: Wanted) -> str:
+    """Why a request for a joint was not carried out; empty where it was."""
+    return REQUEST_TEXTS[reason](facts, wanted) if reason is not Reason.NONE else ""
+
+
+def explain_stop(facts: Facts) -> str:
+    """Why a stop did nothing to a joint."""
+    advice = STOP_TEXTS[facts.mode](facts) if facts.mode in STOP_TEXTS else STOP_OTHERWISE
+    return f"{facts.joint.name} is {facts.mode.name}, where stop does nothing; {advice}"
+
+
+def explain_reference(
+    reason: Reason, facts: Facts, kind: CommandKind, values: tuple[float, ...], allowed: str = ""
+) -> str:
+    """Why a joint's part of a reference was ignored; empty where it was not.
+
+    Args:
+        reason: Of the verdict.
+        facts: Of the joint.
+        kind: Of the reference.
+        values: It, and what came along.
+        allowed: What may come along, in words.
+    """
+    if reason is Reason.NONE:
+        return ""
+    if reason is Reason.NOT_FINITE:
+        why = not_finite(values)
+    elif reason is Reason.OUT_OF_RANGE:
+        why = allowed
+    else:
+        why = wrong_mode(reason, facts, kind)
+    return f"{kind} reference for {facts.joint.name} ignored: {why}"
+
+
+def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...]) -> str:
+    """Why a joint's part of a feed-forward was ignored; empty where it was not."""
+    if reason is Reason.NONE:
+        return ""
+    mode = f"mode is {facts.mode.name}, where none acts"
+    why = not_finite(values) if reason is Reason.NOT_FINITE else mode
+    return f"feedforward for {facts.joint.name} ignored: {why}"
+
+
+def explain_bound(joint: JointConfig, kind: CommandKind, asked: float, taken: float) -> str:
+    """What a limit made of a reference (P1, P9, P14)."""
+    shown = quantity(kind, taken, joint.kind), quantity(kind, asked, joint.kind)
+    return f"{joint.name}: {kind} bounded to {shown[0]} ({shown[1]} was asked for)"
+
+
+def explain_limit(joint: JointConfig, position: float) -> str:
+    """Where a joint is that its protection pushes back into its software limits (P9)."""
+    limits = joint.limits
+    beyond = max(limits.lower - position, position - limits.upper)
+    at, over, low, high = (
+        joint.kind.position(value) for value in (position, beyond, limits.lower, limits.upper)
+    )
+    where = f"{over} beyond" if beyond > 0.5 * joint.kind.resolution else "at"
+    return f"at {at}, {where} its software limits, {low} to {high}; the protection pushes it back"
+
+
+def explain_strain(joint: JointConfig) -> str:
+    """Why a joint in a position mode falls behind its reference."""
+    torque = joint.kind.force(joint.limits.torque)
+    return (
+        f"its torque is at its limit, {torque}, and it falls behind its reference; "
+        "move slower, carry less, or look what blocks it"
+    )
+
+
+#: Moves shorter than this are slower than asked for without a word: rad, m where a joint slides.
+WORTH_A_WORD, SLIDE_WORTH_A_WORD = 5e-4, 5e-5
+
+
+#: What makes a move slower than asked for.
+ALONE = "its limits of speed and acceleration"
+TOGETHER = "the torque limits of the joints that move together"
+
+
+def explain_slower(
+    joint: JointConfig, way: float, speed: float, time: float, *, factor: float = 1.0
+) -> str:
+    """What limits make of a move (P1): how long it takes; empty where that is as asked for.
+
+    Args:
+        joint: that moves.
+        way: rad.
+        speed: asked for, rad/s.
+        time: of the move, s.
+        factor: how much of it is for the torque that the joints take together.
+    """
+    least = joint.kind.choose(WORTH_A_WORD, SLIDE_WORTH_A_WORD)
+    if way >= 0.99 * speed * time or way <= least:
+        return ""
+    mean, asked = joint.kind.velocity(way / time), joint.kind.velocity(speed)
+    return (
+        f"{joint.name}: takes {time:.3g} s, at a mean speed of {mean} ({asked} was asked for), "
+        f"by {TOGETHER if factor > 1.0 else ALONE}"
+    )
+
+
+def explain_cut(joint: JointConfig, positions: Sequence[float]) -> str:
+    """What the software limits cut of a path, from its first point beyond; empty: nothing (P9)."""
+    low, high = joint.limits.lower, joint.limits.upper
+    beyond = next((i for i, q in enumerate(positions) if q < low or q > high), None)
+    if beyond is None:
+        return ""
+    shown = [joint.kind.position(q) for q in (low, high, positions[beyond])]
+    return (
+        f"{joint.name} stays within {shown[0]} to {shown[1]} "
+        f"(point {beyond} asks for {shown[2]}): software limit"
+    )
+
+
+def range_text(what: str | None, value: float, most: float) -> str:
+    """What may come along with a reference."""
+    digits = ".6g" if f"{value:.6g}" != f"{most:.6g}" else ".17g"
+    return f"{what} must be above 0 and up to {most:{digits}}, not {value:{digits}}"
+
+
+#: Why a joint takes no references, whatever their kind.
+WITHHELD_TEXTS: dict[Reason, Callable[[Facts], str]] = {
+    Reason.IN_FAULT: lambda facts: (
+        f"mode is {facts.mode.name} ({facts.fault.text}), which FORCE_IDLE leaves"
+    ),
+    Reason.NOT_CONFIGURED: lambda facts: f"mode is {facts.mode.name}; {waits_for(facts)}",
+    Reason.INACTIVE: lambda _: f"its node is inactive; {ACTIVATE}",
+    Reason.CALIBRATING: lambda facts: f"mode is {facts.mode.name}; wait until it is done",
+    Reason.UNCALIBRATED: lambda _: f"it is not calibrated; {UNTIL_CALIBRATED}",
+}
+
+
+def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
+    """Why a joint takes no references of a kind now, and in which modes it does."""
+    if reason in WITHHELD_TEXTS:
+        return WITHHELD_TEXTS[reason](facts)
+    codes = [m.code for m in modes_accepting(kind) if m in facts.joint.control_modes]
+    taken = f"it is taken in {', '.join(codes)}" if codes else "the joint has no mode for it"
+    return f"mode is {facts.mode.name}; {taken}"
+
+
+def persisting(facts: Facts) -> str:
+    """Why a fault cannot be cleared yet (F2)."""
+    assert facts.cause is not None
+    return (
+        f"{facts.joint.name} stays in {facts.mode.name}: the cause persists "
+        f"({facts.cause.code.title}, {facts.cause.text}); {facts.cause.advice}, "
+        "then send FORCE_IDLE again"
+    )
+
+
+def not_finite(values: tuple[float, ...]) -> str:
+    """Which of the values is none."""
+    bad = next(value for value in values if not math.isfinite(value))
+    return f"{bad} is not a finite number"
+
+
+def asked(wanted: Wanted) -> str:
+    """A mode as code and name."""
+    return wanted.name if isinstance(wanted, Event) else f"{wanted.code} ({wanted.name})"
+
+
+def offered(facts: Facts, wanted: Wanted) -> str:
+    """What a joint has instead of a mode that it does not implement."""
+    joint = facts.joint
+    compliant = isinstance(wanted, InteractionMode)
+    have = joint.interaction_modes if compliant else joint.control_modes
+    return ", ".join(mode.code for mode in have)

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The mode machine of all joints: the one engine that looks TRANSITIONS up (SPEC M, F, N).
+
+It owns what belongs to being in a mode: entering one, and faults with their records. Requests are
+decided in ``requests``, calibrations run in ``calibrations``, ``start_up`` begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..calibration.calibrations import Calibrations
+from ..config.config import BoardConfig
+from ..laws.control import Controller
+from ..laws.references import References
+from ..laws.timeouts import ReferenceTimeouts
+from ..state import StateArrays
+from ..terms.events import Events
+from ..terms.faults import FaultCode, FaultRecord
+from ..terms.measurement import Array, Row
+from ..terms.modes import (
+    ACCEPTS,
+    CALIBRATES,
+    CONFIGURED,
+    DIRECT_GAINS,
+    STATES,
+    UNPOWERED,
+    Choice,
+    Event,
+    Law,
+    Stage,
+    Trigger,
+    law_of,
+    next_mode,
+)
+from ..terms.vocabs import CommandKind, ControlMode
+from ..watch.causes import Cause
+from ..watch.fault_monitor import FaultMonitor
+from .decisions import Facts
+from .explanations import explain_limit, explain_strain
+
+#: ACCEPTS as columns over the kinds of command, shape (kinds,).
+ACCEPTED = {
+    mode: np.array([kind in ACCEPTS.get(mode, ()) for kind in CommandKind]) for mode in STATES
+}
+
+
+class Machine:
+    """The joints of a board and what mode each is in, from a power-on to the next.
+
+    Args:
+        config: of the board.
+        state: whose modes, faults and calibrations it changes.
+        controller, references, timeouts, monitor: what a change of mode starts afresh.
+        events: takes what belongs in a log.
+
+    Attributes: calibrations, on_fault (called with each joint that faults), and what it is made
+    of.
+    """
+
+    def __init__(
+        self,
+        config: BoardConfig,
+        state: StateArrays,
+        controller: Controller,
+        references: References,
+        timeouts: ReferenceTimeouts,
+        monitor: FaultMonitor,
+        events: Events,
+    ) -> None:
+        self.config, self.state = config, state
+        self.controller, self.references = controller, references
+        self.timeouts, self.monitor = timeouts, monitor
+        self.events = events
+        self.calibrations = Calibrations(self)
+        self.on_fault: Callable[[int], None] = lambda _: None
+        self._on_limit, self._strained = [False] * state.n, [False] * state.n
+
+    def power_on(self, joints: Sequence[int]) -> None:
+        """Joints begin anew, NOT_CONFIGURED and without power (N1)."""
+        self.calibrations.forget(joints)
+        for j in joints:
+            self._on_limit[j] = self._strained[j] = False
+            self.go(j, Event.POWER_ON)
+
+    def reconfigure(self, config: BoardConfig, timeout_cycles: Array) -> None:
+        """Take new limits and timeouts while running; timeouts in cycles, shape (kinds, n)."""
+        before, self.config = self.config, config
+        self.timeouts.reconfigure(timeout_cycles)
+        state = self.state
+        for j in range(state.n):
+            if config.joints[j] == before.joints[j]:
+                continue
+            calibrated = bool(state.calibrated[j])
+            self.monitor.bound(j, on=self.is_configured(j), calibrated=calibrated)
+            if state.faults[j].active:
+                self.monitor.let_cool(j, FaultCode(state.faults[j].code))
+            if j not in self.calibrations and state.powered[j]:
+                self.references.bound([j])
+
+    # --- the engine -----------------------------------------------------------------------
+
+    def go(self, j: int, trigger: Trigger) -> bool:
+        """Let a trigger act on a joint; false when the table refuses it."""
+        target = next_mode(self.state.control_modes[j], trigger)
+        if target is None:
+            return False
+        joint = self.config.joints[j]
+        if target is Choice.STARTUP:
+            self.state.interaction_modes[j] = joint.startup_interaction
+            target = joint.startup_mode if self.state.stages[j] is Stage.ACTIVE else UNPOWERED
+        elif target is Choice.CALIBRATED:
+            assert joint.calibration is not None
+            self.state.interaction_modes[j] = joint.calibration.interaction_mode
+            target = joint.calibration.control_mode
+        assert isinstance(target, ControlMode)
+        if target not in CALIBRATES:
+            self.calibrations.abort(j)  # K2, K4
+        self.enter([j], target)
+        return True
+
+    def enter(self, joints: Sequence[int], mode: ControlMode) -> None:
+        """Put joints into a mode: references and controllers start afresh (M9)."""
+        state, controller = self.state, self.controller
+        calibrating = mode in CALIBRATES
+        self.references.reset(joints, bounded=not calibrating)
+        self.timeouts.cancel(joints)
+        for j in joints:
+            state.control_modes[j] = mode
+            controller.joints[j].output_command = 0.0
+            state.accepts[:, j] = ACCEPTED[mode]
+        for interaction in {state.interaction_modes[j] for j in joints}:
+            some = [j for j in joints if state.interaction_modes[j] is interaction]
+            law = Law.POSITION if calibrating else law_of(mode, interaction)
+            self.set_law(some, law, direct=mode in DIRECT_GAINS, feeds=not calibrating)
+        self.monitor.arm(joints, on=mode in CONFIGURED, calibrated=state.calibrated)
+        state.note_modes(joints)
+
+    def set_law(
+        self, joints: Sequence[int], law: Law, *, direct: bool = False, feeds: bool = True
+    ) -> None:
+        """Let a law of control run joints from their present torque on."""
+        self.controller.arm(joints, law, direct=direct, feeds=feeds)
+        self.monitor.power(joints, self.state.powered)
+
+    def report(self, level: str, key: str, j: int, text: str) -> None:
+        """Add an event of a joint: ``<joint>: <text>``."""
+        name = self.config.names[j]
+        self.events.add(level, key, name, f"{name}: {text}")
+
+    def facts(self, j: int) -> Facts:
+        """What a decision on a joint rests on."""
+        state = self.state
+        fault = state.faults[j]
+        return Facts(
+            joint=self.config.joints[j],
+            mode=state.control_modes[j],
+            interaction=state.interaction_modes[j],
+            calibrated=bool(state.calibrated[j]),
+            fault=fault,
+            cause=self.monitor.cause(j) if fault.active else None,
+            time=state.time,
+            stage=state.stages[j],
+        )
+
+    def is_configured(self, j: int) -> bool:
+        """Whether a joint has left NOT_CONFIGURED."""
+        return self.state.control_modes[j] in CONFIGURED
+
+    # --- faults ---------------------------------------------------------------------------
+
+    def raise_fault(self, j: int, code: FaultCode, text: str) -> None:
+        """Put a joint into HW_FAULT; the first cause is kept (F1, F5)."""
+        trigger = Event.UNSUPPORTED if code is FaultCode.UNSUPPORTED else Event.FAULT
+        calibrating = j in self.calibrations
+        state, name = self.state, self.config.names[j]
+        before = state.control_modes[j], state.interaction_modes[j]
+        if not self.go(j, trigger):
+            return
+        state.before[j] = before
+        state.faults[j] = FaultRecord(
+            name, active=True, code=int(code), text=f"{code.title}, {text}", stamp=state.time
+        )
+        state.note_faults([j])
+        self.on_fault(j)
+        if calibrating:  # K4
+            self.calibrations.fail(j, state.faults[j].text)
+        self.monitor.let_cool(j, code)
+        self.monitor.forget(j)
+        self.report("error", f"fault {int(code)}", j, f"fault, {code.title}: {text}")
+
+    def force_idle(self, j: int) -> None:
+        """FORCE_IDLE (F4, K2); on a fault whose cause is gone it clears it (F2)."""
+        self.go(j, Event.FORCE_IDLE)
+        if self.state.faults[j].active:
+            self.monitor.forget(j)
+            self.state.faults[j] = self.state.faults[j].cleared()
+            self.state.note_faults([j])
+
+    def check_faults(self, last: Array) -> None:
+        """Raise the faults that the last reading shows (F1).
+
+        Args:
+            last: the reading before, shape (ROWS, n); it stands in for what is not a number.
+        """
+        modes = self.state.control_modes
+        causes: dict[int, Cause | None] = {
+            j: self.monitor.cause(j)
+            for j in self.monitor.unhealthy()
+            if next_mode(modes[j], Event.FAULT) is not None  # in a fault, the first cause is kept
+        }
+        self.monitor.replace_broken(last)
+        for j, cause in causes.items():
+            if cause is not None:
+                self.raise_fault(j, cause.code, cause.text)
+
+    def warn_of_heat(self) -> None:
+        """Tell who comes near a fault by heat (F6)."""
+        for j in range(self.state.n):
+            for key, text in self.monitor.warnings(j).items():
+                if not self.state.faults[j].active:
+                    self.report("warning", key, j, text)
+
+    def raise_divergence(self) -> None:
+        """Fault the joints whose laws gave an output that is not finite."""
+        for j, joint in enumerate(self.controller.joints):
+            if joint.diverged:
+                joint.diverged = False
+                text = "its laws gave an output that is not a number; look at its gains"
+                self.raise_fault(j, FaultCode.CONTROLLER, text)
+
+    def warn_of_limits(self) -> None:
+        """Tell which joints are beyond a limit that were not before: software's (P9), torque's."""
+        laws, joints = self.controller.joints, self.config.joints
+        on_limit, strained = [j.on_limit for j in laws], [j.strained for j in laws]
+        for j, joint in enumerate(joints):
+            if on_limit[j] and not self._on_limit[j]:
+                position = float(self.state.measured[Row.POSITION, j])
+                self.report("warning", "limit", j, explain_limit(joint, position))
+            if strained[j] and not self._strained[j]:
+                self.report("warning", "torque limit", j, explain_strain(joint))
+        self._on_limit, self._strained = on_limit, strained
+
+    def expire(self) -> None:
+        """Reference timeouts (P12): a velocity stops and holds, a torque or output faults."""
+        late = self.timeouts.expired(self.state.cycle)
+        if late is None:
+            return
+        for j in late.tolist():
+            if not self.state.accepts[CommandKind.VELOCITY, j]:
+                text = "references stopped while the motor drives"
+                self.raise_fault(j, FaultCode.REFERENCE_TIMEOUT, text)
+            elif self.references.is_ramping(j):
+                self.references.halt(np.array([j]))
+                timeout = self.config.joints[j].timeouts.velocity
+                text = f"no velocity reference for {timeout:g} s; it stops and holds"
+                self.report("info", "velocity timeout", j, text)

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Requests for modes and calibrations: decided for every joint, then written (SPEC M7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from ..selection import Selection
+from ..terms.faults import FaultCode
+from ..terms.modes import FAULTED, REQUESTS, Event, law_of
+from ..terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided
+from ..terms.vocabs import ControlMode, InteractionMode
+from .decisions import Verdict, Wanted, decide
+from .explanations import LEFT_AS_IT_IS, explain
+from .machine import Machine
+
+#: Of a joint that does what was asked.
+DONE = JointAnswer()
+#: Of a joint that could, where joints are set together or not at all.
+LEFT = JointAnswer(Answer.REFUSED, LEFT_AS_IT_IS, Reason.TOGETHER)
+
+
+class Step(NamedTuple):
+    """What is carried out: a joint, what was decided, and on what."""
+
+    joint: int
+    verdict: Verdict
+    wanted: Wanted
+
+
+class Requests:
+    """Decides requests from the facts of each joint, and lets the machine carry them out.
+
+    Args:
+        machine: whose joints are asked.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+
+    def request(
+        self,
+        selection: Selection,
+        wanted: Sequence[Wanted | tuple[Wanted, ...]],
+        *,
+        together: bool = False,
+    ) -> Reply:
+        """Decide a request joint by joint, then carry it out and answer (M7).
+
+        A joint that does not implement what is asked of it is in HW_FAULT all the same where the
+        others stay as they are (M5, I7).
+
+        Args:
+            selection: The joints, shape (k,).
+            wanted: What is asked of each, one thing or several in order: a key of REQUESTS, an
+                interaction mode, or Event.CALIBRATE.
+            together: Whether nothing changes where one joint cannot do all of it.
+        """
+        judged = [
+            self._judge(j, asked if isinstance(asked, tuple) else (asked,))
+            for j, asked in zip(selection.numbers, wanted, strict=True)
+        ]
+        if [answer for answer, _ in judged] == [DONE] * len(judged):
+            self._carry_out([step for _, steps in judged for step in steps])
+            return accepted(selection.names)
+        self._carry_out(
+            [
+                step
+                for answer, steps in judged
+                for step in steps
+                if not together or (answer.code and not step.verdict.accepts)
+            ]
+        )
+        answers = [LEFT if together and not answer.code else answer for answer, _ in judged]
+        return decided(selection.names, answers)
+
+    def recover(self, selection: Selection, *, partial: bool) -> Reply:
+        """Clear faults and go back to the modes before them, in one cycle (E1).
+
+        Args:
+            selection: The joints, shape (k,); one that is in no fault stays as it is.
+            partial: Whether those that can do so where others cannot.
+        """
+        state = self._machine.state
+        wanted: list[tuple[Wanted, ...]] = []
+        waits = []
+        for j in selection.numbers:
+            mode, interaction = state.before[j]
+            facts = self._machine.facts(j)
+            waits.append(facts.cause.wait if facts.cause is not None else 0.0)
+            if facts.mode not in FAULTED:
+                wanted.append(())
+            elif mode in REQUESTS:
+                wanted.append((ControlMode.FORCE_IDLE, interaction, mode))
+            else:  # a calibrator had it, which has lost it
+                wanted.append((ControlMode.FORCE_IDLE,))
+        reply = self.request(selection, wanted, together=not partial)
+        return replace(reply, waits=tuple(waits))
+
+    def _judge(self, j: int, whats: Sequence[Wanted]) -> tuple[JointAnswer, list[Step]]:
+        """What becomes of a joint's part up to the first that it cannot do."""
+        facts = self._machine.facts(j)
+        steps: list[Step] = []
+        for what in whats:
+            if steps:
+                facts = facts.after(steps[-1].verdict)
+            verdict = decide(facts, what)
+            steps.append(Step(j, verdict, what))
+            if not verdict.accepts:
+                text = explain(verdict.reason, facts, what)
+                return JointAnswer(verdict.answer, text, verdict.reason), steps
+        return DONE, steps
+
+    def _carry_out(self, steps: Sequence[Step]) -> None:
+        """Write what was decided; plain changes into one mode for all their joints at once."""
+        entering: dict[ControlMode, list[int]] = {}
+        for j, verdict, what in steps:
+            effect = verdict.effect
+            if isinstance(effect, InteractionMode):
+                self._store_interaction(j, effect)
+            elif isinstance(effect, ControlMode):
+                entering.setdefault(effect, []).append(j)
+            elif effect is Event.UNSUPPORTED:
+                assert not isinstance(what, Event)
+                text = f"{what.code} ({what.name}) was asked for"
+                self._machine.raise_fault(j, FaultCode.UNSUPPORTED, text)
+            elif effect is Event.CALIBRATE:
+                self._machine.calibrations.start(j)
+            elif effect is not None:
+                self._machine.force_idle(j)
+        for mode, chosen in entering.items():
+            self._machine.enter(chosen, mode)
+
+    def _store_interaction(self, j: int, wanted: InteractionMode) -> None:
+        """Store an interaction mode; where the law changes with it the joint stops (I3, I4)."""
+        state = self._machine.state
+        mode, before = state.control_modes[j], state.interaction_modes[j]
+        state.interaction_modes[j] = wanted
+        state.note_modes([j])
+        if law_of(mode, before) is not law_of(mode, wanted):
+            self._machine.enter([j], mode)

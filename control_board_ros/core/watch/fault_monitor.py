@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What raises hardware faults (SPEC F1, F3): limits, and the causes that ``monitor`` finds.
+
+The checks themselves are in ``monitor``, one joint at a time. Here are their constants and limits,
+when they are in force, and what a joint that fails one has as its cause.
+
+The motor's own travel needs w, the weight of a cycle's first current in its mean, exact for a
+winding that settles exponentially, mean i = w i_(k−1) + (1−w) i_k: with x = R T/L and a = exp(−x),
+w = (1−a)/x − a/(1−a) (1 − (1−a)/x); 1/2 where T is short against L/R, 0 where it is long.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...text import clean
+from ..config.config import BoardConfig, JointConfig
+from ..config.parts import DEGREE
+from ..state import StateArrays
+from ..terms.faults import FaultCode
+from ..terms.measurement import CREDIBLE, ROWS, Array, Row
+from .causes import ROWS_OF, Cause, Check, alarm_cause, bound_cause, slow_cause
+from .emergency import EmergencyStop
+from .heat import STRAINED, heat_constants, warnings
+from .monitor import JointMonitor, Monitor
+
+#: Cycles from one look at the slow checks to the next.
+SLOW = 8
+
+#: Time constant of the forgetting of travel errors, s.
+TRAVEL_MEMORY = 0.5
+
+#: What a reading may jump in a cycle, off the motion of the cycle before, beyond four times the
+#: speed limit or what twice the torque limit makes of the least inertia.
+JUMP_RADIANS, JUMP_METRES = 0.5 * DEGREE, 1e-3
+
+#: Encoder and current are sampled so far apart at most, s. A reversal at full speed makes a
+#: travel error of twice the speed for that time; in simulation it is the physics step.
+APART = 1e-3
+
+
+class FaultMonitor:
+    """Finds the causes of hardware faults in the readings of n joints.
+
+    Attributes: joints (of JointMonitor), monitor, travelled (by each motor since power-on as its
+    own equation tells while its bridge is on, shape (n,), rad; grows every SLOW cycles), used
+    (part of the I²t budget, shape (n,); a fault above 1), reasons (of alarms, by joint, where the
+    plant says more than its code).
+    """
+
+    def __init__(
+        self, config: BoardConfig, state: StateArrays, emergency: EmergencyStop | None = None
+    ) -> None:
+        self._state = state
+        self._period = config.period
+        self._values = np.zeros((ROWS, state.n))
+        self.travelled: Array = np.zeros(state.n)
+        self.used: Array = np.zeros(state.n)
+        self.joints = [JointMonitor() for _ in config.joints]
+        self.reasons: Mapping[int, str] | None = None
+        self._emergency = emergency or EmergencyStop(0.0)
+        self._warned: list[set[str]] = [set() for _ in config.joints]
+        rows = (state.position, state.output, self.travelled, self.used)
+        self.monitor = Monitor(
+            self.joints,
+            [self._values[row].data for row in ROWS_OF.values()],
+            [row.data for row in rows],
+            SLOW,
+            config.period,
+            math.exp(-SLOW * config.period / TRAVEL_MEMORY),
+        )
+        self._configs = config.joints
+        self._limits: list[dict[str, float]] = [{}] * state.n
+        self.power_on(range(state.n))
+
+    def power_on(self, joints: Sequence[int]) -> None:
+        """Joints are watched anew (N1)."""
+        for j in joints:
+            self.joints[j] = JointMonitor()
+            self.joints[j].set(UNLIMITED)
+            self.travelled[j] = self.used[j] = 0.0
+            self._warned[j] = set()
+            self._configure(j)
+
+    def reconfigure(self, config: BoardConfig) -> None:
+        """Take new constants; what has been watched so far is kept.
+
+        The limits come into force by ``arm`` or ``bound``. Joints whose configuration is as before
+        are left alone.
+        """
+        before, self._configs = self._configs, config.joints
+        for j, joint in enumerate(config.joints):
+            if joint != before[j]:
+                self._configure(j)
+
+    def _configure(self, j: int) -> None:
+        joint = self._configs[j]
+        self.joints[j].set(travel_constants(joint, self._period))
+        self.joints[j].set(heat_constants(joint.limits))
+        self._limits[j] = checked_limits(joint, self._period)
+
+    def arm(self, joints: Sequence[int], *, on: bool, calibrated: NDArray[np.bool_]) -> None:
+        """Set the limits of joints, or none while they are not configured (N1).
+
+        The hard limits are known of those only that are calibrated (a flag per joint).
+        """
+        for j in joints:
+            self.bound(j, on=on, calibrated=bool(calibrated[j]))
+            self.joints[j].expect_anything()
+
+    def bound(self, j: int, *, on: bool, calibrated: bool) -> None:
+        """As :meth:`arm`, of a joint that is watched as before: no reading passes unseen."""
+        self.joints[j].set(self._limits[j] if on else UNLIMITED)
+        if not calibrated:
+            self.joints[j].max_overrun = math.inf
+
+    def power(self, joints: Sequence[int], powered: Array) -> None:
+        """Say which bridges are on: only then does a motor tell its speed.
+
+        Until the next reading, the motors still run with what they were given before.
+
+        Args:
+            joints: whose power may have changed.
+            powered: of all joints, shape (n,).
+        """
+        for j in joints:
+            self.joints[j].live, self.joints[j].switched = float(powered[j]), True
+
+    def let_cool(self, j: int, code: FaultCode) -> None:
+        """After a fault by heat the joint must cool some way below the limit, not just to it."""
+        monitor, limits = self.joints[j], self._configs[j].limits
+        if code is FaultCode.OVERHEATING:
+            monitor.max_temperature = limits.temperature - limits.temperature_hysteresis
+        elif code is FaultCode.I2T:
+            monitor.max_overload = STRAINED * monitor.budget
+
+    def healthy(self, values: Array) -> bool:
+        """Watch one reading; false when any joint has a cause to be in HW_FAULT.
+
+        Args:
+            values: the measurement as read, no offset taken off, shape (ROWS, n); the state has
+                it in its block already, and the last output still in force.
+        """
+        self._values[:] = values
+        if self._emergency.holds:
+            self._values[Row.ALARM] = 1.0 + FaultCode.EMERGENCY_STOP
+        healthy: bool = self.monitor.step()
+        return healthy
+
+    def unhealthy(self) -> list[int]:
+        """The joints that the last reading found to have a cause to be in HW_FAULT."""
+        return [j for j, monitor in enumerate(self.joints) if monitor.failed()]
+
+    def cause(self, j: int) -> Cause | None:
+        """What the last reading found wrong with a joint; None when nothing (F3)."""
+        monitor, joint = self.joints[j], self._configs[j]
+        failed = monitor.failed()
+        if not failed:
+            return None
+        check = Check(failed)
+        if check is Check.ALARM and self._emergency.holds:
+            return Cause(FaultCode.EMERGENCY_STOP, *self._emergency.reason)
+        if check is Check.ALARM and self.reasons and j in self.reasons:
+            value = float(self._values[ROWS_OF[check], j])
+            return alarm_cause(value)._replace(text=clean(self.reasons[j]))
+        if check in ROWS_OF:
+            return bound_cause(check, monitor, joint, float(self._values[ROWS_OF[check], j]))
+        return slow_cause(check, monitor, joint, SLOW * self._period)
+
+    def has_news(self) -> bool:
+        """Whether a joint has come near a fault by heat since this was last asked (F6)."""
+        news = bool(self.monitor.news)
+        self.monitor.news = False
+        return news
+
+    def warnings(self, j: int) -> dict[str, str]:
+        """What a joint is to be warned of that it was not when this was last asked (F6)."""
+        found = warnings(self.joints[j])
+        new = {key: text for key, text in found.items() if key not in self._warned[j]}
+        self._warned[j] = set(found)
+        return new
+
+    def forget(self, j: int) -> None:
+        """Start the watching of a joint's encoder afresh: without power nothing can be told of it.
+
+        The reading that raised a fault may have been wrong in what the motor's travel is made of.
+        """
+        self.joints[j].forget_travel()
+
+    def replace_broken(self, last: Array) -> None:
+        """Replace what no sensor gives by the last good reading: no law sees it.
+
+        Args:
+            last: the measured rows of the reading before, shape (ROWS, n).
+        """
+        measured = self._state.measured
+        np.copyto(measured, last, where=~(np.abs(measured) <= CREDIBLE))
+
+
+def travel_constants(joint: JointConfig, period: float) -> dict[str, float]:
+    """What tells a motor's travel from its voltage and current; attributes of JointMonitor."""
+    motor, limits = joint.motor, joint.limits
+    low, high = limits.hard_lower, limits.hard_upper
+    weight = first_weight(motor.resistance * period / motor.inductance)
+    change = motor.inductance - weight * motor.resistance * period
+    return {
+        "travel_per_output": motor.supply_voltage / 100.0 / motor.back_emf * period,
+        "travel_per_current": motor.resistance / motor.back_emf * period,
+        "travel_per_change": change / motor.back_emf,
+        "middle": 0.5 * (low + high) if math.isfinite(high - low) else 0.0,
+    }
+
+
+def checked_limits(joint: JointConfig, period: float) -> dict[str, float]:
+    """The limits of a joint that is configured; attributes of JointMonitor."""
+    limits, timeouts = joint.limits, joint.timeouts
+    slack = joint.kind.choose(JUMP_RADIANS, JUMP_METRES)
+    thrown = 2.0 * limits.torque / joint.inertia_min * period**2
+    bounds = {
+        "max_alarm": 0.0,
+        "max_current": limits.peak_current,
+        "max_encoder_age": timeouts.encoder,
+        "max_jump": max(4.0 * limits.velocity * period, thrown) + slack,
+        "max_torque_age": timeouts.torque_sensor if joint.torque_sensor else CREDIBLE,
+        "max_torque": 100.0 * limits.torque if joint.torque_sensor else CREDIBLE,
+        "max_temperature": limits.temperature,
+    }
+    return {name: min(bound, CREDIBLE) for name, bound in bounds.items()} | {
+        "max_travel": joint.max_travel_error + 2.0 * limits.velocity * APART,
+        "max_overrun": 0.5 * (limits.hard_upper - limits.hard_lower) + limits.hard_margin,
+        "max_overload": heat_constants(limits)["budget"],
+    }
+
+
+#: The limits of a joint that is not configured: readings must be numbers, nothing else.
+UNLIMITED = dict.fromkeys(
+    (
+        "max_alarm",
+        "max_current",
+        "max_encoder_age",
+        "max_jump",
+        "max_torque_age",
+        "max_torque",
+        "max_temperature",
+    ),
+    CREDIBLE,
+) | dict.fromkeys(("max_travel", "max_overrun", "max_overload"), math.inf)
+
+
+def first_weight(ratio: float) -> float:
+    """Weight of the first current in a cycle's mean, of x = R T/L; see the module's text."""
+    if ratio < 1e-3:
+        return 0.5 - ratio / 12.0
+    settled = -math.expm1(-ratio)  # 1 − a
+    mean = settled / ratio
+    return mean - (1.0 - settled) / settled * (1.0 - mean)

@@ -1,0 +1,364 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The checks of every cycle that raise hardware faults, one joint at a time (SPEC F1, F3, F6).
+
+1. ``first_passed``  the bounds of a reading; NaN and infinity pass every bound, and the last
+                     reading that was a number stands in for them from here on
+2. ``restart``       where the motor's bridge was switched: its travel is reckoned from here on
+3. ``look``          every SLOW cycles what changes slowly, or adds up: the travel of encoder
+                     against motor, the hard limits, I²t; and what is to be warned of
+
+Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
+by bit, where there is none. Units: rad, rad/s, N·m, A, °C, s; m and N for prismatic joints.
+"""
+
+from __future__ import annotations
+
+try:
+    import cython
+except ImportError:
+    from ..model import nocython as cython
+
+from ..terms.measurement import CREDIBLE
+
+if cython.compiled:
+    from cython.cimports.libc.math import fabs
+else:
+    from math import fabs
+
+#: What a joint fails, in the order in which a cause is looked for; causes.Check gives them names.
+NOTHING = cython.declare(cython.int, 0)
+ALARM = cython.declare(cython.int, 1)
+CURRENT = cython.declare(cython.int, 2)
+ENCODER_AGE = cython.declare(cython.int, 3)
+POSITION = cython.declare(cython.int, 4)
+VELOCITY = cython.declare(cython.int, 5)
+TORQUE_AGE = cython.declare(cython.int, 6)
+TORQUE = cython.declare(cython.int, 7)
+TEMPERATURE = cython.declare(cython.int, 8)
+TRAVEL = cython.declare(cython.int, 9)
+OVERRUN = cython.declare(cython.int, 10)
+OVERLOAD = cython.declare(cython.int, 11)
+
+#: How far below a warning its cause must fall until it is warned of again: budget, K.
+RELIEF = cython.declare(cython.double, 0.1)
+COOLER = cython.declare(cython.double, 2.0)
+
+INFINITE = cython.declare(cython.double, float("inf"))
+
+BEYOND = cython.declare(cython.double, CREDIBLE)
+
+
+@cython.cclass
+class JointMonitor:
+    """What is known of one joint; ``core.fault_monitor`` fills in constants and limits."""
+
+    # --- constants of the configuration -----------------------------------------------------
+    travel_per_output = cython.declare(cython.double, visibility="public")
+    travel_per_current = cython.declare(cython.double, visibility="public")
+    travel_per_change = cython.declare(cython.double, visibility="public")
+    middle = cython.declare(cython.double, visibility="public")  # between the hard limits
+    nominal_squared = cython.declare(cython.double, visibility="public")  # i_nom², A²
+    budget = cython.declare(cython.double, visibility="public")  # S, A² s
+    warn_used = cython.declare(cython.double, visibility="public")  # part of the budget
+    warn_temperature = cython.declare(cython.double, visibility="public")
+
+    # --- limits in force; infinite while the joint is not configured (N1) -------------------
+    max_alarm = cython.declare(cython.double, visibility="public")
+    max_current = cython.declare(cython.double, visibility="public")
+    max_encoder_age = cython.declare(cython.double, visibility="public")
+    max_jump = cython.declare(cython.double, visibility="public")
+    max_torque_age = cython.declare(cython.double, visibility="public")
+    max_torque = cython.declare(cython.double, visibility="public")
+    max_temperature = cython.declare(cython.double, visibility="public")
+    max_travel = cython.declare(cython.double, visibility="public")
+    max_overrun = cython.declare(cython.double, visibility="public")
+    max_overload = cython.declare(cython.double, visibility="public")
+
+    # --- state ------------------------------------------------------------------------------
+    live = cython.declare(cython.double, visibility="public")  # 1 with power, 0 without
+    switched = cython.declare(cython.bint, visibility="public")  # since the last reading
+    seen = cython.declare(cython.bint, visibility="public")  # there is a last position
+    last = cython.declare(cython.double, visibility="public")  # position, no offset taken off
+    lowest = cython.declare(cython.double, visibility="public")  # the next position may be
+    highest = cython.declare(cython.double, visibility="public")
+    outputs = cython.declare(cython.double, visibility="public")  # sums since the last look
+    currents = cython.declare(cython.double, visibility="public")
+    mark = cython.declare(cython.double, visibility="public")  # position where they begin
+    first = cython.declare(cython.double, visibility="public")  # current where they begin
+    current = cython.declare(cython.double, visibility="public")  # at the last reading, A
+    travel = cython.declare(cython.double, visibility="public")  # of motor less encoder
+    overrun = cython.declare(cython.double, visibility="public")  # position from the middle
+    overload = cython.declare(cython.double, visibility="public")  # s of I²t, A² s
+    used = cython.declare(cython.double, visibility="public")  # s/S
+    temperature = cython.declare(cython.double, visibility="public")  # at the last look
+    strained = cython.declare(cython.bint, visibility="public")  # warned of
+    hot = cython.declare(cython.bint, visibility="public")  # warned of
+
+    # --- what is wrong ----------------------------------------------------------------------
+    passed = cython.declare(cython.int, visibility="public")  # the first bound
+    slipped = cython.declare(cython.bint, visibility="public")  # beyond max_travel
+    overran = cython.declare(cython.bint, visibility="public")  # beyond max_overrun
+    overloaded = cython.declare(cython.bint, visibility="public")  # beyond max_overload
+
+    def __init__(self) -> None:
+        self.switched = self.strained = self.hot = False
+        self.slipped = self.overran = self.overloaded = self.seen = False
+        self.expect_anything()
+
+    def set(self, values: dict[str, float]) -> None:
+        """Take constants or limits: names and values of attributes."""
+        for name, value in values.items():
+            setattr(self, name, value)
+
+    @cython.ccall
+    def expect_anything(self) -> cython.void:
+        """Let the next position be any."""
+        self.lowest, self.highest = -INFINITE, INFINITE
+
+    @cython.ccall
+    def failed(self) -> cython.int:
+        """The first check that the joint fails; NOTHING when it is healthy."""
+        if self.passed != NOTHING:
+            return self.passed
+        if self.slipped:
+            return TRAVEL
+        if self.overran:
+            return OVERRUN
+        if self.overloaded:
+            return OVERLOAD
+        return NOTHING
+
+    @cython.ccall
+    def forget_travel(self) -> cython.void:
+        """Start the comparison of encoder and motor afresh."""
+        self.travel, self.slipped = 0.0, False
+
+
+if not cython.compiled:  # attributes start at zero, as they do compiled
+    for _name, _value in list(vars(JointMonitor).items()):
+        if _value is None:
+            setattr(JointMonitor, _name, 0.0)
+
+
+@cython.cfunc
+@cython.inline
+def known(value: cython.double, before: cython.double) -> cython.double:
+    """The value, or the one before it where it is none of a sensor."""
+    return value if fabs(value) <= BEYOND else before
+
+
+@cython.cfunc
+def expect(m: JointMonitor, position: cython.double) -> cython.void:
+    """Where the next reading may be: between standing still and going on as in the last cycle.
+
+    q + min(0, Δ) − m ≤ q' ≤ q + max(0, Δ) + m, with Δ the last displacement and m = max_jump
+    """
+    moved: cython.double = position - m.last if m.seen and m.passed != POSITION else 0.0
+    m.lowest = position + min(moved, 0.0) - m.max_jump
+    m.highest = position + max(moved, 0.0) + m.max_jump
+    m.last, m.seen = position, True
+
+
+@cython.cfunc
+def restart(m: JointMonitor, position: cython.double, current: cython.double) -> cython.void:
+    """Compare motor and encoder from this reading on."""
+    m.mark, m.first = position, current
+    m.currents = m.outputs = 0.0
+    m.switched = False
+
+
+@cython.cfunc
+def motor_travel(m: JointMonitor, current: cython.double) -> cython.double:
+    """How far the motor went since the last look, as its own equation tells; 0 without power.
+
+    V = R i + L di/dt + Ke ω, over the cycles k of period T with the currents i_k at their ends::
+
+        Ke Δq = T Σ V_k − R T Σ i_k − (L − w R T) (i_last − i_first)
+
+    w is the weight of a cycle's first current in its mean (``fault_monitor.first_weight``).
+    """
+    return m.live * (
+        m.travel_per_output * m.outputs
+        - m.travel_per_current * m.currents
+        - m.travel_per_change * (current - m.first)
+    )
+
+
+@cython.cfunc
+def check_travel(
+    m: JointMonitor,
+    travelled: cython.double,
+    position: cython.double,
+    current: cython.double,
+    forget: cython.double,
+) -> cython.void:
+    """Travel of the motor against travel of the encoder, forgetting slowly (F1)."""
+    m.travel = forget * m.travel + (travelled - (position - m.mark) * m.live)
+    m.mark, m.first = position, current
+    m.currents = m.outputs = 0.0
+    m.slipped = not fabs(m.travel) <= m.max_travel
+
+
+@cython.cfunc
+def check_overrun(m: JointMonitor, position: cython.double) -> cython.void:
+    """The hard limits: distance of the joint from their middle (F1)."""
+    m.overrun = position - m.middle
+    m.overran = not fabs(m.overrun) <= m.max_overrun
+
+
+@cython.cfunc
+def check_overload(m: JointMonitor, current: cython.double, elapsed: cython.double) -> cython.void:
+    """I²t: s' = max(0, s + (p i² − i_nom²) Δt), p 1 with power and 0 without (F1).
+
+    A current beyond the peak is an overcurrent, whose joint gets no power; it counts as the peak.
+    """
+    current = min(fabs(current), m.max_current)
+    m.overload += (current * current * m.live - m.nominal_squared) * elapsed
+    m.overload = max(m.overload, 0.0)
+    m.used = m.overload / m.budget
+    m.overloaded = not m.overload <= m.max_overload
+
+
+@cython.cfunc
+def warn(m: JointMonitor, temperature: cython.double) -> cython.bint:
+    """Whether a fault by heat begins or ends to be near (F6)."""
+    strained: cython.bint = m.used > m.warn_used - (RELIEF if m.strained else 0.0)
+    hot: cython.bint = temperature > m.warn_temperature - (COOLER if m.hot else 0.0)
+    news: cython.bint = strained != m.strained or hot != m.hot
+    m.temperature, m.strained, m.hot = temperature, strained, hot
+    return news
+
+
+@cython.cclass
+class Monitor:
+    """All joints of a board, and views of the arrays that everybody reads.
+
+    Args:
+        joints: Of class JointMonitor.
+        readings: As measured, no offset taken off: alarm, current, encoder age, position,
+            velocity, age of the torque, torque, temperature: a buffer of n doubles each.
+        rows: Position of the joint and output in force (read), travel of the motors since
+            power-on and part of the I²t budget used (written), the same.
+        slow: Cycles from one look at the slow checks to the next.
+        period: Of control, s.
+        forget: What is left of a travel error from one look to the next.
+
+    Attributes:
+        news: A joint has come near a fault by heat, or away from it, since this was set to false.
+        countdown: Cycles until the next look.
+    """
+
+    news = cython.declare(cython.bint, visibility="public")
+    countdown = cython.declare(cython.int, visibility="public")
+    slow: cython.int
+    elapsed: cython.double
+    forget: cython.double
+    joints: list[JointMonitor]
+    alarm: cython.double[::1]
+    current: cython.double[::1]
+    encoder_age: cython.double[::1]
+    position: cython.double[::1]
+    velocity: cython.double[::1]
+    torque_age: cython.double[::1]
+    torque: cython.double[::1]
+    temperature: cython.double[::1]
+    joint_position: cython.double[::1]
+    output: cython.double[::1]
+    travelled: cython.double[::1]
+    used: cython.double[::1]
+
+    def __init__(
+        self,
+        joints: list[JointMonitor],
+        readings: list[object],
+        rows: list[object],
+        slow: int,
+        period: float,
+        forget: float,
+    ) -> None:
+        self.joints = joints
+        self.slow = self.countdown = slow
+        self.elapsed, self.forget = slow * period, forget
+        self.news = False
+        (
+            self.alarm,
+            self.current,
+            self.encoder_age,
+            self.position,
+            self.velocity,
+            self.torque_age,
+            self.torque,
+            self.temperature,
+        ) = readings
+        self.joint_position, self.output, self.travelled, self.used = rows
+
+    def step(self) -> bool:
+        """Watch one reading of all joints; false when any of them has a cause to fault."""
+        k: cython.Py_ssize_t
+        m: JointMonitor
+        position: cython.double
+        current: cython.double
+        healthy: cython.bint = True
+        self.countdown -= 1
+        slowly: cython.bint = self.countdown == 0
+        if slowly:
+            self.countdown = self.slow
+        for k in range(len(self.joints)):
+            m = self.joints[k]
+            m.passed = self.first_passed(m, k)
+            if fabs(self.position[k]) <= BEYOND:
+                expect(m, self.position[k])
+            else:
+                m.seen = False
+                m.expect_anything()
+            position, current = m.last, known(self.current[k], m.current)
+            m.current = current
+            m.currents += current
+            m.outputs += self.output[k]
+            if m.switched:
+                restart(m, position, current)
+            if slowly:
+                self.look(m, k, position, current)
+            if m.passed or m.slipped or m.overran or m.overloaded:
+                healthy = False
+        return healthy
+
+    @cython.cfunc
+    def first_passed(self, m: JointMonitor, k: cython.Py_ssize_t) -> cython.int:  # noqa: PLR0911
+        """The first bound that the reading of a joint passes; what is not finite passes any."""
+        if not fabs(self.alarm[k]) <= m.max_alarm:
+            return ALARM
+        if not fabs(self.current[k]) <= m.max_current:
+            return CURRENT
+        if not fabs(self.encoder_age[k]) <= m.max_encoder_age:
+            return ENCODER_AGE
+        if not (m.lowest <= self.position[k] <= m.highest and fabs(self.position[k]) <= BEYOND):
+            return POSITION
+        if not fabs(self.velocity[k]) <= BEYOND:
+            return VELOCITY
+        if not fabs(self.torque_age[k]) <= m.max_torque_age:
+            return TORQUE_AGE
+        if not fabs(self.torque[k]) <= m.max_torque:
+            return TORQUE
+        if not (self.temperature[k] <= m.max_temperature and fabs(self.temperature[k]) <= BEYOND):
+            return TEMPERATURE
+        return NOTHING
+
+    @cython.cfunc
+    def look(
+        self,
+        m: JointMonitor,
+        k: cython.Py_ssize_t,
+        position: cython.double,
+        current: cython.double,
+    ) -> cython.void:
+        """The slow checks of a joint; what its last reading is reckoned to be."""
+        travelled: cython.double = motor_travel(m, current)
+        self.travelled[k] += travelled
+        check_travel(m, travelled, position, current, self.forget)
+        if fabs(self.joint_position[k]) <= BEYOND:
+            check_overrun(m, self.joint_position[k])
+        check_overload(m, current, self.elapsed)
+        self.used[k] = m.used
+        if warn(m, known(self.temperature[k], m.temperature)):
+            self.news = True

@@ -1,0 +1,328 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The control thread: the only clock of the node, and the one lock that guards the board.
+
+Everything that touches the board does so between two cycles::
+
+    with loop.exclusive() as board:
+        reply = board.set_control_mode(["elbow"], "pos")
+
+What others read without a lock are frozen snapshots, replaced whole: see ``loop.snapshots``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from ...core.board import Board
+from ...core.group import JointGroup
+from ...core.selection import RequestError
+from ...core.terms.measurement import (
+    NO_SIMULATION,
+    Actuation,
+    Intake,
+    Measurement,
+    Plant,
+    Simulation,
+)
+from .fair_lock import Exclusive, FairLock
+from .member import Member
+from .pacing import Divider, Pacer, Statistics, sharpen_timers
+from .stepping import Stepping
+from .time_base import NANOSECONDS, TimeBase
+
+#: Period (wall clock, s) at which the state of a paused board is shown again to newcomers.
+PAUSED_PERIOD = 0.1
+
+Hook = Callable[[Board, float], None]
+
+
+class ControlLoop:
+    """Runs a board on a plant, one cycle after the other, in a thread of its own.
+
+    Args:
+        board, plant: what to run; the loop closes the plant at the end.
+        state_rate: how often ``snapshots.latest`` is replaced, Hz of simulated time.
+        real_time_factor: simulated seconds per second; 0 = as fast as possible. Other than 1,
+            stamps are simulated time.
+        simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
+        on_end: called when the thread ends, by :meth:`stop` or by a failure.
+
+    Attributes: board, whole (it as a member), snapshots (its), parts (members, too),
+    hooks (called in every cycle before the tick), exclusive_hooks (called at the end of each use
+    of ``exclusive``, of any member); both are called with the lock held. after_lock (called by the
+    control thread whenever it has given the lock back), when_shown (calls what it is given
+    when all states that are noted by now are published).
+    """
+
+    def __init__(
+        self,
+        board: Board,
+        plant: Plant,
+        *,
+        state_rate: float = 100.0,
+        real_time_factor: float = 1.0,
+        simulated_stamps: bool = False,
+        on_end: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.board, self._plant = board, plant
+        self._intake = Intake(board.count, board.period)
+        self._lock = FairLock()
+        self.on_end = on_end
+        self._wake = threading.Event()
+        self._pacer = Pacer(0.0, self._wake)
+        self.hooks: list[Hook] = []
+        self.exclusive_hooks: list[Callable[[], None]] = []
+        self.after_lock: Callable[[], None] = lambda: None
+        self.when_shown: Callable[[Callable[[], None]], None] = lambda done: done()
+        self.time_base = TimeBase(
+            simulated=simulated_stamps or real_time_factor != 1.0,
+            shrinkage=round(0.5 * board.period * NANOSECONDS),
+        )
+        self.failure: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="control", daemon=True)
+        self._stopping = self._paused = False
+        self._stepping = Stepping()
+        self._states = Divider(state_rate, board.config.control_rate)
+        self._set_pace(real_time_factor)
+        self.time_base.note(self._read().time, time.time_ns())
+        self.parts: list[Member] = []
+        self._noted = -1, -1  # versions of modes and faults
+        self.whole = Member(self, board, self._lock)
+        self.snapshots = self.whole.snapshots
+
+    def add_part(self, group: JointGroup) -> Member:
+        """Show a part of the board that is run, too; before the start."""
+        part = Member(self, group, self._lock)
+        self.parts.append(part)
+        return part
+
+    # -- life ---------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Start the control thread."""
+        self._thread.start()
+
+    def stop(self, timeout: float = 1.0) -> bool:
+        """End the thread: joints unpowered, the last state noted; then close the plant.
+
+        Returns:
+            False if the thread did not end in time. A simulation is then still in its hands;
+            another plant is closed, which takes the power off.
+        """
+        self._stopping = True
+        self._wake.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout)
+        ended = not self._thread.is_alive()
+        if ended or not isinstance(self._plant, Simulation):
+            self._plant.close()
+        return ended
+
+    def simulation(self) -> Simulation:
+        """The plant, for what only a simulation bears.
+
+        Raises:
+            RequestError: it is none (B4).
+        """
+        if isinstance(self._plant, Simulation):
+            return self._plant
+        raise RequestError(NO_SIMULATION)
+
+    def exclusive(self) -> Exclusive:
+        """Hold the lock, between two cycles: ``with loop.exclusive() as board``."""
+        return self.whole.exclusive()
+
+    def end_exclusive(self) -> None:
+        """What is done before the lock is given back."""
+        for hook in self.exclusive_hooks:
+            hook()
+        if self._paused:  # else the next cycle shows it, when the request has its answer
+            self.note_changes()
+
+    def note_changes(self) -> None:
+        """Note what has changed; for callers holding the lock. The whole tells of it, at last."""
+        versions = self.board.modes_version, self.board.faults_version
+        if versions == self._noted:
+            return
+        self._noted = versions
+        for part in self.parts:
+            part.snapshots.note_changes()
+        self.snapshots.note_changes()
+
+    def _note_state(self) -> None:
+        for part in self.parts:
+            part.snapshots.note_state()
+        self.snapshots.note_state()
+
+    def statistics(self) -> Statistics:
+        """How the loop fared since the last call, and in all."""
+        return self._pacer.take()
+
+    # -- time ---------------------------------------------------------------------------------
+
+    @property
+    def paused(self) -> bool:
+        """Whether simulated time stands still."""
+        return self._paused
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated seconds per second; 0 = as fast as possible."""
+        return self._real_time_factor
+
+    def runs_freely(self) -> bool:
+        """Whether cycles follow each other as fast as they can: none is ever due."""
+        return self._pacer.period <= 0.0 and not (self._paused or self._stopping)
+
+    def is_control_thread(self) -> bool:
+        """Whether the caller is the thread that runs the cycles."""
+        return threading.get_ident() == self._thread.ident
+
+    def set_real_time_factor(self, factor: float) -> None:
+        """Run at this many simulated seconds per second; 0 = as fast as possible.
+
+        Stamps go on from where they are; once simulated and real time have parted, stamps do not
+        follow the system's clock any more.
+
+        Raises:
+            RequestError: the plant is no simulation (B4); so for :meth:`pause`, :meth:`step` and
+                :meth:`reset`.
+        """
+        self.simulation()
+        with self.exclusive():
+            if factor != 1.0:
+                self.time_base.free()
+            self._set_pace(factor)
+        self._wake.set()
+
+    def _set_pace(self, factor: float) -> None:
+        self._real_time_factor = factor
+        self._pacer.period = self.board.period / factor if factor > 0.0 else 0.0
+        self._pacer.restart()
+
+    @property
+    def state_rate(self) -> float:
+        """How often ``snapshots.latest`` is replaced, on average, Hz of simulated time."""
+        return self._states.rate
+
+    def set_state_rate(self, rate: float) -> None:
+        """Replace ``snapshots.latest`` so often on average, at most once per cycle."""
+        self._states = Divider(rate, self.board.config.control_rate)
+
+    def pause(self, paused: bool) -> None:
+        """Stop or go on between two cycles; steps that have not run yet are dropped."""
+        self.simulation()
+        with self.exclusive():
+            self._paused = paused
+            self._stepping.finish("the simulation was resumed before all steps had run")
+            self._stepping.notify_cycle()
+        self._wake.set()
+
+    def after_cycle(self, done: Callable[[], None]) -> None:
+        """Call ``done`` when a whole cycle has run from now on; at once if time stands still."""
+        with self.exclusive():
+            self._stepping.on_cycle(done)
+            if self._paused or self._stopping:
+                self._stepping.notify_cycle()
+
+    def step(self, cycles: int, on_done: Callable[[str], None]) -> str:
+        """Run exactly this many cycles while paused, as :meth:`Stepping.begin`.
+
+        ``on_done`` is called from the control thread.
+        """
+        self.simulation()
+        with self.exclusive():
+            refusal = self._stepping.begin(cycles, on_done, paused=self._paused)
+        if not refusal:
+            self._wake.set()
+        return refusal
+
+    def reset(self) -> None:
+        """Back to the initial pose and power-on; simulated time goes on."""
+        simulation = self.simulation()
+        with self.exclusive():
+            simulation.reset()
+            self.board.power_cycle()
+            self.note_changes()  # the next cycle may configure it already
+
+    # -- the thread ---------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        sharpen_timers()
+        try:
+            self._pacer.restart()
+            self.time_base.resume()
+            while not self._stopping:
+                if self._paused:
+                    self._stand_still()
+                elif self._pacer.wait():
+                    self._cycle()
+            self._unpower()
+        except Exception as error:  # noqa: BLE001 - main tells, and chooses the exit code
+            self.failure = error
+            with contextlib.suppress(Exception):  # it may be the plant that failed
+                self._cut_power()
+        finally:
+            self.on_end()
+
+    def _cycle(self) -> None:
+        """One control cycle, unless the loop was paused while it waited for its turn."""
+        with self._lock:
+            if not self._paused or self._stepping.left:
+                self._run_cycle()
+        self.after_lock()
+
+    def _run_cycle(self) -> None:
+        """With the lock held; the reading of t is taken before what is commanded at t acts."""
+        show = self._states.pick()
+        measurement = self._read()
+        if show and not self._paused:
+            self.time_base.note(measurement.time, self._pacer.due_time())
+        for hook in self.hooks:
+            hook(self.board, measurement.time)
+        self._plant.write(self.board.tick(measurement))
+        self.note_changes()
+        if show:
+            self._note_state()
+        self._stepping.notify_cycle()
+        if self._paused and self._stepping.count():
+            self._note_state()  # of the last step, before its answer
+            self.when_shown(self._stepping.ended())
+
+    def _read(self) -> Measurement:
+        return self._intake.take(self._plant.read())
+
+    def _stand_still(self) -> None:
+        """Run the steps asked for, else wait; show the state to newcomers now and then."""
+        while self._stepping.left and not self._stopping:
+            self._cycle()
+        self._wake.clear()
+        if self._paused and not self._stepping.left and not self._stopping:
+            self._wake.wait(PAUSED_PERIOD)
+            with self.exclusive():
+                self._note_state()
+            self.after_lock()
+        if not self._paused:
+            self._pacer.restart()
+            self.time_base.resume()
+
+    def _unpower(self) -> None:
+        """Every joint without power, one cycle to let it act, and the last state."""
+        with self.exclusive():
+            self.board.power_off()
+            self.board.tick(self._read())
+            self._cut_power()
+            self.note_changes()
+            self._note_state()
+            self._stepping.notify_cycle()
+            self._stepping.finish("the board is shutting down")
+        self.after_lock()
+
+    def _cut_power(self) -> None:
+        zeros = np.zeros(self.board.count)
+        self._plant.write(Actuation(pwm=zeros, powered=zeros))

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The boards of a process: the loop that runs them, their nodes, and what is there once.
+
+A board is alone, or has a robot's parts: then each part has a node of its own beside that of the
+whole robot, and all of them offer the same of their joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from ...compiled import describe, is_compiled
+from ...core.terms.measurement import Plant
+from ...interface import DIAGNOSTICS
+from ...simulation import made_board
+from ...startup import resume_collection
+from ..loop.loop import ControlLoop
+from ..loop.scheduling import take_priority
+from ..loop.state_thread import StateThread
+from ..wiring.diagnostics import Diagnostics
+from ..wiring.messages import stamp
+from ..wiring.parameters import Start
+from ..wiring.publishing import publisher
+from ..wiring.throttle import PERIOD
+from ..wiring.trajectory import followed
+from ..wiring.transforms import offer_transforms
+from .lifecycle import make_node, manage
+from .node import ALONE, PART, ROBOT, BoardNode
+from .shared_parameters import SharedParameters
+
+#: s after the start at which the graph is known well enough to look for another node of this name.
+SETTLED = 3.0
+
+
+class Boards:
+    """A board on ROS, or a robot of several parts.
+
+    Make it, :meth:`start` it, spin ``nodes``, :meth:`stop` it.
+
+    Args:
+        start: settings and what rclpy needs of the command line.
+        plant: what the board drives; closed at the end.
+        on_end: called when the control loop ends by itself; ``loop.failure`` says why.
+        context: of rclpy; None for the default one.
+
+    Attributes: settings, loop, main (the node of the whole board or robot), parts (those of its
+    parts, by name), nodes (rclpy's, all of them; the main one is the first).
+    """
+
+    def __init__(
+        self,
+        start: Start,
+        plant: Plant,
+        *,
+        on_end: Callable[[], None] = lambda: None,
+        context: Any = None,
+    ) -> None:
+        self.settings = settings = start.settings
+        values, simulated = settings.values, bool(settings.ros.get("use_sim_time", False))
+        self.loop = ControlLoop(
+            made_board(settings),
+            plant,
+            state_rate=values["state_rate"],
+            real_time_factor=values["real_time_factor"],
+            simulated_stamps=values["publish_clock"] or simulated,
+            on_end=on_end,
+        )
+        self._start, self._context = start, context
+        self.parts: dict[str, BoardNode] = {}
+        self.main = self._offer()
+        node = self.main.node
+        offer_transforms(node, self.loop, self.main.publisher, settings)
+        self._boards = [*self.parts.values(), self.main]
+        self.nodes = [node, *(part.node for part in self.parts.values())]
+        self.on_error = self.main.reporter.on_error
+        manage(node, self.loop.whole, values, self.on_error)
+        self._states = StateThread(
+            self.loop, [(board.publish, board.reporter.on_error) for board in self._boards]
+        )
+        self._diagnostics = self._make_diagnostics()
+        self._diagnostics_publisher = publisher(node, DIAGNOSTICS)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(PERIOD, self._each_second, clock=steady)
+        self._same_name_timer = node.create_timer(SETTLED, self._warn_of_same_name, clock=steady)
+        self._tell(simulated)
+
+    def _offer(self) -> BoardNode:
+        """The nodes of the parts, and last that of the whole."""
+        start, settings, loop = self._start, self.settings, self.loop
+        follower = followed(loop)
+        for name, group in loop.board.parts.items():
+            node = Node(name, **self._arguments(start.namespace))
+            self.parts[name] = BoardNode(
+                node, loop.add_part(group), settings.part(name), self._changed, follower, PART
+            )
+        if not self.parts:
+            node = self._main_node("control_board", None)
+            return BoardNode(node, loop.whole, settings, self._changed, follower, ALONE)
+        node = self._main_node(start.name, start.namespace)
+        robot = BoardNode(node, loop.whole, settings, self._changed, follower, ROBOT)
+        self._shared_parameters = SharedParameters(robot, self.parts.values())
+        return robot
+
+    def _main_node(self, name: str, namespace: str | None) -> Node:
+        """The node that may be a managed one: of the whole."""
+        return make_node(name, self.settings.values, **self._arguments(namespace))
+
+    def _arguments(self, namespace: str | None) -> dict[str, Any]:
+        return {
+            "namespace": namespace,
+            "context": self._context,
+            "parameter_overrides": list(self._start.overrides),
+        }
+
+    def _make_diagnostics(self) -> Diagnostics:
+        settings = self.settings
+        return Diagnostics(
+            self.loop,
+            settings.board.names,
+            settings.urdf.name,
+            settings.board.control_rate,
+            [joint.limits.temperature for joint in settings.board.joints],
+            board=self._statuses_of,
+            parts={name: part.joints for name, part in self.loop.board.parts.items()},
+        )
+
+    @property
+    def _statuses_of(self) -> str:
+        """What names of diagnostic statuses begin with: the full name of the board, or robot."""
+        node = self.main.node
+        whole = node.get_namespace() if self.parts else node.get_fully_qualified_name()
+        return str(whole).strip("/")
+
+    def start(self) -> None:
+        """Let the control loop and the publisher run."""
+        resume_collection()
+        self.loop.start()
+        self._states.start()
+
+    def stop(self) -> bool:
+        """Joints unpowered, last state published; false if the control loop hangs."""
+        stopped = self.loop.stop()
+        self._states.stop(timeout=0.5)
+        for board in self._boards:
+            board.publisher.await_arrival()
+        return stopped
+
+    def _tell(self, simulated: bool) -> None:
+        """What a user should know of the settings."""
+        log, settings = self.main.reporter.log, self.settings
+        for warning in settings.warnings:
+            log.warning(warning)
+        for note in settings.notes:
+            log.info(note)
+        if not is_compiled():
+            log.warning(f"laws: {describe()}")
+        if simulated:
+            log.info("use_sim_time: stamps are simulated time; this board publishes /clock")
+        if self.loop.state_rate != (rate := settings.values["state_rate"]):
+            log.warning(
+                f"state_rate {rate:g} Hz is above control_rate; "
+                f"{self.loop.state_rate:g} Hz is in force, one state per control cycle"
+            )
+
+    def _changed(self, name: str, value: Any) -> None:
+        """A parameter of the loop has another value."""
+        if name == "state_rate":
+            self.loop.set_state_rate(value)
+        elif name == "real_time_factor":
+            parting = value != 1.0 and self.loop.time_base.follows_system
+            self.loop.set_real_time_factor(value)
+            take_priority(self.main.parameters.settings.values)
+            if parting:
+                self.main.publisher.announce_clock()
+                self.main.reporter.log.info(
+                    "stamps go on from where they are with simulated time, for good, and /clock "
+                    "tells it; start nodes that compare times with use_sim_time:=true"
+                )
+
+    def _each_second(self) -> None:
+        for board in self._boards:
+            board.each_second()
+        now = stamp(self.loop.snapshots.now())
+        self._diagnostics_publisher.publish(self._diagnostics.message(now))
+
+    def _warn_of_same_name(self) -> None:
+        self._same_name_timer.cancel()
+        node = self.nodes[0]
+        name = node.get_fully_qualified_name()
+        same = [
+            1
+            for other, namespace in node.get_node_names_and_namespaces()
+            if f"{namespace.rstrip('/')}/{other}" == name
+        ]
+        if len(same) > 1:
+            self.main.reporter.log.warning(
+                f"{len(same)} nodes are called {name} on this domain, and each executes every "
+                "request; stop the others (ros2 node list), or use another name or ROS_DOMAIN_ID"
+            )

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parking at the end: to the pose park, before the joints lose their power (SPEC R6)."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from ...core.goals.pose import Pose
+from ...core.goals.poses import start_parking
+from ...core.selection import RequestError
+from ..loop.member import Member
+
+#: s between two looks at the joints (wall clock).
+PERIOD = 0.02
+
+PAUSED = "the simulation is paused; let it go on before, with: cbctl resume"
+
+
+class Parking:
+    """The way to the pose park, watched by a thread of its own.
+
+    Whoever waits for it can leave at any time, also where the control loop hangs with its lock.
+
+    Args:
+        member: what is parked, all of it.
+        pose: where.
+        tell: told, when the joints move, how long they will take, s.
+
+    Attributes: reason (why the robot is not parked; empty when it is).
+    """
+
+    def __init__(self, member: Member, pose: Pose, tell: Callable[[float], None]) -> None:
+        self._member, self._pose, self._tell = member, pose, tell
+        self._left = threading.Event()
+        self.reason = "a second signal came"
+
+    def run(self, at_once: threading.Event) -> None:
+        """Park, until it is done or cannot be, or ``at_once`` is set."""
+        thread = threading.Thread(target=self._watch, name="parking", daemon=True)
+        thread.start()
+        while thread.is_alive() and not at_once.is_set():
+            thread.join(PERIOD)
+        self._left.set()
+
+    def _watch(self) -> None:
+        try:
+            reason = self._park()
+        except RequestError as error:
+            reason = str(error)
+        if not self._left.is_set():
+            self.reason = reason
+
+    def _park(self) -> str:
+        """Start, and wait for the end; why it failed, or an empty text."""
+        member = self._member
+        if reason := self._stopped():
+            return reason
+        with member.exclusive() as board:
+            if self._left.is_set():  # while this thread waited for the lock
+                return self.reason
+            task = start_parking(board, self._pose)
+            time = task.remaining_time()
+        self._tell(time)
+        while not self._left.wait(PERIOD):
+            if reason := self._stopped():
+                return reason
+            with member.exclusive():
+                outcome = task.outcome()
+            if outcome is not None:
+                return "" if outcome.success else outcome.message
+        return self.reason
+
+    def _stopped(self) -> str:
+        """Why no joint moves any more; empty where time goes on."""
+        if self._member.loop.failure is not None:
+            return "the control loop failed"
+        return PAUSED if self._member.loop.paused else ""

@@ -1,0 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The wiring to ROS: messages in, messages out, parameters."""

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The actions ~/move, ~/calibrate and ~/go_to_pose: started by a goal, watched by one timer.
+
+Neither blocks the executor: a goal's coroutine waits for a future, the timer looks at the board
+between two cycles, sends feedback, and sets the future when the task has ended, was cancelled
+or cannot end any more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from control_board_msgs.action import Calibrate, GoToPose, Move
+from rclpy.action.server import ActionServer, CancelResponse
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+
+from ...core.goals.arrival import Outcome
+from ...core.goals.calibration_task import CalibrationTask
+from ...core.goals.move_task import MoveTask
+from ...core.goals.poses import PoseTask
+from ...core.group import JointGroup
+from ...core.selection import RequestError
+from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint
+from ..loop.member import Member
+from .messages import bounded, doubles, optional
+from .request_log import RequestLog
+
+#: s between two looks at the goals under way (wall clock), which is the feedback's period.
+PERIOD = 0.05
+#: s for which the result of a goal can still be asked for.
+RESULT_KEPT = 60
+
+Task = MoveTask | CalibrationTask | PoseTask
+#: What starts a task, with the board held between two cycles.
+Begin = Callable[[JointGroup], Task]
+
+
+def move(request: Any) -> Begin:
+    """What starts a goal of ~/move."""
+    return lambda board: MoveTask(
+        board,
+        bounded(request.names, board.count),
+        request.positions,
+        optional(request.speeds),
+    )
+
+
+def calibration(request: Any) -> Begin:
+    """What starts a goal of ~/calibrate."""
+    return lambda board: CalibrationTask(board, bounded(request.names, board.count))
+
+
+def feedback_of(board: JointGroup, task: Task) -> Any:
+    """The feedback message of now."""
+    if isinstance(task, MoveTask):
+        return Move.Feedback(
+            names=list(task.names),
+            positions=doubles(board.get_encoder(task.names)),
+            remaining_time=task.remaining_time(),
+        )
+    if isinstance(task, PoseTask):
+        return GoToPose.Feedback(names=list(task.names), remaining=doubles(task.remaining()))
+    statuses = task.statuses()
+    phases = dict.fromkeys(status.phase for status in statuses if status.running)
+    return Calibrate.Feedback(
+        names=list(task.names),
+        progress=doubles([status.progress for status in statuses]),
+        phase=", ".join(phases),
+    )
+
+
+@dataclass(slots=True, eq=False)
+class Goal:
+    """A goal under way: rclpy's handle, what it started, and the future of its end."""
+
+    handle: Any
+    task: Task
+    ended: Future
+
+
+class Actions:
+    """The action servers of a node.
+
+    Args:
+        node: to serve from.
+        member: whose board moves.
+        warn: takes what keeps a goal waiting and what repeats are called, for the throttled log.
+        go_to_pose: gives what starts a goal of ~/go_to_pose.
+        requests: takes what becomes of goals.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        member: Member,
+        warn: Callable[[str, str], None],
+        go_to_pose: Callable[[Any], Begin],
+        requests: RequestLog,
+    ) -> None:
+        self._member, self._warn, self._requests = member, warn, requests
+        self._goals: list[Goal] = []
+        self._servers: Sequence[ActionServer] = [
+            self._server(node, MOVE, move),
+            self._server(node, CALIBRATE, calibration),
+            self._server(node, GO_TO_POSE, go_to_pose),
+        ]
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)
+
+    def _server(self, node: Node, action: Endpoint, start: Callable[[Any], Begin]) -> ActionServer:
+        kind = action.load()
+
+        async def execute(handle: Any) -> Any:
+            asked = self._requests.goal(action, handle)
+            if handle.is_cancel_requested:
+                handle.canceled()
+                text = "cancelled before it began"
+                return asked.ended(kind.Result(success=False, message=text))
+            try:
+                begin = start(handle.request)
+                with self._member.exclusive() as board:
+                    task = begin(board)
+            except ValueError as error:
+                handle.abort()
+                why = list(map(str, error.codes)) if isinstance(error, RequestError) else []
+                return asked.refused(kind.Result(success=False, message=str(error), codes=why))
+            asked.accepted()
+            if self._member.loop.paused:
+                text = "the simulation is paused; let it go on with: cbctl resume"
+                self._warn(f"{action.short} waits: {text}", "times")
+            ended = Future()
+            self._goals.append(Goal(handle, task, ended))
+            if len(self._goals) == 1:
+                self._timer.reset()
+            outcome = await ended
+            return asked.ended(kind.Result(success=outcome.success, message=outcome.message))
+
+        return ActionServer(
+            node,
+            kind,
+            action.name,
+            execute,
+            cancel_callback=lambda _goal: CancelResponse.ACCEPT,
+            goal_service_qos_profile=action.qos.profile(),
+            result_service_qos_profile=action.qos.profile(),
+            cancel_service_qos_profile=action.qos.profile(),
+            result_timeout=RESULT_KEPT,
+        )
+
+    def _look(self) -> None:
+        """Feedback for every goal; end those that have ended or are to be cancelled."""
+        for goal in list(self._goals):
+            outcome: Outcome | None = Outcome(False, "internal error; the board's log tells more")
+            try:
+                outcome = self._attend(goal.handle, goal.task)
+            finally:
+                if outcome is not None:
+                    self._goals.remove(goal)
+                    goal.ended.set_result(outcome)
+        if not self._goals:
+            self._timer.cancel()
+
+    def _attend(self, handle: Any, task: Task) -> Outcome | None:
+        with self._member.exclusive() as board:
+            cancelled = handle.is_cancel_requested
+            outcome = Outcome(False, task.cancel()) if cancelled else task.outcome()
+            feedback = feedback_of(board, task)
+        handle.publish_feedback(feedback)
+        if outcome is None:
+            return None
+        if cancelled:
+            handle.canceled()
+        elif outcome.success:
+            handle.succeed()
+        else:
+            handle.abort()
+        return outcome

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The action ~/follow_joint_trajectory and ~/controller_state: messages of what the core decides.
+
+A goal is checked in every control cycle; a timer delivers its result, and feedback meanwhile.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from control_msgs.action import FollowJointTrajectory
+from control_msgs.msg import JointTrajectoryControllerState
+from rclpy.action.server import ActionServer, CancelResponse
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from ...core.goals.path import Points, Sample
+from ...core.goals.tolerances import Wish
+from ...core.goals.trajectory_goal import (
+    Code,
+    End,
+    GoalError,
+    TrajectoryGoal,
+    Wishes,
+)
+from ...core.group import JointGroup
+from ...core.selection import RequestError
+from ...core.state import Snapshot
+from ...interface import FOLLOW_JOINT_TRAJECTORY
+from ..loop.member import Member
+from .actions import PERIOD, RESULT_KEPT
+from .messages import NANOSECONDS, bounded, doubles, set_stamp
+from .request_log import RequestLog
+from .trajectory import read_points, start_time
+
+#: What starts a goal.
+StartGoal = Callable[[Sequence[str], Points, float, Wishes], TrajectoryGoal]
+
+
+@dataclass(slots=True, eq=False)
+class Goal:
+    """A goal under way: rclpy's handle, what it started, and the future of its end."""
+
+    handle: Any
+    task: TrajectoryGoal
+    ended: Future
+
+
+class FollowTrajectory:
+    """The action server; one goal at a time, a new one preempts.
+
+    Args:
+        node: to serve from.
+        member: whose board moves.
+        start_goal: starts a goal of these joints, points, start time and tolerances; the follower
+            that it is for is stepped after the check of this server.
+        on_error: told of exceptions that should not be.
+        requests: takes what becomes of goals.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        member: Member,
+        start_goal: StartGoal,
+        on_error: Callable[[Exception, str], None],
+        requests: RequestLog,
+    ) -> None:
+        self._member, self._start_goal, self._on_error = member, start_goal, on_error
+        self._requests = requests
+        self._logger = node.get_logger()
+        self._goal: Goal | None = None
+        # before the follower's step: reading and reference agree
+        member.loop.hooks.insert(0, self._check)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)
+        action = FOLLOW_JOINT_TRAJECTORY
+        self._server = ActionServer(
+            node,
+            action.load(),
+            action.name,
+            self._execute,
+            cancel_callback=self._cancel,
+            goal_service_qos_profile=action.qos.profile(),
+            result_service_qos_profile=action.qos.profile(),
+            cancel_service_qos_profile=action.qos.profile(),
+            result_timeout=RESULT_KEPT,
+        )
+
+    async def _execute(self, handle: Any) -> Any:
+        """Start a goal, and wait for its end; one that is refused has its code and text, too."""
+        asked = self._requests.goal(FOLLOW_JOINT_TRAJECTORY, handle)
+        if handle.is_cancel_requested:  # it moves nothing, and preempts no other
+            handle.canceled()
+            return asked.ended(result(End(Code.SUCCESSFUL, "cancelled before it began")))
+        try:
+            self._start(handle)
+        except GoalError as error:
+            end = End(error.code, error.text)
+        except RequestError as error:
+            end = End(Code.INVALID_GOAL, str(error))
+        except Exception as error:  # noqa: BLE001 - or the default result would say SUCCESSFUL
+            self._on_error(error, FOLLOW_JOINT_TRAJECTORY.short)
+            end = End(Code.INVALID_GOAL, "internal error; the board's log tells more")
+        else:
+            assert self._goal is not None
+            asked.accepted()
+            return asked.ended(result(await self._goal.ended))
+        self._logger.warning(f"{FOLLOW_JOINT_TRAJECTORY.short} refused: {end.text}")
+        handle.abort()
+        return asked.refused(result(end))
+
+    def _start(self, handle: Any) -> None:
+        request, old = handle.request, self._goal
+        points, wishes = read_goal(request)
+        with self._member.exclusive() as board:
+            joints = bounded(request.trajectory.joint_names, board.count)
+            start = start_time(request.trajectory.header.stamp, board, self._member.loop.time_base)
+            task = self._start_goal(joints, points, start, wishes)
+            if old is not None:
+                task.take_over(old.task)
+            self._goal = Goal(handle, task, Future())
+        if old is not None:
+            self._finish(old)
+        self._timer.reset()
+
+    def _cancel(self, handle: Any) -> CancelResponse:
+        """Stop at once; the timer delivers the result."""
+        goal = self._goal
+        if goal is not None and goal.handle.goal_id == handle.goal_id:
+            with self._member.exclusive():
+                goal.task.cancel()
+        return CancelResponse.ACCEPT
+
+    def _check(self, _board: JointGroup, _time: float) -> None:
+        """In every control cycle."""
+        goal = self._goal
+        if goal is not None:
+            goal.task.check()
+
+    def _look(self) -> None:
+        """Feedback, and the result when there is one."""
+        goal = self._goal
+        if goal is None:
+            self._timer.cancel()
+            return
+        with self._member.exclusive() as board:
+            goal.task.check()  # simulated time may stand still
+            message = feedback(board, goal.task)
+            set_stamp(message.header.stamp, self._member.loop.time_base.stamp(board.time))
+        goal.handle.publish_feedback(message)
+        if goal.task.outcome is not None:
+            self._goal = None
+            self._finish(goal)
+
+    def _finish(self, goal: Goal) -> None:
+        end = goal.task.outcome
+        assert end is not None
+        if goal.task.cancelled:
+            goal.handle.canceled()
+        elif end.code is Code.SUCCESSFUL:
+            goal.handle.succeed()
+        else:
+            goal.handle.abort()
+        self._logger.info(f"{FOLLOW_JOINT_TRAJECTORY.short}: {end.text}")
+        goal.ended.set_result(end)
+
+
+def result(end: End) -> Any:
+    """How a goal ended, as a message."""
+    return FollowJointTrajectory.Result(error_code=int(end.code), error_string=end.text)
+
+
+def read_goal(request: Any) -> tuple[Points, Wishes]:
+    """Points and tolerances of a goal.
+
+    Raises:
+        RequestError: it asks for what no board has.
+    """
+    for name in (
+        "multi_dof_trajectory.points",
+        "component_path_tolerance",
+        "component_goal_tolerance",
+    ):
+        value = request
+        for part in name.split("."):
+            value = getattr(value, part)
+        if len(value):
+            raise RequestError(
+                f"{name} is not empty, and joints here have one degree of freedom; leave it empty"
+            )
+    time = request.goal_time_tolerance
+    return read_points(request.trajectory), Wishes(
+        path=wishes_of(request.path_tolerance),
+        goal=wishes_of(request.goal_tolerance),
+        goal_time=time.sec + time.nanosec / NANOSECONDS,
+    )
+
+
+def wishes_of(tolerances: Sequence[Any]) -> list[Wish]:
+    """The tolerances of a message."""
+    return [Wish(one.name, one.position, one.velocity) for one in tolerances]
+
+
+def feedback(board: JointGroup, task: TrajectoryGoal) -> Any:
+    """Where all joints of the board should be and where they are, in the board's order."""
+    desired, elapsed = task.desired(), duration(task.elapsed)
+    actual = Sample(board.get_encoder(), board.get_encoder_speed(), np.zeros(0))
+    error = Sample(
+        desired.positions - actual.positions, desired.velocities - actual.velocities, np.zeros(0)
+    )
+    return FollowJointTrajectory.Feedback(
+        joint_names=list(board.names),
+        desired=point(desired, elapsed),
+        actual=point(actual, elapsed),
+        error=point(error, elapsed),
+    )
+
+
+def point(sample: Sample, elapsed: Duration | None = None) -> JointTrajectoryPoint:
+    """A sample as a message."""
+    return JointTrajectoryPoint(
+        positions=doubles(sample.positions),
+        velocities=doubles(sample.velocities),
+        accelerations=doubles(sample.accelerations),
+        time_from_start=elapsed or Duration(),
+    )
+
+
+def duration(seconds: float) -> Duration:
+    """A time from a start on as a message; 0 before it."""
+    whole, rest = divmod(max(round(seconds * NANOSECONDS), 0), NANOSECONDS)
+    return Duration(sec=whole, nanosec=rest)
+
+
+def controller_state(
+    names: Sequence[str], snapshot: Snapshot, nanoseconds: int
+) -> JointTrajectoryControllerState:
+    """A snapshot as the plotting tools of trajectory controllers want it.
+
+    The output is the position reference: it is what a trajectory gives to the joints.
+    """
+    none = np.zeros(0)
+    reference = Sample(snapshot.position_reference, snapshot.velocity_reference, none)
+    actual = Sample(snapshot.position, snapshot.velocity, none)
+    error = Sample(
+        reference.positions - actual.positions, reference.velocities - actual.velocities, none
+    )
+    message = JointTrajectoryControllerState(
+        joint_names=list(names),
+        reference=point(reference),
+        feedback=point(actual),
+        error=point(error),
+        output=point(Sample(reference.positions, none, none)),
+        speed_scaling_factor=1.0,
+    )
+    set_stamp(message.header.stamp, nanoseconds)
+    return message

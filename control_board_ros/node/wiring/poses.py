@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The poses of a board on ROS: ~/list_poses, ~/save_pose, and the goals of ~/go_to_pose (R5).
+
+The user's file is read and written outside of the loop's lock: a slow disk makes no cycle late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ...core.goals.pose import Pose
+from ...core.goals.poses import PoseTask, made_pose, pose_now
+from ...core.group import JointGroup
+from ...core.selection import RequestError
+from ...settings.user_poses import UserPoses
+from ...text import nearest
+from ..loop.member import Member
+from .messages import bounded, doubles
+
+
+class Poses:
+    """The poses that a board can take: those of the configuration, and the user's.
+
+    Args:
+        member: whose board they are of.
+        names: of the board's joints.
+        configured: those of the configuration, by name.
+        user: the user's, for this robot; a board takes its part of each.
+    """
+
+    def __init__(
+        self,
+        member: Member,
+        names: Sequence[str],
+        configured: Mapping[str, Pose],
+        user: UserPoses,
+    ) -> None:
+        self._member, self._names = member, frozenset(names)
+        parts = {name: pose.of(self._names) for name, pose in configured.items()}
+        self._configured = {name: part for name, part in parts.items() if part is not None}
+        self._user = user
+
+    # -- services -----------------------------------------------------------------------------
+
+    def list_poses(self, request: Any, response: Any) -> Any:
+        """The names of all poses, and what one of them is made of."""
+        response.poses = list(self._configured)
+        try:
+            if request.name:
+                pose = self._find(request.name)
+                response.names = list(pose.joints)
+                response.positions, response.speed = doubles(pose.positions), pose.speed
+            response.poses = list(self._all())
+            response.success = True
+        except RequestError as error:  # those of the configuration are there all the same
+            response.message = str(error)
+        return response
+
+    def save_pose(self, request: Any, response: Any) -> Any:
+        """Save a pose of the user's."""
+        if request.name in self._configured:
+            raise RequestError(
+                f"pose {request.name!r} is one of the configuration; save it under another name, "
+                "or change poses in the parameter file"
+            )
+        with self._member.exclusive() as board:
+            joints = bounded(request.names, board.count) or board.names
+            if len(request.positions):
+                positions = list(request.positions[: board.count + 1])
+                pose = made_pose(board, request.name, joints, positions, request.speed)
+            else:
+                pose = pose_now(board, request.name, joints, request.speed)
+        self._user.save(pose, self._names)
+        response.poses = list(self._all())
+        response.message = f"saved in {self._user.path}"
+        response.success = True
+        return response
+
+    # -- moves --------------------------------------------------------------------------------
+
+    def move(self, request: Any) -> Callable[[JointGroup], PoseTask]:
+        """What starts the move of a goal of ~/go_to_pose.
+
+        Raises:
+            RequestError: there is no such pose.
+        """
+        pose = self._find(request.pose)
+        return lambda board: PoseTask(board, pose, request.speed)
+
+    def configured(self, name: str) -> Pose:
+        """A pose of the configuration that is always there: home or park."""
+        return self._configured[name]
+
+    def _find(self, name: str) -> Pose:
+        """A pose by its name.
+
+        Raises:
+            RequestError: there is none; the message names those there are.
+        """
+        if name in self._configured:  # also where the user's file is broken
+            return self._configured[name]
+        poses = self._all()
+        if name in poses:
+            return poses[name]
+        if (foreign := self._user.read().get(name)) is not None:
+            others = ", ".join(foreign.joints)
+            raise RequestError(
+                f"pose {name!r} of {self._user.path} is of other joints, {others}; "
+                "mend the names, or ask the board that has them"
+            )
+        hint = nearest(name, poses)
+        raise RequestError(f"pose {name[:64]!r} unknown{hint}; poses: {', '.join(poses)}")
+
+    def _all(self) -> dict[str, Pose]:
+        """All poses by name.
+
+        Raises:
+            RequestError: the user's file is broken.
+        """
+        own = {
+            name: part
+            for name, pose in self._user.read().items()
+            if name not in self._configured and (part := pose.of(self._names)) is not None
+        }
+        return {**self._configured, **own}

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""State out: what the control loop has noted of a board, as messages.
+
+Publishing takes frozen snapshots and never the loop's lock; see ``state_thread``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from control_board_msgs.msg import BoardState
+from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from ...core.state import Snapshot
+from ...interface import (
+    CLOCK,
+    CONTROLLER_STATE,
+    FAULTS,
+    JOINT_STATES,
+    MODES,
+    ROBOT_DESCRIPTION,
+    STATE,
+    Endpoint,
+)
+from ..loop.member import Member
+from .follow_trajectory import controller_state
+from .messages import joint_faults, joint_modes, set_stamp
+from .state_message import StateMessage
+
+#: How long each kind of message may take to arrive at the end.
+ARRIVAL = Duration(seconds=0.1)
+
+#: Without these, every publisher adds two entities to each wait of the executor.
+QUIET = PublisherEventCallbacks(use_default_callbacks=False)
+
+#: Fields of numbers, and the snapshot's attribute for each.
+JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
+BOARD_STATE = {
+    name: name
+    for name in BoardState.get_fields_and_field_types()
+    if name not in ("header", "names")
+}
+
+
+def publisher(node: Node, topic: Endpoint) -> Any:
+    """A publisher of one of the board's topics."""
+    return node.create_publisher(
+        topic.load(), topic.name, topic.qos.profile(), event_callbacks=QUIET
+    )
+
+
+class StatePublisher:
+    """Publishes joint_states, ~/state, ~/controller_state, ~/modes, ~/faults, robot_description
+    and /clock.
+
+    Args:
+        node: to publish from.
+        member: whose snapshots are published.
+        names: of the joints.
+        description: the URDF; None: another node publishes it, and the time.
+        joint_states: where the readings go.
+
+    Attributes: also (called in the publishing thread with each state and its stamp, ns).
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        member: Member,
+        names: tuple[str, ...],
+        description: str | None,
+        joint_states: Endpoint = JOINT_STATES,
+    ) -> None:
+        self._snapshots, self._names, self._node = member.snapshots, names, node
+        self.also: list[Callable[[Snapshot, int], None]] = []
+        self._joint_states = publisher(node, joint_states)
+        self._states = publisher(node, STATE)
+        self._controller_states = publisher(node, CONTROLLER_STATE)
+        self._modes = publisher(node, MODES)
+        self._faults = publisher(node, FAULTS)
+        self._clock: Any = None
+        self._joint_state = StateMessage(JointState(name=list(names)), JOINT_STATE, len(names))
+        self._board_state = StateMessage(BoardState(names=list(names)), BOARD_STATE, len(names))
+        if reason := self._board_state.fallback or self._joint_state.fallback:
+            node.get_logger().info(reason)
+        self._clock_message = Clock()
+        self._published_faults: object = None
+        if description is not None:
+            if not member.loop.time_base.follows_system:
+                self.announce_clock()
+            self._description = publisher(node, ROBOT_DESCRIPTION)
+            self._description.publish(String(data=description))
+
+    def announce_clock(self) -> None:
+        """Offer /clock; called where no publishing goes on: at start or by the executor."""
+        if self._clock is None:
+            self._clock = publisher(self._node, CLOCK)
+
+    def await_arrival(self) -> None:
+        """Wait a little until what was published has arrived, before the node goes."""
+        for publisher in (self._states, self._modes, self._joint_states):
+            publisher.wait_for_all_acked(ARRIVAL)
+
+    def publish(self) -> None:
+        """Publish every snapshot that is new; a state that nobody would hear costs nothing."""
+        snapshots = self._snapshots
+        while snapshots.mode_changes:
+            modes = snapshots.mode_changes.popleft()
+            self._modes.publish(
+                joint_modes(self._names, modes.control, modes.interaction, modes.stamp)
+            )
+        faults = snapshots.faults
+        if faults is not self._published_faults:
+            self._published_faults = faults
+            self._faults.publish(joint_faults(faults.records, faults.raised, faults.stamp))
+        while snapshots.states:
+            state = snapshots.states.popleft()
+            snapshot, stamp = state.snapshot, state.stamp
+            if self._joint_states.get_subscription_count():
+                self._joint_states.publish(self._joint_state.of(snapshot, stamp))
+            if self._states.get_subscription_count():
+                self._states.publish(self._board_state.of(snapshot, stamp))
+            if self._controller_states.get_subscription_count():
+                self._controller_states.publish(controller_state(self._names, snapshot, stamp))
+            for publish in self.also:
+                publish(snapshot, stamp)
+            if self._clock is not None:
+                set_stamp(self._clock_message.clock, stamp)
+                self._clock.publish(self._clock_message)

@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""~/requests: what the board was asked, and what it answered.
+
+Who answers notes it down and goes on; messages are made and published in the thread that
+publishes, so that a request waits for none of it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections import deque
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from action_msgs.msg import GoalStatus
+
+from ...interface import REQUEST_LOG, STEP, Endpoint
+from ..loop.member import Member
+from .messages import set_stamp
+
+#: Requests kept for a publisher that was held up; older ones are lost.
+KEPT = 1000
+#: Entries of an array that are shown where the board has fewer joints; characters of a text.
+ENTRIES, CHARACTERS = 32, 500
+ENDS = {
+    GoalStatus.STATUS_SUCCEEDED: "succeeded",
+    GoalStatus.STATUS_CANCELED: "canceled",
+    GoalStatus.STATUS_ABORTED: "aborted",
+}
+#: Fields of a request that are names of joints, and fields of a message that stand for themselves.
+NAMES = ("names", "joint_names")
+OF_RESPONSES = ("success", "message", "names", "answers", "reasons", "codes")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A request that was answered: of ``Request.msg``, and its stamp, ns."""
+
+    endpoint: Endpoint
+    event: str
+    request: Any
+    response: Any
+    success: bool
+    message: str
+    goal: str
+    duration: float
+    stamp: int
+
+
+class RequestLog:
+    """The requests to a board.
+
+    Args:
+        publisher: rclpy's, of ~/requests.
+        member: whose requests they are.
+    """
+
+    def __init__(self, publisher: Any, member: Member) -> None:
+        self._snapshots = member.snapshots
+        self._longest = max(member.board.count, ENTRIES)
+        self._entries: deque[Entry] = deque(maxlen=KEPT)
+        self._publisher = publisher
+
+    def note(
+        self,
+        endpoint: Endpoint,
+        event: str,
+        request: Any,
+        response: Any,
+        begun: float,
+        *,
+        success: bool,
+        message: str,
+        goal: str = "",
+    ) -> None:
+        """Note an answer; for the executor's thread.
+
+        Args:
+            endpoint: of the service or action.
+            event: as in ``Request.msg``.
+            request: as it came.
+            response: as it is sent; None: there is none yet.
+            begun: when it was asked, s of ``time.perf_counter``.
+            success: whether the answer is yes.
+            message: what it says.
+            goal: identifier of a goal.
+        """
+        duration = time.perf_counter() - begun
+        now = self._snapshots.now()
+        self._entries.append(
+            Entry(endpoint, event, request, response, success, message, goal, duration, now)
+        )
+
+    def answered(self, service: Endpoint, request: Any, response: Any, begun: float) -> None:
+        """Note the answer of a service that is not among those left out."""
+        if not left_out(service):
+            success, message = bool(response.success), getattr(response, "message", "")
+            self.note(
+                service, "answered", request, response, begun, success=success, message=message
+            )
+
+    def goal(self, action: Endpoint, handle: Any) -> Goal:
+        """A goal that came; what becomes of it is noted by what this returns."""
+        return Goal(self, action, handle)
+
+    def publish(self) -> None:
+        """Publish what was noted; for the thread that publishes."""
+        while self._entries:
+            self._publisher.publish(self._message(self._entries.popleft()))
+
+    def _message(self, entry: Entry) -> Any:
+        """An entry as a message."""
+        kind = REQUEST_LOG.load()
+        request, response, longest = entry.request, entry.response, self._longest
+        message = kind(
+            kind=entry.endpoint.kind,
+            name=entry.endpoint.short.rpartition("/")[2],
+            event=entry.event,
+            goal=entry.goal,
+            names=cut(names_in(request), longest),
+            request=as_json(request, NAMES, longest),
+            success=entry.success,
+            message=text(entry.message),
+            response=as_json(response, OF_RESPONSES, longest),
+            duration=entry.duration,
+        )
+        for field in ("answers", "reasons", "codes"):
+            setattr(message, field, cut(getattr(response, field, ()), longest))
+        set_stamp(message.header.stamp, entry.stamp)
+        return message
+
+
+class Goal:
+    """What becomes of one goal; ``handle`` is rclpy's."""
+
+    def __init__(self, log: RequestLog, action: Endpoint, handle: Any) -> None:
+        self._log, self._action, self._handle = log, action, handle
+        self._begun = time.perf_counter()
+
+    def accepted(self) -> None:
+        """It has begun."""
+        self._note("accepted", None, success=True)
+        self._begun = time.perf_counter()
+
+    def refused(self, result: Any) -> Any:
+        """It does not begin; the result, as it is given."""
+        self._note("refused", result, success=False)
+        return result
+
+    def ended(self, result: Any) -> Any:
+        """It has ended, in the state that its handle has now; the result, as it is given."""
+        event = ENDS.get(self._handle.status, "aborted")  # rclpy aborts one without an end
+        self._note(event, result, success=event == "succeeded")
+        return result
+
+    def _note(self, event: str, result: Any, *, success: bool) -> None:
+        message = getattr(result, "message", getattr(result, "error_string", ""))
+        self._log.note(
+            self._action,
+            event,
+            self._handle.request,
+            result,
+            self._begun,
+            success=success,
+            message=message,
+            goal=bytes(self._handle.goal_id.uuid).hex(),
+        )
+
+
+def left_out(service: Endpoint) -> bool:
+    """Whether a service only reads, or is asked as often as there are control cycles."""
+    word = service.short.rpartition("/")[2]
+    return word.startswith(("get_", "list_")) or service.name == STEP.name
+
+
+def names_in(request: Any) -> Iterable[str]:
+    """The joints that a request names."""
+    for field in NAMES:
+        if hasattr(request, field):
+            found: Iterable[str] = getattr(request, field)
+            return found
+    return getattr(getattr(request, "trajectory", None), "joint_names", ())
+
+
+def as_json(message: Any, left: Collection[str], longest: int) -> str:
+    """The fields of a message but those ``left`` out, as a JSON object of bounded size."""
+    if message is None:
+        return "{}"
+    fields = message.get_fields_and_field_types()
+    found = {name: plain(getattr(message, name), longest) for name in fields if name not in left}
+    return json.dumps(found, ensure_ascii=False)
+
+
+def plain(value: Any, longest: int) -> Any:
+    """A field's value as JSON takes it: a number that is not finite is a text."""
+    if isinstance(value, bool | int):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else str(value)
+    if isinstance(value, str):
+        return text(value)
+    if hasattr(value, "get_fields_and_field_types"):
+        fields = value.get_fields_and_field_types()
+        return {name: plain(getattr(value, name), longest) for name in fields}
+    shown = [plain(one, longest) for one in list(value[:longest])]
+    return shown if len(value) <= longest else [*shown, f"… {len(value) - longest} more"]
+
+
+def cut(texts: Any, longest: int) -> list[str]:
+    """The first texts of an array, and how many there are besides."""
+    shown = [text(one) for one in texts[:longest]]
+    return shown if len(texts) <= longest else [*shown, f"… {len(texts) - longest} more"]
+
+
+def text(value: str) -> str:
+    """A text that any middleware takes, of bounded length."""
+    shown = value if len(value) <= CHARACTERS else value[:CHARACTERS] + "…"
+    return shown.encode("utf-8", "replace").decode("utf-8")

@@ -1,0 +1,271 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The services: each converts its request, asks the board between two cycles, and answers.
+
+A method is called as its service in interface.py. A ValueError is a request that is wrong as a
+whole and becomes the response's message.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Awaitable, Callable, Collection, Sequence
+from typing import Any
+
+from rclpy.task import Future
+
+from ...core.group import JointGroup
+from ...core.selection import RequestError
+from ...core.terms.measurement import Simulation
+from ...core.terms.reply import Reply
+from ..loop.member import Member
+from .messages import (
+    answered,
+    bounded,
+    codes,
+    doubles,
+    freeze_frame,
+    joint_fault,
+    optional,
+)
+from .topics import send
+
+
+class Services:
+    """The callbacks of the services.
+
+    Args:
+        member: whose board is asked.
+        injection: whether faults may be injected into a simulation.
+        later: runs a function in the executor's thread; safe to call from any thread.
+        stop: stops the motion of joints, trajectories as well; called with the lock held.
+        for_all: faults that reach all joints, whichever are named.
+    """
+
+    def __init__(
+        self,
+        member: Member,
+        injection: bool,
+        later: Callable[[Callable[[], None]], None],
+        stop: Callable[[Sequence[str]], Reply],
+        for_all: Collection[str] = (),
+    ) -> None:
+        self._member, self._loop = member, member.loop
+        self._injection = injection
+        self._later, self._stop, self._for_all = later, stop, for_all
+
+    # -- modes --------------------------------------------------------------------------------
+
+    def set_control_mode(self, request: Any, response: Any) -> Any:
+        return self._set_modes(request, response, lambda board: board.set_control_mode)
+
+    def get_control_mode(self, request: Any, response: Any) -> Any:
+        return self._get_modes(request, response, lambda board: board.get_control_mode)
+
+    def set_interaction_mode(self, request: Any, response: Any) -> Any:
+        return self._set_modes(request, response, lambda board: board.set_interaction_mode)
+
+    def get_interaction_mode(self, request: Any, response: Any) -> Any:
+        return self._get_modes(request, response, lambda board: board.get_interaction_mode)
+
+    def _set_modes(
+        self, request: Any, response: Any, method: Callable[[JointGroup], Callable[..., Reply]]
+    ) -> Any:
+        """Set modes, and show those that joints are in then; ``method`` of the board sets them."""
+        with self._member.exclusive() as board:
+            joints = bounded(request.names, board.count)
+            reply = method(board)(joints, bounded(request.modes, board.count))
+        response.names, response.modes = list(reply.joints), codes(reply.modes)
+        return answered(response, reply)
+
+    def _get_modes(
+        self, request: Any, response: Any, method: Callable[[JointGroup], Callable[..., list[Any]]]
+    ) -> Any:
+        """Show modes as texts and vocabs; ``method`` of the board reads them."""
+        with self._member.exclusive() as board:
+            response.names = joints = self._joints(board, request)
+            values = method(board)(joints)
+        response.modes = codes(values)
+        response.vocabs = array("i", map(int, values))
+        return succeeded(response)
+
+    def get_available_modes(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            response.names = joints = self._joints(board, request)
+            values = board.get_available_modes(joints)
+        response.control_modes = [",".join(codes(control)) for control, _ in values]
+        response.interaction_modes = [",".join(codes(interaction)) for _, interaction in values]
+        return succeeded(response)
+
+    # -- references ---------------------------------------------------------------------------
+
+    def send_reference(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            reply = send(
+                board,
+                request.kind,
+                bounded(request.names, board.count),
+                optional(request.values),
+                optional(request.along),
+                together=request.together,
+            )
+        response.names = list(reply.joints)
+        response.values = doubles(reply.values or [math.nan] * len(reply.joints))
+        return answered(response, reply)
+
+    def set_impedance(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            joints = bounded(request.names, board.count)
+            damping = optional(request.damping)
+            reply = board.set_impedance(joints, request.stiffness, damping)
+        return answered(response, reply)
+
+    def get_impedance(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            response.names = joints = self._joints(board, request)
+            stiffness, damping = board.get_impedance(joints)
+            max_stiffness, max_damping = board.get_max_impedance(joints)
+            offset = board.get_torque_offset(joints)
+        response.stiffness, response.damping = doubles(stiffness), doubles(damping)
+        response.max_stiffness = doubles(max_stiffness)
+        response.max_damping = doubles(max_damping)
+        response.torque_offset = doubles(offset)
+        return succeeded(response)
+
+    def set_reference_speed(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            joints = bounded(request.names, board.count)
+            speeds, accelerations = optional(request.speeds), optional(request.accelerations)
+            reply = board.set_reference_speed(joints, speeds, accelerations)
+        return answered(response, reply)
+
+    def get_references(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            response.names = joints = self._joints(board, request)
+            response.positions = doubles(board.get_target_position(joints))
+            response.direct_positions = doubles(board.get_ref_position(joints))
+            response.velocities = doubles(board.get_ref_velocity(joints))
+            response.torques = doubles(board.get_ref_torque(joints))
+            response.outputs = doubles(board.get_output(joints))
+            response.speeds = doubles(board.get_ref_speed(joints))
+            response.accelerations = doubles(board.get_ref_acceleration(joints))
+            response.direct_velocities = response.currents = doubles([0.0] * len(joints))
+        return succeeded(response)
+
+    def stop(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            reply = self._stop(bounded(request.names, board.count))
+        return answered(response, reply)
+
+    # -- faults and life ----------------------------------------------------------------------
+
+    def get_faults(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            joints = self._joints(board, request)
+            self._member.snapshots.note_changes()
+            faults = self._member.snapshots.faults
+        found = faults.by_name()
+        response.faults = [joint_fault(*found[name]) for name in joints]
+        return succeeded(response)
+
+    def recover(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            reply = board.recover(bounded(request.names, board.count), partial=request.partial)
+        response.names, response.modes = list(reply.joints), codes(reply.modes)
+        response.wait = doubles(reply.waits)
+        return answered(response, reply)
+
+    def emergency_stop(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            board.emergency_stop(request.data)
+        if self._loop.paused:
+            response.message = "the simulation is paused: it acts with the next cycle"
+            return succeeded(response)
+        return self._after_a_cycle(response)
+
+    def get_freeze_frame(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            joint = board.get_config(request.name)[0]
+            frame = board.get_freeze_frame(request.name)
+            self._member.snapshots.note_changes()
+            faults = self._member.snapshots.faults.by_name()
+        if frame is None:
+            raise RequestError(f"{request.name} has had no fault since the board was started")
+        record, raised = faults[request.name]
+        return succeeded(freeze_frame(response, frame, record, raised, joint.torque_sensor))
+
+    def configure(self, _request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            reply = board.configure()
+        return answered(response, reply)
+
+    def power_cycle(self, _request: Any, response: Any) -> Any:
+        self._member.power_cycle()
+        return succeeded(response)
+
+    # -- simulation ---------------------------------------------------------------------------
+
+    def inject_fault(self, request: Any, response: Any) -> Any:
+        simulation = self._injectable()
+        with self._member.exclusive() as board:
+            names = self._joints(board, request)
+            if request.fault in self._for_all:
+                names = list(board.names)
+            simulation.inject(names, request.fault, request.persistent)
+        return succeeded(response)
+
+    def clear_injected_faults(self, _request: Any, response: Any) -> Any:
+        simulation = self._injectable()
+        with self._member.exclusive() as board:
+            simulation.clear_injected(board.names)
+        return self._after_a_cycle(response)  # FORCE_IDLE is not refused any more
+
+    def pause(self, request: Any, response: Any) -> Any:
+        self._loop.pause(request.data)
+        return succeeded(response)
+
+    def step(self, request: Any, response: Any) -> Any:
+        done = Future()
+        refusal = self._loop.step(
+            request.steps, lambda text: self._later(lambda: done.set_result(text))
+        )
+        if refusal:
+            raise RequestError(refusal)
+        return answered_later(response, done)
+
+    def reset(self, _request: Any, response: Any) -> Any:
+        self._loop.reset()
+        return succeeded(response)
+
+    def _after_a_cycle(self, response: Any) -> Any:
+        """Answer when the next reading has been seen."""
+        seen = Future()
+        self._loop.after_cycle(lambda: self._later(lambda: seen.set_result("")))
+        return answered_later(response, seen)
+
+    def _injectable(self) -> Simulation:
+        """The simulation, where faults may be injected."""
+        simulation = self._loop.simulation()
+        if not self._injection:
+            raise RequestError(
+                "fault injection is off; start the node with allow_fault_injection: true"
+            )
+        return simulation
+
+    @staticmethod
+    def _joints(board: JointGroup, request: Any) -> list[str]:
+        """The names of the joints that a request reads; RequestError where one is unknown."""
+        return list(board.selector.select(bounded(request.names, board.count)).names)
+
+
+def succeeded(response: Any) -> Any:
+    """A response that has nothing to say."""
+    response.success = True
+    return response
+
+
+async def answered_later(response: Any, future: Awaitable[str]) -> Any:
+    """A response that waits; the future's text is empty, or says what went wrong."""
+    response.message = await future
+    response.success = not response.message
+    return response

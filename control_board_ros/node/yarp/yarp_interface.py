@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The topics and services of YARP's controlBoard_nws_ros2, for programs that exist.
+
+Commands go to the board as its own do. A group of joints gets its modes as a whole or not at all,
+and every refusal has its word in ``response`` and its reason in ``opt_descr``.
+"""
+
+from __future__ import annotations
+
+import time
+from array import array
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from rclpy.node import Node
+from std_msgs.msg import Int8MultiArray, Int32MultiArray
+
+from ...core.group import JointGroup
+from ...core.machine.commands import COMMANDS
+from ...core.selection import RequestError, Selection
+from ...core.state import Snapshot
+from ...interface import ENDPOINTS, YARP, Endpoint
+from ...protocols import Floats
+from ..loop.member import Member
+from ..wiring.command_subscription import CommandSubscription
+from ..wiring.messages import bounded, doubles, optional
+from ..wiring.publishing import StatePublisher, publisher
+from ..wiring.reporter import Reporter
+from ..wiring.request_log import RequestLog, left_out
+from .yarp_commands import send
+from .yarp_words import (
+    GET_NAME_ERROR,
+    INVALID,
+    NAMES,
+    NAMES_ERROR,
+    OK,
+    RETRIEVE_ERROR,
+    SET_ERROR,
+    SETTABLE,
+    SIZE_ERROR,
+    RefusedError,
+    available,
+    base_name,
+    letters,
+    vocabs,
+    wanted,
+)
+
+#: What comes along with references, as the messages name it.
+ALONG = {"speeds": "ref_velocities", "accelerations": "ref_accelerations"}
+
+#: The word for an error of the program itself, where it is not RETRIEVE_ERROR.
+FAILURES = {"set_modes": SET_ERROR, "get_joints_names": GET_NAME_ERROR}
+
+
+def offer_yarp(
+    node: Node,
+    member: Member,
+    values: Mapping[str, Any],
+    states: StatePublisher,
+    reporter: Reporter,
+    requests: RequestLog,
+    *,
+    part: bool = False,
+) -> list[CommandSubscription]:
+    """Offer it all, where the parameter ``yarp_interface`` says so.
+
+    Args:
+        node: to offer it from.
+        member: the board.
+        values: the parameters.
+        states: tells the modes along with every state.
+        reporter: of the node.
+        requests: takes what services answer.
+        part: whether it is a part of a robot, with names below its own.
+
+    Returns:
+        The subscriptions, to be checked now and then.
+    """
+    if not values["yarp_interface"]:
+        return []
+    offered = YarpInterface(member, reporter.warn, reporter.on_error, requests)
+    states.also.append(offered.mode_publisher(node, "~/" if part else ""))
+    if not values["yarp_msgs_name"]:
+        return []
+    board = node.get_fully_qualified_name()
+    base = base_name(values["yarp_msgs_name"], board, node.get_name() if part else "")
+    own = {endpoint.of(board) for endpoint in ENDPOINTS}
+    rows = [replace(row, name=row.of(base)) for row in YARP if row.kind != "topic"]
+    if taken := [row.name for row in rows if row.name in own]:
+        reporter.log.warning(
+            f"yarp_msgs_name {values['yarp_msgs_name']!r}: the board has {', '.join(taken)} "
+            "already, which YARP's clients do not find then; take another name, such as ~/yarp"
+        )
+    free = [row for row in rows if row.name not in own]
+    for row in free:
+        if row.kind == "service":
+            answer = offered.answering(row)
+            node.create_service(row.load(), row.name, answer, qos_profile=row.qos.profile())
+    return reporter.subscribe(
+        [(row, offered.reference(row)) for row in free if row.kind == "command"]
+    )
+
+
+class YarpInterface:
+    """What answers YARP's clients; a method is called as its service.
+
+    Args:
+        member: the board that is asked.
+        warn: takes what was ignored or bounded, and the word to count it by, for the log.
+        on_error: told of exceptions that should not be.
+        requests: takes what services answer.
+    """
+
+    def __init__(
+        self,
+        member: Member,
+        warn: Callable[[str, str], None],
+        on_error: Callable[[Exception, str], None],
+        requests: RequestLog,
+    ) -> None:
+        self._member, self._warn, self._on_error = member, warn, on_error
+        self._requests = requests
+
+    # -- topics -------------------------------------------------------------------------------
+
+    def mode_publisher(self, node: Node, below: str) -> Callable[[Snapshot, int], None]:
+        """What publishes the modes of all joints, to those who listen; ``below`` comes first."""
+        rows = [replace(row, name=below + row.name) for row in YARP if row.kind == "topic"]
+        first, whole = (publisher(node, row) for row in rows)
+        snapshots = self._member.snapshots
+
+        def publish(_snapshot: Snapshot, _stamp: int) -> None:
+            modes = snapshots.modes.control
+            if first.get_subscription_count():
+                first.publish(Int8MultiArray(data=letters(modes)))
+            if whole.get_subscription_count():
+                whole.publish(Int32MultiArray(data=vocabs(modes)))
+
+        return publish
+
+    def reference(self, topic: Endpoint) -> Callable[[Any], None]:
+        """A callback that sends references of the topic's kind."""
+        kind = topic.reference
+        assert kind is not None
+        row = COMMANDS[kind]
+        along = ALONG.get(row.along or "")
+
+        def take(message: Any) -> None:
+            values = getattr(message, row.field)
+            extra = None if along is None else optional(getattr(message, along))
+            with self._member.exclusive() as board:
+                reply = send(board, kind, bounded(message.names, board.count), values, extra)
+            if reply.message:
+                self._warn(reply.message, "times" if reply else "ignored")
+
+        return take
+
+    # -- services -----------------------------------------------------------------------------
+
+    def answering(self, service: Endpoint) -> Callable[[Any, Any], Any]:
+        """A service's callback that always answers, and never raises."""
+        name = service.short.rpartition("/")[2]
+        ask, kind = getattr(self, name), service.load()
+        failure = FAILURES.get(name, RETRIEVE_ERROR)
+
+        def answer(request: Any, response: Any) -> Any:
+            begun = time.perf_counter()
+            made = answered(request, response)
+            if not left_out(service):
+                said, text = made.response == OK, made.opt_descr
+                self._requests.note(
+                    service, "answered", request, made, begun, success=said, message=text
+                )
+            return made
+
+        def answered(request: Any, response: Any) -> Any:
+            try:
+                response.opt_descr = ask(request, response)
+                response.response = OK
+            except RefusedError as refusal:
+                return kind.Response(response=refusal.word, opt_descr=refusal.text)
+            except Exception as error:  # noqa: BLE001 - no callback ends the node
+                self._on_error(error, service.name)
+                text = f"internal error in {service.name}; the board's log tells more"
+                return kind.Response(response=failure, opt_descr=text)
+            return response
+
+        return answer
+
+    def get_modes(self, request: Any, response: Any) -> str:
+        with self._member.exclusive() as board:
+            modes = board.get_control_mode(chosen(board, request.names, NAMES_ERROR).names)
+        response.modes = [NAMES[mode] for mode in modes]
+        return ""
+
+    def set_modes(self, request: Any, _response: Any) -> str:
+        with self._member.exclusive() as board:
+            joints = chosen(board, request.names, INVALID)
+            asked = wanted(request.modes, len(joints.names))
+            reply = board.request(joints, asked)
+        if not reply:
+            raise RefusedError(SET_ERROR, reply.message)
+        return reply.message
+
+    def get_position(self, request: Any, response: Any) -> str:
+        response.positions = self._measured(request, lambda board: board.get_encoder)
+        return ""
+
+    def get_velocity(self, request: Any, response: Any) -> str:
+        response.velocities = self._measured(request, lambda board: board.get_encoder_speed)
+        return ""
+
+    def _measured(
+        self, request: Any, method: Callable[[JointGroup], Callable[..., Floats]]
+    ) -> array[float]:
+        with self._member.exclusive() as board:
+            joints = chosen(board, request.names, NAMES_ERROR).names
+            require_reading(board)
+            return doubles(method(board)(joints))
+
+    def get_available_modes(self, request: Any, response: Any) -> str:
+        if not request.only_implemented:
+            response.modes = list(SETTABLE)
+            return ""
+        with self._member.exclusive() as board:
+            response.modes, text = available(board.config.joints)
+        return text
+
+    def get_joints_names(self, request: Any, response: Any) -> str:
+        names = self._member.board.names
+        indices: Sequence[int] = request.joint_indexes
+        if len(indices) > len(names):
+            text = f"{len(indices)} indices for {len(names)} joints; send none for all"
+            raise RefusedError(SIZE_ERROR, text)
+        for index in indices:
+            if not 0 <= index < len(names):
+                text = f"joint index {index} out of range; joints are 0 to {len(names) - 1}"
+                raise RefusedError(GET_NAME_ERROR, text)
+        response.names = [names[index] for index in indices] or list(names)
+        return ""
+
+
+def chosen(board: JointGroup, names: Sequence[str], word: str) -> Selection:
+    """The joints that a request names, all for none; else it is refused with a word."""
+    try:
+        return board.selector.select(bounded(names, board.count))
+    except RequestError as error:
+        raise RefusedError(word, str(error)) from None
+
+
+def require_reading(board: JointGroup) -> None:
+    """Refuse to tell a measurement that there is not."""
+    if not board.cycle:
+        raise RefusedError(RETRIEVE_ERROR, "nothing is measured yet; ask again")
