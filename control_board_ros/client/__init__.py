@@ -13,10 +13,12 @@
 
 ``await board.aio.move(…)`` is the awaitable form of each method, for asyncio and for coroutines
 of an rclpy executor. A call works from any thread, with the node spinning or not, and from
-within a callback: the client serves its own connection.
+within a callback: the client serves its own connection. A script without a node calls
+``connect("control_board")``, which brings one.
 """
 
 from .board import ControlBoardClient
+from .connecting import connect
 from .errors import BoardError, BoardNotFound, BoardTimeout, InvalidAnswer
 from .goals import CalibrationFeedback, MoveFeedback
 from .poses import PoseFeedback
@@ -32,4 +34,5 @@ __all__ = [
     "MoveFeedback",
     "PoseFeedback",
     "State",
+    "connect",
 ]

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from documents import ROOT
 
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md"))]
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 CODE = re.compile(r"^```.*?^```$|`[^`\n]*`", re.M | re.S)
 ANCHOR = re.compile(r'<a id="([^"]+)">')
@@ -52,3 +52,13 @@ def test_links_are_found() -> None:
 def test_no_page_holds_a_path_of_one_machine() -> None:
     for page in PAGES:
         assert not re.search(r"/(?:home|root|work|Users)/\w", page.read_text("utf-8")), page
+
+
+def test_every_page_is_in_an_index() -> None:
+    """docs/index.md leads to each page and how-to, its own index to each decision."""
+    for index in ("docs/index.md", "docs/decisions/index.md"):
+        page = ROOT / index
+        there = {(page.parent / link).resolve() for link in links(page)}
+        folders = [page.parent, *page.parent.glob("howto")]
+        missing = [p for folder in folders for p in folder.glob("*.md") if p not in there | {page}]
+        assert not missing, f"{index} does not lead to {missing[0].relative_to(ROOT)}"

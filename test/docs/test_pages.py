@@ -11,7 +11,11 @@ from documents import ROOT, Block, Reader, blocks, pattern, reader
 
 __all__ = ["reader"]
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs" / "howto").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "docs" / "tour.md",
+    *sorted((ROOT / "docs" / "howto").glob("*.md")),
+]
 #: Languages of blocks that people type, run or save.
 TYPED = {"console", "sh", "bash", "python", "toml", "xml", "yaml"}
 VERBS = {"run", "output", "board", "file", "not"}

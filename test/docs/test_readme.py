@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The tables of the README name what there is, and all of it."""
+"""What README shows is there; the tables at a glance name what there is, and all of it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from documents import ROOT
 from control_board_ros.cli.verbs import VERBS
 from control_board_ros.client import ControlBoardClient
 
-TEXT = (ROOT / "README.md").read_text("utf-8")
+README = (ROOT / "README.md").read_text("utf-8")
+TEXT = (ROOT / "docs" / "at_a_glance.md").read_text("utf-8")
 TABLES = (
     interface_table.PUBLISHED,
     interface_table.CLOCK,
@@ -48,3 +49,19 @@ def test_the_yarp_table_names_what_there_is(row: list[str]) -> None:
     for call in re.findall(r"`(\w+)\(", python):
         assert hasattr(ControlBoardClient, call)
     assert line.strip("`").split()[0] in VERBS
+
+
+def test_readme_is_one_screen() -> None:
+    """What more there is to say stands in docs/."""
+    assert len(README.splitlines()) <= 100
+    performance = README.split("<!-- performance -->")[1].split("<!-- /performance -->")[0]
+    assert len([line for line in performance.splitlines() if line.startswith("|")]) == 2 + 5
+
+
+def test_readme_names_the_commands_of_the_makefile() -> None:
+    """The two commands that it shows are targets, and `make test` is what CI runs."""
+    makefile = (ROOT / "Makefile").read_text("utf-8")
+    for target in ("run", "test"):
+        assert f"\nmake {target} " in README
+        assert f"\n{target}: " in makefile
+    assert "\nmake test " in (ROOT / ".ci" / "run").read_text("utf-8")

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: Apache-2.0
+"""connect(): a client for who has no node."""
+
+from __future__ import annotations
+
+import pytest
+import rclpy
+
+from control_board_ros.client import BoardError, BoardNotFound, connect
+from control_board_ros.testing import BoardProcess
+
+pytestmark = pytest.mark.ros
+
+
+def test_three_lines_are_enough(process: BoardProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It brings a node and a context of its own, which end with it; rclpy's own stays as it is."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(process.domain))
+    board = connect(find_timeout=60.0, answer_timeout=60.0)
+    try:
+        assert len(board.names) == 7
+        assert board.set_control_mode(0, "pos")
+        assert not rclpy.ok()
+        context = board._link._node.context
+        assert context.ok()
+    finally:
+        board.close()
+        board.close()  # the second time there is nothing to end
+    assert not context.ok()
+
+
+def test_a_board_that_is_not_there(process: BoardProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error names the boards that are."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(process.domain))
+    missing = pytest.raises(BoardNotFound, match="/nowhere; boards there are: /control_board")
+    with connect("nowhere", find_timeout=2.0) as board, missing:
+        board.get_encoder()
+
+
+def test_what_ros_refuses_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A domain that is none ends nothing but the call; an option that is none is a TypeError."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "none")
+    with pytest.raises(BoardError, match=r"^cannot start a ROS node: .+$"):
+        connect()
+    monkeypatch.setenv("ROS_DOMAIN_ID", "47")
+    with pytest.raises(TypeError, match="patience"):
+        connect(patience=1.0)
