@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -79,7 +80,8 @@ class ControlBoardClient(Blocking, Interfaces):
         inside = Interfaces(services)
         super().__init__(services, inside)
         self.aio = Aio(services, inside)
-        self._close = weakref.finalize(services, services.link.close)  # also when the program ends
+        # Also when the program ends.
+        self._close: Callable[[], Any] = weakref.finalize(services, services.link.close)
 
     def close(self) -> None:
         """End the connection."""

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.context import Context
@@ -37,7 +38,7 @@ def connect(board: str = "control_board", **options: Any) -> ControlBoardClient:
     return client
 
 
-def _end(close: Any, node: Node, context: Context) -> None:
+def _end(close: Callable[[], Any], node: Node, context: Context) -> None:
     close()
     node.destroy_node()
     context.try_shutdown()
