@@ -421,6 +421,10 @@ setup(
             )
             for folder in sorted((HERE / "config/moveit").iterdir())
         ),
+        (
+            f"share/{NAME}/config/ros2_control",
+            sorted(os.path.relpath(path, HERE) for path in HERE.glob("config/ros2_control/*")),
+        ),
         (f"share/{NAME}/config/rviz", ["config/rviz/control_board.rviz"]),
         (f"share/{NAME}/config/foxglove", ["config/foxglove/control_board.json"]),
         (f"share/{NAME}/launch", ["launch/control_board.launch.py"]),

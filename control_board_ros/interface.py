@@ -229,6 +229,13 @@ JOINT_TRAJECTORY = command(
     "Points to follow, interpolated; see [Trajectories](#trajectories).",
     K.POSITION_DIRECT,
 )
+JOINT_COMMANDS = command(
+    "~/joint_commands",
+    "sensor_msgs/msg/JointState",
+    "References as the mode of each joint takes them: of its position, velocity and effort that "
+    "of its control mode; NaN is no command. For ros2_control's topic-based hardware; see "
+    "[Joint commands](#joint-commands).",
+)
 EXTERNAL_TORQUE = command(
     "~/external_torque",
     "TorqueCommand",

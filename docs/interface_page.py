@@ -87,6 +87,16 @@ The action adds, with the parameters and error codes that MoveIt and others know
 
 """
 
+JOINT_COMMANDS_TEXT = """\
+`~/joint_commands` carries references of joints in different modes: of `position`, `velocity` and
+`effort` each joint takes the one of its control mode (positions in POSITION, POSITION_DIRECT and
+MIXED, velocities in VELOCITY and MIXED, efforts in TORQUE; in MIXED a position before a
+velocity). NaN is no command. An array may be empty, or have one number per joint; one with fewer
+is of those joints, in order, whose mode takes them, and is refused where their number differs. A
+position that repeats is no new move. It is what ros2_control's topic-based hardware sends:
+[how to](howto/ros2_control.md).
+"""
+
 #: Error codes of ~/follow_joint_trajectory.
 CODES = (
     ("0 SUCCESSFUL", "reached; or cancelled, with the status CANCELED"),
@@ -265,6 +275,7 @@ def page() -> str:
         *header("error code", "when; `error_string` says which joint, by how much, what to do")
     ]
     lines += [row(*code) for code in CODES]
+    lines += ["", "## Joint commands", "", JOINT_COMMANDS_TEXT.rstrip("\n")]
     lines += ["", "## Poses", "", POSES.rstrip("\n")]
     lines += ["", "## Managed nodes", "", MANAGED.rstrip("\n"), ""]
     lines += [*header("name", "type", "what it is for"), *rows(LIFECYCLE)]

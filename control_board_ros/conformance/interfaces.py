@@ -41,6 +41,7 @@ EXTRAS = frozenset(
         "external_torque",
         "follow_joint_trajectory",
         "inject_fault",
+        "joint_commands",
         "joint_trajectory",
         "pause",
         "requests",

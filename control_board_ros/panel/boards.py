@@ -302,7 +302,8 @@ def shown_fault(fault: Any) -> dict[str, Any]:
 
 def names_of(message: Any) -> Sequence[str]:
     """The joints that a command names; none: all of them."""
-    names: Sequence[str] = getattr(message, "names", ()) or getattr(message, "joint_names", ())
+    fields = (getattr(message, field, ()) for field in ("names", "joint_names", "name"))
+    names: Sequence[str] = next(filter(None, fields), ())
     return names
 
 

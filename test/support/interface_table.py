@@ -33,6 +33,7 @@ SUBSCRIBED = {
     "~/command/output": ("control_board_msgs/msg/OutputCommand", "RV"),
     "~/command/feedforward": ("control_board_msgs/msg/FeedforwardCommand", "RV"),
     "~/joint_trajectory": ("trajectory_msgs/msg/JointTrajectory", "RV"),
+    "~/joint_commands": ("sensor_msgs/msg/JointState", "RV"),
     "~/external_torque": ("control_board_msgs/msg/TorqueCommand", "RV"),
     "~/heartbeat": ("std_msgs/msg/Empty", "BV"),
 }

@@ -16,10 +16,12 @@ from ...interface import (
     EXTERNAL_TORQUE,
     FEEDFORWARD_COMMAND,
     HEARTBEAT,
+    JOINT_COMMANDS,
     JOINT_TRAJECTORY,
     Endpoint,
 )
 from ..loop.member import Member
+from .joint_commands import JointCommands
 from .messages import bounded, optional
 
 #: Kinds of reference that boards have no mode for: refused, as what joints do not implement.
@@ -93,6 +95,7 @@ class CommandTopics:
             FEEDFORWARD_COMMAND: self._feedforward,
             EXTERNAL_TORQUE: self._external_torque,
             JOINT_TRAJECTORY: self._joint_trajectory,
+            JOINT_COMMANDS: JointCommands(self._member, self._answer).on_message,
             HEARTBEAT: self._heartbeat,
         }
         return found

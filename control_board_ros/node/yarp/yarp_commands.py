@@ -1,22 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""References as YARP's clients send them: the board's own commands, with two customs of theirs.
-
-Speeds and accelerations that come along stay set, and a position move may be sent as a stream.
-"""
+"""References as YARP's clients send them: streams, and what comes along stays set."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from ...core.group import JointGroup
 from ...core.machine.commands import COMMANDS
-from ...core.selection import RequestError
-from ...core.terms.modes import MOVES
-from ...core.terms.reply import Answer, Reply, accepted, joints_of
+from ...core.terms.reply import Answer, Reply, joints_of
 from ...core.terms.vocabs import CommandKind
+from ..wiring.streams import send as send_stream
 
 
 def send(
@@ -32,49 +26,10 @@ def send(
         along: speeds or accelerations, one per joint, which stay set for the joints that take
             them; None: those that are set.
     """
-    if kind is CommandKind.POSITION:
-        moves = without_repeats(board, names, values, along)
-        if not moves:
-            return accepted(board.selector.select(names).names)
-        names, values, along = moves
-    reply = board.command(kind, names, values, along)
+    reply = send_stream(board, kind, names, values, along)
     if along is not None and (taken := joints_of(reply, Answer.ACCEPTED)):
-        given = dict(zip(reply.joints, along, strict=True))
+        asked = board.selector.select(names).names
+        given = dict(zip(asked, along, strict=True))
         standing = {str(COMMANDS[kind].along): [given[name] for name in taken]}
         board.set_reference_speed(taken, **standing)
-    if kind is CommandKind.POSITION and reply:
-        targets = board.get_target_position(reply.joints)
-        if np.array_equal(targets, values):  # slower than asked for: no news of a stream
-            return accepted(reply.joints)
     return reply
-
-
-def without_repeats(
-    board: JointGroup, names: Sequence[str], positions: Any, speeds: Any
-) -> tuple[Sequence[str], Any, Any] | None:
-    """Names, positions and speeds of the moves that are new; None where none is.
-
-    A move is not new while it runs, and where its joint holds its target. Begun anew with every
-    message of a stream, it would never get up to its speed. What does not fit is returned as it
-    came, for the board to say so.
-    """
-    try:
-        chosen = board.selector.select(names)
-    except RequestError:
-        return names, positions, speeds
-    joints = chosen.names
-    if len(positions) != len(joints) or (speeds is not None and len(speeds) != len(joints)):
-        return names, positions, speeds
-    moving = ~np.array(board.check_motion_done(joints))
-    known = moving | (board.state.position_reference[chosen.joints] == positions)
-    known &= board.get_target_position(joints) == positions
-    known &= [mode is MOVES for mode in board.get_control_mode(joints)]
-    if speeds is not None:
-        known &= board.get_ref_speed(joints) == speeds
-    new = np.flatnonzero(~known)
-    if new.size == len(joints):
-        return names, positions, speeds
-    if not new.size:
-        return None
-    some = None if speeds is None else np.asarray(speeds)[new]
-    return [joints[k] for k in new], np.asarray(positions)[new], some
