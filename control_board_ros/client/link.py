@@ -141,6 +141,7 @@ class Link:
         if not await self.thread.until(client.service_is_ready, self.find_timeout):
             there = self.discovery.is_there()
             raise self.discovery.not_offered(service) if there else self.discovery.not_found()
+        await self._get_acquainted(service)
         future = client.call_async(client.srv_type.Request(**fields))
         if not await self.thread.outcome(future, self.answer_timeout):
             client.remove_pending_request(future)
@@ -208,20 +209,20 @@ class Link:
         client = self._entity(action, make)
         if not await self.thread.until(client.server_is_ready, self.find_timeout):
             raise self.discovery.not_found()
-        if self._acquainted.get(action) != self.discovery.identity():
-            await self._get_acquainted(action)
-            self._acquainted[action] = self.discovery.identity()
+        await self._get_acquainted(action)
         await self.settle()
         return client
 
-    async def _get_acquainted(self, action: Endpoint) -> None:
-        """Wait until the board has heard of the action's client.
+    async def _get_acquainted(self, asked: Endpoint) -> None:
+        """Wait until this run of the board has heard of the client of a service or an action.
 
-        To a client of which it has not heard yet, its answer goes nowhere, and a goal must not be
-        sent twice. Endpoints are heard of in the order in which they were made: what is made
-        after the action's client, and has its answer, shows that the client is known, too. To ask
-        this does nothing, so it is asked again where the answer went nowhere.
+        To a client of which it has not heard yet, its answer goes nowhere, and what was asked for
+        must not be asked for twice. Endpoints are heard of in the order in which they were made:
+        what is made after the client, and has its answer, shows that the client is known, too. To
+        ask this changes nothing, so it is asked again where the answer went nowhere.
         """
+        if self._acquainted.get(asked) == self.discovery.identity():
+            return
         name = self.full_name(GET_CONTROL_MODE)
         made = GET_CONTROL_MODE.load()
         with self._lock:
@@ -235,7 +236,8 @@ class Link:
                 answered = await self.thread.outcome(future, ACQUAINTED)
                 later.remove_pending_request(future)
             if not answered:
-                raise self.discovery.timed_out(action, self.find_timeout)
+                raise self.discovery.timed_out(asked, self.find_timeout)
+            self._acquainted[asked] = self.discovery.identity()
         finally:
             with contextlib.suppress(BoardError, *GONE):  # else it went with the node
                 self.thread.later(lambda: self._node.destroy_client(later))

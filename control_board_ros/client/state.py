@@ -122,13 +122,15 @@ class StateView:
         """The last state; a fresh one shows what was asked for before."""
         link = self._link
         link.subscribe(STATE, self.on_message)
+        # Until the first one, the board may not have heard of the subscription yet.
+        patience = link.find_timeout if self._message is None else link.answer_timeout
         if fresh or self._message is None:
             await link.settle()
-            if not await link.thread.until(self.shown, link.answer_timeout):
+            if not await link.thread.until(self.shown, patience):
                 self._renew()
         self._wanted = min(self._wanted, self._arrived[0])
         if self._message is None:
-            raise link.discovery.timed_out(STATE)
+            raise link.discovery.timed_out(STATE, patience)
         return State.of(self._message).checked()
 
     def shown(self) -> bool:

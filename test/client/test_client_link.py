@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from control_board_msgs.action import Move
 from control_board_msgs.msg import JointModes, PositionCommand
-from control_board_msgs.srv import GetControlMode
+from control_board_msgs.srv import GetControlMode, SetControlMode
 from rclpy.action import ActionServer
 from rclpy.qos import QoSProfile
 from talk import until
@@ -19,7 +19,13 @@ from talk import until
 from control_board_ros.client import BoardNotFound, BoardTimeout, InvalidAnswer, state
 from control_board_ros.client.link import Link
 from control_board_ros.client.waiting import run
-from control_board_ros.interface import MOVE, POSITION_COMMAND, STATE
+from control_board_ros.interface import (
+    GET_CONTROL_MODE,
+    MOVE,
+    POSITION_COMMAND,
+    SET_CONTROL_MODE,
+    STATE,
+)
 from control_board_ros.testing import ros_node
 from control_board_ros.testing.domains import free_domain
 
@@ -79,19 +85,23 @@ def test_what_was_published_is_settled_when_a_call_has_been_answered() -> None:
             asked = board.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
             answer = asked.send_response
 
+            losing = False
+
             def send(*of: Any) -> None:
-                sent.append("lost" if not sent else "answered")
-                if sent[-1] == "answered":
+                sent.append("lost" if losing else "answered")
+                if not losing:
                     answer(*of)
 
             asked.send_response = send
             try:
+                run(link.call(GET_CONTROL_MODE))  # client and board are acquainted from now on
                 run(link.publish(POSITION_COMMAND, positions=[1.0]))
                 assert ear.hears(1.0)
-                link.answer_timeout = 0.5
+                sent.clear()
+                link.answer_timeout, losing = 0.5, True
                 with pytest.raises(BoardTimeout):
                     run(link.settle())
-                link.answer_timeout = GUARD
+                link.answer_timeout, losing = GUARD, False
                 run(link.settle())
                 assert sent == ["lost", "answered"]
                 run(link.settle())
@@ -100,7 +110,42 @@ def test_what_was_published_is_settled_when_a_call_has_been_answered() -> None:
                 link.close()
 
 
-def test_a_goal_waits_until_the_board_has_heard_of_the_client() -> None:
+def test_a_request_waits_until_the_board_has_heard_of_the_client() -> None:
+    """It is made once, however often the way of its answer was tried before."""
+    tried: list[str] = []
+    made: list[list[str]] = []
+
+    def set_mode(request: Any, response: Any) -> Any:
+        made.append(list(request.modes))
+        response.success = True
+        return response
+
+    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
+        link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
+        with ros_node(domain, "board") as board:
+            board.create_publisher(JointModes, "~/modes", 1)
+            board.create_service(SetControlMode, "~/set_control_mode", set_mode)
+            asked = board.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
+            answer = asked.send_response
+
+            def send(*of: Any) -> None:
+                tried.append("")
+                if len(tried) > 2:
+                    answer(*of)
+
+            asked.send_response = send
+            try:
+                for mode in ("pos", "vel"):
+                    assert run(link.call(SET_CONTROL_MODE, modes=[mode])).success
+                assert len(tried) > 2
+                assert made == [["pos"], ["vel"]]
+            finally:
+                link.close()
+
+
+def test_a_goal_waits_until_the_board_has_heard_of_the_client(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """Answers to a client that the board does not know yet go nowhere; it is asked again."""
     sent: list[str] = []
 
@@ -128,9 +173,11 @@ def test_a_goal_waits_until_the_board_has_heard_of_the_client() -> None:
                 with board_that_loses_answers(domain, 2):
                     run(link.action(MOVE))
                     assert sent[:3] == ["lost", "lost", "answered"]
-                    known = len(sent)
-                    run(link.action(MOVE))
-                    assert len(sent) == known, "asked once of each"
+                    with monkeypatch.context() as patch:
+                        patch.setattr(
+                            link._node, "create_client", pytest.fail
+                        )  # asked once of each
+                        run(link.action(MOVE))
                 gone = link.thread.until(lambda: not link.discovery.is_there(), GUARD)
                 assert run(gone)
         finally:
