@@ -218,6 +218,13 @@ VELOCITY_COMMAND = command(
 )
 TORQUE_COMMAND = command("~/command/torque", "TorqueCommand", "Torques.", K.TORQUE)
 OUTPUT_COMMAND = command("~/command/output", "OutputCommand", "PWM in percent.", K.OUTPUT)
+VELOCITY_DIRECT_COMMAND = command(
+    "~/command/velocity_direct",
+    "VelocityDirectCommand",
+    "Velocities that act at once, without a ramp; they expire after `timeouts.velocity`.",
+    K.VELOCITY_DIRECT,
+)
+CURRENT_COMMAND = command("~/command/current", "CurrentCommand", "Motor currents in A.", K.CURRENT)
 FEEDFORWARD_COMMAND = command(
     "~/command/feedforward",
     "FeedforwardCommand",

@@ -13,7 +13,8 @@ class JointLimits:
     """The parameters ``<joint>.limits.*`` of a joint.
 
     Attributes: lower, upper (software limits), hard_lower, hard_upper (stops), in rad; velocity
-    (rad/s), acceleration (rad/s²), torque (N·m), output (PWM percent); of a sliding joint m and N.
+    (rad/s), acceleration (rad/s²), torque (N·m), output (PWM percent), peak_current (A); of a
+    sliding joint m and N.
     Infinite: not known.
     """
 
@@ -25,12 +26,14 @@ class JointLimits:
     acceleration: float = math.inf
     torque: float = math.inf
     output: float = math.inf
+    peak_current: float = math.inf
 
     def range(self, kind: str) -> tuple[float, float]:
         """The least and the greatest value of a kind: ``position``, ``speed``, …"""
         if kind == "position":
             return self.lower, self.upper
-        most: float = getattr(self, "velocity" if kind == "speed" else kind)
+        names = {"speed": "velocity", "current": "peak_current"}
+        most: float = getattr(self, names.get(kind, kind))
         return -most, most
 
 

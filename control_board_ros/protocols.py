@@ -118,7 +118,31 @@ class IVelocityControl(Protocol):
 
     def get_ref_velocity(self, joints: Joints = None) -> Floats: ...
 
+    def get_target_velocity(self, joints: Joints = None) -> Floats: ...
+
     def set_velocity_mode(self, joints: Joints = None) -> Reply: ...
+
+
+@runtime_checkable
+class IVelocityDirect(Protocol):
+    """Joint velocities that act at once (Y1)."""
+
+    def set_ref_velocity(self, joints: Joints, velocities: Values) -> Reply: ...
+
+    def get_ref_velocity(self, joints: Joints = None) -> Floats: ...
+
+
+@runtime_checkable
+class ICurrentControl(Protocol):
+    """Motor currents (Y2), A."""
+
+    def set_ref_current(self, joints: Joints, currents: Values) -> Reply: ...
+
+    def get_ref_current(self, joints: Joints = None) -> Floats: ...
+
+    def get_current(self, joints: Joints = None) -> Floats: ...
+
+    def get_current_range(self, joints: Joints = None) -> tuple[Floats, Floats]: ...
 
 
 @runtime_checkable

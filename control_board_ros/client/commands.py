@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.reply import Reply, refused, sent
 from control_board_ros.interface import (
+    CURRENT_COMMAND,
     FEEDFORWARD_COMMAND,
     OUTPUT_COMMAND,
     POSITION_COMMAND,
@@ -21,6 +22,7 @@ from control_board_ros.interface import (
     SEND_REFERENCE,
     TORQUE_COMMAND,
     VELOCITY_COMMAND,
+    VELOCITY_DIRECT_COMMAND,
     Endpoint,
 )
 from control_board_ros.protocols import Joints, Values
@@ -31,7 +33,7 @@ from .values import as_given, for_each
 
 
 class ReferenceCommands(Interface):
-    """IPositionControl, IPositionDirect, IVelocityControl, ITorqueControl, IOpenLoopControl."""
+    """What moves joints: from IPositionControl to IOpenLoopControl and ICurrentControl."""
 
     @operation
     async def position_move(
@@ -107,6 +109,20 @@ class ReferenceCommands(Interface):
     ) -> Reply:
         """Set the reference torque, N·m (P7); ``answered`` asks for the board's answer."""
         return await self._send(TORQUE_COMMAND, joints, answered, torques=torques)
+
+    @operation
+    async def set_ref_velocity(
+        self, joints: Joints, velocities: Values, *, answered: bool = False
+    ) -> Reply:
+        """Set the velocity, rad/s, at once (Y1); ``answered`` asks for the board's answer."""
+        return await self._send(VELOCITY_DIRECT_COMMAND, joints, answered, velocities=velocities)
+
+    @operation
+    async def set_ref_current(
+        self, joints: Joints, currents: Values, *, answered: bool = False
+    ) -> Reply:
+        """Set the motor current, A (Y2); ``answered`` asks for the board's answer."""
+        return await self._send(CURRENT_COMMAND, joints, answered, currents=currents)
 
     @operation
     async def set_output(

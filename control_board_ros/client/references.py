@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 
 from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.modes import DIRECT_VELOCITY
 from control_board_ros.core.terms.reply import Reply, refused
-from control_board_ros.interface import GET_REFERENCES, SET_REFERENCE_SPEED, STOP
+from control_board_ros.interface import GET_CONTROL_MODE, GET_REFERENCES, SET_REFERENCE_SPEED, STOP
 from control_board_ros.protocols import Floats, Joints, Values
 
 from .operations import Interface, operation
@@ -66,14 +67,35 @@ class ReferenceRequests(Interface):
         return await self._last("direct_positions", joints)
 
     @operation
-    async def get_ref_velocity(self, joints: Joints = None) -> Floats:
-        """The last accepted velocity, rad/s, shape (k,)."""
+    async def get_target_velocity(self, joints: Joints = None) -> Floats:
+        """The last accepted velocity of VELOCITY and MIXED, rad/s, shape (k,)."""
         return await self._last("velocities", joints)
+
+    @operation
+    async def get_direct_velocity(self, joints: Joints = None) -> Floats:
+        """The last accepted velocity of VELOCITY_DIRECT, rad/s, shape (k,)."""
+        return await self._last("direct_velocities", joints)
+
+    @operation
+    async def get_ref_velocity(self, joints: Joints = None) -> Floats:
+        """The last accepted velocity, rad/s, shape (k,): in VELOCITY_DIRECT that of this mode."""
+        response = await self._services.read(GET_REFERENCES, joints)
+        velocities = np.array(response.velocities, dtype=np.float64)
+        direct = np.array(response.direct_velocities, dtype=np.float64)
+        if (velocities == direct).all():
+            return velocities
+        modes = (await self._services.read(GET_CONTROL_MODE, joints)).vocabs
+        return np.where(np.isin(modes, list(DIRECT_VELOCITY)), direct, velocities)
 
     @operation
     async def get_ref_torque(self, joints: Joints = None) -> Floats:
         """The last accepted torque, N·m, shape (k,)."""
         return await self._last("torques", joints)
+
+    @operation
+    async def get_ref_current(self, joints: Joints = None) -> Floats:
+        """The last accepted motor current, A, shape (k,)."""
+        return await self._last("currents", joints)
 
     @operation
     async def get_output(self, joints: Joints = None) -> Floats:

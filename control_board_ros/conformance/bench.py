@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient, State
-from control_board_ros.core.terms.modes import SELECTABLE, STOPPABLE, UNIMPLEMENTED
+from control_board_ros.core.terms.modes import SELECTABLE, STOPPABLE
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
 from control_board_ros.interface import Endpoint
@@ -30,9 +30,11 @@ STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 COMMANDS = {
     K.POSITION: ("position_move", "get_target_position"),
     K.POSITION_DIRECT: ("set_position", "get_ref_position"),
-    K.VELOCITY: ("velocity_move", "get_ref_velocity"),
+    K.VELOCITY: ("velocity_move", "get_target_velocity"),
     K.TORQUE: ("set_ref_torque", "get_ref_torque"),
     K.OUTPUT: ("set_output", "get_output"),
+    K.VELOCITY_DIRECT: ("set_ref_velocity", "get_direct_velocity"),
+    K.CURRENT: ("set_ref_current", "get_ref_current"),
 }
 
 #: s in which a reference is taken or counted as ignored, on the busiest machine.
@@ -142,7 +144,7 @@ class Bench:
         Raises:
             NotTestable: it implements all of them.
         """
-        for mode in (*UNIMPLEMENTED, *SELECTABLE):
+        for mode in reversed(SELECTABLE):
             if mode not in self.modes:
                 return mode
         raise NotTestable(f"{self.joint} implements every mode")

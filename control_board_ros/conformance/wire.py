@@ -24,6 +24,8 @@ FIELDS = {
     K.VELOCITY: "velocities",
     K.TORQUE: "torques",
     K.OUTPUT: "outputs",
+    K.VELOCITY_DIRECT: "velocities",
+    K.CURRENT: "currents",
 }
 
 #: A mode that takes each kind of reference.
@@ -33,6 +35,8 @@ MODES = {
     K.VELOCITY: M.VELOCITY,
     K.TORQUE: M.TORQUE,
     K.OUTPUT: M.OPENLOOP,
+    K.VELOCITY_DIRECT: M.VELOCITY_DIRECT,
+    K.CURRENT: M.CURRENT,
 }
 
 

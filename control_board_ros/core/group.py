@@ -35,7 +35,7 @@ from .selection import (
 from .state import Snapshot, StateArrays
 from .terms.events import BoardEvent
 from .terms.faults import FaultRecord
-from .terms.modes import CONFIGURED, POWER_OFF, Event, Stage
+from .terms.modes import CONFIGURED, DIRECT_VELOCITY, POWER_OFF, Event, Stage
 from .terms.reply import Reason, Reply, accepted, refused
 from .terms.vocabs import CommandKind, ControlMode, InteractionMode
 from .watch.freeze_frame import FreezeFrame
@@ -177,6 +177,10 @@ class JointGroup(ModeShortcuts):
         """Set the reference velocity, reached with the reference acceleration (P5)."""
         return self.command(K.VELOCITY, joints, velocities, accelerations)
 
+    def set_ref_velocity(self, joints: Joints, velocities: Values) -> Reply:
+        """Set the velocity reference, which acts at once, in VELOCITY_DIRECT (Y1)."""
+        return self.command(K.VELOCITY_DIRECT, joints, velocities)
+
     def set_ref_torque(self, joints: Joints, torques: Values) -> Reply:
         """Set the reference torque (P7)."""
         return self.command(K.TORQUE, joints, torques)
@@ -184,6 +188,10 @@ class JointGroup(ModeShortcuts):
     def set_output(self, joints: Joints, outputs: Values) -> Reply:
         """Set the PWM in percent (P8)."""
         return self.command(K.OUTPUT, joints, outputs)
+
+    def set_ref_current(self, joints: Joints, currents: Values) -> Reply:
+        """Set the motor current, A, within ± peak current (Y2)."""
+        return self.command(K.CURRENT, joints, currents)
 
     def set_feedforward(
         self,
@@ -336,6 +344,15 @@ class JointGroup(ModeShortcuts):
         sensed = [joint.torque_sensor for joint in self.get_config(joints)]
         return np.where(sensed, self.state.torque[self._chosen(joints)], np.nan)
 
+    def get_current(self, joints: Joints = None) -> Floats:
+        """Measured motor currents, A."""
+        return self.state.current[self._chosen(joints)]
+
+    def get_current_range(self, joints: Joints = None) -> tuple[Floats, Floats]:
+        """The least and the greatest current reference, A, two arrays (Y2)."""
+        most = self.board.limits.current[self._chosen(joints)]
+        return -most, most.copy()
+
     # --- references, read ---------------------------------------------------------------------
 
     def get_target_position(self, joints: Joints = None) -> Floats:
@@ -346,9 +363,19 @@ class JointGroup(ModeShortcuts):
         """The last accepted direct position (M11)."""
         return self._last(K.POSITION_DIRECT, joints)
 
-    def get_ref_velocity(self, joints: Joints = None) -> Floats:
-        """The last accepted velocity (M11)."""
+    def get_target_velocity(self, joints: Joints = None) -> Floats:
+        """The last accepted velocity of VELOCITY and MIXED (M11)."""
         return self._last(K.VELOCITY, joints)
+
+    def get_ref_velocity(self, joints: Joints = None) -> Floats:
+        """The last accepted velocity (M11): in VELOCITY_DIRECT that of this mode (Y1)."""
+        direct = [mode in DIRECT_VELOCITY for mode in self.get_control_mode(joints)]
+        target = self.get_target_velocity(joints)
+        return np.where(direct, self._last(K.VELOCITY_DIRECT, joints), target)
+
+    def get_direct_velocity(self, joints: Joints = None) -> Floats:
+        """The last accepted velocity of VELOCITY_DIRECT, whatever the mode is (M11)."""
+        return self._last(K.VELOCITY_DIRECT, joints)
 
     def get_ref_torque(self, joints: Joints = None) -> Floats:
         """The last accepted torque (M11)."""
@@ -357,6 +384,10 @@ class JointGroup(ModeShortcuts):
     def get_output(self, joints: Joints = None) -> Floats:
         """The last accepted output (M11)."""
         return self._last(K.OUTPUT, joints)
+
+    def get_ref_current(self, joints: Joints = None) -> Floats:
+        """The last accepted motor current (M11), A."""
+        return self._last(K.CURRENT, joints)
 
     def check_motion_done(self, joints: Joints = None) -> list[bool]:
         """False from the cycle that accepts a move until its profile ends (P3)."""

@@ -213,7 +213,7 @@ def control_modes(modes: Any, count: int) -> list[ControlMode]:
     wanted = _parse_all(modes, count, parse_control_mode)
     for mode in wanted:
         if mode not in REQUESTS:
-            allowed = ", ".join(m.code for m in REQUESTABLE[:8])
+            allowed = ", ".join(m.code for m in REQUESTABLE)
             raise RequestError(
                 f"{mode.code} ({mode.name}) is a status that cannot be set; set one of {allowed}"
             )

@@ -12,6 +12,7 @@ from typing import Any
 from control_board_ros.interface import (
     CALIBRATE,
     CONFIGURE,
+    CURRENT_COMMAND,
     EMERGENCY_STOP,
     GO_TO_POSE,
     MOVE,
@@ -27,6 +28,7 @@ from control_board_ros.interface import (
     STOP,
     TORQUE_COMMAND,
     VELOCITY_COMMAND,
+    VELOCITY_DIRECT_COMMAND,
     Endpoint,
 )
 
@@ -37,6 +39,8 @@ HELD: dict[str, tuple[Endpoint, str, str, str]] = {
     "velocity": (VELOCITY_COMMAND, "velocities", "", "velocity_move"),
     "torque": (TORQUE_COMMAND, "torques", "", "set_ref_torque"),
     "output": (OUTPUT_COMMAND, "outputs", "", "set_output"),
+    "veldirect": (VELOCITY_DIRECT_COMMAND, "velocities", "", "set_ref_velocity"),
+    "current": (CURRENT_COMMAND, "currents", "", "set_ref_current"),
 }
 
 

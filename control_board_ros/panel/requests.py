@@ -105,7 +105,7 @@ def one_of(*words: str) -> Callable[[Any], str]:
     return check
 
 
-HOLDS = ("velocity", "torque", "output")
+HOLDS = ("velocity", "torque", "output", "veldirect", "current")
 JOINTS = {"joints": names}
 
 KINDS: dict[str, Kind] = {

@@ -8,6 +8,8 @@ from dataclasses import replace
 
 from ..core.config.config import BoardConfig, ConfigError, JointConfig
 from ..core.terms.modes import SENSE_TORQUE, UNPOWERED
+from ..core.terms.set_points import SetPoint
+from ..core.terms.vocabs import ControlMode
 from ..settings.loading import Settings
 from .errors import PlantSettingsError
 from .interface import Description, JointDescription
@@ -63,6 +65,11 @@ def cut(board: BoardConfig, has: dict[str, JointDescription]) -> BoardConfig:
     return replace(board, joints=tuple(_cut(joint, has[joint.name]) for joint in board.joints))
 
 
+def follows_current(has: JointDescription) -> bool:
+    """Whether a drive takes currents, or tells its own to a loop of the board."""
+    return has.current_sensor or SetPoint.CURRENT in has.set_points
+
+
 def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
     senses = joint.torque_sensor and has.torque_sensor
     control = tuple(
@@ -70,6 +77,7 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
         for mode in joint.control_modes
         if (mode in has.control_modes or mode is UNPOWERED)
         and (senses or mode not in SENSE_TORQUE)
+        and (mode is not ControlMode.CURRENT or follows_current(has))  # Y2
     )
     interaction = tuple(
         mode for mode in joint.interaction_modes if senses or mode not in SENSE_TORQUE

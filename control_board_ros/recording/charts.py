@@ -32,6 +32,8 @@ MODE_COLOURS = {
     "vel": "#4f86e8",
     "torq": "#b5563c",
     "open": "#f4f4f4",
+    "veld": "#9fbff2",
+    "icur": "#d9a05b",
     "hwfa": "#ff1f1f",
     "cal": "#a9a9a9",
     "cfgn": "#8d8d8d",

@@ -366,10 +366,10 @@ def test_every_joint_that_is_outside_is_named() -> None:
 
 def test_limits_are_known_whole_or_not_at_all() -> None:
     """Of a joint with one that is no number, none is known; a whole number is one."""
-    values = [-1.0, 1, -2.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-    assert limit_parameters(["a", "b"])[7:9] == ["a.limits.output", "b.limits.lower"]
+    values = [-1.0, 1, -2.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]
+    assert limit_parameters(["a", "b"])[8:10] == ["a.limits.peak_current", "b.limits.lower"]
     for wrong in (None, True, "7"):
-        found = limits_of(["a", "b"], [*values, *values[:7], wrong])
+        found = limits_of(["a", "b"], [*values, *values[:8], wrong])
         assert found == {"a": JointLimits(*values), "b": None}
     assert limits_of(["a"], []) == {"a": None}
 

@@ -17,8 +17,10 @@ VERBS = ["modes", "mode", "move", "info", "interaction"]
 
 
 def test_modes_are_those_that_can_be_set() -> None:
-    """M6: no status is offered, and nothing that no joint has."""
-    assert MODE_CODES == ("pos", "posd", "vel", "mix", "torq", "open", "idl", "fidl")
+    """M6: no status is offered."""
+    assert MODE_CODES == (
+        "pos", "posd", "vel", "mix", "torq", "open", "idl", "veld", "icur", "fidl",
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,8 @@ REFERENCE = {
     "direct_position": -2.93215,
     "velocity": -2.3562,
     "torque": -320.25,
+    "direct_velocity": -1.75,
+    "current": -12.25,
     "output": -100.0,
     "speed": 2.3562,
     "acceleration": 25.0,

@@ -22,20 +22,25 @@ from control_board_ros import compiled
 from control_board_ros.core.config.config import BoardConfig
 from control_board_ros.core.config.parts import Calibration, Timeouts
 from control_board_ros.core.terms.faults import FaultCode
+from control_board_ros.core.terms.modes import SELECTABLE
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import Encoder, MotorModel
 from control_board_ros.sim.injection import KINDS
 from control_board_ros.sim.plant import SimulatedPlant
 
 M = ControlMode
-MODES = (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP, M.IDLE)
+MODES = SELECTABLE
+#: What sends each kind of reference, and a value.
+SENDS = [(send, value) for send, _, value in COMMANDS.values()]
+SENDS += [("set_ref_velocity", 0.3), ("set_ref_current", 0.2)]
 WEAK = {"nominal_current": 1.0, "overload_time": 0.03, "output": 45.0}
-BRIEF = Timeouts(velocity=0.1, torque=0.05, output=0.05)
+BRIEF = Timeouts(velocity=0.1, torque=0.05, output=0.05, current=0.05)
+WITHOUT_TORQUE = tuple(mode for mode in SELECTABLE if mode is not M.TORQUE)
 #: Joints of four kinds, one after the other along the board.
 KINDS_OF_JOINTS: tuple[dict[str, Any], ...] = (
     {"limits": WEAK, "timeouts": BRIEF},
     {"calibration": Calibration(type=3, required=False, zero=0.1, start=0.2, speed=2.0)},
-    {"plain": True, "limits": WEAK},
+    {"plain": True, "limits": WEAK, "control_modes": WITHOUT_TORQUE},
     {
         "kind": "prismatic",
         "timeouts": BRIEF,
@@ -54,7 +59,7 @@ def config_of(count: int, output: str) -> BoardConfig:
     """A board of joints of all kinds."""
     joints = []
     for j, own in enumerate(islice(cycle(KINDS_OF_JOINTS), count)):
-        changes = dict(own)
+        changes = {"control_modes": SELECTABLE} | own
         limits = replace(LIMITS, **changes.pop("limits", {}))
         make = plain if changes.pop("plain", False) else joint
         motor = replace(MOTOR, inductance=1e-3 * (1 + j % 3), efficiency=0.9)
@@ -86,7 +91,7 @@ def script(rig: Rig) -> Iterator[str]:
         yield f"modes {turn}"
         board.set_feedforward(None, outputs=0.5 * (turn % 3), torques=[0.2] * count)
         for way in (1.0, -0.3):
-            for send, _, value in COMMANDS.values():
+            for send, value in SENDS:
                 getattr(board, send)(None, [way * value * (1.0 + 0.1 * j) for j in everyone])
             yield f"references {turn}"
         for step in range(3):  # a stream of direct positions

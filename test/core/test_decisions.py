@@ -46,7 +46,7 @@ M = ControlMode
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 CAUSE = Cause(FaultCode.OVERCURRENT, "30 A > 25 A")
 WANTED: list[Wanted] = [*REQUESTABLE, *InteractionMode, Event.CALIBRATE]
-FULL = joint("a")
+FULL = joint("a", control_modes=SELECTABLE)
 POOR = joint("a", control_modes=(M.POSITION, M.IDLE), interaction_modes=(STIFF,))
 CALIBRATED = joint("a", calibration=Calibration(type=12, required=True))
 FREE = joint("a", calibration=Calibration(type=12, required=False))
@@ -223,7 +223,7 @@ def test_stop(mode: ControlMode) -> None:
     """P3: where a position is followed, and where the joint is at rest anyhow."""
     known = facts(mode)
     verdict = decide_stop(known)
-    if mode in (M.TORQUE, M.OPENLOOP, M.CALIBRATING, M.NOT_CONFIGURED):
+    if mode in (M.TORQUE, M.OPENLOOP, M.CURRENT, M.CALIBRATING, M.NOT_CONFIGURED):
         why = {M.CALIBRATING: Reason.CALIBRATING, M.NOT_CONFIGURED: Reason.NOT_CONFIGURED}
         assert verdict == Verdict(Answer.IGNORED, why.get(mode, Reason.NOTHING_TO_STOP))
         assert f"a is {mode.name}, where stop does nothing; " in explain_stop(known)

@@ -44,6 +44,7 @@ CALIBRATION = Calibration(
 CONFIG = board_config(
     joint(
         "a",
+        control_modes=SELECTABLE,
         calibration=CALIBRATION,
         startup_mode=M.POSITION,
         startup_interaction=InteractionMode.COMPLIANT,

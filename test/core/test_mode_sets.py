@@ -18,14 +18,20 @@ def test_each_state_is_configured_or_waits_for_it() -> None:
 def test_what_has_power_and_takes_another_mode() -> None:
     """M10, R6."""
     active = {M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP}
-    assert active == modes.POWERED
+    assert active | {M.VELOCITY_DIRECT, M.CURRENT} == modes.POWERED
     assert modes.UNPOWERED is M.IDLE
     assert modes.STARTUP_MODES == (M.IDLE, M.POSITION)
 
 
 def test_what_drives_a_joint_and_holds_no_position() -> None:
-    """P7, P8: with a reference of zero nothing holds the joint."""
-    assert {M.TORQUE, M.OPENLOOP} == modes.NOT_HOLDING
+    """P7, P8, Y2: with a reference of zero nothing holds the joint."""
+    assert {M.TORQUE, M.OPENLOOP, M.CURRENT} == modes.NOT_HOLDING
+
+
+def test_what_a_joint_implements_unless_it_is_configured_otherwise() -> None:
+    """M5, Y1, Y2: what YARP 4 added is asked for everywhere and implemented where it is listed."""
+    assert set(modes.SELECTABLE) - set(modes.STANDARD) == {M.VELOCITY_DIRECT, M.CURRENT}
+    assert set(modes.REQUESTABLE) == {*modes.SELECTABLE, M.FORCE_IDLE}
 
 
 def test_what_needs_a_torque_sensor() -> None:

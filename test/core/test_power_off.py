@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import pytest
-from rig import in_status, ready
+from rig import board_config, in_status, joint, ready
 
 from control_board_ros.core.terms.modes import SELECTABLE
 from control_board_ros.core.terms.vocabs import ControlMode
@@ -14,7 +14,8 @@ M = ControlMode
 
 @pytest.mark.parametrize("mode", sorted(SELECTABLE))
 def test_every_mode_becomes_idle(mode: ControlMode) -> None:
-    rig = ready()
+    every = {"control_modes": SELECTABLE}
+    rig = ready(board_config(joint("left", **every), joint("right", **every)))
     assert rig.board.set_control_mode(["left", "right"], mode)
     rig.tick()
     rig.board.power_off()

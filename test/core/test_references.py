@@ -122,6 +122,8 @@ def test_timeouts_in_cycles() -> None:
         K.VELOCITY,
         K.TORQUE,
         K.OUTPUT,
+        K.VELOCITY_DIRECT,
+        K.CURRENT,
     }
 
 

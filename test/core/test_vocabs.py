@@ -123,6 +123,7 @@ def test_unknown_modes_say_what_is_known(text: object, hint: str) -> None:
 
 def test_command_kinds_read_well() -> None:
     names = ["position", "position direct", "velocity", "torque", "output"]
+    names += ["velocity direct", "current"]
     assert [str(kind) for kind in CommandKind] == names
 
 

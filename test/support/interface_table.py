@@ -31,6 +31,8 @@ SUBSCRIBED = {
     "~/command/velocity": ("control_board_msgs/msg/VelocityCommand", "RV"),
     "~/command/torque": ("control_board_msgs/msg/TorqueCommand", "RV"),
     "~/command/output": ("control_board_msgs/msg/OutputCommand", "RV"),
+    "~/command/velocity_direct": ("control_board_msgs/msg/VelocityDirectCommand", "RV"),
+    "~/command/current": ("control_board_msgs/msg/CurrentCommand", "RV"),
     "~/command/feedforward": ("control_board_msgs/msg/FeedforwardCommand", "RV"),
     "~/joint_trajectory": ("trajectory_msgs/msg/JointTrajectory", "RV"),
     "~/joint_commands": ("sensor_msgs/msg/JointState", "RV"),

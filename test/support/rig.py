@@ -21,7 +21,7 @@ from control_board_ros.core.config.config import (
 )
 from control_board_ros.core.state import Snapshot
 from control_board_ros.core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
-from control_board_ros.core.terms.modes import SELECTABLE
+from control_board_ros.core.terms.modes import STANDARD
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.sim.config import (
     Encoder,
@@ -73,7 +73,7 @@ def plain(name: str, **changes: Any) -> JointConfig:
     """A joint without torque sensing (I7)."""
     values = {
         "torque_sensor": False,
-        "control_modes": tuple(m for m in SELECTABLE if m is not M.TORQUE),
+        "control_modes": tuple(m for m in STANDARD if m is not M.TORQUE),
         "interaction_modes": (STIFF,),
     }
     return joint(name, **(values | changes))

@@ -23,7 +23,7 @@ def check_limits(
     """Refuse values beyond the limits, before anything moves.
 
     Args:
-        what: the values are: position, speed, acceleration, torque or output.
+        what: the values are: position, speed, acceleration, torque, current or output.
         given: by joint.
         limits: likewise; None of a joint that is not known: the board itself decides.
         kinds: of the joints.
@@ -52,7 +52,7 @@ def outside(what: str, given: Quantity, limits: JointLimits, kind: JointKind) ->
     low, high = limits.range(what)
     value = given.value
     if what not in RATES:
-        unit = kind.force_unit if what == "torque" else "%"
+        unit = {"torque": kind.force_unit, "current": "A"}.get(what, "%")
         return f"{value:.4g} {unit} is beyond its limit, {high:.4g} {unit}"
     unit = kind.unit + RATES[what]
     shown, least, most = (kind.position(q, RATES[what]) for q in (value, low, high))

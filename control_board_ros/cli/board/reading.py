@@ -102,9 +102,11 @@ def read_references(session: Session, names: list[str]) -> Rows:
     read = {
         "position": client.get_target_position,
         "direct_position": client.get_ref_position,
-        "velocity": client.get_ref_velocity,
+        "velocity": client.get_target_velocity,
         "torque": client.get_ref_torque,
         "output": client.get_output,
+        "direct_velocity": client.get_direct_velocity,
+        "current": client.get_ref_current,
         "speed": client.get_ref_speed,
         "acceleration": client.get_ref_acceleration,
     }

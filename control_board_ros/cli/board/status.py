@@ -18,9 +18,11 @@ DOING = {
     "pos": "holds",
     "posd": "holds",
     "vel": "holds",
+    "veld": "holds",
     "mix": "holds",
     "torq": "gives {torque:.3g} {unit}",
     "open": "gets {output:.3g} %",
+    "icur": "gets {current:.3g} A",
     "idl": "is free, without power,",
     "hwfa": "is in fault, without power,",
     "cal": "is calibrating",
@@ -35,12 +37,17 @@ def what_they_do(session: Session, names: list[str]) -> str:
     client = session.client
     modes = client.get_control_mode(names)
     positions = client.get_encoder(names).tolist()
-    torques, outputs = client.get_ref_torque(names), client.get_output(names)
+    references = zip(
+        client.get_ref_torque(names),
+        client.get_output(names),
+        client.get_ref_current(names),
+        strict=True,
+    )
     doing = [
-        DOING.get(mode.code, "is").format(torque=torque, output=output, unit=unit)
-        for mode, torque, output, unit in zip(
-            modes, torques, outputs, [session.kind(name).force_unit for name in names], strict=True
+        DOING.get(mode.code, "is").format(
+            torque=torque, output=output, current=current, unit=session.kind(name).force_unit
         )
+        for name, mode, (torque, output, current) in zip(names, modes, references, strict=True)
     ]
     return ", ".join(
         f"{name} {does} at {session.position(name, q)} ({mode.name})"

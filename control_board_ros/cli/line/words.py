@@ -25,6 +25,7 @@ UNITS: dict[str, dict[str, tuple[float, str]]] = {
     },
     "torque": {"Nm": (1.0, "angle"), "N·m": (1.0, "angle"), "N": (1.0, "length")},
     "output": {"%": (1.0, "")},
+    "current": {"A": (1.0, ""), "mA": (0.001, "")},
     "time": {"s": (1.0, ""), "ms": (0.001, ""), "min": (60.0, "")},
     "size": {"B": (1.0, ""), "kB": (1e3, ""), "MB": (1e6, ""), "GB": (1e9, "")},
     "frequency": {"Hz": (1.0, "")},
@@ -108,6 +109,7 @@ EXAMPLES = {
     "acceleration": "1.0",
     "torque": "5Nm",
     "output": "20%",
+    "current": "0.5A",
 }
 
 

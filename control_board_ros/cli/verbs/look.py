@@ -27,7 +27,17 @@ from ..text.tables import grid
 #: Before this a stamp is simulated time, not a date, s.
 DATES_FROM = 1e9
 
-REFERENCES = ("position", "direct", "velocity", "torque", "output", "speed", "accel.")
+REFERENCES = (
+    "position",
+    "direct",
+    "velocity",
+    "vel. dir.",
+    "torque",
+    "current",
+    "output",
+    "speed",
+    "accel.",
+)
 
 
 @several
@@ -109,7 +119,9 @@ def references_table(session: Session, rows: Rows) -> Any:
             kind.position(row["position"]),
             kind.position(row["direct_position"]),
             kind.velocity(row["velocity"]),
+            kind.velocity(row["direct_velocity"]),
             kind.force(row["torque"]),
+            f"{row['current']:.2f} A",
             f"{row['output']:.1f} %",
             kind.velocity(row["speed"]),
             kind.acceleration(row["acceleration"]),

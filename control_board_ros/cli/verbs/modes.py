@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from control_board_ros.core.terms.modes import REQUESTABLE, UNIMPLEMENTED
+from control_board_ros.core.terms.modes import REQUESTABLE
 from control_board_ros.core.terms.vocabs import (
     InteractionMode,
     Vocab,
@@ -23,13 +23,13 @@ from ..line.words import Refused, UsageError
 from ..text.output import DONE, conclude, show
 from ..text.tables import grid
 
-MODE_CODES = tuple(mode.code for mode in REQUESTABLE if mode not in UNIMPLEMENTED)
+MODE_CODES = tuple(mode.code for mode in REQUESTABLE)
 INTERACTION_CODES = tuple(mode.code for mode in InteractionMode)
 
 
 @takes(joints_then_mode(MODE_CODES))
 def mode(session: Session, words: list[str]) -> int:
-    """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, fidl.
+    """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, veld, icur, fidl.
 
     Of a board that --board names, a mode alone is for all joints.
     """

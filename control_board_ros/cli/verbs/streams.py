@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl velocity, torque, output and feedforward: references that are repeated, or stay."""
+"""cbctl velocity, torque, current and their like: references that are repeated, or stay."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from typing import TYPE_CHECKING
 
 from ..board.session import Session
 from ..board.streaming import Send, duration, stream
@@ -11,27 +13,47 @@ from ..line.arguments import FOR, JOINTS, VALUES, argument, takes
 from ..line.words import UsageError, assignments, quantity
 from ..text.output import conclude, note
 
+if TYPE_CHECKING:
+    from control_board_ros.core.terms.reply import Reply
 
-@takes(
-    VALUES,
-    FOR,
-    argument(
-        "--once", action="store_true", help="Send it once; it expires (0.2 s) unless repeated."
-    ),
+
+ONCE = argument(
+    "--once", action="store_true", help="Send it once; it expires (0.2 s) unless repeated."
 )
+
+
+@takes(VALUES, FOR, ONCE)
 def velocity(session: Session, words: list[str], time: str | None, once: bool) -> int:
     """Stream velocities (mode vel or mix) for a time, or until Ctrl-C; then stop."""
+    return velocities(session, words, time, once, session.client.velocity_move, "vel")
+
+
+@takes(VALUES, FOR, ONCE)
+def veldirect(session: Session, words: list[str], time: str | None, once: bool) -> int:
+    """Stream velocities that act at once (mode veld) for a time, or until Ctrl-C; then stop."""
+    return velocities(session, words, time, once, session.client.set_ref_velocity, "veld")
+
+
+def velocities(
+    session: Session,
+    words: list[str],
+    time: str | None,
+    once: bool,
+    method: Callable[..., Reply],
+    mode: str,
+) -> int:
+    """Stream velocities, or send them once; ``method`` of the client sends them."""
     seconds = duration(time)
     if once and seconds is not None:
         raise UsageError("--once and --for exclude each other")
     values = session.within_limits(assignments(words, "speed"), "speed")
-    names, send = list(values), partial(session.client.velocity_move, answered=True)
+    names, send = list(values), partial(method, answered=True)
     if once:
         reply = send(names, list(values.values()))
-        return conclude(session, reply, f"sent: {', '.join(names)}", mode="vel")
+        return conclude(session, reply, f"sent: {', '.join(names)}", mode=mode)
     if seconds is None:
         note(session, "streaming until Ctrl-C")
-    return stream(session, send, values, seconds, "vel")
+    return stream(session, send, values, seconds, mode)
 
 
 @takes(VALUES, FOR)
@@ -42,6 +64,17 @@ def torque(session: Session, words: list[str], time: str | None) -> int:
     if seconds is not None:
         return stream(session, send, values, seconds, "torq")
     return set_once(session, send, values, "torque references", "{:g}", "torq")
+
+
+@takes(VALUES, FOR)
+def current(session: Session, words: list[str], time: str | None) -> int:
+    """Set motor currents (mode icur); with --for stream them, then set zero."""
+    seconds = duration(time)
+    values = session.within_limits(assignments(words, "current"), "current")
+    send = partial(session.client.set_ref_current, answered=True)
+    if seconds is not None:
+        return stream(session, send, values, seconds, "icur")
+    return set_once(session, send, values, "current references", "{:g} A", "icur")
 
 
 @takes(VALUES, FOR)

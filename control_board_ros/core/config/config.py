@@ -20,6 +20,7 @@ from ..terms.modes import (
     MOVES,
     SELECTABLE,
     SENSE_TORQUE,
+    STANDARD,
     STARTUP_MODES,
     UNPOWERED,
 )
@@ -132,7 +133,7 @@ class JointConfig:
         "Has a torque sensor; TORQUE and COMPLIANT need one", default=True
     )
     control_modes: tuple[ControlMode, ...] = parameter(
-        "Control modes that the joint implements", default=SELECTABLE, choices=SELECTABLE
+        "Control modes that the joint implements", default=STANDARD, choices=SELECTABLE
     )
     interaction_modes: tuple[InteractionMode, ...] = parameter(
         "Interaction modes that the joint implements",

@@ -17,9 +17,9 @@ class BoardLimits:
     """The limits of n joints, arrays of shape (n,) that cannot be written to.
 
     Attributes: lower and upper (software limits of the position, rad), velocity (rad/s),
-    acceleration (rad/s²), torque (N·m), output (PWM, percent), stiffness (the greatest that
-    set_impedance takes, N·m/rad), damping (likewise, N·m·s/rad). Metres and N where a joint
-    slides.
+    acceleration (rad/s²), torque (N·m), output (PWM, percent), current (peak, A),
+    stiffness (the greatest that set_impedance takes, N·m/rad), damping (likewise, N·m·s/rad).
+    Metres and N where a joint slides.
     """
 
     lower: Array
@@ -28,6 +28,7 @@ class BoardLimits:
     acceleration: Array
     torque: Array
     output: Array
+    current: Array
     stiffness: Array
     damping: Array
 
@@ -43,6 +44,7 @@ class BoardLimits:
             acceleration=frozen(one.acceleration for one in limits),
             torque=frozen(one.torque for one in limits),
             output=frozen(one.output for one in limits),
+            current=frozen(one.peak_current for one in limits),
             stiffness=frozen(one.max_stiffness for one in impedances),
             damping=frozen(one.max_damping for one in impedances),
         )

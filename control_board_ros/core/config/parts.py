@@ -194,6 +194,14 @@ class Timeouts:
         high=1e6,
         run_time=True,
     )
+    current: float = parameter(
+        "Age of a current reference that is a fault; 0: never",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=1e6,
+        run_time=True,
+    )
     encoder: float = parameter(
         "Silence of the encoder that is a fault",
         "s",

@@ -153,7 +153,8 @@ class Controller:
         if pid is not self._position_pids[j]:
             set_gains(joint.position_pid, pid, self._config.period)
             self._position_pids[j] = pid
-        in_amps = self._current_loop and law is not Law.OUTPUT  # P8: the PWM as given
+        # P8: the PWM as given; Y2: amperes whatever the board's output is
+        in_amps = law is Law.CURRENT or (self._current_loop and law is not Law.OUTPUT)
         if in_amps != joint.in_amps:
             set_drive(joint, own, in_amps=in_amps)
 

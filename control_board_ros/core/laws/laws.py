@@ -6,7 +6,8 @@ One joint at a time, in the order of a control cycle:
 1. ``observe``    acceleration and rest, from the last two readings; ``weigh``: the load
 2. ``advance``    the reference: moves, velocities, direct positions (P1 to P6), kept within the
                   joint's limits of position, speed and acceleration (P9, P14)
-3. ``control``    the law of the mode (source Fig. 2): position PID, impedance, torque PID, output
+3. ``control``    the law of the mode (source Fig. 2): position PID, impedance, torque PID, output,
+                  current
 4. ``protect``    what no law may ask for: more speed than the limit, a way beyond it (P9, P14)
 
 Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
@@ -39,6 +40,7 @@ POSITION = cython.declare(cython.int, 1)
 IMPEDANCE = cython.declare(cython.int, 2)
 TORQUE = cython.declare(cython.int, 3)
 OUTPUT = cython.declare(cython.int, 4)
+CURRENT = cython.declare(cython.int, 6)
 
 #: Direct positions that follow each other within this time are a stream, others are steps, s; one
 #: that has begun goes on up to the second; each with half of the mean deviation from it on top.
@@ -596,6 +598,7 @@ class Joint:
     load_taken = cython.declare(cython.double, visibility="public")  # taken over on entering
     torque_command = cython.declare(cython.double, visibility="public")
     output_command = cython.declare(cython.double, visibility="public")
+    current_command = cython.declare(cython.double, visibility="public")  # A
     output_offset = cython.declare(cython.double, visibility="public")  # u_ff, percent
 
     # --- reference --------------------------------------------------------------------------
@@ -615,6 +618,7 @@ class Joint:
     ramp_velocity = cython.declare(cython.double, visibility="public")
     ramp_target = cython.declare(cython.double, visibility="public")
     ramp_step = cython.declare(cython.double, visibility="public")  # rad/s per cycle
+    driven = cython.declare(cython.bint, visibility="public")  # a velocity that needs no ramp
     direct_velocity = cython.declare(cython.double, visibility="public")
     direct_age = cython.declare(cython.double, visibility="public")  # cycles since the last one
     stream = cython.declare(Stream, visibility="public")
@@ -645,7 +649,7 @@ class Joint:
     settle_cycles = cython.declare(cython.int, visibility="public")
     wait_cycles = cython.declare(cython.int, visibility="public")  # for others that brake
     awaited = cython.declare(cython.bint, visibility="public")  # a reference waits for the load
-    holding = cython.declare(cython.bint, visibility="public")  # TORQUE before its first reference
+    holding = cython.declare(cython.bint, visibility="public")  # before a first torque or current
     hold_place = cython.declare(cython.double, visibility="public")
 
     # --- results ----------------------------------------------------------------------------
@@ -678,6 +682,7 @@ class Joint:
         self.moved = self.reference = self.followed = position
         self.moved_velocity = self.reference_velocity = self.ramped = 0.0
         self.ramp_velocity = self.ramp_target = 0.0
+        self.driven = False
         self.followed_velocity = clamp(self.velocity, -self.max_velocity, self.max_velocity)
         self.followed_acceleration = self.direct_velocity = 0.0
         self.active = fabs(self.velocity) > REST_SPEED * self.max_velocity
@@ -715,6 +720,26 @@ class Joint:
         self.ramp_target = velocity
         self.ramp_step = acceleration * self.period
         self.awaited = self.settling
+
+    @cython.ccall
+    def drive_at(self, velocity: cython.double) -> cython.void:
+        """Take a velocity reference that acts at once (Y1).
+
+        The position reference goes with what is followed: what the acceleration limit makes of
+        a step of velocity is not caught up.
+        """
+        self.active = self.driven = True
+        self.ramp_target = self.ramp_velocity = self.reference_velocity = velocity
+        self.ramp_step = INFINITE
+        self.awaited = self.settling
+
+    @cython.ccall
+    def halt(self) -> cython.void:
+        """Bring the velocity reference to zero as hard as the joint may (P12)."""
+        if self.driven:
+            self.drive_at(0.0)
+        else:
+            self.ramp(0.0, self.max_acceleration)
 
     @cython.ccall
     def step_to(self, position: cython.double) -> cython.void:
@@ -771,7 +796,7 @@ class Joint:
 
         A joint that is not at rest is first brought there by the position law, and one that is
         held there while others move; what carries it when all have come to rest becomes its torque
-        (IMPEDANCE, TORQUE).
+        (IMPEDANCE, TORQUE, CURRENT).
 
         Args:
             law: OFF, POSITION, ...
@@ -780,7 +805,7 @@ class Joint:
         load: cython.double = self.known_load() if resting else self.torque - self.motion
         self.law = law
         self.on_limit = self.holding = self.awaited = False
-        self.settling = law in (IMPEDANCE, TORQUE) and not (resting and self.at_rest())
+        self.settling = law in (IMPEDANCE, TORQUE, CURRENT) and not (resting and self.at_rest())
         self.settle_cycles = self.wait_cycles = self.strain_cycles = 0
         self.load = load
         self.current_pid.reset(0.0)
@@ -788,6 +813,7 @@ class Joint:
             load - self.gravity - self.feed_torque() - self.position_pid.kff * self.followed
         )
         self.torque_reference = self.torque_command = self.torque
+        self.current_command = 0.0
         self.torque_pid.reset(0.0)
         self.asked = clamp(self.torque * self.per_torque, -self.max_drive, self.max_drive)
         if law == OFF:
@@ -801,7 +827,7 @@ class Joint:
         self.settling = self.awaited = False
         self.load_taken = load - self.torque_offset
         self.torque_command = load
-        self.holding = self.law == TORQUE
+        self.holding = self.law in (TORQUE, CURRENT)
         self.hold_place = self.followed
         self.torque_pid.reset(self.torque - self.torque_pid.kff * load - self.feed_torque())
 
@@ -820,6 +846,12 @@ class Joint:
             self.take(self.known_load())
         self.holding = False
         self.torque_command = torque
+
+    @cython.ccall
+    def command_current(self, current: cython.double) -> cython.void:
+        """Take a current reference: from now on nothing but it acts (Y2)."""
+        self.settling = self.awaited = self.holding = False
+        self.current_command = current
 
     @cython.ccall
     def give_up(self) -> cython.void:
@@ -910,6 +942,8 @@ def settle(j: Joint, braking: cython.bint, rested: cython.bint) -> cython.void:
 def advance(j: Joint) -> cython.void:
     """One cycle of the reference: trajectory + ∫v dt, or the direct position (P1 to P6)."""
     velocity: cython.double
+    if j.driven:
+        j.moved, j.ramped, j.reference = j.followed, 0.0, j.followed
     if j.moving:
         advance_move(j)
     velocity = j.moved_velocity
@@ -922,6 +956,8 @@ def advance(j: Joint) -> cython.void:
         j.reference_velocity = velocity
     j.reference = clamp(j.moved + j.ramped, j.lower, j.upper)
     follow(j)
+    if j.driven:
+        j.reference = j.followed
     # A joint found outside its limits may come in, not go out again (P9).
     if j.lower < j.limit_lower and j.calibrated:
         j.lower = clamp(j.reference, j.lower, j.limit_lower)
@@ -1219,7 +1255,7 @@ def impedance(j: Joint) -> cython.double:
 
 @cython.cfunc
 def held_torque(j: Joint) -> cython.double:
-    """TORQUE before its first reference: the load, and a hold as firm as a gearbox rubs (M9).
+    """TORQUE, CURRENT before a first reference: load, and a hold as a gearbox rubs (M9).
 
     τ = load + clip(kp (q_hold − q) − kd q̇, ± HOLD_SHARE·τ_max); pushed harder, the joint gives
     way and stays where it is left.
@@ -1260,11 +1296,17 @@ def control(j: Joint) -> cython.void:
         j.output = clamp(protect(j, drive), -j.max_output, j.max_output)
         j.current_pid.integral = 0.0
         return
+    if j.law == CURRENT and not (j.settling or j.holding):
+        drive = clamp(j.current_command + given, -j.max_drive, j.max_drive)
+        j.output = current_law(j, protect(j, drive))
+        return
     if j.law == POSITION or j.settling:
         loop = j.position_pid
         torque = position_law(j)
     elif j.law == IMPEDANCE:
         torque = torque_law(j, impedance(j))
+    elif j.law == CURRENT:
+        torque = held_torque(j)
     elif j.holding:
         torque = torque_law(j, held_torque(j))
     else:
@@ -1302,12 +1344,14 @@ def ahead_of_winding(j: Joint, wanted: cython.double) -> cython.double:
 def current_law(j: Joint, reference: cython.double) -> cython.double:
     """The inner loop of a board with current output (P10).
 
-    v = R·(i_ref + lead·Δi_ref) + Ke·q̇ + PI(i_ref, i); the lead as in ``ahead_of_winding``.
+    v = R·(i_ref + lead·Δi_ref) + Ke·q̇ + PI(i_ref, i); the lead as in ``ahead_of_winding``. A
+    user's reference (Y2) is a step: the PI compares with the last one, which is reached by now.
     """
     p: Pid = j.current_pid
     before: cython.double = p.reference
+    reached: cython.double = before if j.law == CURRENT else reference
     wanted: cython.double = j.percent_per_volt * (
-        pid_step(p, reference, reference - j.current, 0.0)
+        pid_step(p, reference, reached - j.current, 0.0)
         + j.ohms * (reference + j.lead * (reference - before))
         + j.emf * j.velocity
     )

@@ -202,13 +202,19 @@ class References:
         ):
             self._joints[j].ramp(velocity, acceleration)
 
+    def set_velocity(self, joints: Indices, velocities: Array, _: Array | None = None) -> None:
+        """Set the velocity references at once (Y1), rad/s; shapes (k,)."""
+        for j, velocity in zip(joints.tolist(), velocities.tolist(), strict=True):
+            self._joints[j].drive_at(velocity)
+
     def is_ramping(self, j: int) -> bool:
         """Whether a joint has a velocity reference other than zero."""
         return bool(self._joints[j].ramp_target != 0.0)
 
     def halt(self, joints: Indices) -> None:
         """Stop the velocity references as hard as the joints may (P12)."""
-        self.ramp(joints, np.zeros(len(joints)), self._limits.acceleration[joints])
+        for j in joints.tolist():
+            self._joints[j].halt()
 
     def set_torque(self, joints: Indices, torques: Array, _: Array | None = None) -> None:
         """Set the torque references (P7), N·m; shapes (k,)."""
@@ -219,6 +225,11 @@ class References:
         """Set the outputs (P8), percent; shapes (k,)."""
         for j, output in zip(joints.tolist(), outputs.tolist(), strict=True):
             self._joints[j].output_command = output
+
+    def set_current(self, joints: Indices, currents: Array, _: Array | None = None) -> None:
+        """Set the motor currents (Y2), A; shapes (k,)."""
+        for j, current in zip(joints.tolist(), currents.tolist(), strict=True):
+            self._joints[j].command_current(current)
 
     def remaining(self, joints: Indices) -> Array:
         """Time until the moves end, shape (k,), s; 0 where there is none."""

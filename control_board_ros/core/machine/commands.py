@@ -82,6 +82,15 @@ COMMANDS = {
     K.OUTPUT: Command(  # P8
         field="outputs", start=References.set_output, limit="output", timeout="output"
     ),
+    K.VELOCITY_DIRECT: Command(  # Y1
+        field="velocities",
+        start=References.set_velocity,
+        limit="velocity",
+        timeout="velocity",
+    ),
+    K.CURRENT: Command(  # Y2
+        field="currents", start=References.set_current, limit="current", timeout="current"
+    ),
 }
 
 

@@ -26,6 +26,7 @@ from ..terms.modes import (
     CONFIGURED,
     DIRECT_GAINS,
     STATES,
+    STOPPABLE,
     UNPOWERED,
     Choice,
     Event,
@@ -244,12 +245,12 @@ class Machine:
         self._on_limit, self._strained = on_limit, strained
 
     def expire(self) -> None:
-        """Reference timeouts (P12): a velocity stops and holds, a torque or output faults."""
+        """Reference timeouts (P12): a velocity stops and holds, other references fault."""
         late = self.timeouts.expired(self.state.cycle)
         if late is None:
             return
         for j in late.tolist():
-            if not self.state.accepts[CommandKind.VELOCITY, j]:
+            if self.state.control_modes[j] not in STOPPABLE:
                 text = "references stopped while the motor drives"
                 self.raise_fault(j, FaultCode.REFERENCE_TIMEOUT, text)
             elif self.references.is_ramping(j):

@@ -55,10 +55,11 @@ class Law(IntEnum):
     TORQUE = 3  # torque PID
     OUTPUT = 4  # the given output
     CALIBRATOR = 5  # POSITION or OUTPUT, as the calibrator says from cycle to cycle
+    CURRENT = 6  # the given motor current, by an inner loop (Y2)
 
 
-#: The modes of source Table 1: what a user may ask for.
-SELECTABLE = (
+#: The modes of source Table 1, which a joint implements unless it is configured otherwise.
+STANDARD = (
     M.POSITION,
     M.POSITION_DIRECT,
     M.VELOCITY,
@@ -68,11 +69,11 @@ SELECTABLE = (
     M.IDLE,
 )
 
+#: What a user may ask for: those, and what YARP 4 added (Y1, Y2).
+SELECTABLE = (*STANDARD, M.VELOCITY_DIRECT, M.CURRENT)
+
 #: Modes that a joint can be in.
 STATES = (*SELECTABLE, M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED)
-
-#: Known vocabs that no joint implements (SPEC V): asking for one is a user fault (M5).
-UNIMPLEMENTED = (M.CURRENT, M.VELOCITY_DIRECT)
 
 Trigger = ControlMode | Event
 
@@ -80,7 +81,6 @@ Trigger = ControlMode | Event
 REQUESTS: dict[ControlMode, Trigger] = {
     **{mode: mode for mode in SELECTABLE},  # M1
     M.FORCE_IDLE: Event.FORCE_IDLE,  # F2, F4, K2
-    **dict.fromkeys(UNIMPLEMENTED, Event.UNSUPPORTED),  # M5
 }
 REQUESTABLE = tuple(REQUESTS)
 
@@ -107,6 +107,8 @@ ACCEPTS: dict[ControlMode, frozenset[CommandKind]] = {
     M.MIXED: frozenset({K.POSITION, K.VELOCITY}),
     M.TORQUE: frozenset({K.TORQUE}),
     M.OPENLOOP: frozenset({K.OUTPUT}),
+    M.VELOCITY_DIRECT: frozenset({K.VELOCITY_DIRECT}),  # Y1
+    M.CURRENT: frozenset({K.CURRENT}),  # Y2
 }
 
 #: The law of each mode, stiff and compliant (source Table 3, Fig. 2); absent: OFF.
@@ -116,10 +118,17 @@ LAWS: dict[ControlMode, dict[InteractionMode, Law]] = {
             InteractionMode.STIFF: Law.POSITION,
             InteractionMode.COMPLIANT: Law.IMPEDANCE,
         }
-        for mode in (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED)  # I2, I5
+        for mode in (  # I2, I5
+            M.POSITION,
+            M.POSITION_DIRECT,
+            M.VELOCITY,
+            M.MIXED,
+            M.VELOCITY_DIRECT,
+        )
     },
     M.TORQUE: dict.fromkeys(InteractionMode, Law.TORQUE),  # P7
     M.OPENLOOP: dict.fromkeys(InteractionMode, Law.OUTPUT),  # P8
+    M.CURRENT: dict.fromkeys(InteractionMode, Law.CURRENT),  # Y2
     M.CALIBRATING: dict.fromkeys(InteractionMode, Law.CALIBRATOR),  # K1, I8
 }
 
@@ -128,6 +137,9 @@ MOVES, STEPS = M.POSITION, M.POSITION_DIRECT
 
 #: Modes that a joint without a torque sensor does not implement (I7).
 SENSE_TORQUE = frozenset({M.TORQUE, InteractionMode.COMPLIANT})
+
+#: Modes whose velocity reference needs no ramp (Y1).
+DIRECT_VELOCITY = frozenset({M.VELOCITY_DIRECT})
 
 #: Modes in fault (F1).
 FAULTED = frozenset({M.HW_FAULT})
@@ -143,7 +155,7 @@ CALIBRATES = frozenset({M.CALIBRATING})
 DIRECT_GAINS = frozenset({STEPS})
 
 #: Laws in which the protection at the limits watches the output (P9).
-GUARDED = frozenset({Law.IMPEDANCE, Law.TORQUE, Law.OUTPUT})
+GUARDED = frozenset({Law.IMPEDANCE, Law.TORQUE, Law.OUTPUT, Law.CURRENT})
 
 #: What a joint that requires a calibration and has none may be asked for (K7).
 UNCALIBRATED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
@@ -172,7 +184,7 @@ POWER_OFF: dict[ControlMode, ControlMode] = {
 STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})
 
 #: Modes in which a stop does something, and those that are at rest by themselves (P3).
-STOPPABLE = frozenset({M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED})
+STOPPABLE = frozenset({M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.VELOCITY_DIRECT})
 AT_REST = frozenset({M.IDLE, M.HW_FAULT})
 
 #: Modes that drive a joint and hold no position.

@@ -98,9 +98,13 @@ def quantity(command: CommandKind, value: float, joint: JointKind) -> str:
     """A reference with its unit, for people."""
     if command is CommandKind.OUTPUT:
         return f"{value:.6g} %"
+    if command is CommandKind.CURRENT:
+        return f"{value:.6g} A"
     if command is CommandKind.TORQUE:
         return joint.force(value)
-    return joint.velocity(value) if command is CommandKind.VELOCITY else joint.position(value)
+    if command in (CommandKind.VELOCITY, CommandKind.VELOCITY_DIRECT):
+        return joint.velocity(value)
+    return joint.position(value)
 
 
 def accepted(joints: tuple[str, ...]) -> Reply:

@@ -126,6 +126,8 @@ class CommandKind(IntEnum):
     VELOCITY = 2
     TORQUE = 3
     OUTPUT = 4
+    VELOCITY_DIRECT = 5
+    CURRENT = 6
 
     def __str__(self) -> str:
         return self.name.lower().replace("_", " ")

@@ -144,12 +144,13 @@ class Services:
             response.names = joints = self._joints(board, request)
             response.positions = doubles(board.get_target_position(joints))
             response.direct_positions = doubles(board.get_ref_position(joints))
-            response.velocities = doubles(board.get_ref_velocity(joints))
+            response.velocities = doubles(board.get_target_velocity(joints))
             response.torques = doubles(board.get_ref_torque(joints))
             response.outputs = doubles(board.get_output(joints))
             response.speeds = doubles(board.get_ref_speed(joints))
             response.accelerations = doubles(board.get_ref_acceleration(joints))
-            response.direct_velocities = response.currents = doubles([0.0] * len(joints))
+            response.direct_velocities = doubles(board.get_direct_velocity(joints))
+            response.currents = doubles(board.get_ref_current(joints))
         return succeeded(response)
 
     def stop(self, request: Any, response: Any) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.group import JointGroup
 from ...core.machine.commands import COMMANDS
-from ...core.terms.reply import Reason, Reply
+from ...core.terms.reply import Reply
 from ...interface import (
     COMMAND_TOPICS,
     EXTERNAL_TORQUE,
@@ -24,8 +24,6 @@ from ..loop.member import Member
 from .joint_commands import JointCommands
 from .messages import bounded, optional
 
-#: Kinds of reference that boards have no mode for: refused, as what joints do not implement.
-NOT_IMPLEMENTED = ("velocity_direct", "current")
 FEEDFORWARD = "feedforward"
 KINDS = {kind.name.lower(): kind for kind in COMMANDS}
 
@@ -55,10 +53,7 @@ def send(
         given = () if values is None else values
         return board.command(KINDS[kind], joints, given, along, together=together)
     known = ", ".join([*KINDS, FEEDFORWARD])
-    if kind not in NOT_IMPLEMENTED:
-        return board.reject(joints, f"kind {kind[:32]!r} unknown; one of {known}")
-    text = f"no joint implements {kind} references; kinds are {known}"
-    return board.reject(joints, text, Reason.UNSUPPORTED)
+    return board.reject(joints, f"kind {kind[:32]!r} unknown; one of {known}")
 
 
 class CommandTopics:

@@ -8,14 +8,14 @@ const table = (words) => Object.assign(Object.create(null), words);
 
 export const MODES = table({
   pos: "Position", posd: "Position direct", vel: "Velocity", mix: "Mixed", torq: "Torque",
-  open: "Open loop", idl: "Idle", hwfa: "Hardware fault", cal: "Calibrating", cfgn: "Not configured",
+  open: "Open loop", veld: "Velocity direct", icur: "Current", idl: "Idle", hwfa: "Hardware fault", cal: "Calibrating", cfgn: "Not configured",
 });
 export const INTERACTIONS = table({ stif: "Stiff", comp: "Compliant" });
 
 /** What a mode takes: position (a slider that sends), or a hold (acts while held). */
 export const TAKES = table({
   pos: ["position"], posd: ["direct"], mix: ["position", "velocity"], vel: ["velocity"],
-  torq: ["torque"], open: ["output"],
+  torq: ["torque"], open: ["output"], veld: ["veldirect"], icur: ["current"],
 });
 
 const WHY = table({
@@ -26,6 +26,8 @@ const WHY = table({
   vel: "Velocity is zero. Hold the slider to move.",
   torq: "Torque control: the joint follows its load until the slider is held.",
   open: "Output is 0 %: nothing drives the joint until the slider is held.",
+  veld: "Velocity is zero. Hold the slider to move.",
+  icur: "Current control: it carries its load until the slider is held, then gets 0 A.",
 });
 
 const CARRIES = 0.02; // share of the torque limit: a joint under less neither falls nor runs
@@ -33,6 +35,7 @@ const FREE = table({
   idl: (load) => `Without power it falls: it carries ${load}.`,
   torq: (load) => `In torque control nothing holds its place: it keeps ${load}, and runs when its load changes.`,
   open: (load) => `At an output of 0 % it falls: it carries ${load}.`,
+  icur: (load) => `In current control nothing holds its place: it carries ${load}, and runs when its load changes.`,
 });
 
 /** What a change of mode lets go of: a sentence, or nothing where the joint stays. */
@@ -49,7 +52,7 @@ export function whyStill(joint) {
   if (!state) return "Waiting for its state.";
   if (joint.board.silence) return `No state for ${joint.board.silence.toFixed(1)} s: the board does not answer.`;
   if (!state.calibrated) return "Uncalibrated: calibrate the joint first.";
-  if (mode === "vel" && Math.abs(state.velocity_reference) > 1e-4) return "";
+  if ((mode === "vel" || mode === "veld") && Math.abs(state.velocity_reference) > 1e-4) return "";
   if (mode === "open" && Math.abs(state.output) > 0.05) return "";
   if ((mode === "pos" || mode === "mix") && joint.speed === 0) return "Its reference speed is zero.";
   if (!state.motion_done && !WHY[mode]) return "Moving.";

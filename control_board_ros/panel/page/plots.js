@@ -10,8 +10,8 @@ const MOST = 12; // signals
 const BESIDE = { position: "position_reference", velocity: "velocity_reference", torque: "torque_reference" }; // drawn with it, dashed
 // Modes in which there is such a reference: else there is none to draw.
 const FOLLOWS = {
-  position: (mode) => ["pos", "posd", "mix", "vel"].includes(mode),
-  velocity: (mode) => ["pos", "mix", "vel"].includes(mode),
+  position: (mode) => ["pos", "posd", "mix", "vel", "veld"].includes(mode),
+  velocity: (mode) => ["pos", "mix", "vel", "veld"].includes(mode),
   torque: (mode) => mode === "torq",
 };
 const COLOURS = ["#4c9be8", "#e8964c", "#5cba7d", "#d8636f", "#a884e0", "#c9b23e", "#45b5bd", "#d77fb8", "#8f9aa8", "#b08357", "#6f86f0", "#7fae3c"];

@@ -179,7 +179,7 @@ export class PositionSlider {
 export class HoldSlider {
   constructor(joint, kind, { hold, release }) {
     Object.assign(this, { joint, kind, hold, release, timer: 0, value: 0 });
-    const label = { velocity: "Velocity", torque: "Torque", output: "Output" }[kind];
+    const label = { velocity: "Velocity", veldirect: "Velocity", torque: "Torque", output: "Output", current: "Current" }[kind];
     this.zero = h("span", { class: "mark zero" });
     this.measured = h("span", { class: "mark measured", title: "measured" });
     this.input = range(`${label} of ${joint.short}, acts while held`, -1, 1, "any");
@@ -218,13 +218,15 @@ export class HoldSlider {
 
   get limit() {
     const { limits } = this.joint;
-    return { velocity: limits.velocity ?? 1, torque: limits.torque ?? 10, output: limits.output ?? 100 }[this.kind];
+    return { velocity: limits.velocity ?? 1, torque: limits.torque ?? 10, output: limits.output ?? 100,
+      veldirect: limits.velocity ?? 1, current: limits.peak_current ?? 1 }[this.kind];
   }
 
   layout() {
     const { limit, joint, kind } = this;
     Object.assign(this.input, { min: String(-limit), max: String(limit) });
-    const usual = { velocity: joint.sliding ? 0.02 : Math.PI / 18, torque: limit / 20, output: 5 }[kind];
+    const speed = joint.sliding ? 0.02 : Math.PI / 18;
+    const usual = { velocity: speed, torque: limit / 20, output: 5, veldirect: speed, current: limit / 20 }[kind];
     this.box.value = number(Math.min(usual, limit), kind, joint.sliding);
     this.unit.textContent = unitOf(kind, joint.sliding)[1];
   }
@@ -300,7 +302,7 @@ export class HoldSlider {
   draw() {
     const { joint, kind, limit } = this;
     if (!joint.state) return;
-    const measured = { velocity: joint.state.velocity, torque: joint.state.torque, output: joint.state.output }[kind];
+    const measured = joint.state[kind === "veldirect" ? "velocity" : kind];
     this.measured.style.left = percent(measured, -limit, limit);
     if (!this.timer && !this.pressed) this.input.value = String(this.rest());
     this.handle.style.left = percent(Number(this.input.value), -limit, limit);

@@ -15,7 +15,7 @@ export function unitOf(signal, sliding) {
   const angle = sliding ? [1000, "mm", 1] : degrees ? [1 / DEGREE, "°", 1] : [1, "rad", 3];
   switch (signal) {
     case "position": case "position_reference": case "target": return angle;
-    case "velocity": case "velocity_reference": case "speed":
+    case "velocity": case "velocity_reference": case "veldirect": case "speed":
       return sliding ? [1000, "mm/s", 1] : degrees ? [1 / DEGREE, "°/s", 1] : [1, "rad/s", 3];
     case "acceleration":
       return sliding ? [1000, "mm/s²", 0] : degrees ? [1 / DEGREE, "°/s²", 0] : [1, "rad/s²", 2];
