@@ -103,6 +103,12 @@ class ParameterRequests(Interface):
         return limits
 
     @operation
+    async def get_current_range(self, joints: Joints = None) -> tuple[Floats, Floats]:
+        """The least and the greatest current reference, A, two arrays of shape (k,) (Y2)."""
+        (peak,) = await self._of_joints(("limits.peak_current",), joints)
+        return -peak, peak
+
+    @operation
     async def get_gains(self, joints: Joints = None, controller: str = "position") -> Gains:
         """The gains in force of a controller: ``position``, ``direct``, ``torque``, ``current``.
 
