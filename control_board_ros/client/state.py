@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from control_board_ros.interface import MOST_JOINTS, STATE
+from control_board_ros.interface import GET_CONTROL_MODE, MOST_JOINTS, STATE
 from control_board_ros.protocols import Floats
 from control_board_ros.text import clean_names
 
@@ -19,6 +19,8 @@ from .link import Link
 
 #: s without a state after which the subscriptions are made anew, and again after as long.
 SILENCE = 5.0
+#: Age in s from which a state counts only if the board answers: it may be paused, or out of reach.
+STALE = 0.5
 #: State messages that must have arrived since a request before the newest surely shows what it
 #: did: the first may have been read before.
 SETTLING = 2
@@ -112,14 +114,18 @@ class StateView:
         self._heard = 0  # messages so far
         self._arrived = (0,) * SETTLING  # the last ones, ns of the system's clock, oldest first
         self._wanted = 0  # when the oldest of these must have arrived, ns
-        self._since = time.monotonic()  # of the last message, or of the last renewal, s
+        self._at = self._since = time.monotonic()  # of the last message; or of the last renewal, s
 
     def changed(self) -> None:
         """A request was made: states from before it do not count any more."""
         self._wanted = time.time_ns()
 
     async def latest(self, *, fresh: bool = True) -> State:
-        """The last state; a fresh one shows what was asked for before."""
+        """The last state; a fresh one shows what was asked for before.
+
+        Raises:
+            BoardTimeout: there is none, or only an old one and the board does not answer.
+        """
         link = self._link
         link.subscribe(STATE, self.on_message)
         # Until the first one, the board may not have heard of the subscription yet.
@@ -129,6 +135,8 @@ class StateView:
             if not await link.thread.until(self.shown, patience):
                 self._renew()
         self._wanted = min(self._wanted, self._arrived[0])
+        if fresh and self._message is not None and time.monotonic() - self._at > STALE:
+            await link.call(GET_CONTROL_MODE)
         if self._message is None:
             raise link.discovery.timed_out(STATE, patience)
         return State.of(self._message).checked()
@@ -160,4 +168,4 @@ class StateView:
         self._message = message
         self._arrived = (*self._arrived[1:], info["received_timestamp"] or time.time_ns())
         self._heard += 1
-        self._since = time.monotonic()
+        self._at = self._since = time.monotonic()

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any
 
@@ -202,6 +203,35 @@ def test_a_state_is_heard_again_by_new_subscriptions(monkeypatch: pytest.MonkeyP
                 assert link._entities[STATE] is not deaf
         finally:
             link.close()
+
+
+def test_an_old_state_counts_only_if_the_board_answers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A paused board publishes none and answers; one that is out of reach does neither."""
+    monkeypatch.setattr(state, "STALE", 0.2)
+    answers = threading.Event()
+    with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
+        link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
+        with ros_node(domain, "board") as board:
+            board.create_publisher(JointModes, "~/modes", 1)
+            states = board.create_publisher(STATE.load(), "/board/state", 10)
+            asked = board.create_service(GetControlMode, "~/get_control_mode", lambda _, r: r)
+            answer = asked.send_response
+            asked.send_response = lambda *of: answer(*of) if answers.is_set() else None
+            publishing = board.create_timer(0.02, lambda: states.publish(state_of(["a"])))
+            try:
+                answers.set()
+                view = state.StateView(link)
+                assert run(view.latest()).names == ("a",)
+                publishing.cancel()
+                until(lambda: time.monotonic() - view._at > state.STALE)
+                assert run(view.latest()).names == ("a",)
+                answers.clear()
+                link.answer_timeout = 0.3
+                with pytest.raises(BoardTimeout, match="no answer from /board/get_control_mode"):
+                    run(view.latest())
+                assert run(view.latest(fresh=False)).names == ("a",)
+            finally:
+                link.close()
 
 
 def state_of(names: list[str], **other: Any) -> Any:
