@@ -362,6 +362,10 @@ RECORD = ["matplotlib>=3.8", "rosbags>=0.11"]
 TUNE = ["optuna>=5.0"]
 TUNE_POSTGRESQL = [*TUNE, "psycopg[binary]>=3.2"]
 TUNE_GRPC = [*TUNE, "grpcio>=1.68", "protobuf>=5.28"]
+#: Drivers of motors, each with what its maker or its field offers.
+MOTEUS = ["moteus>=1.1", "python-can>=4.3"]
+DYNAMIXEL = ["dynamixel-sdk>=4.0"]
+DRIVES = [*MOTEUS, *DYNAMIXEL]
 TEST = [
     "axe-playwright-python>=0.1.8",
     "canopen>=2.3",
@@ -378,6 +382,7 @@ TEST = [
     *RECORD,
     *TUNE_POSTGRESQL,
     *TUNE_GRPC,
+    *DRIVES,
 ]
 ICUB = ["icub-models==3.2.0"]
 DEV = [
@@ -441,6 +446,8 @@ setup(
         "tune": TUNE,
         "tune-postgresql": TUNE_POSTGRESQL,
         "tune-grpc": TUNE_GRPC,
+        "moteus": MOTEUS,
+        "dynamixel": DYNAMIXEL,
         "dev": DEV,
     },
     entry_points={

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from importlib.metadata import entry_points
 
 from ..text import nearest
@@ -11,6 +12,8 @@ from .errors import PlantSettingsError
 from .interface import DrivePlant, RobotPlant
 
 GROUP = "control_board_ros.plants"
+#: Drivers in the box, by the name of their folder, which is that of their extra.
+DRIVERS = ("moteus", "dynamixel")
 #: What an entry point names: from the joints of the board and the user's arguments to a plant.
 Maker = Callable[[Sequence[str], Mapping[str, str]], RobotPlant | DrivePlant]
 
@@ -21,13 +24,17 @@ def find(name: str) -> Maker:
     Raises:
         PlantSettingsError: no package offers it, or its module cannot be imported.
     """
+    if name in DRIVERS:
+        made: Maker = import_module(f".{name}.driver", __package__).make
+        return made
     offered = {point.name: point for point in entry_points(group=GROUP)}
     if name not in offered:
-        hint = nearest(name, offered)
-        known = ", ".join(sorted(offered)) or "none; pip install the package of the plant"
-        raise PlantSettingsError(f"plant: {name[:60]!r} unknown{hint}; known: {known}")
+        known = [*DRIVERS, *sorted(offered), *(f"virtual/{driver}" for driver in DRIVERS)]
+        raise PlantSettingsError(
+            f"plant: {name[:60]!r} unknown{nearest(name, known)}; known: {', '.join(known)}"
+        )
     try:
-        made: Maker = offered[name].load()
+        made = offered[name].load()
     except Exception as error:  # noqa: BLE001 - it is somebody else's module
         raise PlantSettingsError(
             f"plant: {name!r} cannot be imported ({type(error).__name__}: {error}); "
@@ -47,14 +54,7 @@ def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPla
     Raises:
         PlantSettingsError: there is none, or it does not take these joints or arguments.
     """
-    given = {}
-    for argument in arguments:
-        key, mark, value = argument.partition("=")
-        if not mark or not key.strip():
-            raise PlantSettingsError(
-                f"plant_arguments: {argument[:60]!r} is not allowed; use name=value"
-            )
-        given[key.strip()] = value.strip()
+    given = pairs(arguments)
     maker = find(name)
     try:
         return maker(tuple(joints), given)
@@ -63,3 +63,20 @@ def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPla
             f"plant: {name!r} cannot be made ({type(error).__name__}: {error}); "
             "look at joints and plant_arguments"
         ) from None
+
+
+def pairs(arguments: Sequence[str]) -> dict[str, str]:
+    """The user's ``name=value`` as a mapping.
+
+    Raises:
+        PlantSettingsError: one is none.
+    """
+    given = {}
+    for argument in arguments:
+        key, mark, value = argument.partition("=")
+        if not mark or not key.strip():
+            raise PlantSettingsError(
+                f"plant_arguments: {argument[:60]!r} is not allowed; use name=value"
+            )
+        given[key.strip()] = value.strip()
+    return given

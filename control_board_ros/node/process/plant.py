@@ -30,7 +30,11 @@ def make_plant(start: Start) -> tuple[Start, Plant]:
     joints, arguments = settings.board.names, settings.values["plant_arguments"]
     timeout = settings.values["plant_timeout"]
     theirs: RobotPlant | DrivePlant
-    if settings.values["plant_process"]:
+    if name.startswith("virtual/"):
+        from ...plants.virtual.plant import make_virtual  # with the libraries of its driver
+
+        theirs = make_virtual(name, settings, arguments)
+    elif settings.values["plant_process"]:
         theirs = PlantApart(name, joints, arguments, patience(timeout, settings.board.period))
     else:
         theirs = make(name, joints, arguments)

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The drives of one bus as a plant: what every driver in the box has in common.
+
+A driver talks to drives, in their own order and with values at their outputs (:class:`Driver`);
+this gives it directions, ratios and offsets, keeps the last answer of each, and names the silent.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from ...core.config.config import JointConfig
+from ...core.terms.measurement import Array
+from ...core.terms.set_points import OnSilence, SetPoint, SetPoints
+from ..interface import (
+    Description,
+    DriveFault,
+    DriveLimits,
+    JointDescription,
+    Readings,
+    Setup,
+)
+from .axes import Axes, Axis
+
+#: Exchanges in which two drives answered with one id, until it is a fault; others take some back,
+#: for answers that are late come two at a time as well.
+CLASHES, FORGIVEN = 3.0, 0.3
+NONE = DriveLimits()
+#: What a drive says of its watchdog and of a restart, where it has no number of its own for it.
+WATCHDOG = DriveFault(0, "watchdog: it heard nothing for too long")
+RESTARTED = DriveFault(0, "it started anew")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """A drive that answers.
+
+    Attributes: id; type and firmware as its maker writes them; voltage (V) or NaN; fault or None;
+        limits at its output.
+    """
+
+    id: int
+    type: str
+    firmware: str = ""
+    voltage: float = math.nan
+    fault: DriveFault | None = None
+    limits: DriveLimits = NONE
+
+
+class Answers:
+    """What the drives of a bus said last, at their outputs, shape (n,) each.
+
+    Attributes:
+        position, velocity, torque, current, temperature, voltage: rad, rad/s, N·m, A, °C, V.
+        faults: Of each drive, or None.
+        times: When each answered last, s; -inf: never.
+        heard: What each said in this exchange, as it came.
+        missed, foreign, malformed: Counts: exchanges that a drive did not answer in time, frames
+            of drives that nobody asked, frames that make no sense.
+    """
+
+    def __init__(self, count: int, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        (self.position, self.velocity, self.torque, self.current, self.temperature,
+         self.voltage) = np.zeros((6, count))  # fmt: skip
+        self.faults: list[DriveFault | None] = [None] * count
+        self.times = np.full(count, -math.inf)
+        self.heard: list[set[bytes]] = [set() for _ in range(count)]
+        self.missed = self.foreign = self.malformed = 0
+
+    def came(self, drive: int, data: bytes) -> None:
+        """An answer of a drive came now, and has been taken over."""
+        self.times[drive] = self._clock()
+        self.heard[drive].add(bytes(data))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traits:
+    """What all drives of a driver have; see ``JointDescription``."""
+
+    set_points: tuple[SetPoint, ...]
+    on_silence: tuple[OnSilence, ...]
+    rate: float | None = None
+    resolution: float = 0.0
+    torque: bool = False
+    current: bool = False
+    temperature: bool = False
+    voltage: bool = False
+    control: dict[str, float] = field(default_factory=dict)
+
+
+class Driver(Protocol):
+    """Drives of one make on one bus. Raises OSError or ValueError with one line for people."""
+
+    traits: Traits
+
+    def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> Sequence[Found]:
+        """Open the bus, check each drive, set its watchdog; none gets power by it."""
+        ...
+
+    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+        """A set-point to each drive, and what they answer until the time is up.
+
+        Args:
+            kinds: SetPoint of each; None: it is told nothing.
+            values: At their outputs, shape (VALUES, n), see core.set_points.Value.
+            answers: To be filled with what came.
+        """
+        ...
+
+    def clear_fault(self, drive: int) -> None:
+        """Reset the fault of a drive by its place; it has no power."""
+        ...
+
+    def close(self) -> None:
+        """All drives without power; safe to call twice, and where nothing is open."""
+        ...
+
+
+class DrivesPlant:
+    """A DrivePlant over the drives of one bus.
+
+    Args:
+        axes: One for each joint, in the board's order.
+        driver: That talks to the drives, in the same order.
+
+    Attributes: axes, driver; answers (the last of each drive, and the counts).
+    """
+
+    def __init__(self, axes: Sequence[Axis], driver: Driver) -> None:
+        self.axes, self.driver = tuple(axes), driver
+        self._clock: Callable[[], float] = time.monotonic
+        self._axes = Axes(axes)
+        self.answers = Answers(len(axes))
+        self._timeout, self._free = math.inf, [True] * len(axes)
+        self._found: tuple[Found | None, ...] = (None,) * len(axes)
+        self._off = SetPoints.off(len(axes))
+        self._clashes = [0.0] * len(axes)
+
+    def time_by(self, clock: Callable[[], float]) -> None:
+        """Take the time of answers from another clock, s; for tests, before ``connect``."""
+        self._clock = clock
+
+    def describe(self) -> Description:
+        """What the drives have; with type, firmware and limits of each once it is connected."""
+        traits = self.driver.traits
+        joints = (
+            JointDescription(
+                name=axis.name,
+                set_points=traits.set_points,
+                drive="" if found is None else f"{found.type} {found.firmware}".strip(),
+                rate=traits.rate,
+                resolution=traits.resolution / axis.ratio,
+                limits=NONE if found is None else axis.limits_at_joint(found.limits),
+                on_silence=traits.on_silence,
+                torque_estimate=traits.torque,
+                current_sensor=traits.current,
+                temperature_sensor=traits.temperature,
+            )
+            for axis, found in zip(self.axes, self._found, strict=True)
+        )
+        return Description(joints=tuple(joints))
+
+    def connect(self, setup: Setup) -> None:
+        """Open the bus anew.
+
+        Raises:
+            OSError: a drive does not answer, or two answer as one.
+            ValueError: a drive is none that this driver supports.
+        """
+        self.driver.close()
+        self.answers, self._clashes = Answers(len(self.axes), self._clock), [0.0] * len(self.axes)
+        self._timeout = setup.timeout
+        self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
+        self._found = tuple(self.driver.open(setup, setup.joints))
+        self.exchange(self._off)
+
+    def exchange(self, wanted: SetPoints) -> Readings:
+        """Set-points down, readings up; a drive that is silent has its last reading again."""
+        axes, answers, traits = self._axes, self.answers, self.driver.traits
+        begin = self._clock()
+        for heard in answers.heard:
+            heard.clear()
+        self.driver.exchange(wanted.kinds.tolist(), axes.to_drive(wanted), answers)
+        self._notice_clashes()
+        ages = np.where(answers.times < begin, self._clock() - answers.times, 0.0)
+        faults: list[str | DriveFault | None] = list(answers.faults)
+        for k, count in enumerate(self._clashes):
+            if count >= CLASHES:
+                faults[k] = (
+                    f"two drives answer as id {self.axes[k].id}; give each an id of its own"
+                )
+        if ages.any():
+            answers.missed += int(np.count_nonzero(ages))
+            for k in np.flatnonzero(ages > self._timeout).tolist():
+                faults[k] = silent(self.axes[k], ages[k])
+        return Readings(
+            position=axes.position(answers.position),
+            velocity=answers.velocity / axes.factor,
+            torque=answers.torque * axes.factor if traits.torque else None,
+            current=answers.current * axes.sign if traits.current else None,
+            temperature=answers.temperature.copy() if traits.temperature else None,
+            voltage=answers.voltage.copy() if traits.voltage else None,
+            ages=np.minimum(ages, self._timeout),
+            faults=faults,
+        )
+
+    def _notice_clashes(self) -> None:
+        """Two answers to one question, that differ, are those of two drives."""
+        for k, heard in enumerate(self.answers.heard):
+            if len(heard) > 1:
+                self._clashes[k] += 1.0
+            elif heard and 0.0 < self._clashes[k] < CLASHES:
+                self._clashes[k] -= FORGIVEN
+
+    def clear_fault(self, joint: int) -> None:
+        self._clashes[joint] = 0.0
+        self.driver.clear_fault(joint)
+
+    def let_go(self) -> None:
+        """Power off where that is what ``on_silence`` says; the other drives hear nothing more."""
+        kinds = [SetPoint.OFF if free else None for free in self._free]
+        self.driver.exchange(kinds, self._axes.to_drive(self._off), self.answers)
+
+    def close(self) -> None:
+        self.driver.close()
+
+
+def silent(axis: Axis, age: float) -> str:
+    """The fault of a drive that says nothing."""
+    if math.isinf(age):
+        return f"no answer from id {axis.id}; is it powered, and its id right?"
+    return f"no answer from id {axis.id} for {1e3 * age:.0f} ms"

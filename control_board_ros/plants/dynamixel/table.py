@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The control table of the X series as published: addresses, lengths, units, models."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class Item(NamedTuple):
+    """A place of the control table: address, and length in bytes."""
+
+    address: int
+    length: int
+
+
+MODEL, FIRMWARE, ID, MODE = Item(0, 2), Item(6, 1), Item(7, 1), Item(11, 1)
+CURRENT_LIMIT, VELOCITY_LIMIT = Item(38, 2), Item(44, 4)
+MAX_POSITION, MIN_POSITION = Item(48, 4), Item(52, 4)
+TORQUE, ERROR, WATCHDOG = Item(64, 1), Item(70, 1), Item(98, 1)
+GOAL_PWM, GOAL_CURRENT = Item(100, 2), Item(102, 2)
+GOAL_VELOCITY, GOAL_POSITION = Item(104, 4), Item(116, 4)
+CURRENT, VELOCITY, POSITION = Item(126, 2), Item(128, 4), Item(132, 4)
+VOLTAGE, TEMPERATURE = Item(144, 2), Item(146, 1)
+INDIRECT = 168
+#: What is read in each exchange, one after the other in the indirect data.
+READ = (TORQUE, ERROR, WATCHDOG, CURRENT, VELOCITY, POSITION, VOLTAGE, TEMPERATURE)
+READ_LENGTH = sum(item.length for item in READ)
+READ_FORMAT = "<BBBhiiHB"
+
+CURRENT_MODE, VELOCITY_MODE, POSITION_MODE, EXTENDED, CURRENT_POSITION, PWM_MODE = (
+    0,
+    1,
+    3,
+    4,
+    5,
+    16,
+)
+COUNT = 2.0 * math.pi / 4096.0  # rad
+CENTRE = 2048
+SPEED = 0.229 * 2.0 * math.pi / 60.0  # rad/s
+FULL_PWM = 885
+VOLT = 0.1
+WATCHDOG_STEP = 0.02  # s
+TRIPPED = 255
+ERRORS = {
+    1: "input voltage",
+    4: "overheating",
+    8: "motor encoder",
+    16: "electrical shock",
+    32: "overload",
+}
+
+
+class Model(NamedTuple):
+    """A model: its name, A per count of current (0: it has no current control), indirect data."""
+
+    name: str
+    ampere: float
+    data: int = 224
+
+
+MODELS = {
+    1000: Model("XH430-W350", 2.69e-3),
+    1010: Model("XH430-W210", 2.69e-3),
+    1020: Model("XM430-W350", 2.69e-3),
+    1030: Model("XM430-W210", 2.69e-3),
+    1040: Model("XH430-V350", 1.34e-3),
+    1050: Model("XH430-V210", 1.34e-3),
+    1060: Model("XL430-W250", 0.0),
+    1070: Model("XC430-W150", 0.0),
+    1080: Model("XC430-W240", 0.0),
+    1090: Model("2XL430-W250", 0.0),
+    1100: Model("XH540-W270", 2.69e-3),
+    1110: Model("XH540-W150", 2.69e-3),
+    1120: Model("XM540-W270", 2.69e-3),
+    1130: Model("XM540-W150", 2.69e-3),
+    1160: Model("2XC430-W250", 0.0),
+    1190: Model("XL330-M077", 1e-3, 208),
+    1200: Model("XL330-M288", 1e-3, 208),
+    1230: Model("XC330-M181", 1e-3, 208),
+    1240: Model("XC330-M288", 1e-3, 208),
+    1210: Model("XC330-T181", 1e-3, 208),
+    1220: Model("XC330-T288", 1e-3, 208),
+}
+
+
+def error_name(bits: int) -> str:
+    """Hardware errors in words."""
+    return ", ".join(name for bit, name in ERRORS.items() if bits & bit) or "see its manual"

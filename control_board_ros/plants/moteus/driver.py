@@ -1,0 +1,383 @@
+# SPDX-License-Identifier: Apache-2.0
+"""moteus controllers over CAN FD, by the register protocol of their library.
+
+Every set-point is a command of the drive's position mode, which is the one mode that its watchdog
+guards: with the scales a of its gains, and the gains kp, kd that are configured in it::
+
+    position    q, q̇, τ_ff      a_p = a_d = 1
+    velocity    q̇, τ_ff         q as its own trajectory stands, a_p = a_d = 1
+    impedance   q, q̇, τ_ff      a_p = 2π k / kp, a_d = 2π d / kd
+    torque      τ                a_p = a_d = 0
+
+``unwatched=1`` adds current and pwm: nothing ends those when this program is gone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from ...core.config.config import JointConfig
+from ...core.terms.measurement import Array
+from ...core.terms.set_points import OnSilence, SetPoint, Value
+from ..drives.axes import Axis, Options
+from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
+from ..drives.plant import RESTARTED, Answers, DrivesPlant, Found, Traits
+from ..errors import PlantSettingsError
+from ..interface import DriveFault, DriveLimits, Setup
+
+REV = 2.0 * math.pi
+WATCHED = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY, SetPoint.TORQUE)
+UNWATCHED = (SetPoint.CURRENT, SetPoint.PWM)
+#: Of the register map that this driver was written for.
+REGISTER_MAP = 5
+#: Modes of the drive (register 0).
+STOPPED, FAULT, RUNNING, TIMEOUT = 0, 1, range(5, 11), 11
+STARTING = (0, 2, 3, 4)
+VOLTAGE_DQ = 8
+#: What it does after its watchdog (servo.timeout_mode).
+ON_SILENCE = {OnSilence.FREE: 0, OnSilence.DAMPED: 15, OnSilence.BRAKED: 10}
+#: Part of the supply that its modulation reaches.
+MODULATION = 0.5
+FAULTS = {
+    32: "calibration fault",
+    33: "motor driver fault",
+    34: "over voltage",
+    35: "encoder fault",
+    36: "motor not configured",
+    37: "PWM cycle overrun",
+    38: "over temperature",
+    39: "outside limit",
+    40: "under voltage",
+    41: "configuration changed",
+    42: "theta invalid",
+    43: "position invalid",
+    44: "driver enable fault",
+    45: "stop position deprecated",
+    46: "timing violation",
+    47: "BEMF feedforward without acceleration limit",
+    48: "invalid limits",
+    49: "position control error",
+    50: "velocity control error",
+}
+WATCHDOG = DriveFault(TIMEOUT, "watchdog: it heard nothing for too long")
+
+
+class MoteusDrives:
+    """The controllers of one bus; see ``drives.plant.Driver``."""
+
+    def __init__(self, options: Options) -> None:
+        self._options, self._axes = options, options.axes
+        takes = (*WATCHED, *UNWATCHED) if options.own["unwatched"] else WATCHED
+        self.traits = Traits(
+            set_points=takes,
+            on_silence=tuple(ON_SILENCE),
+            rate=15e3,
+            resolution=REV / 2**14,
+            torque=True,
+            current=True,
+            voltage=True,
+        )
+        self._line: CanLine | None = None
+        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
+        n = len(self._axes)
+        self._kp, self._kd, self._most = [1.0] * n, [1.0] * n, [math.nan] * n
+        self._running, self._restarted = [False] * n, [False] * n
+
+    def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
+        """Open the bus; see ``drives.plant.Driver``."""
+        import moteus
+        from moteus.protocol import parse_reply
+
+        self._line = line = CanLine(self._options.bus, fd=True)
+        self._setup, self._joints = setup, joints
+        self._wait = budget(setup.period)
+        resolution = moteus.QueryResolution()
+        resolution.q_current = moteus.F32
+        self._drives = [
+            moteus.Controller(id=axis.id, query_resolution=resolution) for axis in self._axes
+        ]
+        self._parse = parse_reply
+        found = []
+        for k, axis in enumerate(self._axes):
+            told = identify(line, axis.id)
+            if len(told) != 1:
+                raise ConnectionError(
+                    f"{axis.name}: {'two drives answer' if told else 'no drive answers'} as id "
+                    f"{axis.id} on {self._options.bus}; look with: cbctl drives scan moteus"
+                )
+            found.append(self._set_up(k, told[0]))
+        return found
+
+    def _set_up(self, k: int, found: Found) -> Found:
+        """Stop a drive, set its watchdog and largest torque, and read its gains and limits."""
+        line, axis, joint = self._opened, self._axes[k], self._joints[k]
+        self._send(k, self._drives[k].make_stop())
+        silence = OnSilence.FREE if joint is None else joint.on_silence
+        ask(line, axis.id, f"conf set servo.timeout_mode {ON_SILENCE[silence]}")
+        ask(line, axis.id, f"conf set servo.default_timeout_s {self._setup.timeout:.4f}")
+
+        def number(name: str) -> float:
+            return float(ask(line, axis.id, f"conf get {name}"))
+
+        self._kp[k] = number("servo.pid_position.kp")
+        self._kd[k] = number("servo.pid_position.kd")
+        if joint is not None:  # S4: the smaller acts
+            self._most[k] = joint.limits.torque / axis.ratio
+        self._restarted[k] = self._running[k] = False
+        limits = [number(f"servopos.position_{end}") for end in ("min", "max")]
+        return Found(
+            id=found.id,
+            type=found.type,
+            firmware=found.firmware,
+            voltage=found.voltage,
+            fault=found.fault,
+            limits=DriveLimits(
+                lower=limits[0] * REV if math.isfinite(limits[0]) else None,
+                upper=limits[1] * REV if math.isfinite(limits[1]) else None,
+                velocity=number("servo.max_velocity") * REV,
+                current=number("servo.max_current_A"),
+            ),
+        )
+
+    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+        """Set-points and answers; see ``drives.plant.Driver``."""
+        line = self._opened
+        self._answers = answers
+        line.drain(self._take)
+        asked = []
+        columns = values.T.tolist()
+        for k, kind in enumerate(kinds):
+            if kind is None:
+                continue
+            self._send(k, self._command(k, SetPoint(kind), columns[k]))
+            asked.append(self._axes[k].id)
+        line.gather(self._take, asked, self._wait)
+
+    def clear_fault(self, drive: int) -> None:
+        """A stop clears it; a drive that started anew is set up again."""
+        if self._restarted[drive]:
+            found = identify(self._opened, self._axes[drive].id, attempts=1)
+            if found:
+                self._set_up(drive, found[0])
+        self._send(drive, self._drives[drive].make_stop())
+
+    def close(self) -> None:
+        """Stop all drives, and leave the bus."""
+        line, self._line = self._line, None
+        if line is not None:
+            with contextlib.suppress(Exception):  # python-can's own; their watchdogs stop them
+                for axis in self._axes:
+                    line.send(axis.id, bytes([0x01, 0x00, STOPPED]))
+            line.close()
+
+    @property
+    def _opened(self) -> CanLine:
+        if self._line is None:
+            raise ConnectionError("the bus is not open")
+        return self._line
+
+    def _send(self, k: int, command: Any) -> None:
+        asks = 0x8000 if command.reply_required else 0
+        self._opened.send(asks | self._axes[k].id, padded(command.data))
+
+    def _command(self, k: int, kind: SetPoint, value: list[float]) -> Any:
+        drive = self._drives[k]
+        if kind is SetPoint.OFF or self._restarted[k]:
+            self._running[k] = False
+            return drive.make_stop(query=True)
+        if kind is SetPoint.CURRENT:
+            return drive.make_current(d_A=0.0, q_A=value[Value.CURRENT], query=True)
+        if kind is SetPoint.PWM:
+            volts = MODULATION * value[Value.PWM] / 100.0 * self._answers.voltage[k]
+            return voltage(drive, float(volts))
+        kp = kd = 1.0
+        if kind is SetPoint.IMPEDANCE:
+            kp = value[Value.STIFFNESS] * REV / self._kp[k]
+            kd = value[Value.DAMPING] * REV / self._kd[k]
+        elif kind is SetPoint.TORQUE:
+            kp = kd = 0.0
+        places = kind in (SetPoint.POSITION, SetPoint.IMPEDANCE)
+        return drive.make_position(
+            position=value[Value.POSITION] / REV if places else math.nan,
+            velocity=value[Value.VELOCITY] / REV,
+            feedforward_torque=value[Value.TORQUE],
+            kp_scale=kp,
+            kd_scale=kd,
+            maximum_torque=self._most[k],
+            watchdog_timeout=self._setup.timeout,
+            ilimit_scale=1.0 if kind in (SetPoint.POSITION, SetPoint.VELOCITY) else 0.0,
+            query=True,
+        )
+
+    def _take(self, message: Any) -> int | None:
+        """Read an answer."""
+        answers = self._answers
+        source: int = message.arbitration_id >> 8 & 0x7F
+        if message.arbitration_id & 0xFF != 0:
+            return None
+        if (k := self._places.get(source)) is None:
+            answers.foreign += 1
+            return None
+        try:
+            found = self._parse(message.data)
+            mode, fault = int(found[0x000]), int(found[0x00F])
+            q, dq, torque, amps, volts = (float(found[r]) for r in (1, 2, 3, 4, 0x0D))
+        except Exception:  # noqa: BLE001 - whatever is wrong with a frame, it is none
+            answers.malformed += 1
+            return None
+        if not math.isfinite(q + dq + torque + amps + volts):
+            answers.malformed += 1
+            return None
+        answers.position[k], answers.velocity[k] = q * REV, dq * REV
+        answers.torque[k], answers.current[k], answers.voltage[k] = torque, amps, volts
+        answers.faults[k] = self._judge(k, mode, fault)
+        answers.came(k, message.data)
+        return source
+
+    def _judge(self, k: int, mode: int, fault: int) -> DriveFault | None:
+        if mode in RUNNING:
+            self._running[k] = True
+        elif mode in STARTING and self._running[k]:
+            self._restarted[k], self._running[k] = True, False
+        if self._restarted[k]:
+            return RESTARTED
+        if mode == FAULT:
+            return DriveFault(fault, FAULTS.get(fault, "see its manual"))
+        return WATCHDOG if mode == TIMEOUT else None
+
+
+def padded(data: bytes) -> bytes:
+    """Data of a length that CAN FD has, with NOPs."""
+    sizes = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+    return data.ljust(next(size for size in sizes if size >= len(data)), b"\x50")
+
+
+def voltage(drive: Any, volts: float) -> Any:
+    """A command of voltage mode, which the library has no method for."""
+    import io
+
+    from moteus import multiplex as mp
+    from moteus.protocol import Register, Writer
+
+    command = drive.make_query()
+    buffer = io.BytesIO()
+    writer = Writer(buffer)
+    for value in (mp.WRITE_INT8 | 1, int(Register.MODE), VOLTAGE_DQ, mp.WRITE_F32 | 2):
+        writer.write_int8(value)
+    writer.write_varuint(int(Register.VOLTAGEDQ_D))
+    writer.write_f32(0.0)
+    writer.write_f32(volts)
+    command.data = buffer.getvalue() + command.data
+    return command
+
+
+def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]:
+    """What answers as a drive: none, one, or two."""
+    import moteus
+    from moteus.protocol import Register
+
+    registers = {Register.MODEL_NUMBER: moteus.INT32, Register.FIRMWARE_VERSION: moteus.INT32}
+    registers |= {Register.REGISTER_MAP_VERSION: moteus.INT32}
+    who = moteus.Controller(id=drive)
+    query = who.make_custom_query(registers).data + who.make_query().data
+    for _ in range(attempts):
+        line.drain(lambda _: None)
+        line.send(0x8000 | drive, padded(query))
+        told = [m for m in line.collect(PATIENCE / 5) if m.arbitration_id == drive << 8]
+        different = list({bytes(m.data): m for m in told}.values())
+        if told:
+            return list(_found(drive, different))
+    return []
+
+
+def _found(drive: int, messages: list[Any]) -> Iterator[Found]:
+    from moteus.protocol import Register, parse_reply
+
+    for message in messages:
+        told = parse_reply(message.data)
+        version = int(told.get(Register.FIRMWARE_VERSION, 0))
+        registers = int(told.get(Register.REGISTER_MAP_VERSION, 0))
+        if registers != REGISTER_MAP:
+            raise PlantSettingsError(
+                f"id {drive}: its register map is {registers}; {REGISTER_MAP} is supported; "
+                "flash a firmware that has it with moteus_tool"
+            )
+        model, fault = int(told.get(Register.MODEL_NUMBER, -1)), int(told.get(Register.FAULT, 0))
+        yield Found(
+            id=drive,
+            type=f"moteus model {model}" if model > 0 else "moteus",
+            firmware=".".join(str(version >> shift & 0xFF) for shift in (16, 8, 0)),
+            voltage=float(told.get(Register.VOLTAGE, math.nan)),
+            fault=DriveFault(fault, FAULTS.get(fault, "see its manual")) if fault else None,
+        )
+
+
+def ask(line: CanLine, drive: int, words: str) -> str:
+    """One line to the diagnostic stream of a drive, and the line that it answers.
+
+    Raises:
+        ConnectionError: it does not answer.
+        ValueError: it answers that it cannot.
+    """
+    import moteus
+
+    who = moteus.Controller(id=drive)
+    line.drain(lambda _: None)
+    line.send(drive, padded(who.make_diagnostic_write(words.encode() + b"\n").data))
+    told = b""
+    for _ in range(4 * ATTEMPTS):
+        line.send(0x8000 | drive, padded(who.make_diagnostic_read().data))
+        came: list[bytes] = []
+
+        def take(message: Any, came: list[bytes] = came) -> int | None:
+            if message.arbitration_id != drive << 8:
+                return None
+            came.append(moteus.moteus.parse_diagnostic_message(message, 1) or b"")
+            return drive
+
+        line.gather(take, [drive], PATIENCE / 5)
+        told += b"".join(came)
+        if b"\n" in told:
+            answer = told.decode("latin1").splitlines()[0].strip()
+            if answer.startswith("ERR"):
+                raise ValueError(f"id {drive}: {words!r}: {answer}; is its firmware too old?")
+            return answer
+    raise ConnectionError(f"id {drive} does not answer to {words!r}")
+
+
+def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
+    """What answers on a bus."""
+    import moteus
+    from moteus.protocol import Register
+
+    line = CanLine(bus, fd=True)
+    try:
+        query = (
+            moteus.Controller(id=1).make_custom_query({Register.MODEL_NUMBER: moteus.INT32}).data
+        )
+        for drive in ids:
+            line.send(0x8000 | drive, padded(query))
+        heard = {m.arbitration_id >> 8 for m in line.collect(0.1) if m.arbitration_id & 0xFF == 0}
+        return [found for drive in sorted(heard) for found in identify(line, drive)]
+    finally:
+        line.close()
+
+
+def make(names: Sequence[str], arguments: Mapping[str, str]) -> DrivesPlant:
+    """The plant ``moteus``.
+
+    Raises:
+        PlantSettingsError: an argument is unknown or makes no sense.
+    """
+    options = Options.parse(names, arguments, bus="socketcan:can0", whole={"unwatched": 0.0})
+    for axis in options.axes:
+        _check(axis)
+    return DrivesPlant(options.axes, MoteusDrives(options))
+
+
+def _check(axis: Axis) -> None:
+    if not 1 <= axis.id <= 127:
+        raise PlantSettingsError(f"{axis.name}.id={axis.id}: moteus has ids from 1 to 127")

@@ -1,0 +1,325 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A virtual moteus: its register protocol on CAN FD, its modes, position loop, watchdog, faults.
+
+Written from the published register reference and CAN format; frames are parsed by the maker's
+library. Positions are in revolutions here, as in the drive.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator, Sequence
+
+from moteus import multiplex as mp
+from moteus.protocol import Register, Writer, scale_register
+
+from ...core.config.config import JointConfig
+from ..drives.axes import Axis
+from ..virtual.can_bus import VirtualCanBus
+from ..virtual.world import World
+
+REV = 2.0 * math.pi
+STOPPED, FAULT, ENABLING, VOLTAGE, CURRENT, POSITION, TIMEOUT = 0, 1, 2, 8, 9, 10, 11
+ZERO_VELOCITY, BRAKE = 12, 15
+#: s that a drive prepares its bridge after it was stopped.
+ENABLE_TIME = 5e-3
+#: What each int8, int16 and int32 means, by register.
+SCALES = {
+    Register.POSITION: (0.01, 1e-4, 1e-5),
+    Register.VELOCITY: (0.1, 2.5e-4, 1e-5),
+    Register.TORQUE: (0.5, 0.01, 1e-3),
+    Register.Q_CURRENT: (1.0, 0.1, 1e-3),
+    Register.D_CURRENT: (1.0, 0.1, 1e-3),
+    Register.VOLTAGE: (0.5, 0.1, 1e-3),
+    Register.TEMPERATURE: (1.0, 0.1, 1e-3),
+    Register.MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
+}
+#: What a command that does not name a register means.
+UNNAMED = {
+    Register.COMMAND_POSITION: 0.0,
+    Register.COMMAND_VELOCITY: 0.0,
+    Register.COMMAND_FEEDFORWARD_TORQUE: 0.0,
+    Register.COMMAND_KP_SCALE: 1.0,
+    Register.COMMAND_KD_SCALE: 1.0,
+    Register.COMMAND_POSITION_MAX_TORQUE: math.nan,
+    Register.COMMAND_TIMEOUT: 0.0,
+    Register.COMMAND_ILIMIT_SCALE: 1.0,
+    Register.COMMAND_Q_CURRENT: 0.0,
+    Register.COMMAND_D_CURRENT: 0.0,
+    Register.VOLTAGEDQ_Q: 0.0,
+    Register.VOLTAGEDQ_D: 0.0,
+}
+
+
+class VirtualMoteus:
+    """One drive.
+
+    Args:
+        drive: Its id.
+        torque_constant: At its output, N·m/A.
+        resistance: Of its winding, Ω.
+
+    Attributes:
+        mode, fault: Registers 0 and 15.
+        conf: Its configuration by name.
+        supply: V.
+        silent: It answers to nothing.
+        persists: A fault that is there again after each stop; 0: none.
+    """
+
+    SOME_FAULT = 35
+
+    def __init__(self, drive: int, torque_constant: float = 0.5, resistance: float = 0.1) -> None:
+        self.id, self.mode, self.fault, self.persists = drive, STOPPED, 0, 0
+        self.supply, self.silent = 24.0, False
+        self.version, self.register_map = 0x010100, 5
+        self._constant, self._resistance = torque_constant, resistance
+        self.stored = {
+            "servo.pid_position.kp": 100.0,
+            "servo.pid_position.ki": 0.0,
+            "servo.pid_position.kd": 5.0,
+            "servo.pid_position.ilimit": 0.0,
+            "servo.timeout_mode": float(ZERO_VELOCITY),
+            "servo.default_timeout_s": 0.1,
+            "servo.timeout_max_torque_Nm": 5.0,
+            "servo.max_current_A": 40.0,
+            "servo.max_velocity": 100.0,
+            "servopos.position_min": math.nan,
+            "servopos.position_max": math.nan,
+        }
+        self._position = self._velocity = 0.0
+        self.reboot()
+
+    def reboot(self) -> None:
+        """As after its supply was gone: stopped, with the configuration that it has stored."""
+        self.conf: dict[str, float] = dict(self.stored)
+        self.mode, self.fault = STOPPED, 0
+        self._stream = b""
+        self._enabling = self._left = self._integral = 0.0
+        self._next, self._control = STOPPED, math.nan
+        self._command: dict[int, float] = dict(UNNAMED)
+        self.torque = self.current = 0.0
+
+    def fail(self, code: int, *, persists: bool = False) -> None:
+        """A fault of the drive; one that persists is there again after each stop."""
+        self.mode, self.fault, self.persists = FAULT, code, code if persists else 0
+
+    def heal(self) -> None:
+        """The cause is gone; the fault stays until a stop."""
+        self.persists = 0
+
+    # --- the wire ---------------------------------------------------------------------------
+
+    def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
+        """The frames that it answers with."""
+        if frame_id & 0x7F != self.id or frame_id & 0x80 or self.silent:
+            return
+        writes: dict[int, float] = {}
+        reads: list[tuple[int, int]] = []
+        answer = b""
+        try:
+            for part in mp.parse_frame(data):
+                kind = part.type
+                if kind is mp.SubframeType.WRITE:
+                    writes[part.register] = scale_register(
+                        part.register, part.resolution, part.value
+                    )
+                elif kind is mp.SubframeType.READ:
+                    reads.append((part.register, part.resolution))
+                elif kind is mp.SubframeType.STREAM_CLIENT_TO_SERVER:
+                    self._hear(part.data)
+                elif kind is mp.SubframeType.STREAM_CLIENT_POLL_SERVER:
+                    most = part.data[0]
+                    piece, self._stream = self._stream[:most], self._stream[most:]
+                    answer += bytes([0x41, part.channel, len(piece)]) + piece
+            if Register.MODE in writes:
+                self._order(int(writes[Register.MODE]), writes)
+            answer = self._read(reads) + answer
+        except Exception:  # noqa: BLE001 - no frame of its protocol: it does nothing
+            return
+        if frame_id & 0x8000 and 0 < len(answer) <= 64:
+            yield self.id << 8 | frame_id >> 8 & 0x7F, _padded(answer)
+
+    def _order(self, mode: int, writes: dict[int, float]) -> None:
+        if mode == STOPPED:
+            self.mode, self.fault = (FAULT, self.persists) if self.persists else (STOPPED, 0)
+            self._control = math.nan
+            return
+        if self.mode in (FAULT, TIMEOUT):  # left by a stop only
+            return
+        self._command = UNNAMED | {key: value for key, value in writes.items() if key in UNNAMED}
+        timeout = self._command[Register.COMMAND_TIMEOUT]
+        self._left = timeout if timeout != 0.0 else self.conf["servo.default_timeout_s"]
+        if self.mode == mode:
+            self._place(self._command[Register.COMMAND_POSITION])
+            return
+        if self.mode == STOPPED:
+            self.mode, self._enabling = ENABLING, ENABLE_TIME
+        elif self.mode != ENABLING:
+            self._enter(mode)
+        self._next = mode
+
+    def _enter(self, mode: int) -> None:
+        low, high = (self.conf[f"servopos.position_{end}"] for end in ("min", "max"))
+        if mode == POSITION and (self._position < low or self._position > high):
+            self.fail(39)
+            return
+        self.mode, self._integral, self._control = mode, 0.0, math.nan
+        if mode == POSITION:
+            self._place(self._command[Register.COMMAND_POSITION])
+
+    def _place(self, position: float) -> None:
+        if not math.isnan(position):
+            self._control = position
+        elif math.isnan(self._control):
+            self._control = self._position
+
+    def _read(self, reads: list[tuple[int, int]]) -> bytes:
+        """Replies, registers of one resolution that follow each other in one subframe."""
+        buffer = io.BytesIO()
+        writer = Writer(buffer)
+        place = 0
+        while place < len(reads):
+            register, resolution = reads[place]
+            count = 1
+            while place + count < len(reads) and reads[place + count] == (
+                register + count,
+                resolution,
+            ):
+                count += 1
+            writer.write_int8(0x20 | resolution << 2 | (count if count < 4 else 0))
+            if count >= 4:
+                writer.write_varuint(count)
+            writer.write_varuint(register)
+            for number in range(register, register + count):
+                scales = SCALES.get(Register(number) if number in _KNOWN else number, (1, 1, 1))
+                writer.write_mapped(self._register(number), *scales, resolution)
+            place += count
+        return buffer.getvalue()
+
+    def _register(self, number: int) -> float:
+        table = {
+            Register.MODE: self.mode,
+            Register.POSITION: self._position,
+            Register.VELOCITY: self._velocity,
+            Register.TORQUE: self.torque,
+            Register.Q_CURRENT: self.current,
+            Register.VOLTAGE: self.supply,
+            Register.TEMPERATURE: 30.0,
+            Register.FAULT: self.fault,
+            Register.FIRMWARE_VERSION: self.version,
+            Register.REGISTER_MAP_VERSION: self.register_map,
+            Register.MULTIPLEX_ID: self.id,
+        }
+        return float(table.get(number, 0))
+
+    def _hear(self, data: bytes) -> None:
+        """A line of the diagnostic protocol."""
+        words = data.decode("latin1").split()
+        answer = "ERR unknown command"
+        if words[:2] == ["conf", "get"] and len(words) == 3 and words[2] in self.conf:
+            answer = f"{self.conf[words[2]]:g}"
+        elif words[:2] == ["conf", "set"] and len(words) == 4 and words[2] in self.conf:
+            self.conf[words[2]] = float(words[3])
+            answer = "OK"
+        self._stream += answer.encode() + b"\r\n"
+
+    # --- the loops --------------------------------------------------------------------------
+
+    def step(self, seconds: float, position: float, velocity: float) -> float:
+        """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
+        self._position, self._velocity = position / REV, velocity / REV
+        if self.mode == ENABLING:
+            self._enabling -= seconds
+            if self._enabling <= 0.0:
+                self._enter(self._next)
+        if self.mode not in (STOPPED, FAULT) and self.supply < 4.0:
+            self.fail(40)
+        if self.mode == POSITION:
+            self._left -= seconds  # NaN: without a watchdog
+            if self._left <= 0.0:
+                self.mode = TIMEOUT
+                self._control = self._position
+        self.torque = self._torque(seconds)
+        self.current = self.torque / self._constant
+        return self.torque
+
+    def _torque(self, seconds: float) -> float:
+        command, most = self._command, self.conf["servo.max_current_A"] * self._constant
+        if self.mode == POSITION:
+            bound = command[Register.COMMAND_POSITION_MAX_TORQUE]
+            most = most if math.isnan(bound) else min(most, bound)
+            torque = self._position_loop(seconds) + command[Register.COMMAND_FEEDFORWARD_TORQUE]
+        elif self.mode == CURRENT:
+            torque = command[Register.COMMAND_Q_CURRENT] * self._constant
+        elif self.mode == VOLTAGE:
+            torque = self._shorted(command[Register.VOLTAGEDQ_Q])
+        elif self.mode == BRAKE or (
+            self.mode == TIMEOUT and self.conf["servo.timeout_mode"] == BRAKE
+        ):
+            torque = self._shorted(0.0)
+        elif self.mode == TIMEOUT and self.conf["servo.timeout_mode"] == POSITION:
+            command = self._command = dict(UNNAMED)
+            torque = self._position_loop(seconds)
+        elif self.mode == TIMEOUT and self.conf["servo.timeout_mode"] == ZERO_VELOCITY:
+            most = min(most, self.conf["servo.timeout_max_torque_Nm"])
+            torque = -self.conf["servo.pid_position.kd"] * self._velocity
+        else:
+            return 0.0
+        return max(-most, min(most, torque))
+
+    def _shorted(self, volts: float) -> float:
+        """Torque of the winding behind a voltage."""
+        emf = self._constant * self._velocity * REV
+        return self._constant * (volts - emf) / self._resistance
+
+    def _position_loop(self, seconds: float) -> float:
+        command, conf = self._command, self.conf
+        low, high = conf["servopos.position_min"], conf["servopos.position_max"]
+        rate = command[Register.COMMAND_VELOCITY]
+        rate = 0.0 if math.isnan(rate) else rate
+        self._control += rate * seconds
+        if not (low <= self._control or math.isnan(low)):
+            self._control, rate = low, 0.0
+        if not (self._control <= high or math.isnan(high)):
+            self._control, rate = high, 0.0
+        error = self._control - self._position
+        scale, limit = command[Register.COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
+        self._integral += conf["servo.pid_position.ki"] * error * seconds
+        self._integral = scale * max(-limit, min(limit, self._integral))
+        stiffness = conf["servo.pid_position.kp"] * command[Register.COMMAND_KP_SCALE]
+        damping = conf["servo.pid_position.kd"] * command[Register.COMMAND_KD_SCALE]
+        return stiffness * error + damping * (rate - self._velocity) + self._integral
+
+
+_KNOWN = {int(register) for register in SCALES}
+
+
+def _padded(data: bytes) -> bytes:
+    sizes = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+    return data.ljust(next(size for size in sizes if size >= len(data)), b"\x50")
+
+
+def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMoteus:
+    """A drive that fits a joint, tuned by the joint's own gains."""
+    if joint is None:
+        return VirtualMoteus(axis.id)
+    motor, ratio, gains = joint.motor, axis.ratio, joint.position_pid
+    made = VirtualMoteus(axis.id, motor.torque_per_ampere / ratio, motor.resistance)
+    made.supply = motor.supply_voltage
+    made.stored |= {
+        "servo.pid_position.kp": gains.kp * REV / ratio**2,
+        "servo.pid_position.kd": gains.kd * REV / ratio**2,
+        "servo.pid_position.ki": gains.ki * REV / ratio**2,
+        "servo.pid_position.ilimit": min(gains.integral_limit, joint.limits.torque) / ratio,
+        "servo.max_current_A": joint.limits.peak_current,
+        "servo.max_velocity": 1.5 * joint.limits.velocity * ratio / REV,
+    }
+    made.reboot()
+    return made
+
+
+def virtual_bus(world: World, drives: Sequence[VirtualMoteus], address: str = "") -> VirtualCanBus:
+    """The drives on a bus of python-can."""
+    return VirtualCanBus(world, drives, address, fd=True)

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Virtual drives on a bus of python-can: a thread that reads frames and lets the drives answer."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import threading
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
+
+from .wire import Wire
+from .world import World
+
+#: s for which the bus may be quiet until the world goes on all the same.
+QUIET = 5e-3
+_numbers = itertools.count(1)
+
+
+class CanDrive(Protocol):
+    """A virtual drive as its bus sees it."""
+
+    def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
+        """The frames, id and data, that it answers with."""
+        ...
+
+
+class VirtualCanBus:
+    """Drives that answer on a bus until it is closed.
+
+    Args:
+        world: What they move.
+        drives: Its drives, and others that nothing hangs on.
+        address: Interface and channel; empty: a channel of this process that nobody has.
+        fd: With CAN FD frames.
+        extended: With identifiers of 29 bits.
+
+    Attributes:
+        address: As a driver is given it.
+        to_drives, from_drives: What happens to frames on their way.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        drives: Sequence[CanDrive],
+        address: str = "",
+        *,
+        fd: bool = False,
+        extended: bool = False,
+    ) -> None:
+        import can
+
+        self.world, self.drives = world, list(drives)
+        self.address = address or f"virtual:drives {next(_numbers)}"
+        interface, _, channel = self.address.partition(":")
+        self.to_drives, self.from_drives = Wire(checked=True), Wire(checked=True, seed=1)
+        self._fd, self._extended, self._message = fd, extended, can.Message
+        more: dict[str, Any] = {}
+        if interface == "virtual":
+            more["protocol"] = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
+        elif fd:
+            more["fd"] = True
+        self.bus = can.Bus(interface=interface, channel=channel, **more)
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="virtual drives", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """The drives are gone; safe to call twice."""
+        self._ending.set()
+        self._thread.join(2.0)
+        with contextlib.suppress(Exception):
+            self.bus.shutdown()
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            try:
+                message = self.bus.recv(QUIET)
+            except Exception:  # noqa: BLE001 - the bus is gone
+                return
+            with self.world.lock:
+                self.world.advance()
+                if message is None or message.is_error_frame:
+                    continue
+                answers = list(self._answers(message))
+            for frame_id, data in self.from_drives.carry(iter(answers)):
+                with contextlib.suppress(Exception):  # nobody takes it
+                    self.bus.send(
+                        self._message(
+                            arbitration_id=frame_id,
+                            data=data,
+                            is_extended_id=self._extended,
+                            is_fd=self._fd,
+                            bitrate_switch=self._fd,
+                        )
+                    )
+
+    def _answers(self, message: Any) -> Iterator[tuple[int, bytes]]:
+        frame = message.arbitration_id, bytes(message.data)
+        for frame_id, data in self.to_drives.carry(iter([frame])):
+            for drive in self.drives:
+                yield from drive.on_frame(frame_id, data)

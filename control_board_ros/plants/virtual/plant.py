@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A driver in the box with virtual drives at the other end of its bus: ``plant:=virtual/moteus``.
+
+The drives turn the joints of the robot's own simulated body, gravity and friction included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from ...core.config.config import BoardConfig
+from ...core.terms.set_points import SetPoints
+from ...settings.loading import Settings
+from ...sim.config import SimulationConfig
+from ...sim.plant import make_body
+from ..drives.plant import DrivesPlant
+from ..entry_points import DRIVERS, pairs
+from ..errors import PlantSettingsError
+from ..interface import Description, Readings, Setup
+from .world import STEP, World
+
+
+def make_virtual(name: str, settings: Settings, arguments: Sequence[str]) -> VirtualPlant:
+    """The plant ``virtual/NAME``.
+
+    Args:
+        name: As the user wrote it.
+        settings: Of the board and of the body.
+        arguments: ``name=value`` each.
+
+    Raises:
+        PlantSettingsError: there is no such driver, its library is not installed, or an argument
+            makes no sense.
+    """
+    driver = name.removeprefix("virtual/")
+    if driver not in DRIVERS:
+        known = ", ".join(f"virtual/{known}" for known in DRIVERS)
+        raise PlantSettingsError(f"plant: {name[:60]!r} unknown; known: {known}")
+    try:
+        return VirtualPlant(driver, settings.board, settings.simulation, pairs(arguments))
+    except ImportError as error:
+        raise PlantSettingsError(
+            f"plant: {name!r} needs {error.name}; pip install 'control_board_ros[{driver}]'"
+        ) from None
+
+
+class VirtualPlant:
+    """A DrivePlant whose drives are virtual.
+
+    Args:
+        driver: Its folder's name, as ``moteus``.
+        board: Its joints, in its order.
+        simulation: The body that the drives move.
+        arguments: Of the user, for the driver.
+
+    Attributes:
+        plant: The driver's own.
+        world, bus, drives: What is at the other end.
+    """
+
+    def __init__(
+        self,
+        driver: str,
+        board: BoardConfig,
+        simulation: SimulationConfig,
+        arguments: Mapping[str, str],
+    ) -> None:
+        room = f"control_board_ros.plants.{driver}"
+        maker, virtual = import_module(f"{room}.driver").make, import_module(f"{room}.virtual")
+        given = {key: value for key, value in arguments.items() if key != "bus"}
+        axes = maker(board.names, given).axes
+        self.drives: Sequence[Any] = [
+            virtual.virtual_drive(axis, joint)
+            for axis, joint in zip(axes, board.joints, strict=True)
+        ]
+        simulation = replace(simulation, physics_rate=1.0 / STEP)
+        body = make_body(board, simulation)
+        motors = [joint.motor for joint in simulation.joints]
+        friction = np.array([[m.coulomb for m in motors], [m.viscous for m in motors]])
+        home = np.array([joint.home for joint in simulation.joints])
+        self.world = World(axes, self.drives, body, friction, home)
+        body.restore(self.world.state.copy())
+        self.bus = virtual.virtual_bus(self.world, self.drives)
+        self.plant: DrivesPlant = maker(board.names, {**given, "bus": self.bus.address})
+
+    def describe(self) -> Description:
+        return self.plant.describe()
+
+    def connect(self, setup: Setup) -> None:
+        self.plant.connect(setup)
+
+    def exchange(self, wanted: SetPoints) -> Readings:
+        return self.plant.exchange(wanted)
+
+    def clear_fault(self, joint: int) -> None:
+        self.plant.clear_fault(joint)
+
+    def let_go(self) -> None:
+        self.plant.let_go()
+
+    def close(self) -> None:
+        self.plant.close()
+        self.bus.close()
+        self.world.body.close()

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Virtual drives on a serial bus: a pseudo terminal, and a thread that reads and answers."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pty
+import select
+import threading
+import tty
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
+
+from .can_bus import QUIET
+from .wire import Wire
+from .world import World
+
+
+class Framer(Protocol):
+    """What a bus makes of bytes that come: packets, by the protocol of its drives."""
+
+    def feed(self, data: bytes) -> Iterator[Any]: ...
+
+
+class VirtualSerialBus:
+    """Drives that answer on a pseudo terminal until it is closed.
+
+    Args:
+        world: What they move.
+        drives: Its drives, and others that nothing hangs on; ``on_packet`` gives their answers.
+        framer: Of their protocol.
+
+    Attributes:
+        address: The device that a driver opens.
+        to_drives, from_drives: What happens to packets on their way.
+    """
+
+    def __init__(self, world: World, drives: Sequence[Any], framer: Framer) -> None:
+        self.world, self.drives, self._framer = world, list(drives), framer
+        self.to_drives, self.from_drives = Wire(), Wire(seed=1)
+        self._master, self._slave = pty.openpty()
+        tty.setraw(self._slave)
+        self.address = os.ttyname(self._slave)
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="virtual drives", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """The drives are gone; safe to call twice."""
+        if self._ending.is_set():
+            return
+        self._ending.set()
+        self._thread.join(2.0)
+        os.close(self._master)
+        os.close(self._slave)
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            ready, _, _ = select.select([self._master], [], [], QUIET)
+            with self.world.lock:
+                self.world.advance()
+                answers = []
+                if ready:
+                    came = self.to_drives.carry(iter([(0, os.read(self._master, 4096))]))
+                    for _, data in came:
+                        for packet in self._framer.feed(data):
+                            for drive in self.drives:
+                                answers += [(0, answer) for answer in drive.on_packet(packet)]
+            for _, data in self.from_drives.carry(iter(answers)):
+                with contextlib.suppress(OSError):  # nobody takes it
+                    os.write(self._master, data)

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happens to frames on a wire: they are lost, late, doubled, corrupted; a cable is out."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+
+@dataclass(slots=True)
+class Wire:
+    """Faults of a wire, each a share of the frames, 0 to 1; may be changed at any time.
+
+    Attributes:
+        lost, late, doubled, corrupted: Shares. A late frame comes after the next one.
+        checked: Its hardware drops what is corrupted, as that of CAN does by its checksum.
+        cut: The cable is out.
+        seed: Of the chances.
+    """
+
+    lost: float = 0.0
+    late: float = 0.0
+    doubled: float = 0.0
+    corrupted: float = 0.0
+    cut: bool = False
+    checked: bool = False
+    seed: int = 0
+    _random: random.Random = field(init=False)
+    _held: list[tuple[int, bytes]] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._random = random.Random(self.seed)
+
+    def carry(self, frames: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+        """The frames (id and data) that arrive."""
+        chance = self._random.random
+        for name, data in frames:
+            if self.cut or chance() < self.lost:
+                continue
+            if chance() < self.corrupted:
+                if self.checked:
+                    continue
+                data = self._corrupt(data)  # noqa: PLW2901 - it is that frame
+            if chance() < self.late:
+                self._held.append((name, data))
+                continue
+            yield name, data
+            if chance() < self.doubled:
+                yield name, data
+            held, self._held = self._held, []
+            yield from held
+
+    def _corrupt(self, data: bytes) -> bytes:
+        if not data:
+            return data
+        place = self._random.randrange(len(data))
+        changed = bytes([data[place] ^ 1 << self._random.randrange(8)])
+        return data[:place] + changed + data[place + 1 :]

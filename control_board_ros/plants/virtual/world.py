@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What virtual drives move: a body, stepped in real time by whoever looks at it.
+
+Nobody needs a thread for it: before a frame is read, :meth:`World.advance` makes up for the time
+that went by, drives and body, a step of STEP after the other.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+import numpy as np
+
+from ...core.terms.measurement import Array
+from ..drives.axes import Axis
+
+STEP = 1e-3
+#: s that a world makes up for at most; a process that stood still has lost the rest.
+LARGEST_GAP = 0.25
+
+
+class VirtualDrive(Protocol):
+    """A drive between its bus and its output."""
+
+    def step(self, seconds: float, position: float, velocity: float) -> float:
+        """The torque at its output, N·m, for the next step.
+
+        Args:
+            seconds: Of the step.
+            position: Of its output, rad.
+            velocity: Of its output, rad/s.
+        """
+        ...
+
+
+class Body(Protocol):
+    """As in ``sim.plant``."""
+
+    def attach(self, state: Array) -> None: ...
+    def step(self, torque: Array) -> bool: ...
+    def restore(self, state: Array) -> None: ...
+    def close(self) -> None: ...
+
+
+class FreeBody:
+    """Joints of a given inertia between two stops; no gravity.
+
+    Args:
+        inertia: kg·m², shape (n,).
+        lower, upper: rad, shape (n,).
+    """
+
+    def __init__(self, inertia: Array, lower: Array, upper: Array) -> None:
+        self._gain, self._lower, self._upper = STEP / inertia, lower, upper
+
+    def attach(self, state: Array) -> None:
+        """Refresh ``state``, shape (2, n), position and velocity, from now on."""
+        self._state = state
+
+    def step(self, torque: Array) -> bool:
+        """Apply torques, shape (n,), for one step."""
+        position, velocity = self._state
+        velocity += self._gain * torque
+        position += STEP * velocity
+        beyond = (position < self._lower) | (position > self._upper)
+        velocity[beyond] = 0.0
+        np.clip(position, self._lower, self._upper, out=position)
+        return True
+
+    def restore(self, state: Array) -> None:
+        """Take over positions and velocities, shape (2, n)."""
+        self._state[:] = state
+
+    def close(self) -> None:
+        """Holds nothing to release."""
+
+
+class World:
+    """Joints, and the drives that move them.
+
+    Args:
+        axes: How each drive is mounted in truth.
+        drives: In the same order; may be set later.
+        body: What they move; its step is STEP.
+        friction: Dry friction, N·m, and viscous, N·m·s/rad, at the joints, shape (2, n).
+        home: Positions at start, rad, shape (n,).
+        clock: s; for tests.
+
+    Attributes:
+        state: Position and velocity of the joints, shape (2, n).
+        time: Up to which they are stepped, s.
+        lock: Held by whoever looks at drives or joints.
+    """
+
+    SLIP = 1e-2  # rad/s at which dry friction is nearly whole
+
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        drives: Sequence[VirtualDrive],
+        body: Body,
+        friction: Array,
+        home: Array | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        n = len(axes)
+        self.drives, self.axes, self.body = list(drives), tuple(axes), body
+        self.state = np.zeros((2, n))
+        if home is not None:
+            self.state[0] = home
+        body.attach(self.state)
+        self._factor = [axis.factor for axis in axes]
+        self._offset = [axis.offset for axis in axes]
+        self._dry, self._viscous = friction.tolist()
+        self._torque = np.zeros(n)
+        self.clock, self.lock = clock, threading.RLock()
+        self.time = clock()
+
+    def advance(self) -> None:
+        """Let pass what passed since the last call."""
+        now = self.clock()
+        if now - self.time > LARGEST_GAP:
+            self.time = now - LARGEST_GAP
+        while self.time + STEP <= now:
+            self.time += STEP
+            self.step()
+
+    def step(self) -> None:
+        """One STEP of drives and body."""
+        positions, velocities = self.state.tolist()
+        for k, drive in enumerate(self.drives):
+            factor, velocity = self._factor[k], velocities[k]
+            torque = factor * drive.step(
+                STEP, (positions[k] - self._offset[k]) * factor, velocity * factor
+            )
+            dry = self._dry[k] * math.tanh(velocity / self.SLIP)
+            self._torque[k] = torque - dry - self._viscous[k] * velocity
+        self.body.step(self._torque)
+
+    def output(self, drive: int) -> tuple[float, float]:
+        """Position and velocity of a drive's output, rad, rad/s."""
+        position, velocity = self.state[:, drive].tolist()
+        factor = self._factor[drive]
+        return (position - self._offset[drive]) * factor, velocity * factor
+
+
+def free_world(axes: Sequence[Axis], drives: Sequence[VirtualDrive], inertia: float = 0.05,
+               clock: Callable[[], float] = time.monotonic) -> World:  # fmt: skip
+    """A world of free joints, each of an inertia (kg·m²), with a little friction."""
+    n = len(axes)
+    body = FreeBody(np.full(n, inertia), np.full(n, -20.0), np.full(n, 20.0))
+    return World(axes, drives, body, np.full((2, n), [[0.01], [0.05]]), clock=clock)

@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What every driver in the box does with its drives: on their virtual twins, over the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from drive_bench import TIMEOUT, Bench
+
+from control_board_ros.core.terms.set_points import SetPoint
+from control_board_ros.plants.interface import DriveFault, Readings
+from control_board_ros.testing.plants import plant_contract
+
+#: By driver: its library, and options that make it take all that it can.
+DRIVERS = {"moteus": ("moteus", {"unwatched": "1"}), "dynamixel": ("dynamixel_sdk", {})}
+MOUNTED = {"left.direction": "-1", "left.ratio": "2", "left.offset": "0.3"}
+OFF, POSITION, VELOCITY = SetPoint.OFF, SetPoint.POSITION, SetPoint.VELOCITY
+TORQUE, CURRENT, PWM, IMPEDANCE = (
+    SetPoint.TORQUE, SetPoint.CURRENT, SetPoint.PWM, SetPoint.IMPEDANCE,
+)  # fmt: skip
+
+Make = Callable[..., Bench]
+
+
+@pytest.fixture(params=DRIVERS)
+def make(request: pytest.FixtureRequest) -> Iterator[Make]:
+    library, options = DRIVERS[request.param]
+    pytest.importorskip(library)
+    made = []
+
+    def bench(**more: object) -> Bench:
+        given = {**options, **MOUNTED, **more.pop("options", {})}
+        made.append(Bench(request.param, options=given, **more))
+        return made[-1]
+
+    yield bench
+    for each in made:
+        each.__exit__(None, None, None)
+
+
+@pytest.fixture
+def bench(make: Make) -> Bench:
+    found = make()
+    found.connect()
+    return found
+
+
+def recover(bench: Bench) -> None:
+    """As the board does: faults are reset while their joints are without power."""
+    for _ in range(500):
+        found = bench.follow(OFF)
+        if healthy(found):
+            return
+        for joint, fault in enumerate(found.faults):
+            if fault:
+                bench.plant.clear_fault(joint)
+    raise AssertionError(f"it stays: {found.faults}")
+
+
+def takes(bench: Bench, kind: SetPoint) -> None:
+    if kind not in bench.takes:
+        pytest.skip(f"it takes no {kind.code}")
+
+
+def healthy(found: Readings) -> bool:
+    return not any(found.faults)
+
+
+def named(bench: Bench, joint: int) -> Callable[[Readings], bool]:
+    """A fault of this joint, and of this one only."""
+    return lambda found: bool(found.faults[joint]) and not found.faults[1 - joint]
+
+
+def contract(driver: str) -> Callable[..., None]:
+    benches: list[Bench] = []
+
+    def made() -> object:
+        while benches:
+            benches.pop().__exit__(None, None, None)
+        benches.append(Bench(driver, options=DRIVERS[driver][1]))
+        return benches[-1].plant
+
+    return plant_contract(made)
+
+
+test_moteus_keeps_the_contract = contract("moteus")
+test_dynamixel_keeps_the_contract = contract("dynamixel")
+
+
+def test_connecting_gives_no_power_and_tells_type_and_firmware(bench: Bench) -> None:
+    """S4, N1."""
+    found = bench.follow(OFF, 20)
+    assert healthy(found)
+    np.testing.assert_array_equal(bench.world.state, 0.0)
+    for joint in bench.plant.describe().joints:
+        assert joint.drive
+        assert any(map(str.isdigit, joint.drive))
+
+
+def test_a_position_is_reached_at_the_joint_whatever_direction_and_ratio(bench: Bench) -> None:
+    """S1: units, direction, ratio, zero."""
+    takes(bench, POSITION)
+    found = bench.until(
+        lambda found: (
+            np.abs(bench.world.state[0] - 0.5).max() < 3e-3 and np.abs(found.velocity).max() < 0.02
+        ),
+        POSITION,
+        position=0.5,
+    )
+    np.testing.assert_allclose(found.position, bench.world.state[0], atol=3e-3)
+    assert healthy(found)
+
+
+def test_a_velocity_is_held_at_the_joint(bench: Bench) -> None:
+    """S1."""
+    takes(bench, VELOCITY)
+    bench.until(lambda _: np.abs(bench.world.state[1] - 0.4).max() < 0.02, VELOCITY, velocity=0.4)
+    found = bench.follow(VELOCITY, 50, velocity=0.4)
+    np.testing.assert_allclose(found.velocity, 0.4, atol=0.05)
+
+
+def test_an_impedance_is_a_spring_and_a_damper(bench: Bench) -> None:
+    """S1: released from rest it comes to the set-point; a feed-forward moves it by τ/k."""
+    takes(bench, IMPEDANCE)
+    spring = {"position": 0.2, "stiffness": 4.0, "damping": 1.0}
+    bench.follow(IMPEDANCE, 1500, **spring)
+    np.testing.assert_allclose(bench.world.state[0], 0.2, atol=5e-3)
+    bench.follow(IMPEDANCE, 1500, torque=0.4, **spring)
+    np.testing.assert_allclose(bench.world.state[0], 0.3, atol=7e-3)
+
+
+def test_torque_accelerates_the_joint(bench: Bench) -> None:
+    """S1: J dω/dt = τ less friction, either way round."""
+    takes(bench, TORQUE)
+    found = bench.follow(TORQUE, 50, torque=0.1)
+    np.testing.assert_allclose(found.torque, 0.1, atol=0.02)
+    assert (bench.world.state[1] > 0.05).all()
+    np.testing.assert_allclose(bench.world.state[1, 0], bench.world.state[1, 1], rtol=0.2)
+
+
+@pytest.mark.parametrize(("kind", "value"), [(CURRENT, 0.4), (PWM, 5.0)])
+def test_current_and_pwm_drive_the_way_of_the_joint(
+    bench: Bench, kind: SetPoint, value: float
+) -> None:
+    """S1."""
+    takes(bench, kind)
+    for sign in (1.0, -1.0):
+        bench.follow(kind, 100, **{kind.code: sign * value})
+        bench.until(
+            lambda _, sign=sign: (sign * bench.world.state[1] > 0.01).all(),
+            kind,
+            **{kind.code: sign * value},
+        )
+
+
+def test_a_new_kind_of_set_point_comes_with_its_own_values(bench: Bench) -> None:
+    """S3, M9: at rest no change of kind moves a joint."""
+    at = bench.follow(OFF, 5).position
+    for kind in (*bench.takes, OFF, *bench.takes):
+        for _ in range(20):
+            rows = {"position": float(at[0])} if np.ptp(at) < 1e-2 else {}
+            bench.follow(kind, 1, **(rows or {"position": 0.0}))
+    np.testing.assert_allclose(bench.world.state[0], 0.0, atol=5e-3)
+
+
+def test_without_power_nothing_holds_the_joint(bench: Bench) -> None:
+    """M10."""
+    takes(bench, POSITION)
+    bench.follow(POSITION, 50)
+    bench.follow(OFF, 20)
+    with bench.world.lock:
+        bench.world.state[1] = 1.0
+    bench.follow(OFF, 10)
+    assert (bench.world.state[1] > 0.8).all()
+
+
+def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -> None:
+    """S6, F3."""
+    bench.follow(bench.takes[0], 20)
+    bench.drives[1].fail(bench.drives[1].SOME_FAULT, persists=True)
+    found = bench.until(named(bench, 1), bench.takes[0])
+    fault = found.faults[1]
+    assert isinstance(fault, DriveFault)
+    assert fault.name
+    assert "manual" not in fault.name
+    bench.follow(OFF, 5)
+    bench.plant.clear_fault(1)
+    assert bench.follow(OFF, 10).faults[1], "it persists"
+    bench.drives[1].heal()
+    recover(bench)
+    bench.follow(bench.takes[0], 30)
+    assert healthy(bench.follow(bench.takes[0]))
+
+
+def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> None:
+    """S5: and says so when it is heard again; it needs a joint without power to go on."""
+    takes(bench, VELOCITY)
+    bench.until(lambda _: (bench.world.state[1] > 0.3).all(), VELOCITY, velocity=0.4)
+    bench.pass_time(2.5 * TIMEOUT)
+    for _ in range(5):
+        bench.pass_time(TIMEOUT)
+    before = bench.world.state[0].copy()
+    bench.pass_time(TIMEOUT)
+    assert (bench.world.state[0] - before < 0.4 * TIMEOUT / 2).all()
+    bench.until(lambda found: all(found.faults), VELOCITY, velocity=0.4)
+    assert "watchdog" in str(bench.follow(VELOCITY).faults[0])
+    recover(bench)
+
+
+def test_a_drive_that_started_anew_does_not_go_on_by_itself(bench: Bench) -> None:
+    """Nothing moves unasked: it stays without power until its fault is cleared."""
+    kind = bench.takes[0]
+    bench.follow(kind, 30)
+    bench.drives[1].reboot()
+    bench.until(named(bench, 1), kind)
+    torque = [abs(bench.drives[1].torque) for _ in range(50) if bench.follow(kind, position=0.3)]
+    assert max(torque[5:]) < 1e-6
+    recover(bench)
+    bench.follow(kind, 30)
+    assert healthy(bench.follow(kind))
+
+
+def test_a_silent_drive_is_named_and_the_other_goes_on(make: Make) -> None:
+    """B3: its last reading, with its age; then a fault; FORCE_IDLE works when it is back."""
+    bench = make(patience=0.02)
+    bench.connect()
+    kind = bench.takes[0]
+    bench.follow(kind, 20)
+    bench.drives[1].silent = True
+    bench.until(lambda found: found.ages[1] > 0.0, kind)
+    found = bench.until(named(bench, 1), kind)
+    assert f"no answer from id {bench.plant.axes[1].id} for" in str(found.faults[1])
+    bench.drives[1].silent = False
+    recover(bench)
+
+
+def test_two_drives_with_one_id_are_told(bench: Bench) -> None:
+    """Also while it runs: somebody plugged one in."""
+    other = bench.world_drive(bench.plant.axes[1])
+    with bench.world.lock:
+        bench.bus.drives.append(other)
+    bench.until(lambda found: "two drives answer as id" in str(found.faults[1]), OFF, cycles=500)
+    assert not bench.follow(OFF).faults[0]
+    with pytest.raises(OSError, match="two drives answer as id"):
+        bench.connect()
+
+
+def test_a_drive_that_is_not_there_is_told_at_the_start(make: Make) -> None:
+    """B3."""
+    bench = make(patience=0.02)
+    bench.drives[0].silent = True
+    with pytest.raises(OSError, match=r"left: no drive answers as id 1 on .*; look with: cbctl"):
+        bench.connect()
+
+
+@pytest.mark.parametrize("what", ["lost", "late", "doubled", "corrupted"])
+@pytest.mark.parametrize("share", [0.01, 0.1])
+def test_a_bad_wire_moves_nothing_that_was_not_asked_for(
+    make: Make, what: str, share: float
+) -> None:
+    """Frames of either way lost, late, doubled, corrupted: the joint follows, or is told of."""
+    bench = make(patience=0.01)
+    bench.connect()
+    takes(bench, POSITION)
+    bench.follow(POSITION, 100, position=0.2)
+    for wire in (bench.bus.to_drives, bench.bus.from_drives):
+        setattr(wire, what, share)
+    highest = 0.0
+    for _ in range(150):
+        bench.follow(POSITION, position=0.2)
+        highest = max(highest, float(np.abs(bench.world.state[0] - 0.2).max()))
+    assert highest < 0.25
+    for wire in (bench.bus.to_drives, bench.bus.from_drives):
+        setattr(wire, what, 0.0)
+    recover(bench)
+
+
+def test_a_cable_that_is_out_is_a_fault_until_it_is_in_again(make: Make) -> None:
+    """B3: all frames lost."""
+    bench = make(patience=0.01)
+    bench.connect()
+    kind = bench.takes[0]
+    bench.follow(kind, 20)
+    bench.bus.to_drives.cut = True
+    found = bench.until(lambda found: all(found.faults), kind, cycles=500)
+    assert "no answer" in str(found.faults[0])
+    bench.bus.to_drives.cut = False
+    recover(bench)
+
+
+def test_a_scan_lists_what_answers(make: Make) -> None:
+    """Type, id, firmware, voltage, faults."""
+    bench = make()
+    bench.drives[1].fail(bench.drives[1].SOME_FAULT)
+    bench.drives[1].step(1e-3, 0.0, 0.0)
+    found = bench.driver.scan(bench.bus.address)
+    assert [drive.id for drive in found] == [axis.id for axis in bench.plant.axes]
+    assert all(drive.type for drive in found)
+    assert found[0].fault is None
+    assert found[1].fault is not None
+
+
+def test_letting_go_takes_the_power_where_silence_is_free(bench: Bench) -> None:
+    """S5, B5."""
+    kind = bench.takes[0]
+    bench.follow(kind, 30)
+    bench.plant.let_go()
+    bench.pass_time(0.01)
+    with bench.world.lock:
+        bench.world.state[1] = 1.0
+    bench.pass_time(0.02)
+    assert (bench.world.state[1] > 0.8).all()

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drivers against their virtual drives, in a time of their own that only exchanges move on."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from importlib import import_module
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from control_board_ros.core.terms.set_points import SetPoint, SetPoints
+from control_board_ros.plants.drives.axes import Axis
+from control_board_ros.plants.drives.plant import DrivesPlant
+from control_board_ros.plants.interface import Readings, Setup
+from control_board_ros.plants.virtual.world import World, free_world
+from control_board_ros.testing.plants import asked
+
+PERIOD = 2e-3
+TIMEOUT = 0.1
+
+
+class Bench:
+    """A driver, and at the other end of its bus virtual drives with free joints.
+
+    Args:
+        driver: Its folder's name.
+        names: Of the joints.
+        options: Of the driver, as ``plant_arguments`` has them.
+        patience: s of real time that an exchange waits for an answer.
+        mounted: Options by which the drives are mounted in truth, where the user is wrong.
+    """
+
+    def __init__(
+        self,
+        driver: str,
+        names: tuple[str, ...] = ("left", "right"),
+        options: dict[str, str] | None = None,
+        patience: float = 2.0,
+        mounted: dict[str, str] | None = None,
+    ) -> None:
+        room = f"control_board_ros.plants.{driver}"
+        self.driver, self._virtual = (
+            import_module(f"{room}.driver"),
+            import_module(f"{room}.virtual"),
+        )
+        self.time, self._patience = 100.0, patience
+        options = options or {}
+        axes = self.driver.make(names, options if mounted is None else mounted).axes
+        self.drives: list[Any] = [self._virtual.virtual_drive(axis, None) for axis in axes]
+        self.world: World = free_world(axes, self.drives, clock=lambda: self.time)
+        self.bus = self._virtual.virtual_bus(self.world, self.drives)
+        self.plant: DrivesPlant = self.driver.make(names, options | {"bus": self.bus.address})
+        self.plant.time_by(lambda: self.time)
+        self.joints: tuple[Any, ...] = (None,) * len(names)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.plant.close()
+        self.bus.close()
+
+    @property
+    def takes(self) -> tuple[SetPoint, ...]:
+        return self.plant.driver.traits.set_points
+
+    def world_drive(self, axis: Axis) -> Any:
+        """Another drive of that id, which moves nothing."""
+        made = self._virtual.virtual_drive(axis, None)
+        made.step(1e-3, 1.0, 0.0)
+        return made
+
+    def connect(self) -> None:
+        period = self._patience / 0.6
+        self.plant.connect(Setup(period=period, timeout=TIMEOUT, joints=self.joints))
+
+    def tick(self, wanted: SetPoints) -> Readings:
+        """One exchange, one period later."""
+        self.time += PERIOD
+        return self.plant.exchange(wanted)
+
+    def follow(self, kind: SetPoint, cycles: int = 1, **values: float) -> Readings:
+        """The same set-point for all joints, for some cycles."""
+        n = len(self.drives)
+        rows = {name: np.full(n, value) for name, value in values.items()}
+        wanted = SetPoints.off(n) if kind is SetPoint.OFF else asked([kind] * n, **rows)
+        for _ in range(cycles):
+            found = self.tick(wanted)
+        return found
+
+    def until(
+        self,
+        reached: Callable[[Readings], bool],
+        kind: SetPoint,
+        cycles: int = 5000,
+        **values: float,
+    ) -> Readings:
+        """Follow until something is so."""
+        for _ in range(cycles):
+            if reached(found := self.follow(kind, **values)):
+                return found
+        raise AssertionError(f"it never came; {found}")
+
+    def pass_time(self, seconds: float) -> None:
+        """Time passes for the drives while nobody talks to them."""
+        wanted = self.time + seconds
+        while self.time < wanted:
+            self.time = min(wanted, self.time + 0.1)
+            for _ in range(2000):
+                with self.world.lock:
+                    if self.world.time + 2e-3 > self.time:
+                        break
+                time.sleep(1e-3)
+            else:
+                raise AssertionError("the virtual drives stand still")
