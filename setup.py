@@ -365,7 +365,8 @@ TUNE_GRPC = [*TUNE, "grpcio>=1.68", "protobuf>=5.28"]
 #: Drivers of motors, each with what its maker or its field offers.
 MOTEUS = ["moteus>=1.1", "python-can>=4.3"]
 DYNAMIXEL = ["dynamixel-sdk>=4.0"]
-DRIVES = [*MOTEUS, *DYNAMIXEL]
+MIT_CAN = ["python-can>=4.3"]
+DRIVES = [*MOTEUS, *DYNAMIXEL, *MIT_CAN]
 TEST = [
     "axe-playwright-python>=0.1.8",
     "canopen>=2.3",
@@ -448,6 +449,7 @@ setup(
         "tune-grpc": TUNE_GRPC,
         "moteus": MOTEUS,
         "dynamixel": DYNAMIXEL,
+        "mit_can": MIT_CAN,
         "dev": DEV,
     },
     entry_points={

@@ -14,7 +14,11 @@ from control_board_ros.plants.interface import DriveFault, Readings
 from control_board_ros.testing.plants import plant_contract
 
 #: By driver: its library, and options that make it take all that it can.
-DRIVERS = {"moteus": ("moteus", {"unwatched": "1"}), "dynamixel": ("dynamixel_sdk", {})}
+DRIVERS: dict[str, tuple[str, dict[str, str]]] = {
+    "moteus": ("moteus", {"unwatched": "1"}),
+    "dynamixel": ("dynamixel_sdk", {}),
+    "mit_can": ("can", {}),
+}
 MOUNTED = {"left.direction": "-1", "left.ratio": "2", "left.offset": "0.3"}
 OFF, POSITION, VELOCITY = SetPoint.OFF, SetPoint.POSITION, SetPoint.VELOCITY
 TORQUE, CURRENT, PWM, IMPEDANCE = (
@@ -87,6 +91,7 @@ def contract(driver: str) -> Callable[..., None]:
 
 test_moteus_keeps_the_contract = contract("moteus")
 test_dynamixel_keeps_the_contract = contract("dynamixel")
+test_mit_can_keeps_the_contract = contract("mit_can")
 
 
 def test_connecting_gives_no_power_and_tells_type_and_firmware(bench: Bench) -> None:
@@ -167,8 +172,7 @@ def test_a_new_kind_of_set_point_comes_with_its_own_values(bench: Bench) -> None
 
 def test_without_power_nothing_holds_the_joint(bench: Bench) -> None:
     """M10."""
-    takes(bench, POSITION)
-    bench.follow(POSITION, 50)
+    bench.follow(bench.takes[0], 50)
     bench.follow(OFF, 20)
     with bench.world.lock:
         bench.world.state[1] = 1.0
@@ -196,16 +200,15 @@ def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -
 
 def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> None:
     """S5: and says so when it is heard again; it needs a joint without power to go on."""
-    takes(bench, VELOCITY)
-    bench.until(lambda _: (bench.world.state[1] > 0.3).all(), VELOCITY, velocity=0.4)
-    bench.pass_time(2.5 * TIMEOUT)
-    for _ in range(5):
-        bench.pass_time(TIMEOUT)
+    kind = VELOCITY if VELOCITY in bench.takes else IMPEDANCE
+    asked = {"velocity": 0.4, "stiffness": 0.0, "damping": 2.0}
+    bench.until(lambda _: (bench.world.state[1] > 0.3).all(), kind, **asked)
+    bench.pass_time(25 * TIMEOUT)
     before = bench.world.state[0].copy()
     bench.pass_time(TIMEOUT)
-    assert (bench.world.state[0] - before < 0.4 * TIMEOUT / 2).all()
-    bench.until(lambda found: all(found.faults), VELOCITY, velocity=0.4)
-    assert "watchdog" in str(bench.follow(VELOCITY).faults[0])
+    assert (bench.world.state[0] - before < 0.4 * TIMEOUT / 4).all()
+    found = bench.until(lambda found: all(found.faults), kind, **asked)
+    assert "watchdog" in str(found.faults[0])
     recover(bench)
 
 
@@ -215,7 +218,7 @@ def test_a_drive_that_started_anew_does_not_go_on_by_itself(bench: Bench) -> Non
     bench.follow(kind, 30)
     bench.drives[1].reboot()
     bench.until(named(bench, 1), kind)
-    torque = [abs(bench.drives[1].torque) for _ in range(50) if bench.follow(kind, position=0.3)]
+    torque = [abs(bench.drives[1].torque) for _ in range(50) if bench.follow(kind, position=9.0)]
     assert max(torque[5:]) < 1e-6
     recover(bench)
     bench.follow(kind, 30)
@@ -263,13 +266,13 @@ def test_a_bad_wire_moves_nothing_that_was_not_asked_for(
     """Frames of either way lost, late, doubled, corrupted: the joint follows, or is told of."""
     bench = make(patience=0.01)
     bench.connect()
-    takes(bench, POSITION)
-    bench.follow(POSITION, 100, position=0.2)
+    kind = POSITION if POSITION in bench.takes else IMPEDANCE
+    bench.follow(kind, 400, position=0.2)
     for wire in (bench.bus.to_drives, bench.bus.from_drives):
         setattr(wire, what, share)
     highest = 0.0
     for _ in range(150):
-        bench.follow(POSITION, position=0.2)
+        bench.follow(kind, position=0.2)
         highest = max(highest, float(np.abs(bench.world.state[0] - 0.2).max()))
     assert highest < 0.25
     for wire in (bench.bus.to_drives, bench.bus.from_drives):

@@ -38,7 +38,7 @@ class Bench:
         driver: str,
         names: tuple[str, ...] = ("left", "right"),
         options: dict[str, str] | None = None,
-        patience: float = 2.0,
+        patience: float = 0.1,
         mounted: dict[str, str] | None = None,
     ) -> None:
         room = f"control_board_ros.plants.{driver}"
@@ -90,6 +90,8 @@ class Bench:
     def follow(self, kind: SetPoint, cycles: int = 1, **values: float) -> Readings:
         """The same set-point for all joints, for some cycles."""
         n = len(self.drives)
+        if kind is SetPoint.IMPEDANCE:
+            values = {"stiffness": 4.0, "damping": 1.0} | values
         rows = {name: np.full(n, value) for name, value in values.items()}
         wanted = SetPoints.off(n) if kind is SetPoint.OFF else asked([kind] * n, **rows)
         for _ in range(cycles):

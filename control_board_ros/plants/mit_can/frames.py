@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Eight bytes of position, velocity, stiffness, damping and torque, as published for MIT mode.
+
+Command    q 16 bit · q̇ 12 · k 12 · d 12 · τ 12
+Answer     id and state · q 16 · q̇ 12 · τ 12 · temperature of bridge and winding, °C
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+STIFFEST, MOST_DAMPED = 500.0, 5.0
+ENABLE, DISABLE, CLEAR = (b"\xff" * 7 + bytes([last]) for last in (0xFC, 0xFD, 0xFB))
+#: Where registers are read and written: frame, orders.
+REGISTERS, GET, SET = 0x7FF, 0x33, 0x55
+MASTER_ID, DRIVE_ID, TIMEOUT, CONTROL_MODE, SOFTWARE = 7, 8, 9, 10, 14
+POSITION_RANGE, VELOCITY_RANGE, TORQUE_RANGE = 21, 22, 23
+WHOLE = {MASTER_ID, DRIVE_ID, TIMEOUT, CONTROL_MODE, SOFTWARE}
+#: s per count of TIMEOUT; the mode of these frames.
+TIMEOUT_STEP, MIT_MODE = 50e-6, 1
+DISABLED, ENABLED = 0, 1
+FAULTS = {
+    0x8: "over-voltage",
+    0x9: "under-voltage",
+    0xA: "over-current",
+    0xB: "bridge over-temperature",
+    0xC: "winding over-temperature",
+    0xD: "watchdog: communication lost",
+    0xE: "overload",
+}
+
+
+class Ranges(NamedTuple):
+    """What the ends of the numbers mean: ± rad, ± rad/s, ± N·m."""
+
+    position: float
+    velocity: float
+    torque: float
+
+
+def packed(ranges: Ranges, q: float, dq: float, k: float, d: float, torque: float) -> bytes:
+    """A command; what is beyond a range is cut."""
+    bits = _number(q, -ranges.position, ranges.position, 16) << 48
+    bits |= _number(dq, -ranges.velocity, ranges.velocity, 12) << 36
+    bits |= _number(k, 0.0, STIFFEST, 12) << 24
+    bits |= _number(d, 0.0, MOST_DAMPED, 12) << 12
+    bits |= _number(torque, -ranges.torque, ranges.torque, 12)
+    return bits.to_bytes(8, "big")
+
+
+def command(ranges: Ranges, data: bytes) -> tuple[float, float, float, float, float]:
+    """What a command says: q, q̇, k, d, τ."""
+    bits = int.from_bytes(data, "big")
+    return (
+        _value(bits >> 48, -ranges.position, ranges.position, 16),
+        _value(bits >> 36, -ranges.velocity, ranges.velocity, 12),
+        _value(bits >> 24, 0.0, STIFFEST, 12),
+        _value(bits >> 12, 0.0, MOST_DAMPED, 12),
+        _value(bits, -ranges.torque, ranges.torque, 12),
+    )
+
+
+def answer(ranges: Ranges, drive: int, state: int, q: float, dq: float, torque: float) -> bytes:
+    """What a drive answers, at 30 and 35 °C."""
+    bits = _number(q, -ranges.position, ranges.position, 16) << 24
+    bits |= _number(dq, -ranges.velocity, ranges.velocity, 12) << 12
+    bits |= _number(torque, -ranges.torque, ranges.torque, 12)
+    return bytes([drive & 0xF | state << 4]) + bits.to_bytes(5, "big") + bytes([30, 35])
+
+
+def readings(ranges: Ranges, data: bytes) -> tuple[float, float, float]:
+    """What an answer says: q, q̇, τ."""
+    bits = int.from_bytes(data[1:6], "big")
+    return (
+        _value(bits >> 24, -ranges.position, ranges.position, 16),
+        _value(bits >> 12, -ranges.velocity, ranges.velocity, 12),
+        _value(bits, -ranges.torque, ranges.torque, 12),
+    )
+
+
+def _number(value: float, low: float, high: float, bits: int) -> int:
+    share = (min(high, max(low, value)) - low) / (high - low)
+    return round(share * ((1 << bits) - 1))
+
+
+def _value(number: int, low: float, high: float, bits: int) -> float:
+    most = (1 << bits) - 1
+    return low + (number & most) * (high - low) / most

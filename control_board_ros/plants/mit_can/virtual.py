@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A virtual Damiao motor: MIT frames, registers, states, watchdog, faults."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Sequence
+
+from ...core.config.config import JointConfig
+from ..drives.axes import Axis
+from ..virtual.can_bus import VirtualCanBus
+from ..virtual.world import World
+from . import frames as f
+
+LOST = 0xD
+USUAL = f.Ranges(12.5, 30.0, 10.0)
+
+
+class VirtualMit:
+    """One motor.
+
+    Args:
+        drive: Its id.
+        ranges: What its numbers mean.
+
+    Attributes:
+        state: As its answers tell it: disabled, enabled, or a fault.
+        silent: It answers to nothing.
+        torque: At its output now, N·m.
+    """
+
+    SOME_FAULT = 0xE
+
+    def __init__(self, drive: int, ranges: f.Ranges = USUAL) -> None:
+        self.id, self.ranges, self.silent, self.persists = drive, ranges, False, 0
+        self._position = self._velocity = 0.0
+        self.reboot()
+
+    def reboot(self) -> None:
+        """Its supply was gone for a moment."""
+        self.state = self.persists or f.DISABLED
+        self.registers: dict[int, float] = {
+            f.MASTER_ID: 0x10 + self.id,
+            f.DRIVE_ID: self.id,
+            f.TIMEOUT: 0,
+            f.CONTROL_MODE: 2,
+            f.SOFTWARE: 5013,
+            f.POSITION_RANGE: self.ranges.position,
+            f.VELOCITY_RANGE: self.ranges.velocity,
+            f.TORQUE_RANGE: self.ranges.torque,
+        }
+        self._command = (0.0, 0.0, 0.0, 0.0, 0.0)
+        self._quiet = self.torque = 0.0
+
+    def fail(self, code: int, *, persists: bool = False) -> None:
+        """A fault; one that persists is there again after each reset."""
+        self.state, self.persists = code, code if persists else 0
+
+    def heal(self) -> None:
+        """The cause is gone; the fault stays until it is cleared."""
+        self.persists = 0
+
+    def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
+        """The frames that it answers with."""
+        if self.silent or len(data) != 8:
+            return
+        master = int(self.registers[f.MASTER_ID])
+        if frame_id == f.REGISTERS and data[0] == self.id and data[1] == 0:
+            number = data[3]
+            if number not in self.registers:
+                return
+            if data[2] == f.SET:
+                kind = "<I" if number in f.WHOLE else "<f"
+                self.registers[number] = struct.unpack(kind, data[4:])[0]
+            value = self.registers[number]
+            told = struct.pack("<I", int(value)) if number in f.WHOLE else struct.pack("<f", value)
+            yield master, data[:4] + told
+        elif frame_id == self.id:
+            self._quiet = 0.0
+            self._obey(data)
+            yield (
+                master,
+                f.answer(
+                    self.ranges, self.id, self.state, self._position, self._velocity, self.torque
+                ),
+            )
+
+    def _obey(self, data: bytes) -> None:
+        fault = self.state not in (f.DISABLED, f.ENABLED)
+        if data == f.ENABLE:
+            if not fault:
+                self.state, self._command = f.ENABLED, (0.0, 0.0, 0.0, 0.0, 0.0)
+        elif data == f.DISABLE:
+            if not fault:
+                self.state = f.DISABLED
+        elif data == f.CLEAR:
+            if fault:
+                self.state = self.persists or f.DISABLED
+        elif self.registers[f.CONTROL_MODE] == f.MIT_MODE:
+            self._command = f.command(self.ranges, data)
+
+    def step(self, seconds: float, position: float, velocity: float) -> float:
+        """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
+        self._position, self._velocity = position, velocity
+        self._quiet += seconds
+        watch = self.registers[f.TIMEOUT] * f.TIMEOUT_STEP
+        if self.state == f.ENABLED and 0.0 < watch < self._quiet:
+            self.state = LOST
+        if self.state != f.ENABLED:
+            self.torque = 0.0
+            return 0.0
+        q, dq, k, d, torque = self._command
+        wanted = torque + k * (q - position) + d * (dq - velocity)
+        self.torque = max(-self.ranges.torque, min(self.ranges.torque, wanted))
+        return self.torque
+
+
+def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMit:
+    """A motor whose ranges fit a joint."""
+    if joint is None:
+        return VirtualMit(axis.id)
+    limits = joint.limits
+    reach = max(abs(limits.hard_lower - axis.offset), abs(limits.hard_upper - axis.offset))
+    return VirtualMit(
+        axis.id,
+        f.Ranges(
+            1.2 * reach * axis.ratio,
+            1.5 * limits.velocity * axis.ratio,
+            1.2 * limits.torque / axis.ratio,
+        ),
+    )
+
+
+def virtual_bus(world: World, drives: Sequence[VirtualMit], address: str = "") -> VirtualCanBus:
+    """The motors on a bus of python-can."""
+    return VirtualCanBus(world, drives, address)
