@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +61,7 @@ def arm_model(
     # Of each link: the joint that moves it, and its frame in that joint's axes.
     frames: dict[str, tuple[int, Array, Array]] = {tree.base: (BASE, np.zeros(3), np.eye(3))}
     placed: dict[int, tuple[int, Array, Array]] = {}
+    axes: dict[str, Array] = {}
     bodies = {j: Inertial(0.0, np.zeros(3), np.zeros((3, 3))) for j in range(len(names))}
     for joint in tree.walk(tree.base):
         carrier, position, rotation = frames[tree.parent(joint)]
@@ -68,7 +69,7 @@ def arm_model(
         position, rotation = position + rotation @ offset, rotation @ turn
         name, child = joint.get("name", ""), tree.child(joint)
         if name in index:
-            aligned = _z_along(axis_of(joint))
+            axes[name] = aligned = _z_along(axis_of(joint))
             placed[index[name]] = carrier, position, rotation @ aligned
             carrier, position, rotation = index[name], np.zeros(3), aligned.T
         elif joint.get("type") != "fixed":
@@ -77,7 +78,10 @@ def arm_model(
         if carrier != BASE and (own := inertial_of(tree.links[child])) is not None:
             bodies[carrier] += own.moved(position, rotation)
     links = tuple(
-        _link(*placed[j], bodies[j], name, motors, slides=tree.slides(tree.joints[name]))
+        replace(
+            _link(*placed[j], bodies[j], name, motors, slides=tree.slides(tree.joints[name])),
+            axes=tuple(axes[name].T.reshape(-1).tolist()),
+        )
         for j, name in enumerate(names)
     )
     return ArmModel(links=links, gravity=gravity)

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, TypeVar
 
-from ..core.config.config import BoardConfig, JointConfig
+from ..core.config.config import BoardConfig, ConfigError, JointConfig
 from ..core.config.parameter import Parameter, parameters_of, parts_of
 from ..core.model.arm_model import ArmModel
 from ..description.arm_model import Motors, arm_model
@@ -69,10 +70,11 @@ def board(values: Values, urdf: Urdf, names: tuple[str, ...]) -> BoardConfig:
 def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None:
     """The masses of some joints, the rest of the robot standing at its home pose.
 
-    None where the URDF's masses are not what the joints feel: the base floats, the body is ideal,
-    or the plant is somebody else's.
+    None where the URDF's masses are not what the joints feel: the base floats, or the body is
+    ideal. Somebody else's plant has no more than gravity compensated by them (G1).
     """
-    if not values["base_fixed"] or values["physics"] == IDEAL or values["plant"]:
+    plant = bool(values["plant"])
+    if not values["base_fixed"] or (values["physics"] == IDEAL and not plant):
         return None
     homes = {
         one.name: values[f"{one.name}.home"] for one in urdf.joints if f"{one.name}.home" in values
@@ -88,7 +90,7 @@ def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None
         in_links=values["physics"] == PYBULLET,
     )
     x, y, z = values["gravity"]
-    return arm_model(urdf, names, motors, homes, (x, y, z))
+    return replace(arm_model(urdf, names, motors, homes, (x, y, z)), trusted=not plant)
 
 
 def board_of(
@@ -99,6 +101,12 @@ def board_of(
     Raises:
         ConfigError: a value is not allowed.
     """
+    for own in joints:
+        if own.gravity_compensation and not values["base_fixed"]:
+            key = f"{own.name}.gravity_compensation"
+            raise ConfigError(
+                key, True, "false where base_fixed is false: gravity's way is unknown"
+            )
     return configure(
         BoardConfig,
         values,

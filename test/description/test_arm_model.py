@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from control_board_ros.core.model.arm_model import fill
 from control_board_ros.settings.loading import load
 
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmark" / "motion_measure"
@@ -66,14 +67,42 @@ def test_the_torques_of_a_motion_are_those_that_made_it(robot: str, physics: str
         body.close()
 
 
-@pytest.mark.parametrize(
-    "values", [{"physics": "ideal"}, {"base_fixed": False}, {"plant": "somebody"}]
-)
+@pytest.mark.parametrize("values", [{"physics": "ideal"}, {"base_fixed": False}])
 def test_there_is_no_model_where_the_masses_are_not_those_of_the_urdf(
     values: dict[str, Any],
 ) -> None:
     """The board then takes each joint by itself, as ever."""
     assert load("iiwa", values).board.model is None
+
+
+def test_somebody_elses_plant_has_its_gravity_compensated_and_no_more() -> None:
+    """G1: what its joints feel of the URDF is their weight; the rest is the plant's own matter."""
+    model = load("iiwa", {"plant": "somebody"}).board.model
+    assert model is not None and not model.trusted
+
+
+@pytest.mark.parametrize("robot", ["iiwa", "panda", "icub"])
+def test_the_load_of_a_pose_is_pinocchios(robot: str) -> None:
+    """G1: gravity and a payload on the last link, against another implementation."""
+    pinocchio = pytest.importorskip("pinocchio")
+    settings = load(robot, {"physics": "mujoco"})
+    board, kg, center = settings.board, 2.0, (0.03, -0.02, 0.15)
+    assert board.model is not None
+    model = pinocchio.buildModelFromXML(settings.description)
+    model.gravity.linear[:] = board.model.gravity
+    places = [model.joints[model.getJointId(name)].idx_q for name in board.names]
+    last = model.getJointId(board.names[-1])
+    mass = pinocchio.Inertia(kg, np.array(center), np.zeros((3, 3)))
+    model.appendBodyToJoint(last, mass, pinocchio.SE3.Identity())
+    arm, data, random = board.model.arm(), model.createData(), np.random.default_rng(3)
+    fill(board.model.links[-1], arm.bodies[-1], kg, center)
+    for _ in range(20):
+        q = pinocchio.neutral(model)
+        q[places] = random.uniform(-1.5, 1.5, len(board.names))
+        np.asarray(arm.rows[0])[:] = q[places]
+        arm.inverse(1.0)
+        torques = pinocchio.computeGeneralizedGravity(model, data, q)
+        assert np.array(arm.rows[3]) == pytest.approx(torques[places], abs=1e-9)
 
 
 def test_a_part_has_the_model_of_its_own_joints() -> None:

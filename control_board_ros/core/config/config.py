@@ -29,7 +29,7 @@ from ..terms.vocabs import ControlMode, InteractionMode
 from .checks import ConfigError, check_number, check_parameters
 from .constraints import Constraints, JointConstraints
 from .parameter import configuration, parameter, parameters_of, part
-from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Pid, Timeouts
+from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Payload, Pid, Timeouts
 
 __all__ = [
     "STARTUP_MODES",
@@ -40,6 +40,7 @@ __all__ = [
     "JointConfig",
     "Limits",
     "Motor",
+    "Payload",
     "Pid",
     "Timeouts",
     "check_number",
@@ -111,6 +112,12 @@ class JointConfig:
     back_emf_compensation: float = parameter(
         "Part of the back-EMF that the output makes up for", default=1.0, low=0.0, high=1.0
     )
+    gravity_compensation: bool = parameter(
+        "Add the torque of gravity in COMPLIANT and TORQUE, as the URDF and payload have it",
+        default=False,
+        run_time=True,
+    )
+    payload: Payload = part("Payload: ", default=Payload())
     reference_speed: float = parameter(
         "Reference speed at start",
         "rad/s or m/s",

@@ -167,6 +167,21 @@ class Impedance:
 
 
 @configuration
+class Payload:
+    """What a joint's link carries beyond the URDF: a point mass (SPEC G1)."""
+
+    mass: float = parameter("Mass", "kg", default=0.0, low=0.0, high=1e4, run_time=True)
+    center: tuple[float, float, float] = parameter(
+        "Its centre in the axes of the joint's link: x, y, z",
+        "m",
+        default=(0.0, 0.0, 0.0),
+        low=-100.0,
+        high=100.0,
+        run_time=True,
+    )
+
+
+@configuration
 class Timeouts:
     """Reference timeouts (SPEC P12), and sensor silence that is a fault."""
 

@@ -13,7 +13,9 @@ import numpy as np
 
 from ..config.config import BoardConfig, JointConfig, Pid, damping_for
 from ..config.layout import Zone, zones_of
-from ..model.arm_model import Link
+from ..config.parts import Payload
+from ..model.arm_model import Link, fill
+from ..model.dynamics import Body
 from ..state import Indices, StateArrays
 from ..terms.measurement import Array
 from ..terms.modes import Law
@@ -47,7 +49,7 @@ class Controller:
         n = len(config.joints)
         self.joints = [Joint() for _ in config.joints]
         self.efforts: list[Effort | None] = [None] * n
-        self._links: list[Link | None] = [None] * n  # of each joint, where its part has a model
+        self._bodies: dict[int, tuple[Link, Body]] = {}  # of joints whose part has a model
         self._armed = [(Law.OFF, False)] * n  # law, and whether with the direct gains
         self._position_pids: list[Pid | None] = [None] * n  # in force
         self._laws: dict[str, Laws] = {}
@@ -70,14 +72,20 @@ class Controller:
         )
         model = zone.config.model
         arm = None if model is None else model.arm()
+        trusted = model is not None and model.trusted
         joints = [Joint() for _ in zone.joints]
-        effort = None if arm is None else Effort(arm, joints, columns.start)
+        effort = Effort(arm, joints, columns.start) if arm is not None and trusted else None
         done = state.done[columns].view(np.uint8).data
-        self._laws[zone.name] = Laws(joints, [row[columns].data for row in rows], done, arm)
+        self._laws[zone.name] = Laws(
+            joints, [row[columns].data for row in rows], done, arm, trusted
+        )
         self.joints[columns] = joints
         for j, joint, own in zip(zone.joints, joints, zone.config.joints, strict=True):
             self.efforts[j] = effort
-            self._links[j] = None if model is None else model.links[j - columns.start]
+            if model is not None and arm is not None:
+                k = j - columns.start
+                self._bodies[j] = model.links[k], arm.bodies[k]
+                fill(*self._bodies[j], own.payload.mass, own.payload.center)
             self._armed[j] = Law.OFF, False
             joint.stiffness, joint.damping = own.impedance.stiffness, own.impedance.damping
             self._configure(j)
@@ -95,13 +103,22 @@ class Controller:
         before, self._config = self._config, config
         for j, own in enumerate(config.joints):
             if own != before.joints[j]:
+                self._load(j, before.joints[j].payload)
                 self._configure(j)
+
+    def _load(self, j: int, before: Payload) -> None:
+        """Give a joint another payload; joints that hold a position hold it on, without a jump."""
+        after = self._config.joints[j].payload
+        if after != before and j in self._bodies:
+            self._laws[self._laws_of[j]].forget_arm()
+            fill(*self._bodies[j], after.mass, after.center)
 
     def _configure(self, j: int) -> None:
         """Give a joint the constants and gains of its configuration."""
         joint, own, period = self.joints[j], self._config.joints[j], self._config.period
         set_constants(joint, own, period)
-        if (link := self._links[j]) is not None:
+        if j in self._bodies:
+            link, _ = self._bodies[j]
             joint.coulomb, joint.viscous = link.coulomb, link.viscous
         set_gains(joint.torque_pid, own.torque_pid, period)
         set_gains(joint.current_pid, own.current_pid, period)
@@ -176,6 +193,7 @@ def set_constants(joint: Joint, own: JointConfig, period: float) -> None:
     joint.torque_per_ampere = motor.torque_per_ampere
     joint.has_torque_sensor = own.torque_sensor
     joint.compensation = own.back_emf_compensation
+    joint.compensates = own.gravity_compensation
     joint.ohms, joint.emf = motor.resistance, motor.back_emf
     joint.percent_per_volt = 100.0 / motor.supply_voltage
     winding = motor.inductance / motor.resistance

@@ -78,6 +78,9 @@ OTHERS_MOST = cython.declare(cython.double, 3.0)
 STRAIN_TIME = cython.declare(cython.double, 0.05)
 #: How firmly TORQUE holds a joint before its first reference, as a part of the torque limit.
 HOLD_SHARE = cython.declare(cython.double, 0.1)
+#: How firmly a joint without stiffness stays where it is put, gravity being compensated: the
+#: same part, for what sensors and masses are wrong by.
+REST_SHARE = cython.declare(cython.double, 0.01)
 #: A way so long that no braking is in sight, rad or m.
 FAR = cython.declare(cython.double, 1e9)
 #: Within how many periods the protection takes the speed to what is allowed.
@@ -588,6 +591,7 @@ class Joint:
     law = cython.declare(cython.int, visibility="public")
     calibrated = cython.declare(cython.bint, visibility="public")  # limits are known
     feeds = cython.declare(cython.bint, visibility="public")  # u_ff acts
+    compensates = cython.declare(cython.bint, visibility="public")  # gravity's torque is added
     position_pid = cython.declare(Pid, visibility="public")
     torque_pid = cython.declare(Pid, visibility="public")
     current_pid = cython.declare(Pid, visibility="public")
@@ -641,6 +645,8 @@ class Joint:
     motion = cython.declare(cython.double, visibility="public")  # torque that acceleration takes
     gravity = cython.declare(cython.double, visibility="public")  # of the arm's model, or 0
     forward = cython.declare(cython.double, visibility="public")  # fed forward to what is followed
+    lifts = cython.declare(cython.bint, visibility="public")  # compensates, and the arm is known
+    lift = cython.declare(cython.double, visibility="public")  # gravity's torque that is added
     blocked = cython.declare(cython.bint, visibility="public")  # stands, though it is to move
     carried = cython.declare(cython.double, visibility="public")  # integral part when it was not
     readings = cython.declare(cython.int, visibility="public")  # since power-on
@@ -825,8 +831,8 @@ class Joint:
     def take(self, load: cython.double) -> cython.void:
         """Make the load what the law of the mode gives when nothing else is asked for."""
         self.settling = self.awaited = False
-        self.load_taken = load - self.torque_offset
-        self.torque_command = load
+        self.load_taken = load - self.lift - self.torque_offset
+        self.torque_command = load - self.lift
         self.holding = self.law in (TORQUE, CURRENT)
         self.hold_place = self.followed
         self.torque_pid.reset(self.torque - self.torque_pid.kff * load - self.feed_torque())
@@ -846,6 +852,20 @@ class Joint:
             self.take(self.known_load())
         self.holding = False
         self.torque_command = torque
+
+    @cython.cfunc
+    def carry(self, gravity: cython.double, known: cython.bint) -> cython.void:
+        """Add the torque of gravity where the joint compensates it (G1).
+
+        What begins or ceases to be added is taken from the rest: the torque makes no jump.
+        """
+        lifts: cython.bint = self.compensates and known
+        lift: cython.double = gravity if lifts else 0.0
+        if lifts != self.lifts:
+            self.lifts = lifts
+            self.load_taken -= lift - self.lift
+            self.torque_command -= lift - self.lift
+        self.lift = lift
 
     @cython.ccall
     def command_current(self, current: cython.double) -> cython.void:
@@ -1243,30 +1263,37 @@ def hold_back(j: Joint) -> cython.void:
 def impedance(j: Joint) -> cython.double:
     """Torque of a virtual spring and damper (I5; second row of source Fig. 2).
 
-    τ = τ_ff + load + k (q_ref − q) − d q̇; the load is what was taken over on entering (M9).
+    τ = τ_ff + load + g(q) + k (q_ref − q) − d q̇; the load is what was taken over on entering (M9),
+    g(q) is gravity where it is compensated: without a spring the joint then stays where it is put,
+    held as firmly as a good gearbox rubs (G1).
     """
-    return (
+    torque: cython.double = (
         j.torque_offset
         + j.load_taken
+        + j.lift
         + j.stiffness * (j.followed - j.position)
         - j.damping * j.velocity
     )
+    return torque + hold_torque(j, REST_SHARE) if j.lifts and j.stiffness == 0.0 else torque
 
 
 @cython.cfunc
-def held_torque(j: Joint) -> cython.double:
-    """TORQUE, CURRENT before a first reference: load, and a hold as a gearbox rubs (M9).
+def hold_torque(j: Joint, share: cython.double) -> cython.double:
+    """A hold that gives way: clip(kp (q_hold − q) − kd q̇, ± share·τ_max).
 
-    τ = load + clip(kp (q_hold − q) − kd q̇, ± HOLD_SHARE·τ_max); pushed harder, the joint gives
-    way and stays where it is left.
+    Pushed harder, the joint stays where it is left.
     """
     p: Pid = j.position_pid
-    firm: cython.double = HOLD_SHARE * j.max_torque
+    firm: cython.double = share * j.max_torque
     if p.kp > 0.0:
         j.hold_place = clamp(j.hold_place, j.position - firm / p.kp, j.position + firm / p.kp)
-    return j.torque_command + clamp(
-        p.kp * (j.hold_place - j.position) - p.kd * j.velocity, -firm, firm
-    )
+    return clamp(p.kp * (j.hold_place - j.position) - p.kd * j.velocity, -firm, firm)
+
+
+@cython.cfunc
+def rubbing_torque(j: Joint) -> cython.double:
+    """TORQUE, CURRENT before a first reference: load, and a hold as a gearbox rubs (M9)."""
+    return j.torque_command + j.lift + hold_torque(j, HOLD_SHARE)
 
 
 @cython.cfunc
@@ -1306,11 +1333,11 @@ def control(j: Joint) -> cython.void:
     elif j.law == IMPEDANCE:
         torque = torque_law(j, impedance(j))
     elif j.law == CURRENT:
-        torque = held_torque(j)
+        torque = rubbing_torque(j)
     elif j.holding:
-        torque = torque_law(j, held_torque(j))
+        torque = torque_law(j, rubbing_torque(j))
     else:
-        torque = torque_law(j, j.torque_command)
+        torque = torque_law(j, j.torque_command + j.lift)
     drive = clamp(torque, -j.max_torque, j.max_torque)
     if drive != torque:
         unwind(loop, torque - drive)
@@ -1449,10 +1476,12 @@ class Laws:
             reference; output: a buffer of n doubles each.
         done: n bytes, 1 where no position move is under way.
         arm: the dynamics of these joints; None: each is taken by itself.
+        feeds_arm: Whether the arm is fed forward in all laws, else only where it is asked for.
     """
 
     joints: list[Joint]
     arm: Any
+    feeds_arm: cython.bint
     modelled: cython.bint  # the arm's dynamics act
     done: cython.uchar[::1]
     position: cython.double[::1]
@@ -1469,9 +1498,15 @@ class Laws:
     arm_torque: cython.double[::1]
 
     def __init__(
-        self, joints: list[Joint], rows: list[object], done: object, arm: Arm | None = None
+        self,
+        joints: list[Joint],
+        rows: list[object],
+        done: object,
+        arm: Arm | None = None,
+        feeds_arm: bool = True,
     ) -> None:
         self.joints, self.arm, self.modelled = joints, arm, False
+        self.feeds_arm = feeds_arm
         (
             self.position,
             self.velocity,
@@ -1514,6 +1549,7 @@ class Laws:
                 self.velocity_reference[k] = j.reference_velocity
                 self.done[k] = not j.moving
         self.feed_forward()
+        self.compensate()
         for k in range(len(self.joints)):
             j = self.joints[k]
             control(j)
@@ -1606,19 +1642,51 @@ class Laws:
                 j.forward = self.arm_torque[k]
 
     @cython.cfunc
+    def compensate(self) -> cython.void:
+        """Where joints compensate gravity, what it takes of each joint where it is (G1)."""
+        k: cython.Py_ssize_t
+        j: Joint
+        wanted: cython.bint = False
+        known: cython.bint = self.arm is not None
+        for j in self.joints:
+            wanted = wanted or j.compensates or j.lifts
+            known = known and j.calibrated
+        if not wanted:
+            return
+        if known:
+            self.sense_gravity()
+        for k in range(len(self.joints)):
+            j = self.joints[k]
+            if not known:
+                j.carry(0.0, False)
+            elif is_number(self.arm_torque[k]):
+                j.carry(self.arm_torque[k], True)
+
+    def forget_arm(self) -> None:
+        """Before the arm's masses change: integral parts hold the load until it is known anew."""
+        if self.modelled:
+            self.turn_arm(False)
+
+    @cython.cfunc
     def knows_arm(self) -> cython.bint:
         """Whether the arm's dynamics act: all angles are known.
 
         From there on gravity is fed forward, and the integral parts give so much less.
         """
+        j: Joint
+        known: cython.bint = self.arm is not None and self.feeds_arm
+        for j in self.joints:
+            known = known and j.calibrated
+        if known != self.modelled:
+            self.turn_arm(known)
+        return known
+
+    @cython.cfunc
+    def turn_arm(self, known: cython.bint) -> cython.void:
+        """The arm's dynamics act from now on, or no longer; no torque makes a jump."""
         k: cython.Py_ssize_t
         j: Joint
         sign: cython.double
-        known: cython.bint = self.arm is not None
-        for j in self.joints:
-            known = known and j.calibrated
-        if known == self.modelled:
-            return known
         self.modelled = known
         self.sense_gravity()
         sign = 1.0 if known else -1.0
@@ -1626,7 +1694,6 @@ class Laws:
             j = self.joints[k]
             j.position_pid.integral -= sign * self.arm_torque[k]
             j.gravity = self.arm_torque[k] if known else 0.0
-        return known
 
 
 @cython.cfunc

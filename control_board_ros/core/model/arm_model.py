@@ -3,11 +3,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .dynamics import Arm, Body
+
+#: Where the six numbers of a tensor stand in it.
+ROWS, COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +27,7 @@ class Link:
         tensor: About the origin: xx, yy, zz, xy, xz, yz, kg·m².
         rotor: Inertia that acts on this joint only, kg·m²; kg where it slides.
         coulomb, viscous: Friction, N·m and N·m·s/rad.
+        axes: Of the URDF's link in these axes, row by row, 9 numbers.
     """
 
     parent: int
@@ -36,17 +40,33 @@ class Link:
     rotor: float = 0.0
     coulomb: float = 0.0
     viscous: float = 0.0
+    axes: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+    def with_payload(self, mass: float, center: tuple[float, float, float]) -> Link:
+        """The same with a point mass (kg) that it carries, in the URDF's axes (m)."""
+        c = np.reshape(self.axes, (3, 3)) @ center
+        tensor = mass * (c @ c * np.eye(3) - np.outer(c, c))
+        return replace(
+            self,
+            mass=self.mass + mass,
+            moment=tuple((np.array(self.moment) + mass * c).tolist()),
+            tensor=tuple((np.array(self.tensor) + tensor[ROWS, COLUMNS]).tolist()),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmModel:
     """The masses of a board's joints; what the board does not drive stands still.
 
-    Attributes: links (one per joint, in the board's order), gravity (in the base's axes, m/s²).
+    Attributes:
+        links: One per joint, in the board's order.
+        gravity: In the base's axes, m/s².
+        trusted: Feed-forward, loads and durations reckon with it; else gravity alone does (G1).
     """
 
     links: tuple[Link, ...]
     gravity: tuple[float, float, float]
+    trusted: bool = True
 
     def arm(self) -> Arm:
         """What evaluates it."""
@@ -79,9 +99,17 @@ PLACES = {
 def body_of(link: Link) -> Body:
     """A link as the passes have it."""
     body = Body()
+    fill(link, body)
+    return body
+
+
+def fill(
+    link: Link, body: Body, mass: float = 0.0, center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> None:
+    """Give a body the numbers of its link and of what that carries."""
+    link = link.with_payload(mass, center) if mass else link
     for key, names in PLACES.items():
         for name, value in zip(names, getattr(link, key), strict=True):
             setattr(body, name, value)
     for name in ("slides", "mass", "rotor", "coulomb", "viscous"):
         setattr(body, name, getattr(link, name))
-    return body
