@@ -78,7 +78,8 @@ def test_there_is_no_model_where_the_masses_are_not_those_of_the_urdf(
 def test_somebody_elses_plant_has_its_gravity_compensated_and_no_more() -> None:
     """G1: what its joints feel of the URDF is their weight; the rest is the plant's own matter."""
     model = load("iiwa", {"plant": "somebody"}).board.model
-    assert model is not None and not model.trusted
+    assert model is not None
+    assert not model.trusted
 
 
 @pytest.mark.parametrize("robot", ["iiwa", "panda", "icub"])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Guiding by hand: the rules of gravity compensation (SPEC G), with the physics of both engines."""
+"""Guiding by hand: gravity is compensated (SPEC G), with the physics of both engines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from control_board_ros.simulation import Simulation
 ARMS = {
     "iiwa": "lbr_iiwa_joint",
     "panda": "panda_joint",
-    "icub": "l_",
+    "icub": ("l_shoulder", "l_elbow", "l_wrist"),
     "scara": "",
 }
 SCARA = Path(__file__).resolve().parents[2] / "benchmark" / "motion_measure" / "scara.urdf"
@@ -70,6 +70,7 @@ class Guided:
         springs = np.full(len(joints), stiffness)
         assert self.board.set_impedance(self.names, springs, damping)
         assert self.board.set_interaction_mode(self.names, InteractionMode.COMPLIANT)
+        self.simulation.run(0.5)  # the load is taken over
 
     @property
     def positions(self) -> np.ndarray:
