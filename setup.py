@@ -386,6 +386,7 @@ TEST = [
     *DRIVES,
 ]
 ICUB = ["icub-models==3.2.0"]
+BENCH = ["pin>=3.0"]
 DEV = [
     "import-linter>=2.1",
     "matplotlib>=3.8",
@@ -450,6 +451,7 @@ setup(
         "moteus": MOTEUS,
         "dynamixel": DYNAMIXEL,
         "mit_can": MIT_CAN,
+        "bench": BENCH,
         "dev": DEV,
     },
     entry_points={

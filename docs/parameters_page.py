@@ -40,6 +40,7 @@ GROUPS = {
     "torque_pid": "Torque control",
     "current_pid": "Current control",
     "impedance": "Impedance",
+    "payload": "Payload",
     "motor": "Motor",
     "timeouts": "Timeouts",
     "constraints": "Trajectories",

@@ -126,6 +126,13 @@ def stiffness(rig: Rig, j: int) -> Figures:
     return found
 
 
+def compensated(rig: Rig, j: int) -> Figures:
+    """The felt stiffness (``with_gravity`` of ``stiffness``) with gravity compensated."""
+    with rig.compensating():
+        found = stiffness(rig, j)
+    return {"felt": found["with_gravity"]} if found else {}
+
+
 def release(rig: Rig, j: int) -> Figures:
     """Released from a push at the greatest stiffness, COMPLIANT, damping as chosen with it.
 

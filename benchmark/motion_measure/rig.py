@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Self
 
@@ -91,7 +92,7 @@ class Rig:
     """
 
     def __init__(self, name: str, settings: Settings, *, derived: bool) -> None:
-        self.name, self.derived = name, derived
+        self.name, self.derived, self._settings = name, derived, settings
         self.simulation = Simulation(settings.board, settings.simulation)
         self.board = self.simulation.board
         self.joints: tuple[JointConfig, ...] = settings.board.joints
@@ -114,6 +115,16 @@ class Rig:
         """
         settings = load(None, {"robot": robot.source(), **robot.parameters})
         return cls(robot.name, settings, derived=robot.derived)
+
+    @contextmanager
+    def compensating(self) -> Iterator[None]:
+        """With gravity compensated on all joints (SPEC G1)."""
+        on = {f"{joint.name}.gravity_compensation": True for joint in self.joints}
+        self.board.reconfigure(self._settings.changed(on).board)
+        try:
+            yield
+        finally:
+            self.board.reconfigure(self._settings.board)
 
     # --- time ---------------------------------------------------------------------------------
 

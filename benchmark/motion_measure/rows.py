@@ -138,6 +138,11 @@ ROWS = {
             ),
         ),
         Row(
+            "compensated",
+            force_rows.compensated,
+            (Quantity("felt", "the same with gravity compensated", "%", 5.0, 5.0),),
+        ),
+        Row(
             "release",
             force_rows.release,
             (Quantity("overshoot", "release at greatest k: overshoot", "%", 10.0, 10.0),),

@@ -103,3 +103,16 @@ def test_the_page_is_what_was_recorded() -> None:
     assert set(now) <= {*ROBOTS, "scenes"}
     assert "scenes" in now
     assert page.PAGE.read_text("utf-8") == page.page(now, before, page.notes_of(page.PAGE))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["panda", "panda in MuJoCo"])
+def test_a_hand_feels_the_stiffness_that_was_asked_for(robot: str) -> None:
+    """G1, I5: within 5 % where gravity is compensated; without it, it changes over the way."""
+    rig = Rig.load(ROBOTS[robot])
+    try:
+        rig.take(poses(ROBOTS[robot], rig.home, rig.windows)["random"])
+        assert abs(force_rows.compensated(rig, 1)["felt"]) <= 5.0
+        assert abs(force_rows.stiffness(rig, 1)["with_gravity"]) > 10.0
+    finally:
+        rig.close()

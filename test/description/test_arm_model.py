@@ -96,9 +96,14 @@ def test_the_load_of_a_pose_is_pinocchios(robot: str) -> None:
     mass = pinocchio.Inertia(kg, np.array(center), np.zeros((3, 3)))
     model.appendBodyToJoint(last, mass, pinocchio.SE3.Identity())
     arm, data, random = board.model.arm(), model.createData(), np.random.default_rng(3)
+    still = {
+        mimic.follower: mimic.multiplier * settings.values[f"{mimic.leader}.home"] + mimic.offset
+        for mimic in settings.urdf.mimics.values()
+    }
     fill(board.model.links[-1], arm.bodies[-1], kg, center)
     for _ in range(20):
         q = pinocchio.neutral(model)
+        q[[model.joints[model.getJointId(one)].idx_q for one in still]] = list(still.values())
         q[places] = random.uniform(-1.5, 1.5, len(board.names))
         np.asarray(arm.rows[0])[:] = q[places]
         arm.inverse(1.0)

@@ -52,6 +52,8 @@ def another(row: Parameter, value: Any) -> Any:
         return next(code for code in row.choices if code != value)
     if row.kind is Kind.STRINGS:
         return value[::-1] or [*row.choices][:2]
+    if row.kind is Kind.DOUBLES:
+        return [number + 0.001 for number in value]
     return 0.999 * value if value else 0.001
 
 
