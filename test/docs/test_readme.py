@@ -65,3 +65,13 @@ def test_readme_names_the_commands_of_the_makefile() -> None:
         assert f"\nmake {target} " in README
         assert f"\n{target}: " in makefile
     assert "\nmake test " in (ROOT / ".ci" / "run").read_text("utf-8")
+
+
+def test_the_picture_moves_and_loads_at_once() -> None:
+    """docs/moving_picture.py records it."""
+    image = pytest.importorskip("PIL.Image", reason="comes with matplotlib")
+    path = ROOT / "docs" / "images" / "board.gif"
+    assert f"](docs/images/{path.name})" in README
+    assert path.stat().st_size <= 2_000_000
+    with image.open(path) as picture:
+        assert picture.n_frames >= 20
