@@ -32,7 +32,8 @@ PATIENCE = 120.0
 
 def extras(requirements: Iterable[str]) -> dict[str, str]:
     """Distributions that only extras ask for, lower case with ``-``, and the extra of each."""
-    wanted, base = {}, set()
+    wanted: dict[str, str] = {}
+    base = set()
     for requirement in requirements:
         name = re.split(r"[^\w.-]", requirement, maxsplit=1)[0].lower().replace("_", "-")
         extra = re.search(r"extra == ['\"]([\w-]+)", requirement)

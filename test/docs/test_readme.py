@@ -64,7 +64,7 @@ def test_readme_names_the_commands_of_the_makefile() -> None:
     for target in ("run", "test"):
         assert f"\nmake {target} " in README
         assert f"\n{target}: " in makefile
-    assert "\nmake test " in (ROOT / ".ci" / "run").read_text("utf-8")
+    assert '\nstep "make test"\n' in (ROOT / ".ci" / "run").read_text("utf-8")
 
 
 def test_the_picture_moves_and_loads_at_once() -> None:
