@@ -21,9 +21,12 @@ NOT_ROS = {
     "yaml",
 }
 OPTIONAL = {
+    "can",
     "cython",
+    "dynamixel_sdk",
     "icub_models",
     "matplotlib",
+    "moteus",
     "mujoco",
     "optuna",
     "sqlalchemy",  # comes with optuna

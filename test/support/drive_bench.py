@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from importlib import import_module
@@ -51,6 +52,7 @@ class Bench:
         axes = self.driver.make(names, options if mounted is None else mounted).axes
         self.drives: list[Any] = [self._virtual.virtual_drive(axis, None) for axis in axes]
         self.world: World = free_world(axes, self.drives, clock=lambda: self.time)
+        self.world.longest = math.inf
         self.bus = self._virtual.virtual_bus(self.world, self.drives)
         self.plant: DrivesPlant = self.driver.make(names, options | {"bus": self.bus.address})
         self.plant.time_by(lambda: self.time)
@@ -115,7 +117,7 @@ class Bench:
         """Time passes for the drives while nobody talks to them."""
         wanted = self.time + seconds
         while self.time < wanted:
-            self.time = min(wanted, self.time + 0.1)
+            self.time = min(wanted, self.time + 0.015)
             for _ in range(2000):
                 with self.world.lock:
                     if self.world.time + 2e-3 > self.time:

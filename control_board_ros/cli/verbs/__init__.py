@@ -54,6 +54,7 @@ SECTIONS = {
         "power-cycle": "board",
         "param": "param",
         "conformance": "conformance",
+        "drives": "drives",
     },
     "Simulation": dict.fromkeys(("pause", "resume", "reset", "inject"), "simulation"),
     "Terminal": dict.fromkeys(("shell", "completion"), "terminal"),

@@ -28,9 +28,10 @@ from ..interface import (
 )
 from .axes import Axes, Axis
 
-#: Exchanges in which two drives answered with one id, until it is a fault; others take some back,
-#: for answers that are late come two at a time as well.
+#: Answers too many until two drives are taken to have one id; an exchange without takes some back.
 CLASHES, FORGIVEN = 3.0, 0.3
+#: Questions whose answers may still be on their way.
+LATEST = 3
 NONE = DriveLimits()
 #: What a drive says of its watchdog and of a restart, where it has no number of its own for it.
 WATCHDOG = DriveFault(0, "watchdog: it heard nothing for too long")
@@ -71,13 +72,13 @@ class Answers:
          self.voltage) = np.zeros((6, count))  # fmt: skip
         self.faults: list[DriveFault | None] = [None] * count
         self.times = np.full(count, -math.inf)
-        self.heard: list[set[bytes]] = [set() for _ in range(count)]
+        self.heard: list[dict[bytes, None]] = [{} for _ in range(count)]
         self.missed = self.foreign = self.malformed = 0
 
     def came(self, drive: int, data: bytes) -> None:
         """An answer of a drive came now, and has been taken over."""
         self.times[drive] = self._clock()
-        self.heard[drive].add(bytes(data))
+        self.heard[drive][bytes(data)] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +142,14 @@ class DrivesPlant:
         self._timeout, self._free = math.inf, [True] * len(axes)
         self._found: tuple[Found | None, ...] = (None,) * len(axes)
         self._off = SetPoints.off(len(axes))
-        self._clashes = [0.0] * len(axes)
+        self._clashes, self._owed, self._last = self._no_clashes()
+        #: Since when each drive owes an answer, s: not while nobody asks, as where we stand still.
+        self._asked = np.full(len(axes), math.inf)
+
+    def _no_clashes(self) -> tuple[list[float], list[int], list[bytes]]:
+        """Counts of answers too many, answers that are owed, last answers."""
+        n = len(self.axes)
+        return [0.0] * n, [LATEST] * n, [b""] * n
 
     def time_by(self, clock: Callable[[], float]) -> None:
         """Take the time of answers from another clock, s; for tests, before ``connect``."""
@@ -175,7 +183,9 @@ class DrivesPlant:
             ValueError: a drive is none that this driver supports.
         """
         self.driver.close()
-        self.answers, self._clashes = Answers(len(self.axes), self._clock), [0.0] * len(self.axes)
+        self.answers = Answers(len(self.axes), self._clock)
+        self._clashes, self._owed, self._last = self._no_clashes()
+        self._asked.fill(math.inf)
         self._timeout = setup.timeout
         self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
         self._found = tuple(self.driver.open(setup, setup.joints))
@@ -188,17 +198,17 @@ class DrivesPlant:
         for heard in answers.heard:
             heard.clear()
         self.driver.exchange(wanted.kinds.tolist(), axes.to_drive(wanted), answers)
-        self._notice_clashes()
-        ages = np.where(answers.times < begin, self._clock() - answers.times, 0.0)
+        self._notice_clashes(wanted.kinds.tolist())
+        now, late = self._clock(), answers.times < begin
+        ages = np.where(late, now - answers.times, 0.0)
+        self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
         faults: list[str | DriveFault | None] = list(answers.faults)
         for k, count in enumerate(self._clashes):
             if count >= CLASHES:
-                faults[k] = (
-                    f"two drives answer as id {self.axes[k].id}; give each an id of its own"
-                )
-        if ages.any():
-            answers.missed += int(np.count_nonzero(ages))
-            for k in np.flatnonzero(ages > self._timeout).tolist():
+                faults[k] = f"two drives answer as id {self.axes[k].id}; change that of one"
+        if late.any():
+            answers.missed += int(np.count_nonzero(late))
+            for k in np.flatnonzero(now - self._asked > self._timeout).tolist():
                 faults[k] = silent(self.axes[k], ages[k])
         return Readings(
             position=axes.position(answers.position),
@@ -211,13 +221,18 @@ class DrivesPlant:
             faults=faults,
         )
 
-    def _notice_clashes(self) -> None:
-        """Two answers to one question, that differ, are those of two drives."""
+    def _notice_clashes(self, kinds: Sequence[int | None]) -> None:
+        """More answers than questions, that differ from each other, are those of two drives."""
         for k, heard in enumerate(self.answers.heard):
-            if len(heard) > 1:
+            owed = min(LATEST, self._owed[k] + (kinds[k] is not None))
+            owed -= len(heard.keys() - {self._last[k]})
+            self._owed[k] = max(0, owed)
+            if owed < 0:
                 self._clashes[k] += 1.0
-            elif heard and 0.0 < self._clashes[k] < CLASHES:
+            elif 0.0 < self._clashes[k] < CLASHES:
                 self._clashes[k] -= FORGIVEN
+            if heard:
+                self._last[k] = next(reversed(heard))
 
     def clear_fault(self, joint: int) -> None:
         self._clashes[joint] = 0.0

@@ -328,7 +328,7 @@ def ask(line: CanLine, drive: int, words: str) -> str:
     line.drain(lambda _: None)
     line.send(drive, padded(who.make_diagnostic_write(words.encode() + b"\n").data))
     told = b""
-    for _ in range(4 * ATTEMPTS):
+    for _ in range(20 * ATTEMPTS):
         line.send(0x8000 | drive, padded(who.make_diagnostic_read().data))
         came: list[bytes] = []
 

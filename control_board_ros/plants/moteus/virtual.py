@@ -19,6 +19,32 @@ from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
 from ..virtual.world import World
 
+#: Registers, as plain numbers: they are looked up in every step.
+R_COMMAND_D_CURRENT = int(Register.COMMAND_D_CURRENT)
+R_COMMAND_FEEDFORWARD_TORQUE = int(Register.COMMAND_FEEDFORWARD_TORQUE)
+R_COMMAND_ILIMIT_SCALE = int(Register.COMMAND_ILIMIT_SCALE)
+R_COMMAND_KD_SCALE = int(Register.COMMAND_KD_SCALE)
+R_COMMAND_KP_SCALE = int(Register.COMMAND_KP_SCALE)
+R_COMMAND_POSITION = int(Register.COMMAND_POSITION)
+R_COMMAND_POSITION_MAX_TORQUE = int(Register.COMMAND_POSITION_MAX_TORQUE)
+R_COMMAND_Q_CURRENT = int(Register.COMMAND_Q_CURRENT)
+R_COMMAND_TIMEOUT = int(Register.COMMAND_TIMEOUT)
+R_COMMAND_VELOCITY = int(Register.COMMAND_VELOCITY)
+R_D_CURRENT = int(Register.D_CURRENT)
+R_FAULT = int(Register.FAULT)
+R_FIRMWARE_VERSION = int(Register.FIRMWARE_VERSION)
+R_MODE = int(Register.MODE)
+R_MOTOR_TEMPERATURE = int(Register.MOTOR_TEMPERATURE)
+R_MULTIPLEX_ID = int(Register.MULTIPLEX_ID)
+R_POSITION = int(Register.POSITION)
+R_Q_CURRENT = int(Register.Q_CURRENT)
+R_REGISTER_MAP_VERSION = int(Register.REGISTER_MAP_VERSION)
+R_TEMPERATURE = int(Register.TEMPERATURE)
+R_TORQUE = int(Register.TORQUE)
+R_VELOCITY = int(Register.VELOCITY)
+R_VOLTAGE = int(Register.VOLTAGE)
+R_VOLTAGEDQ_D = int(Register.VOLTAGEDQ_D)
+R_VOLTAGEDQ_Q = int(Register.VOLTAGEDQ_Q)
 REV = 2.0 * math.pi
 STOPPED, FAULT, ENABLING, VOLTAGE, CURRENT, POSITION, TIMEOUT = 0, 1, 2, 8, 9, 10, 11
 ZERO_VELOCITY, BRAKE = 12, 15
@@ -26,29 +52,29 @@ ZERO_VELOCITY, BRAKE = 12, 15
 ENABLE_TIME = 5e-3
 #: What each int8, int16 and int32 means, by register.
 SCALES = {
-    Register.POSITION: (0.01, 1e-4, 1e-5),
-    Register.VELOCITY: (0.1, 2.5e-4, 1e-5),
-    Register.TORQUE: (0.5, 0.01, 1e-3),
-    Register.Q_CURRENT: (1.0, 0.1, 1e-3),
-    Register.D_CURRENT: (1.0, 0.1, 1e-3),
-    Register.VOLTAGE: (0.5, 0.1, 1e-3),
-    Register.TEMPERATURE: (1.0, 0.1, 1e-3),
-    Register.MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
+    R_POSITION: (0.01, 1e-4, 1e-5),
+    R_VELOCITY: (0.1, 2.5e-4, 1e-5),
+    R_TORQUE: (0.5, 0.01, 1e-3),
+    R_Q_CURRENT: (1.0, 0.1, 1e-3),
+    R_D_CURRENT: (1.0, 0.1, 1e-3),
+    R_VOLTAGE: (0.5, 0.1, 1e-3),
+    R_TEMPERATURE: (1.0, 0.1, 1e-3),
+    R_MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
 }
 #: What a command that does not name a register means.
 UNNAMED = {
-    Register.COMMAND_POSITION: 0.0,
-    Register.COMMAND_VELOCITY: 0.0,
-    Register.COMMAND_FEEDFORWARD_TORQUE: 0.0,
-    Register.COMMAND_KP_SCALE: 1.0,
-    Register.COMMAND_KD_SCALE: 1.0,
-    Register.COMMAND_POSITION_MAX_TORQUE: math.nan,
-    Register.COMMAND_TIMEOUT: 0.0,
-    Register.COMMAND_ILIMIT_SCALE: 1.0,
-    Register.COMMAND_Q_CURRENT: 0.0,
-    Register.COMMAND_D_CURRENT: 0.0,
-    Register.VOLTAGEDQ_Q: 0.0,
-    Register.VOLTAGEDQ_D: 0.0,
+    R_COMMAND_POSITION: 0.0,
+    R_COMMAND_VELOCITY: 0.0,
+    R_COMMAND_FEEDFORWARD_TORQUE: 0.0,
+    R_COMMAND_KP_SCALE: 1.0,
+    R_COMMAND_KD_SCALE: 1.0,
+    R_COMMAND_POSITION_MAX_TORQUE: math.nan,
+    R_COMMAND_TIMEOUT: 0.0,
+    R_COMMAND_ILIMIT_SCALE: 1.0,
+    R_COMMAND_Q_CURRENT: 0.0,
+    R_COMMAND_D_CURRENT: 0.0,
+    R_VOLTAGEDQ_Q: 0.0,
+    R_VOLTAGEDQ_D: 0.0,
 }
 
 
@@ -133,8 +159,8 @@ class VirtualMoteus:
                     most = part.data[0]
                     piece, self._stream = self._stream[:most], self._stream[most:]
                     answer += bytes([0x41, part.channel, len(piece)]) + piece
-            if Register.MODE in writes:
-                self._order(int(writes[Register.MODE]), writes)
+            if R_MODE in writes:
+                self._order(int(writes[R_MODE]), writes)
             answer = self._read(reads) + answer
         except Exception:  # noqa: BLE001 - no frame of its protocol: it does nothing
             return
@@ -149,10 +175,10 @@ class VirtualMoteus:
         if self.mode in (FAULT, TIMEOUT):  # left by a stop only
             return
         self._command = UNNAMED | {key: value for key, value in writes.items() if key in UNNAMED}
-        timeout = self._command[Register.COMMAND_TIMEOUT]
+        timeout = self._command[R_COMMAND_TIMEOUT]
         self._left = timeout if timeout != 0.0 else self.conf["servo.default_timeout_s"]
         if self.mode == mode:
-            self._place(self._command[Register.COMMAND_POSITION])
+            self._place(self._command[R_COMMAND_POSITION])
             return
         if self.mode == STOPPED:
             self.mode, self._enabling = ENABLING, ENABLE_TIME
@@ -167,7 +193,7 @@ class VirtualMoteus:
             return
         self.mode, self._integral, self._control = mode, 0.0, math.nan
         if mode == POSITION:
-            self._place(self._command[Register.COMMAND_POSITION])
+            self._place(self._command[R_COMMAND_POSITION])
 
     def _place(self, position: float) -> None:
         if not math.isnan(position):
@@ -193,24 +219,24 @@ class VirtualMoteus:
                 writer.write_varuint(count)
             writer.write_varuint(register)
             for number in range(register, register + count):
-                scales = SCALES.get(Register(number) if number in _KNOWN else number, (1, 1, 1))
+                scales = SCALES.get(number, (1, 1, 1))
                 writer.write_mapped(self._register(number), *scales, resolution)
             place += count
         return buffer.getvalue()
 
     def _register(self, number: int) -> float:
         table = {
-            Register.MODE: self.mode,
-            Register.POSITION: self._position,
-            Register.VELOCITY: self._velocity,
-            Register.TORQUE: self.torque,
-            Register.Q_CURRENT: self.current,
-            Register.VOLTAGE: self.supply,
-            Register.TEMPERATURE: 30.0,
-            Register.FAULT: self.fault,
-            Register.FIRMWARE_VERSION: self.version,
-            Register.REGISTER_MAP_VERSION: self.register_map,
-            Register.MULTIPLEX_ID: self.id,
+            R_MODE: self.mode,
+            R_POSITION: self._position,
+            R_VELOCITY: self._velocity,
+            R_TORQUE: self.torque,
+            R_Q_CURRENT: self.current,
+            R_VOLTAGE: self.supply,
+            R_TEMPERATURE: 30.0,
+            R_FAULT: self.fault,
+            R_FIRMWARE_VERSION: self.version,
+            R_REGISTER_MAP_VERSION: self.register_map,
+            R_MULTIPLEX_ID: self.id,
         }
         return float(table.get(number, 0))
 
@@ -248,13 +274,13 @@ class VirtualMoteus:
     def _torque(self, seconds: float) -> float:
         command, most = self._command, self.conf["servo.max_current_A"] * self._constant
         if self.mode == POSITION:
-            bound = command[Register.COMMAND_POSITION_MAX_TORQUE]
+            bound = command[R_COMMAND_POSITION_MAX_TORQUE]
             most = most if math.isnan(bound) else min(most, bound)
-            torque = self._position_loop(seconds) + command[Register.COMMAND_FEEDFORWARD_TORQUE]
+            torque = self._position_loop(seconds) + command[R_COMMAND_FEEDFORWARD_TORQUE]
         elif self.mode == CURRENT:
-            torque = command[Register.COMMAND_Q_CURRENT] * self._constant
+            torque = command[R_COMMAND_Q_CURRENT] * self._constant
         elif self.mode == VOLTAGE:
-            torque = self._shorted(command[Register.VOLTAGEDQ_Q])
+            torque = self._shorted(command[R_VOLTAGEDQ_Q])
         elif self.mode == BRAKE or (
             self.mode == TIMEOUT and self.conf["servo.timeout_mode"] == BRAKE
         ):
@@ -277,7 +303,7 @@ class VirtualMoteus:
     def _position_loop(self, seconds: float) -> float:
         command, conf = self._command, self.conf
         low, high = conf["servopos.position_min"], conf["servopos.position_max"]
-        rate = command[Register.COMMAND_VELOCITY]
+        rate = command[R_COMMAND_VELOCITY]
         rate = 0.0 if math.isnan(rate) else rate
         self._control += rate * seconds
         if not (low <= self._control or math.isnan(low)):
@@ -285,15 +311,12 @@ class VirtualMoteus:
         if not (self._control <= high or math.isnan(high)):
             self._control, rate = high, 0.0
         error = self._control - self._position
-        scale, limit = command[Register.COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
+        scale, limit = command[R_COMMAND_ILIMIT_SCALE], conf["servo.pid_position.ilimit"]
         self._integral += conf["servo.pid_position.ki"] * error * seconds
         self._integral = scale * max(-limit, min(limit, self._integral))
-        stiffness = conf["servo.pid_position.kp"] * command[Register.COMMAND_KP_SCALE]
-        damping = conf["servo.pid_position.kd"] * command[Register.COMMAND_KD_SCALE]
+        stiffness = conf["servo.pid_position.kp"] * command[R_COMMAND_KP_SCALE]
+        damping = conf["servo.pid_position.kd"] * command[R_COMMAND_KD_SCALE]
         return stiffness * error + damping * (rate - self._velocity) + self._integral
-
-
-_KNOWN = {int(register) for register in SCALES}
 
 
 def _padded(data: bytes) -> bytes:

@@ -14,9 +14,11 @@ from typing import Any
 import numpy as np
 
 from ...core.config.config import BoardConfig
+from ...core.terms.measurement import Array
 from ...core.terms.set_points import SetPoints
 from ...settings.loading import Settings
 from ...sim.config import SimulationConfig
+from ...sim.motor import SLIP_SPEED, smoothing_inertia
 from ...sim.plant import make_body
 from ..drives.plant import DrivesPlant
 from ..entry_points import DRIVERS, pairs
@@ -80,10 +82,8 @@ class VirtualPlant:
         ]
         simulation = replace(simulation, physics_rate=1.0 / STEP)
         body = make_body(board, simulation)
-        motors = [joint.motor for joint in simulation.joints]
-        friction = np.array([[m.coulomb for m in motors], [m.viscous for m in motors]])
         home = np.array([joint.home for joint in simulation.joints])
-        self.world = World(axes, self.drives, body, friction, home)
+        self.world = World(axes, self.drives, body, friction(board, simulation), home)
         body.restore(self.world.state.copy())
         self.bus = virtual.virtual_bus(self.world, self.drives)
         self.plant: DrivesPlant = maker(board.names, {**given, "bus": self.bus.address})
@@ -107,3 +107,11 @@ class VirtualPlant:
         self.plant.close()
         self.bus.close()
         self.world.body.close()
+
+
+def friction(board: BoardConfig, simulation: SimulationConfig) -> Array:
+    """Friction as a World has it, steep, and stable for what each joint moves at least."""
+    motors = [joint.motor for joint in simulation.joints]
+    dry = np.array([motor.coulomb for motor in motors])
+    slip = np.maximum(SLIP_SPEED, 2.0 * STEP * dry / smoothing_inertia(board, simulation))
+    return np.array([dry, slip, [motor.viscous for motor in motors]])

@@ -19,8 +19,9 @@ from ...core.terms.measurement import Array
 from ..drives.axes import Axis
 
 STEP = 1e-3
-#: s that a world makes up for at most; a process that stood still has lost the rest.
-LARGEST_GAP = 0.25
+#: s that a world makes up for at most, and s of real time that it takes for it, before it lets its
+#: drives answer: where the machine is too slow, its time is slower than the real one.
+LARGEST_GAP, LONGEST = 0.02, 2e-3
 
 
 class VirtualDrive(Protocol):
@@ -86,17 +87,17 @@ class World:
         axes: How each drive is mounted in truth.
         drives: In the same order; may be set later.
         body: What they move; its step is STEP.
-        friction: Dry friction, N·m, and viscous, N·m·s/rad, at the joints, shape (2, n).
+        friction: At the joints: dry, N·m, the speed at which that is nearly whole, rad/s, and
+            viscous, N·m·s/rad; shape (3, n).
         home: Positions at start, rad, shape (n,).
         clock: s; for tests.
 
     Attributes:
         state: Position and velocity of the joints, shape (2, n).
         time: Up to which they are stepped, s.
+        longest: s of real time that ``advance`` takes.
         lock: Held by whoever looks at drives or joints.
     """
-
-    SLIP = 1e-2  # rad/s at which dry friction is nearly whole
 
     def __init__(
         self,
@@ -115,8 +116,9 @@ class World:
         body.attach(self.state)
         self._factor = [axis.factor for axis in axes]
         self._offset = [axis.offset for axis in axes]
-        self._dry, self._viscous = friction.tolist()
+        self._dry, self._slip, self._viscous = friction.tolist()
         self._torque = np.zeros(n)
+        self.longest = LONGEST
         self.clock, self.lock = clock, threading.RLock()
         self.time = clock()
 
@@ -125,9 +127,12 @@ class World:
         now = self.clock()
         if now - self.time > LARGEST_GAP:
             self.time = now - LARGEST_GAP
+        end = time.perf_counter() + self.longest
         while self.time + STEP <= now:
             self.time += STEP
             self.step()
+            if time.perf_counter() > end:
+                self.time = now
 
     def step(self) -> None:
         """One STEP of drives and body."""
@@ -137,7 +142,7 @@ class World:
             torque = factor * drive.step(
                 STEP, (positions[k] - self._offset[k]) * factor, velocity * factor
             )
-            dry = self._dry[k] * math.tanh(velocity / self.SLIP)
+            dry = self._dry[k] * math.tanh(velocity / self._slip[k])
             self._torque[k] = torque - dry - self._viscous[k] * velocity
         self.body.step(self._torque)
 
@@ -153,4 +158,4 @@ def free_world(axes: Sequence[Axis], drives: Sequence[VirtualDrive], inertia: fl
     """A world of free joints, each of an inertia (kg·m²), with a little friction."""
     n = len(axes)
     body = FreeBody(np.full(n, inertia), np.full(n, -20.0), np.full(n, 20.0))
-    return World(axes, drives, body, np.full((2, n), [[0.01], [0.05]]), clock=clock)
+    return World(axes, drives, body, np.full((3, n), [[0.01], [0.01], [0.05]]), clock=clock)

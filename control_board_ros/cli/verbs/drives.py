@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl drives."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from ..board.session import Session
+from ..line.arguments import argument, takes
+from ..line.words import UsageError
+from ..text.output import put_json
+
+#: Drivers need their libraries, which cbctl does not know: it is a program of its own.
+PROGRAM = "control_board_ros.plants"
+ACTIONS = ("scan", "try")
+
+
+@takes(
+    argument("action", choices=ACTIONS, help="List what answers, or move each joint a little."),
+    argument("what", metavar="PLANT|ROBOT.yaml", help="scan: moteus, …; try: a parameter file."),
+    argument("--bus", metavar="BUS", help="scan: as socketcan:can0 or /dev/ttyUSB0."),
+    argument("--joints", metavar="A,B", help="try: only these."),
+    argument("--turned", metavar="JOINT=DEG", help="try: how far a joint turned, if not as read."),
+    argument("--yes", action="store_true", help="try: ask nothing."),
+)
+def drives(
+    session: Session,
+    action: str,
+    what: str,
+    bus: str | None,
+    joints: str | None,
+    turned: str | None,
+    yes: bool,
+) -> int:
+    """List the drives on a bus, or bring up those of a robot; no board has to run.
+
+    scan lists id, type, firmware, voltage and fault of what answers. try shows each joint and its
+    drive, asks, moves each by 2 degrees under a tenth of its limits, and writes direction and
+    gear ratio into the file where the joint turned otherwise. Ctrl-C takes the power off.
+    """
+    if action == "scan" and not bus:
+        raise UsageError("drives scan needs --bus, as --bus socketcan:can0")
+    words = [action, what]
+    for name, value in (("--bus", bus), ("--joints", joints), ("--turned", turned)):
+        if value:
+            words += [name, value]
+    program = [sys.executable, "-m", PROGRAM, *words, *(["--yes"] if yes else [])]
+    if not session.options.json:
+        try:
+            return subprocess.run(program, check=False).returncode
+        except KeyboardInterrupt:
+            return 1  # it has the signal, too, and takes the power off
+    done = subprocess.run(program, check=False, capture_output=True, text=True)
+    lines = (done.stdout + done.stderr).splitlines()
+    put_json({"success": done.returncode == 0, "lines": lines})
+    return done.returncode

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m control_board_ros.plants scan|try``: what ``cbctl drives`` runs."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from ..core.config.checks import ConfigError
+from ..settings.loading import Settings, load
+from ..settings.params_file import SettingsError
+from .drives.axes import Axis
+from .drives.bring_up import Moved, Trial, compared, corrections, write
+from .drives.plant import DrivesPlant
+from .entry_points import DRIVERS, make, pairs
+from .errors import PlantSettingsError
+
+#: The slowest that drives are talked to here, s.
+PERIOD = 5e-3
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Scan a bus, or try the drives of a robot; 0, 1 (it did not work), 2 (usage)."""
+    parser = argparse.ArgumentParser(prog="cbctl drives")
+    verbs = parser.add_subparsers(dest="verb", required=True)
+    scan = verbs.add_parser("scan")
+    scan.add_argument("plant", choices=DRIVERS)
+    scan.add_argument("--bus", required=True)
+    trial = verbs.add_parser("try")
+    trial.add_argument("robot")
+    trial.add_argument("--yes", action="store_true")
+    trial.add_argument("--joints", default="")
+    trial.add_argument("--turned", action="append", default=[], metavar="JOINT=DEG")
+    given = parser.parse_args(arguments)
+    try:
+        if given.verb == "scan":
+            return put_scan(given.plant, given.bus)
+        return put_trial(given)
+    except KeyboardInterrupt:
+        print("cbctl: interrupted; all joints are without power", file=sys.stderr)
+        return 1
+    except (PlantSettingsError, SettingsError, ConfigError, OSError) as error:
+        print(f"cbctl: {error}", file=sys.stderr)
+        return 1
+    except ImportError as error:
+        print(f"cbctl: {error.name} is not installed; pip install the driver's extra, as "
+              "'control_board_ros[moteus]'", file=sys.stderr)  # fmt: skip
+        return 1
+
+
+def put_scan(plant: str, bus: str) -> int:
+    """Print what answers on a bus."""
+    found = import_module(f".{plant}.driver", __package__).scan(bus)
+    if not found:
+        print(f"nothing answers on {bus}; look at power, wiring, bit rate and termination")
+        return 1
+    for drive in found:
+        volts = "" if math.isnan(drive.voltage) else f"{drive.voltage:.1f} V"
+        fault = f"fault {drive.fault}" if drive.fault else "no fault"
+        print(f"id {drive.id:<4} {drive.type:<14} firmware {drive.firmware:<8} {volts:<8} {fault}")
+    return 0
+
+
+def put_trial(given: argparse.Namespace) -> int:
+    """Show the drives of a robot, move each a little, and write what was wrong into its file."""
+    settings = load(given.robot)
+    whole, axes = made(settings)
+    names = [name for name in given.joints.split(",") if name] or list(settings.board.names)
+    turned = {name: math.radians(float(degrees)) for name, degrees in pairs(given.turned).items()}
+    if unknown := [name for name in (*names, *turned) if name not in settings.board.names]:
+        raise PlantSettingsError(
+            f"joint {unknown[0]!r} unknown: {', '.join(settings.board.names)}"
+        )
+    try:
+        period = max(settings.board.period, PERIOD)
+        trial = Trial(whole, settings.board.joints, period, settings.values["plant_timeout"])
+        put_joints(trial, axes)
+        if not given.yes and not agreed("Give power to one joint after the other, 2° each?"):
+            print("nothing was moved")
+            return 1
+        changed: dict[str, str] = {}
+        wrong = 0
+        for name in names:
+            joint = settings.board.names.index(name)
+            moved = trial.move(joint)
+            print(told(moved))
+            wrong += not moved.follows
+            seen = turned.get(name, moved.read if given.yes else looked(moved))
+            changed |= corrections(axes[joint], moved, seen)
+    finally:
+        whole.close()
+    return max(put_corrections(given.robot, changed), int(wrong > 0))
+
+
+def made(settings: Settings) -> tuple[Any, Sequence[Axis]]:
+    """The plant of a robot, and its axes.
+
+    Raises:
+        PlantSettingsError: it is none of the drivers in the box.
+    """
+    name, arguments = settings.values["plant"], settings.values["plant_arguments"]
+    if name.startswith("virtual/"):
+        from .virtual.plant import make_virtual
+
+        virtual = make_virtual(name, settings, arguments)
+        return virtual, virtual.plant.axes
+    plant = make(name, settings.board.names, arguments) if name else None
+    if not isinstance(plant, DrivesPlant):
+        raise PlantSettingsError(
+            f"plant: {name!r} is no driver in the box; known: {', '.join(DRIVERS)}"
+        )
+    return plant, plant.axes
+
+
+def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:
+    """Print each joint, its drive, and where their limits differ."""
+    found = trial.read()
+    for k, (config, axis) in enumerate(zip(trial.joints, axes, strict=True)):
+        has = trial.description.joints[k]
+        print(
+            f"{config.name}: {has.drive}, id {axis.id}, direction {axis.direction}, ratio "
+            f"{axis.ratio:g}, at {math.degrees(found.position[k]):.1f}°, "
+            f"takes {', '.join(kind.code for kind in has.set_points)}"
+        )
+        for line in compared(config, has):
+            print(f"  {line}")
+        if found.faults and found.faults[k]:
+            print(f"  fault {found.faults[k]}")
+
+
+def told(moved: Moved) -> str:
+    """What a joint did, in words."""
+    asked, read = math.degrees(moved.asked), math.degrees(moved.read)
+    end = "" if moved.follows else ": its drive does not follow; is it free, and its gain enough?"
+    return f"{moved.joint}: told {asked:+.2f}°, read {read:+.2f}°{end}"
+
+
+def agreed(question: str) -> bool:
+    """Whether the user says yes."""
+    return input(f"{question} [y/N] ").strip().lower() in ("y", "yes")
+
+
+def looked(moved: Moved) -> float:
+    """By how much the joint turned, as the user saw, rad."""
+    words = input(f"  {moved.joint} turned by (degrees, + as in its URDF; Enter: as read): ")
+    try:
+        return math.radians(float(words)) if words.strip() else moved.read
+    except ValueError:
+        raise PlantSettingsError(f"{words.strip()[:20]!r} is no number of degrees") from None
+
+
+def put_corrections(robot: str, changed: dict[str, str]) -> int:
+    """Write what was wrong into the robot's file."""
+    if not changed:
+        print("direction and ratio are as configured")
+        return 0
+    words = ", ".join(f"{key}={value}" for key, value in changed.items())
+    path = Path(robot)
+    if path.is_file() and write(path, changed):
+        print(f"written into {path}: {words}; try again")
+        return 0
+    print(f"add to plant_arguments: {words}")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bring-up of drives: each joint is moved by a little, and what turned is compared with the file.
+
+A drive reads its own shaft: whether the joint turns the same way and as far, somebody must look.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...core.config.config import JointConfig
+from ...core.terms.set_points import VALUES, SetPoint, SetPoints, Value
+from ..errors import PlantSettingsError
+from ..interface import DriveLimits, DrivePlant, JointDescription, Readings, Setup
+from .axes import Axis
+
+#: rad that a joint is moved by; the share of its limits that it may use; s that it is held there.
+MOVE, SHARE, HOLD = math.radians(2.0), 0.1, 0.3
+#: The first of these that a drive takes moves it.
+KINDS = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY)
+#: Of a move, that may be missing from what is read, or of a ratio, that is no correction.
+TOLERANCE = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """What a joint was told and what its drive read, rad."""
+
+    joint: str
+    asked: float
+    read: float
+
+    @property
+    def follows(self) -> bool:
+        """Whether the drive did what it was told."""
+        return abs(self.read - self.asked) <= TOLERANCE * abs(self.asked)
+
+
+class Trial:
+    """A connected plant of drives, joint by joint.
+
+    Args:
+        plant: Of drives.
+        joints: The board's configuration of each.
+        period: From one exchange to the next, s.
+        timeout: ``plant_timeout``, s.
+        pause: Lets time pass, s.
+    """
+
+    def __init__(
+        self,
+        plant: DrivePlant,
+        joints: Sequence[JointConfig],
+        period: float,
+        timeout: float,
+        pause: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self._plant, self.joints, self._period, self._pause = plant, joints, period, pause
+        plant.connect(Setup(period=period, timeout=timeout, joints=tuple(joints)))
+        self.description = plant.describe()
+        self._off = SetPoints.off(len(joints))
+
+    def read(self) -> Readings:
+        """Readings of joints without power."""
+        return self._plant.exchange(self._off)
+
+    def move(self, joint: int) -> Moved:
+        """Move a joint by MOVE, away from the nearer limit, and take its power off.
+
+        Raises:
+            PlantSettingsError: its drive takes no set-point that moves it by so much, or a drive
+                reports a fault.
+        """
+        config, has = self.joints[joint], self.description.joints[joint]
+        kind = next((kind for kind in KINDS if kind in has.set_points), None)
+        if kind is None:
+            known = ", ".join(kind.code for kind in KINDS)
+            raise PlantSettingsError(f"{config.name}: its drive takes none of {known}")
+        start = float(self.read().position[joint])
+        limits = config.limits
+        way = MOVE if start < 0.5 * (limits.lower + limits.upper) else -MOVE
+        try:
+            found = self._follow(joint, kind, start, way)
+        finally:
+            self.read()
+        return Moved(config.name, way, float(found.position[joint]) - start)
+
+    def _follow(self, joint: int, kind: SetPoint, start: float, way: float) -> Readings:
+        limits = self.joints[joint].limits
+        speed = SHARE * limits.velocity
+        duration = max(1.875 * abs(way) / speed, 1.0)
+        cycles = round((duration + HOLD) / self._period)
+        for cycle in range(1, cycles + 1):
+            s = min(1.0, cycle * self._period / duration)
+            values = np.zeros((VALUES, len(self.joints)))
+            values[Value.POSITION, joint] = start + way * s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
+            values[Value.VELOCITY, joint] = way / duration * 30.0 * s * s * (1.0 - s) ** 2
+            if kind is SetPoint.IMPEDANCE:  # a tenth of the torque, when it is stuck
+                values[Value.STIFFNESS, joint] = SHARE * limits.torque / MOVE
+                values[Value.DAMPING, joint] = 0.1 * values[Value.STIFFNESS, joint]
+            kinds = np.zeros(len(self.joints), dtype=np.int8)
+            kinds[joint] = kind
+            found = self._plant.exchange(SetPoints(kinds, values, (kinds > 0).astype(np.float64)))
+            if any(found.faults):
+                faults = zip(self.joints, found.faults, strict=True)
+                told = "; ".join(f"{config.name}: {fault}" for config, fault in faults if fault)
+                raise PlantSettingsError(f"while {self.joints[joint].name} moved: {told}")
+            self._pause(self._period)
+        return found
+
+
+def compared(config: JointConfig, has: JointDescription) -> Iterator[str]:
+    """Where a drive allows more or less than the board, a line each (S4)."""
+    limits, drive = config.limits, has.limits
+    for what, ours, theirs in (
+        ("velocity", limits.velocity, drive.velocity),
+        ("torque", limits.torque, drive.torque),
+        ("current", limits.peak_current, drive.current),
+    ):
+        if theirs is not None and theirs < ours:
+            yield f"{what}: the drive allows {theirs:.3g}, the board {ours:.3g}; the smaller acts"
+    if not _within(limits.lower, limits.upper, drive):
+        yield (
+            f"position: the drive allows {drive.lower} to {drive.upper}, the board "
+            f"{limits.lower:.3g} to {limits.upper:.3g} rad; the narrower acts"
+        )
+
+
+def _within(lower: float, upper: float, drive: DriveLimits) -> bool:
+    low = drive.lower is None or drive.lower <= lower
+    return low and (drive.upper is None or drive.upper >= upper)
+
+
+def corrections(axis: Axis, moved: Moved, turned: float) -> dict[str, str]:
+    """Options of an axis that the joint's true motion asks for.
+
+    Args:
+        axis: As it is configured.
+        moved: What its drive read.
+        turned: What the joint did, rad, positive as its URDF says.
+
+    Raises:
+        PlantSettingsError: it did not turn.
+    """
+    if abs(turned) < 0.05 * abs(moved.read):
+        raise PlantSettingsError(f"{axis.name}: it did not turn; is it the drive of this joint?")
+    found = {}
+    if turned * moved.read < 0.0:
+        found[f"{axis.name}.direction"] = f"{-axis.direction}"
+    scale = abs(moved.read / turned)
+    if abs(scale - 1.0) > TOLERANCE:
+        found[f"{axis.name}.ratio"] = f"{axis.ratio * scale:.4g}"
+    return found
+
+
+def write(path: Path, options: dict[str, str]) -> bool:
+    """Write options into ``plant_arguments`` of a parameter file; false where it has no such line.
+
+    All else of the file stays as it is, comments included.
+    """
+    text = path.read_text(encoding="utf-8")
+    line = re.search(r"^(\s*plant_arguments\s*:\s*)\[([^\]\n]*)\]", text, re.MULTILINE)
+    if line is None:
+        return False
+    words = [word.strip() for word in line[2].split(",") if word.strip()]
+    kept = [word for word in words if word.strip("'\"").partition("=")[0] not in options]
+    kept += [f"{key}={value}" for key, value in options.items()]
+    changed = f"{text[: line.start()]}{line[1]}[{', '.join(kept)}]{text[line.end() :]}"
+    beside = path.with_name(f".{path.name}.new")
+    beside.write_text(changed, encoding="utf-8")
+    beside.replace(path)
+    return True

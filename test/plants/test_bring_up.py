@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``cbctl drives``: scanning a bus, and the first move of each joint."""
+
+from __future__ import annotations
+
+import math
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drive_bench import PERIOD, TIMEOUT, Bench
+
+from control_board_ros.plants.__main__ import main
+from control_board_ros.plants.drives.axes import Axis
+from control_board_ros.plants.drives.bring_up import (
+    MOVE,
+    Moved,
+    Trial,
+    compared,
+    corrections,
+    write,
+)
+from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.interface import DriveLimits, JointDescription
+from control_board_ros.testing.plants import board_for
+
+pytest.importorskip("moteus")
+ROBOT = """\
+# arm of two levers
+/**:
+  ros__parameters:
+    robot: iiwa  # the shipped one
+    plant: virtual/moteus
+    plant_arguments: [lbr_iiwa_joint_7.direction=-1]
+"""
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with Bench("moteus") as made:
+        yield made
+
+
+def trial(bench: Bench) -> Trial:
+    def pause(seconds: float) -> None:
+        bench.time += seconds
+
+    joints = board_for(bench.plant.describe()).joints
+    return Trial(bench.plant, joints, 10 * PERIOD, TIMEOUT, pause)
+
+
+def test_a_joint_is_moved_by_two_degrees_under_a_tenth_of_its_limits(bench: Bench) -> None:
+    """S4: the other stays; its power is off afterwards."""
+    tried = trial(bench)
+    speeds = []
+    step = bench.world.step
+
+    def watched() -> None:
+        step()
+        speeds.append(float(np.abs(bench.world.state[1]).max()))
+
+    bench.world.step = watched
+    moved = tried.move(1)
+    assert moved.follows
+    assert abs(moved.read) == pytest.approx(MOVE, rel=0.1)
+    assert bench.world.state[0, 1] == pytest.approx(moved.read, abs=1e-3)
+    assert bench.world.state[0, 0] == 0.0
+    assert max(speeds) < 0.1 * tried.joints[1].limits.velocity * 1.2
+    assert bench.drives[1].mode == 0
+
+
+def test_a_drive_that_does_not_follow_is_told_and_one_that_fails_ends_it(bench: Bench) -> None:
+    tried = trial(bench)
+    bench.drives[0].conf["servo.pid_position.kp"] = 0.0
+    assert not tried.move(0).follows
+    bench.drives[1].fail(35, persists=True)
+    with pytest.raises(PlantSettingsError, match="while left moved: right: 35 encoder fault"):
+        tried.move(0)
+
+
+@pytest.mark.parametrize(
+    ("turned", "found"),
+    [
+        (2.0, {}),
+        (-2.0, {"elbow.direction": "1"}),
+        (1.0, {"elbow.ratio": "6"}),
+        (-4.0, {"elbow.direction": "1", "elbow.ratio": "1.5"}),
+    ],
+)
+def test_what_turned_otherwise_than_the_drive_read_corrects_direction_and_ratio(
+    turned: float, found: dict[str, str]
+) -> None:
+    axis = Axis(name="elbow", id=4, direction=-1, ratio=3.0)
+    moved = Moved("elbow", math.radians(2.0), math.radians(2.0))
+    assert corrections(axis, moved, math.radians(turned)) == found
+
+
+def test_a_joint_that_does_not_turn_is_told() -> None:
+    moved = Moved("elbow", 0.03, 0.03)
+    with pytest.raises(PlantSettingsError, match="did not turn; is it the drive of this joint"):
+        corrections(Axis(name="elbow", id=4), moved, 0.0)
+
+
+def test_corrections_leave_the_rest_of_the_file_alone(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(ROBOT)
+    assert write(path, {"lbr_iiwa_joint_7.direction": "1", "a.ratio": "2"})
+    assert path.read_text() == ROBOT.replace(
+        "[lbr_iiwa_joint_7.direction=-1]", "[lbr_iiwa_joint_7.direction=1, a.ratio=2]"
+    )
+    path.write_text("a: 1\n")
+    assert not write(path, {"a.ratio": "2"})
+    assert [file.name for file in tmp_path.iterdir()] == ["robot.yaml"]
+
+
+def test_limits_of_a_drive_that_are_narrower_are_told_in_a_line(bench: Bench) -> None:
+    """S4."""
+    config = board_for(bench.plant.describe()).joints[0]
+    narrow = JointDescription(
+        name="left", limits=DriveLimits(velocity=1.0, upper=1.5, torque=99.0)
+    )
+    lines = list(compared(config, narrow))
+    assert lines[0] == "velocity: the drive allows 1, the board 3; the smaller acts"
+    assert lines[1].startswith("position: the drive allows None to 1.5")
+    assert len(lines) == 2
+
+
+def test_trying_a_robot_shows_moves_and_corrects(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``cbctl drives try``, with ``--yes``, on virtual motors."""
+    path = tmp_path / "robot.yaml"
+    path.write_text(ROBOT)
+    joint = "lbr_iiwa_joint_7"
+    words = ["try", str(path), "--yes", "--joints", joint, "--turned", f"{joint}=-2"]
+    assert main(words) == 0
+    printed = capsys.readouterr().out
+    assert f"{joint}: moteus 1.1.0, id 7, direction -1, ratio 1, at 0.0°" in printed
+    assert "written into" in printed
+    assert f"{joint}.direction" in path.read_text()
+
+
+def test_nothing_is_moved_without_a_yes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(ROBOT)
+    monkeypatch.setattr("builtins.input", lambda _: "")
+    assert main(["try", str(path)]) == 1
+    assert "nothing was moved" in capsys.readouterr().out
+
+
+def test_errors_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(ROBOT.replace("virtual/moteus", "''"))
+    for words, told in (
+        (["try", str(path), "--yes"], "is no driver in the box; known: moteus"),
+        (["try", str(tmp_path / "none.yaml")], "none.yaml"),
+        (["scan", "moteus", "--bus", "nonsense:1"], "use INTERFACE:CHANNEL"),
+    ):
+        assert main(words) == 1
+        error = capsys.readouterr().err
+        assert told in error
+        assert error.count("\n") == 1
+
+
+def test_a_scan_prints_what_answers(bench: Bench, capsys: pytest.CaptureFixture[str]) -> None:
+    bench.drives[1].fail(38)
+    assert main(["scan", "moteus", "--bus", bench.bus.address]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == [
+        "id",
+        "1",
+        "moteus",
+        "firmware",
+        "1.1.0",
+        "24.0",
+        "V",
+        "no",
+        "fault",
+    ]
+    assert lines[1].endswith("fault 38 over temperature")
+
+
+@pytest.mark.slow
+def test_ctrl_c_takes_the_power_off(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(ROBOT)
+    command = [sys.executable, "-m", "control_board_ros.plants", "try", str(path), "--yes"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    while "told" not in process.stdout.readline():
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert error.strip() == "cbctl: interrupted; all joints are without power"
