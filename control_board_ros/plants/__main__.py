@@ -124,7 +124,7 @@ def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:
         has = trial.description.joints[k]
         print(
             f"{config.name}: {has.drive}, id {axis.id}, direction {axis.direction}, ratio "
-            f"{axis.ratio:g}, at {math.degrees(found.position[k]):.1f}°, "
+            f"{axis.ratio:g}, at {round(math.degrees(found.position[k]), 1) + 0.0}°, "
             f"takes {', '.join(kind.code for kind in has.set_points)}"
         )
         for line in compared(config, has):

@@ -35,6 +35,7 @@ ROBOT = """\
   ros__parameters:
     robot: iiwa  # the shipped one
     plant: virtual/moteus
+    plant_timeout: 5.0
     plant_arguments: [lbr_iiwa_joint_7.direction=-1]
 """
 
@@ -129,6 +130,7 @@ def test_limits_of_a_drive_that_are_narrower_are_told_in_a_line(bench: Bench) ->
     assert len(lines) == 2
 
 
+@pytest.mark.slow
 def test_trying_a_robot_shows_moves_and_corrects(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,7 +28,13 @@ TORQUE, CURRENT, PWM, IMPEDANCE = (
 Make = Callable[..., Bench]
 
 
-@pytest.fixture(params=DRIVERS)
+#: One of them all day, the others in make test-long.
+PARAMS = [
+    pytest.param(name, marks=() if name == "moteus" else pytest.mark.slow) for name in DRIVERS
+]
+
+
+@pytest.fixture(params=PARAMS)
 def make(request: pytest.FixtureRequest) -> Iterator[Make]:
     library, options = DRIVERS[request.param]
     pytest.importorskip(library)
@@ -90,8 +96,8 @@ def contract(driver: str) -> Callable[..., None]:
 
 
 test_moteus_keeps_the_contract = contract("moteus")
-test_dynamixel_keeps_the_contract = contract("dynamixel")
-test_mit_can_keeps_the_contract = contract("mit_can")
+test_dynamixel_keeps_the_contract = pytest.mark.slow(contract("dynamixel"))
+test_mit_can_keeps_the_contract = pytest.mark.slow(contract("mit_can"))
 
 
 def test_connecting_gives_no_power_and_tells_type_and_firmware(bench: Bench) -> None:

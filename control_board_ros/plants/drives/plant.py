@@ -225,7 +225,7 @@ class DrivesPlant:
         """More answers than questions, that differ from each other, are those of two drives."""
         for k, heard in enumerate(self.answers.heard):
             owed = min(LATEST, self._owed[k] + (kinds[k] is not None))
-            owed -= len(heard.keys() - {self._last[k]})
+            owed -= len(heard) if len(heard) > 1 else len(heard.keys() - {self._last[k]})
             self._owed[k] = max(0, owed)
             if owed < 0:
                 self._clashes[k] += 1.0

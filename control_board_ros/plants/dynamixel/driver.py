@@ -245,7 +245,7 @@ class DynamixelDrives:
         return None
 
     def _get(self, drive: int, item: t.Item) -> int:
-        for _ in range(ATTEMPTS):
+        for _ in range(4 * ATTEMPTS):
             data, result, _ = self._protocol.readTxRx(self._port, drive, *item)
             if result == 0 and len(data) == item.length:
                 return int.from_bytes(bytes(data), "little", signed=item.length == 4)
@@ -253,7 +253,7 @@ class DynamixelDrives:
 
     def _put(self, drive: int, item: t.Item, value: int) -> None:
         data = list((value % (1 << 8 * item.length)).to_bytes(item.length, "little"))
-        for _ in range(ATTEMPTS):
+        for _ in range(4 * ATTEMPTS):
             result, error = self._protocol.writeTxRx(self._port, drive, *item, data)
             if result == 0 and not error & 0x7F:
                 return
@@ -288,17 +288,18 @@ def connect(bus: str, baudrate: int) -> tuple[Any, Any]:
 
 
 def identify(port: Any, protocol: Any, drive: int) -> list[int]:
-    """The models that answer as a drive: none, one, or two."""
+    """The models that answer as a drive: none, one, or two, if two answer each time."""
+    found: list[int] = []
     for _ in range(ATTEMPTS):
         model, result, _ = protocol.ping(port, drive)
-        if result == 0:
-            found = [model]
-            port.setPacketTimeoutMillis(2.0)
-            second, result = protocol.rxPacket(port, False)
-            if result == 0 and second[4] == drive:
-                found.append(second[9] | second[10] << 8)
-            return found
-    return []
+        if result != 0:
+            continue
+        port.setPacketTimeoutMillis(2.0)
+        second, result = protocol.rxPacket(port, False)
+        if result != 0 or second[4] != drive:
+            return [model]
+        found = [model, second[9] | second[10] << 8]
+    return found
 
 
 def scan(bus: str, baudrate: int = 1_000_000) -> list[Found]:
