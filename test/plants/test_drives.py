@@ -29,9 +29,8 @@ Make = Callable[..., Bench]
 
 
 #: One of them all day, the others in make test-long.
-PARAMS = [
-    pytest.param(name, marks=() if name == "moteus" else pytest.mark.slow) for name in DRIVERS
-]
+SLOW = pytest.mark.slow
+PARAMS = [pytest.param(name, marks=() if name == "moteus" else SLOW) for name in DRIVERS]
 
 
 @pytest.fixture(params=PARAMS)
