@@ -70,7 +70,6 @@ class Board(JointGroup):
         self.events = Events({j: zone.name for zone in zones for j in zone.config.names})
         self.torque_sensor = np.array([joint.torque_sensor for joint in config.joints])
         self._before = state.measured.copy()
-        self._actuation = Actuation(pwm=state.output, powered=state.powered)
         self.controller = Controller(config, state)
         self.references = References(
             config, self.limits, state, self.controller.joints, self.controller.efforts
@@ -83,6 +82,8 @@ class Board(JointGroup):
             config, state, self.controller, self.references, timeouts, self.monitor, self.events
         )
         self.machine.on_fault = self.frames.fault
+        self.brakes = brakes = self.machine.brakes
+        self._actuation = Actuation(state.output, state.powered, brakes.orders)
         self.start_up = StartUp(self.machine)
         self.requests = Requests(self.machine)
         self.commands = Commands(self.machine, self.limits)
@@ -116,6 +117,9 @@ class Board(JointGroup):
             machine.check_faults(self._before)
         if monitor.has_news():
             machine.warn_of_heat()
+        if self.brakes.there:
+            self.brakes.switches = measurement.brakes
+            self.brakes.step()
         if machine.calibrations:
             machine.calibrations.step()
         machine.expire()

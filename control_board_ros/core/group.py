@@ -28,6 +28,7 @@ from .selection import (
     Selection,
     Selector,
     all_within,
+    brake_modes,
     control_modes,
     interaction_modes,
     spread,
@@ -37,7 +38,7 @@ from .terms.events import BoardEvent
 from .terms.faults import FaultRecord
 from .terms.modes import CONFIGURED, DIRECT_VELOCITY, POWER_OFF, Event, Stage
 from .terms.reply import Reason, Reply, accepted, refused
-from .terms.vocabs import CommandKind, ControlMode, InteractionMode
+from .terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
 from .watch.freeze_frame import FreezeFrame
 
 if TYPE_CHECKING:
@@ -237,6 +238,39 @@ class JointGroup(ModeShortcuts):
         """
         chosen = self.selector.select(joints).joints
         return self.board.commands.get_move_time(chosen, positions, speeds)
+
+    # --- brakes -------------------------------------------------------------------------------
+
+    def set_brake(self, joints: Joints, modes: str | Sequence[str]) -> Reply:
+        """Work brakes automatically, or keep them open or closed by hand (Y4).
+
+        Args:
+            joints: whose brakes; None: all that have one.
+            modes: ``automatic``, ``open``, ``closed``: one for all, or one each.
+        """
+        try:
+            chosen = self._braked(joints)
+            wanted = brake_modes(modes, len(chosen.names))
+        except ValueError as error:
+            return self.selector.refuse(joints, error)
+        return self.board.brakes.request(chosen, wanted)
+
+    def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
+        """How brakes are worked; None where a joint has none."""
+        return [self.board.brakes.mode(j) for j in self._numbers(joints)]
+
+    def is_joint_braked(self, joints: Joints = None) -> list[bool]:
+        """Whether brakes are closed; false where a joint has none."""
+        closed: list[bool] = self.board.brakes.closed[self._chosen(joints)].tolist()
+        return closed
+
+    def _braked(self, joints: Joints) -> Selection:
+        """The joints meant; of all, those that have a brake, where some have."""
+        chosen, brakes = self.selector.select(joints), self.board.brakes
+        if chosen is not self.selector.everyone or not brakes.there:
+            return chosen
+        fitted = [k for k, j in enumerate(self.joints) if brakes.has(j)]
+        return self.selector.select(fitted) if fitted else chosen
 
     # --- settings -----------------------------------------------------------------------------
 
@@ -477,6 +511,8 @@ class JointGroup(ModeShortcuts):
             self.board.monitor.used[columns].copy(),
             self.board.torque_sensor[columns],
             self.unknown_commands,
+            self.board.brakes.closed[columns].copy(),
+            self.board.brakes.slips[columns].copy(),
         )
 
     def take_events(self) -> list[BoardEvent]:

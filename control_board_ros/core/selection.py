@@ -15,9 +15,11 @@ from .terms.measurement import Array
 from .terms.modes import REQUESTABLE, REQUESTS
 from .terms.reply import Reason, Reply, refused
 from .terms.vocabs import (
+    BrakeMode,
     ControlMode,
     InteractionMode,
     Vocab,
+    parse_brake_mode,
     parse_control_mode,
     parse_interaction_mode,
 )
@@ -227,6 +229,15 @@ def interaction_modes(modes: Any, count: int) -> list[InteractionMode]:
         ValueError: an unknown mode, or too few or many.
     """
     return _parse_all(modes, count, parse_interaction_mode)
+
+
+def brake_modes(modes: Any, count: int) -> list[BrakeMode]:
+    """The ways to work brakes of a request, one per joint; one goes to all of them.
+
+    Raises:
+        ValueError: an unknown one, or too few or many.
+    """
+    return _parse_all(modes, count, parse_brake_mode)
 
 
 def _parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
@@ -33,6 +33,10 @@ class Reference(IntEnum):
 BLOCK_ROWS = ROWS + len(Reference)
 
 
+def _nothing() -> NDArray[np.bool_]:
+    return np.zeros(0, dtype=np.bool_)
+
+
 @dataclass(frozen=True, slots=True)
 class Snapshot:
     """Everything a board shows after a cycle; arrays of shape (n,), nobody changes them.
@@ -43,7 +47,8 @@ class Snapshot:
     percent; motion_done as P3; rejected_commands counts what M4 and P13 ignored; calibrated is
     false where a joint's angle is not known (K7); overload is the part of the I²t budget used up
     (a fault above 1); torque_sensor is false where torque is NaN; unknown_commands counts the
-    commands that name no joint of the board.
+    commands that name no joint of the board; brake is true where a joint's brake is closed,
+    brake_slips where a closed one does not hold (Y4).
     """
 
     time: float
@@ -55,6 +60,8 @@ class Snapshot:
     overload: Array
     torque_sensor: NDArray[np.bool_]
     unknown_commands: int = 0
+    brake: NDArray[np.bool_] = field(default_factory=_nothing)
+    brake_slips: NDArray[np.bool_] = field(default_factory=_nothing)
 
     @property
     def position(self) -> Array:
@@ -103,10 +110,6 @@ class Snapshot:
     @property
     def acceleration(self) -> Array:
         return np.full(len(self.position), np.nan)
-
-    @property
-    def brake(self) -> NDArray[np.bool_]:
-        return np.zeros(len(self.position), dtype=np.bool_)
 
     @property
     def supply_voltage(self) -> Array:

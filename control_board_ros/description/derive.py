@@ -59,6 +59,7 @@ def complete(
         friction(given, joints[name], load, assumed)
         electrical(given, joints[name], load)
         current_loop(given, 1.0 / control_rate)
+        given.setdefault("brake.slip_torque", given["limits.torque"])
         rotor(given, joints[name], load)
         thermal(given, name, assumed)
     reflected = {

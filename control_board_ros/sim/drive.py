@@ -4,7 +4,7 @@
 One joint at a time, one physics step h at a time, exact while the joint's speed dq is held::
 
     L di/dt = V − R i − Ke dq,   V = pwm/100 · Vs,   Ke = kt N
-    torque  = kt N η mean i − coulomb tanh(dq/eps) − viscous dq
+    torque  = kt N η mean i − coulomb tanh(dq/eps) − viscous dq − brake
 
 Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
 by bit, where there is none. Units: rad, rad/s, N·m, A, V, Ω, s; m and N for prismatic joints.
@@ -50,16 +50,37 @@ class Drive:
     stiction_torque = cython.declare(cython.double, visibility="public")  # B
     bristle_stiffness = cython.declare(cython.double, visibility="public")  # σ h
     bristle_damping = cython.declare(cython.double, visibility="public")  # c
+    # --- brake, before the torque sensor ----------------------------------------------------
+    slip_torque = cython.declare(cython.double, visibility="public")  # 0: there is no brake
+    clutch_stiffness = cython.declare(cython.double, visibility="public")  # σ h
+    clutch_damping = cython.declare(cython.double, visibility="public")  # c
+    release_steps = cython.declare(cython.int, visibility="public")
+    engage_steps = cython.declare(cython.int, visibility="public")
     # --- state ------------------------------------------------------------------------------
     powered = cython.declare(cython.bint, visibility="public")  # the bridge is closed
     current = cython.declare(cython.double, visibility="public")
     bristle_torque = cython.declare(cython.double, visibility="public")  # y
+    closed = cython.declare(cython.bint, visibility="public")  # the brake
+    order = cython.declare(cython.bint, visibility="public")  # what it is to be
+    steps_left = cython.declare(cython.int, visibility="public")  # until it is
+    clutch_torque = cython.declare(cython.double, visibility="public")
 
     def __init__(self, **constants: float) -> None:
         self.powered = True
-        self.current = self.bristle_torque = 0.0
+        self.current = self.bristle_torque = self.clutch_torque = 0.0
+        self.slip_torque = self.clutch_stiffness = self.clutch_damping = 0.0
+        self.release_steps = self.engage_steps = self.steps_left = 0
+        self.closed = self.order = True
         for name, value in constants.items():
             setattr(self, name, value)
+
+    def brake(self, closed: bool) -> None:
+        """Order the brake to close or to open, which takes its time."""
+        if closed != self.order:
+            self.order = closed
+            self.steps_left = self.engage_steps if closed else self.release_steps
+            if self.closed == closed or self.steps_left == 0:
+                self.steps_left, self.closed = 0, closed
 
 
 @cython.cfunc
@@ -102,6 +123,27 @@ def stiction(d: Drive, velocity: cython.double) -> cython.double:
     return max(min(d.bristle_torque + d.bristle_damping * velocity, limit), -limit)
 
 
+@cython.cfunc
+def brake_torque(d: Drive, velocity: cython.double) -> cython.double:
+    """Friction of the brake, a stiff bristle that slips at the torque that it holds; time passes.
+
+    y' = clip(y + σ dq h, ± B);  friction = clip(y' + c dq, ± B)
+    """
+    limit: cython.double = d.slip_torque
+    torque: cython.double = 0.0
+    if d.closed:
+        torque = d.clutch_torque + d.clutch_stiffness * velocity
+        d.clutch_torque = max(min(torque, limit), -limit)
+        torque = max(min(d.clutch_torque + d.clutch_damping * velocity, limit), -limit)
+    else:
+        d.clutch_torque = 0.0
+    if d.steps_left > 0:
+        d.steps_left -= 1
+        if d.steps_left == 0:
+            d.closed = d.order
+    return torque
+
+
 @cython.cclass
 class Drives:
     """The drives of a plant, and views of the arrays that everybody reads.
@@ -133,6 +175,8 @@ class Drives:
             d = self.drives[k]
             velocity = self.velocity[k]
             torque = motor_torque(d, velocity, self.pwm[k]) - gearbox_friction(d, velocity)
+            if d.slip_torque > 0.0:
+                torque -= brake_torque(d, velocity)
             self.current[k] = d.current
             self.torque[k] = torque
             self.applied[k] = torque - stiction(d, velocity)

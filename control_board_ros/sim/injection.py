@@ -100,7 +100,7 @@ def _external(fault: Injection, values: Array, _cycle: int, _period: float) -> N
 
 
 def _nothing(fault: Injection, values: Array, _cycle: int, _period: float) -> None:
-    """Diverged: the plant itself puts it into the physics."""
+    """No reading is wrong: the plant itself puts it into the physics."""
 
 
 #: What each kind of fault does to the readings.
@@ -116,6 +116,11 @@ KINDS: dict[str, Corruption] = {
     "external": _external,  # emergency stop
     DIVERGED: _nothing,  # a torque that is not a number enters the physics
 }
+
+
+#: Faults of joints that have a brake: it does not open, or holds a fiftieth of its torque. They
+#: last until they are cleared.
+BRAKES = ("brake_stuck", "brake_worn")
 
 
 class Injector:
@@ -134,10 +139,13 @@ class Injector:
             ValueError: the kind is unknown, or the joint has no such sensor.
         """
         config = self._joints[joint]
-        if kind not in KINDS:
-            raise ValueError(f"fault {kind!r} unknown; faults: {', '.join(KINDS)}")
+        if kind not in KINDS and kind not in BRAKES:
+            known = ", ".join((*KINDS, *BRAKES))
+            raise ValueError(f"fault {kind!r} unknown; faults: {known}")
         if kind == "torque_sensor" and not config.torque_sensor:
             raise ValueError(f"{config.name} has no torque sensor to break; choose another fault")
+        if kind in BRAKES and not config.brake.present:
+            raise ValueError(f"{config.name} has no brake to break; choose another fault")
 
     def add(self, joint: int, kind: str, persistent: bool, cycle: int, truth: Array) -> None:
         """Let a fault begin with the reading of this cycle.
@@ -158,7 +166,7 @@ class Injector:
             joint,
             config.limits,
             cycle,
-            math.inf if persistent else cycle + self._least(kind, config),
+            math.inf if persistent or kind in BRAKES else cycle + self._least(kind, config),
             truth[:, joint].tolist(),
             driven=bool(self._powered[joint]),
         )
@@ -191,7 +199,7 @@ class Injector:
             if cycle >= fault.end and not self._unfound(key[1], fault):
                 del self._faults[key]
             else:
-                KINDS[key[1]](fault, values, cycle, self._period)
+                KINDS.get(key[1], _nothing)(fault, values, cycle, self._period)
         self.active = bool(self._faults)
 
     def _unfound(self, kind: str, fault: Injection) -> bool:
@@ -199,6 +207,10 @@ class Injector:
         if kind in TRAVEL:
             return not fault.driven or bool(self._powered[fault.joint])
         return kind in SILENT and bool(self._powered[fault.joint])
+
+    def having(self, kind: str) -> set[int]:
+        """Joints that have a fault of a kind."""
+        return {joint for joint, its in self._faults if its == kind}
 
     def diverged(self, cycle: int) -> list[int]:
         """Joints whose torque is not a number in this cycle."""

@@ -11,6 +11,10 @@ A small part of the Coulomb friction lies beyond the torque sensors: see ``stict
 
 The winding warms by R i² through its thermal resistance and capacitance, first order, solved
 exactly over 50 ms at a time for the current at their end: windings take minutes.
+
+A brake acts on the rotor, so that a torque sensor feels the load that it holds. Closed it is a
+bristle as that of stiction, as stiff as the integration bears: with a = σ h²/M and b = c h/M it is
+stable for a + 2 b < 4.
 """
 
 from __future__ import annotations
@@ -27,6 +31,10 @@ from .stiction import bristle_constants
 
 SLIP_SPEED = 1e-3
 HEAT_PERIOD = 0.05
+#: A brake as stiff, and as damped, as the integration bears: σ h²/M = c h/M of it.
+CLUTCH = 0.5
+#: What a worn brake still holds of its torque.
+WORN = 0.02
 
 
 class Motors:
@@ -39,6 +47,7 @@ class Motors:
         applied: What the link gets of it, less its bearing's stiction, shape (n,), N·m.
         temperature: Of the windings, shape (n,), °C.
         heat_cycles: Control cycles between two calls of ``warm``.
+        has_brakes: Whether some joint has one.
         step: Lets one physics step pass at the present state, PWM and current.
     """
 
@@ -54,6 +63,10 @@ class Motors:
             for joint, model, least in zip(board.joints, models, inertia, strict=True)
         ]
         rows = (self.velocity, self.pwm, self.current, self.torque, self.applied)
+        self.has_brakes = any(joint.brake.present for joint in board.joints)
+        self._stuck: set[int] = set()
+        self._worn: set[int] = set()
+        self._slip_torques = [drive.slip_torque for drive in self._drives]
         self.step = Drives(self._drives, [row.data for row in rows]).step
 
         capacity = np.array([m.thermal_capacitance for m in models])
@@ -70,6 +83,21 @@ class Motors:
         for drive, on in zip(self._drives, powered.tolist(), strict=True):
             drive.powered = on > 0.0
 
+    def brake(self, closed: Array) -> None:
+        """Order brakes to close (1) and to open (0), shape (n,)."""
+        for j, (drive, order) in enumerate(zip(self._drives, closed.tolist(), strict=True)):
+            drive.brake(order > 0.0 or j in self._stuck)
+
+    def brakes(self) -> Array:
+        """What the switches of the brakes tell: 1 where one is closed, NaN where there is none."""
+        return np.array([float(d.closed) if d.slip_torque else math.nan for d in self._drives])
+
+    def damage(self, stuck: set[int], worn: set[int]) -> None:
+        """Keep some brakes from opening, and some from holding more than WORN of their torque."""
+        self._stuck, self._worn = stuck, worn
+        for j, (drive, torque) in enumerate(zip(self._drives, self._slip_torques, strict=True)):
+            drive.slip_torque = torque * (WORN if j in worn else 1.0)
+
     def warm(self) -> None:
         """Let heat_cycles control periods pass for the windings at the present current."""
         target = self._ambient + self._warming * self.current**2
@@ -78,7 +106,7 @@ class Motors:
     def de_energise(self) -> None:
         """No current, no torque, no bristle deflected."""
         for drive in self._drives:
-            drive.current = drive.bristle_torque = 0.0
+            drive.current = drive.bristle_torque = drive.clutch_torque = 0.0
         for row in (self.current, self.torque, self.applied):
             row.fill(0.0)
 
@@ -104,6 +132,7 @@ def make_drive(joint: JointConfig, model: MotorModel, inertia: float, step: floa
         joint, model, inertia, step
     )
     coulomb = model.coulomb - stiction_torque
+    brake = joint.brake
     return Drive(
         resistance=plate.resistance,
         back_emf=plate.back_emf,
@@ -117,6 +146,11 @@ def make_drive(joint: JointConfig, model: MotorModel, inertia: float, step: floa
         stiction_torque=stiction_torque,
         bristle_stiffness=bristle_stiffness,
         bristle_damping=bristle_damping,
+        slip_torque=brake.slip_torque if brake.present else 0.0,
+        clutch_stiffness=CLUTCH * inertia / step,
+        clutch_damping=CLUTCH * inertia / step,
+        release_steps=math.ceil(brake.release_time / step - 1e-9),
+        engage_steps=math.ceil(brake.engage_time / step - 1e-9),
     )
 
 

@@ -109,10 +109,12 @@ class SimulatedPlant:
         self._home = np.zeros((2, len(board.joints)))
         self._home[0] = [joint.home for joint in simulation.joints]
         self._last_good = self._home.copy()
+        self._all_closed = np.ones(len(board.joints))
+        self._damage: tuple[set[int], set[int]] = (set(), set())
         self._external = np.zeros(len(board.joints))
         self._pushed = False
         self._total = np.zeros(len(board.joints))
-        self._powered = b""
+        self._powered = self._braked = b""
         self._cycle = 0
         self._alarmed = False
         self._heat_cycles = self._motors.heat_cycles
@@ -131,7 +133,8 @@ class SimulatedPlant:
         if self._faults.active:
             values = values.copy()
             self._faults.corrupt(values, self._cycle)
-        return Measurement(self._cycle / self._rate, values)
+        brakes = self._motors.brakes() if self._motors.has_brakes else None
+        return Measurement(self._cycle / self._rate, values, brakes=brakes)
 
     def write(self, actuation: Actuation) -> None:
         """Apply the actuation and let one control period pass.
@@ -145,6 +148,8 @@ class SimulatedPlant:
             motors.switch(actuation.powered)
             self._faults.switch(actuation.powered)
             self._powered = powered
+        if motors.has_brakes:
+            self._brake(actuation.brakes)
         if self._alarmed:
             self._alarmed = False
             self._sensors.alarm(None)
@@ -211,6 +216,15 @@ class SimulatedPlant:
     def close(self) -> None:
         """Release the body; safe to call twice."""
         self.body.close()
+
+    def _brake(self, orders: Array | None) -> None:
+        """Order the brakes; without an order they close."""
+        wanted = self._all_closed if orders is None else orders
+        damage = self._faults.having("brake_stuck"), self._faults.having("brake_worn")
+        if (braked := wanted.tobytes()) != self._braked or damage != self._damage:
+            self._motors.damage(*damage)
+            self._motors.brake(wanted)
+            self._braked, self._damage = braked, damage
 
     def _disturb(self, torque: Array) -> Array:
         np.add(torque, self._external, self._total)

@@ -230,6 +230,7 @@ OF_NO_LAW = {
     FaultCode.PLANT,
     FaultCode.CONTROLLER,
     FaultCode.EMERGENCY_STOP,
+    FaultCode.BRAKE,
 }
 
 

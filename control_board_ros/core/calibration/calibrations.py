@@ -71,6 +71,8 @@ class Calibrations:
     def step(self) -> None:
         """Step the calibrators that have begun, and those whose turn it is (K1, K3, K4)."""
         for j in self._active():
+            if self._machine.controller.joints[j].braked:
+                continue  # its brake still opens
             calibrator = self._running[j]
             try:
                 done = calibrator.step()

@@ -29,11 +29,12 @@ from ..terms.vocabs import ControlMode, InteractionMode
 from .checks import ConfigError, check_number, check_parameters
 from .constraints import Constraints, JointConstraints
 from .parameter import configuration, parameter, parameters_of, part
-from .parts import DEGREE, Calibration, Impedance, Limits, Motor, Payload, Pid, Timeouts
+from .parts import DEGREE, Brake, Calibration, Impedance, Limits, Motor, Payload, Pid, Timeouts
 
 __all__ = [
     "STARTUP_MODES",
     "BoardConfig",
+    "Brake",
     "Calibration",
     "ConfigError",
     "Impedance",
@@ -109,6 +110,7 @@ class JointConfig:
     )
     impedance: Impedance = part()
     motor: Motor = part(default=Motor())
+    brake: Brake = part("Brake: ", default=Brake())
     back_emf_compensation: float = parameter(
         "Part of the back-EMF that the output makes up for", default=1.0, low=0.0, high=1.0
     )

@@ -151,6 +151,22 @@ class Motor:
 
 
 @configuration
+class Brake:
+    """The brake of a joint, which holds it where there is no power (SPEC Y4)."""
+
+    present: bool = parameter("The joint has a brake", default=False)
+    release_time: float = parameter("Time in which it opens", "s", default=0.03, low=0.0, high=5.0)
+    engage_time: float = parameter("Time in which it closes", "s", default=0.02, low=0.0, high=5.0)
+    slip_torque: float = parameter(
+        "Torque up to which it holds",
+        "N·m or N",
+        default=100.0,
+        above=0.0,
+        derived="limits.torque",
+    )
+
+
+@configuration
 class Impedance:
     """Virtual spring and damper at start-up and their bounds (SPEC I6)."""
 

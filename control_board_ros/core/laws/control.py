@@ -142,6 +142,8 @@ class Controller:
             joint.feeds = feeds
             joint.calibrated = bool(state.calibrated[j])
             joint.torque = joint_torque(joint, float(state.torque[j]), float(state.current[j]))
+            if joint.braked and not joint.has_torque_sensor:
+                joint.torque = joint.load = joint.gravity  # what its brake has carried
             self._armed[j] = law, direct
             self._set_law(j, law, direct)
             joint.start(int(law), resting[self._laws_of[j]])

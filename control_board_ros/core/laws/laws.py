@@ -592,6 +592,7 @@ class Joint:
     calibrated = cython.declare(cython.bint, visibility="public")  # limits are known
     feeds = cython.declare(cython.bint, visibility="public")  # u_ff acts
     compensates = cython.declare(cython.bint, visibility="public")  # gravity's torque is added
+    braked = cython.declare(cython.bint, visibility="public")  # its law waits for the brake (Y4)
     position_pid = cython.declare(Pid, visibility="public")
     torque_pid = cython.declare(Pid, visibility="public")
     current_pid = cython.declare(Pid, visibility="public")
@@ -1543,7 +1544,7 @@ class Laws:
             self.settle_joints()
         for k in range(len(self.joints)):
             j = self.joints[k]
-            if j.active:
+            if j.active and not j.braked:
                 advance(j)
                 self.position_reference[k] = j.reference
                 self.velocity_reference[k] = j.reference_velocity

@@ -17,20 +17,23 @@ from ..terms.modes import (
     AT_REST,
     CALIBRATES,
     CONFIGURED,
+    DRIVEN,
     FAULTED,
+    POWERED,
     REQUESTS,
     STOPPABLE,
     STORES_INTERACTION,
     UNCALIBRATED_MODES,
     UNCONFIGURED,
     UNPOWERED_MODES,
+    Choice,
     Event,
     Stage,
     Trigger,
     next_mode,
 )
 from ..terms.reply import Answer, Reason
-from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
+from ..terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
 from ..watch.causes import Cause
 
 Wanted = ControlMode | InteractionMode | Event
@@ -54,7 +57,7 @@ class Facts(NamedTuple):
 
     Attributes: joint (its configuration), mode, interaction, calibrated (K7), fault (its last
     one), cause (of a fault that is active and would come back now), time (s, of the reading),
-    stage (of the board).
+    stage (of the board), brake_closed (by hand, Y4).
     """
 
     joint: DecidedJoint
@@ -65,6 +68,7 @@ class Facts(NamedTuple):
     cause: Cause | None
     time: float
     stage: Stage = Stage.ACTIVE
+    brake_closed: bool = False
 
     @property
     def lacks_calibration(self) -> bool:
@@ -141,7 +145,7 @@ def decide(facts: Facts, wanted: Wanted) -> Verdict:
 
 
 def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
-    """M1, M5, M8, F2, F4, K2, K7."""
+    """M1, M5, M8, F2, F4, K2, K7, Y4."""
     trigger = REQUESTS[wanted]
     if trigger is wanted and wanted not in facts.joint.control_modes:
         trigger = Event.UNSUPPORTED
@@ -150,15 +154,22 @@ def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
         return _refused(facts)
     if trigger is Event.UNSUPPORTED:
         return Verdict(Answer.UNSUPPORTED, Reason.UNSUPPORTED, trigger)
-    if facts.cause is not None:
-        stopped = facts.cause.code is FaultCode.EMERGENCY_STOP
-        reason = Reason.EMERGENCY_STOP if stopped else Reason.CAUSE_PERSISTS
+    if (reason := _hindrance(facts, target)) is not Reason.NONE:
         return Verdict(Answer.REFUSED, reason)
     if target is facts.mode:
         return FINE
     if trigger is wanted and isinstance(target, ControlMode):
         return Verdict(Answer.ACCEPTED, effect=target)
     return Verdict(Answer.ACCEPTED, effect=trigger)
+
+
+def _hindrance(facts: Facts, target: ControlMode | Choice) -> Reason:
+    """What keeps a joint from a mode that the table gives it (F3, E2, Y4)."""
+    if facts.cause is not None:
+        stopped = facts.cause.code is FaultCode.EMERGENCY_STOP
+        return Reason.EMERGENCY_STOP if stopped else Reason.CAUSE_PERSISTS
+    closed = facts.brake_closed and target in POWERED
+    return Reason.BRAKE_CLOSED if closed else Reason.NONE
 
 
 def _decide_interaction(facts: Facts, wanted: InteractionMode) -> Verdict:
@@ -179,7 +190,24 @@ def _decide_calibration(facts: Facts) -> Verdict:
     allowed = facts.mode in CONFIGURED and not facts.inactive
     if not allowed or next_mode(facts.mode, Event.CALIBRATE) is None:
         return _refused(facts)
+    if facts.brake_closed:
+        return Verdict(Answer.REFUSED, Reason.BRAKE_CLOSED)
     return Verdict(Answer.ACCEPTED, effect=Event.CALIBRATE)
+
+
+def decide_brake(facts: Facts, mode: BrakeMode, *, present: bool) -> Verdict:
+    """What becomes of working a brake otherwise (Y4): it closes by hand where no motor drives.
+
+    Args:
+        facts: Of one joint.
+        mode: Wanted.
+        present: Whether the joint has a brake.
+    """
+    if not present:
+        return Verdict(Answer.REFUSED, Reason.UNSUPPORTED)
+    if mode is BrakeMode.CLOSED and facts.mode in DRIVEN:
+        return Verdict(Answer.REFUSED, Reason.OTHER_MODE)
+    return FINE
 
 
 def decide_stop(facts: Facts) -> Verdict:

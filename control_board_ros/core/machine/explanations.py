@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from ..config.config import JointConfig
-from ..terms.modes import CALIBRATES, UNCONFIGURED, Event, Stage, modes_accepting
+from ..terms.modes import CALIBRATES, UNCONFIGURED, UNPOWERED, Event, Stage, modes_accepting
 from ..terms.reply import Reason, quantity
 from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
 from .decisions import Facts, Wanted
@@ -52,6 +52,9 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
     ),
     Reason.CAUSE_PERSISTS: lambda facts, _: persisting(facts),
     Reason.EMERGENCY_STOP: lambda facts, _: persisting(facts),
+    Reason.BRAKE_CLOSED: lambda facts, _: (
+        f"the brake of {facts.joint.name} is closed by hand; set it to automatic first"
+    ),
     Reason.NO_CALIBRATOR: lambda facts, _: (
         f"{facts.joint.name} has no calibrator; give it {facts.joint.name}.calibration.type"
     ),
@@ -77,6 +80,25 @@ def explain_stop(facts: Facts) -> str:
     """Why a stop did nothing to a joint."""
     advice = STOP_TEXTS[facts.mode](facts) if facts.mode in STOP_TEXTS else STOP_OTHERWISE
     return f"{facts.joint.name} is {facts.mode.name}, where stop does nothing; {advice}"
+
+
+def explain_brake(reason: Reason, facts: Facts) -> str:
+    """Why a brake is not worked otherwise; empty where it is (Y4)."""
+    name, mode = facts.joint.name, facts.mode
+    if reason is Reason.UNSUPPORTED:
+        return f"{name} has no brake"
+    if reason is Reason.OTHER_MODE:
+        code = UNPOWERED.code
+        return f"{name} is in {mode.name}; a brake is closed by hand in {code} only, ask for it"
+    return ""
+
+
+def explain_stuck(facts: Facts) -> str:
+    """What is to be known of a joint whose brake did not open when it last was to (Y4)."""
+    return (
+        f"the brake of {facts.joint.name} did not open when it last was to; the next mode with "
+        "power tries again"
+    )
 
 
 def explain_reference(

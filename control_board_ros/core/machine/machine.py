@@ -39,6 +39,7 @@ from ..terms.modes import (
 from ..terms.vocabs import CommandKind, ControlMode
 from ..watch.causes import Cause
 from ..watch.fault_monitor import FaultMonitor
+from .brakes import Brakes, Wanted
 from .decisions import Facts
 from .explanations import explain_limit, explain_strain
 
@@ -57,8 +58,8 @@ class Machine:
         controller, references, timeouts, monitor: what a change of mode starts afresh.
         events: takes what belongs in a log.
 
-    Attributes: calibrations, on_fault (called with each joint that faults), and what it is made
-    of.
+    Attributes: calibrations, brakes, on_fault (called with each joint that faults), and what it is
+    made of.
     """
 
     def __init__(
@@ -76,12 +77,14 @@ class Machine:
         self.timeouts, self.monitor = timeouts, monitor
         self.events = events
         self.calibrations = Calibrations(self)
+        self.brakes = Brakes(self)
         self.on_fault: Callable[[int], None] = lambda _: None
         self._on_limit, self._strained = [False] * state.n, [False] * state.n
 
     def power_on(self, joints: Sequence[int]) -> None:
         """Joints begin anew, NOT_CONFIGURED and without power (N1)."""
         self.calibrations.forget(joints)
+        self.brakes.power_on(joints)
         for j in joints:
             self._on_limit[j] = self._strained[j] = False
             self.go(j, Event.POWER_ON)
@@ -90,6 +93,7 @@ class Machine:
         """Take new limits and timeouts while running; timeouts in cycles, shape (kinds, n)."""
         before, self.config = self.config, config
         self.timeouts.reconfigure(timeout_cycles)
+        self.brakes.reconfigure()
         state = self.state
         for j in range(state.n):
             if config.joints[j] == before.joints[j]:
@@ -142,9 +146,23 @@ class Machine:
     def set_law(
         self, joints: Sequence[int], law: Law, *, direct: bool = False, feeds: bool = True
     ) -> None:
-        """Let a law of control run joints from their present torque on."""
-        self.controller.arm(joints, law, direct=direct, feeds=feeds)
+        """Let a law run joints from their present torque on, as soon as brakes let it (Y4)."""
+        ready = self.brakes.admit(joints, Wanted(law, direct, feeds))
+        self.controller.arm(ready, law, direct=direct, feeds=feeds)
         self.monitor.power(joints, self.state.powered)
+
+    def give_power(self, j: int, wanted: Wanted) -> None:
+        """Run the law that has waited for a joint's brake, with what was asked of it meanwhile."""
+        joint = self.controller.joints[j]
+        if not joint.active:
+            bounded = self.state.control_modes[j] not in CALIBRATES
+            self.references.reset([j], bounded=bounded)
+        given = None if joint.holding else joint.torque_command
+        self.controller.arm([j], wanted.law, direct=wanted.direct, feeds=wanted.feeds)
+        joint.braked = False
+        if given is not None and wanted.law is Law.TORQUE:
+            joint.command_torque(given)
+        self.monitor.power([j], self.state.powered)
 
     def report(self, level: str, key: str, j: int, text: str) -> None:
         """Add an event of a joint: ``<joint>: <text>``."""
@@ -164,6 +182,7 @@ class Machine:
             cause=self.monitor.cause(j) if fault.active else None,
             time=state.time,
             stage=state.stages[j],
+            brake_closed=self.brakes.is_kept_closed(j),
         )
 
     def is_configured(self, j: int) -> bool:

@@ -10,10 +10,10 @@ from typing import NamedTuple
 from ..selection import Selection
 from ..terms.faults import FaultCode
 from ..terms.modes import FAULTED, REQUESTS, Event, law_of
-from ..terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided
+from ..terms.reply import Answer, JointAnswer, Reason, Reply, decided
 from ..terms.vocabs import ControlMode, InteractionMode
 from .decisions import Verdict, Wanted, decide
-from .explanations import LEFT_AS_IT_IS, explain
+from .explanations import LEFT_AS_IT_IS, explain, explain_stuck
 from .machine import Machine
 
 #: Of a joint that does what was asked.
@@ -62,9 +62,9 @@ class Requests:
             self._judge(j, asked if isinstance(asked, tuple) else (asked,))
             for j, asked in zip(selection.numbers, wanted, strict=True)
         ]
-        if [answer for answer, _ in judged] == [DONE] * len(judged):
+        if not any(answer.code for answer, _ in judged):
             self._carry_out([step for _, steps in judged for step in steps])
-            return accepted(selection.names)
+            return decided(selection.names, [answer for answer, _ in judged])
         self._carry_out(
             [
                 step
@@ -111,6 +111,8 @@ class Requests:
             if not verdict.accepts:
                 text = explain(verdict.reason, facts, what)
                 return JointAnswer(verdict.answer, text, verdict.reason), steps
+        if ControlMode.FORCE_IDLE in whats and self._machine.brakes.is_stuck(j):
+            return JointAnswer(text=explain_stuck(facts)), steps
         return DONE, steps
 
     def _carry_out(self, steps: Sequence[Step]) -> None:

@@ -69,6 +69,8 @@ class StartUp:
             calibration = joint.calibration
             if state.control_modes[j] is not UNPOWERED:
                 continue  # in fault (F2), or not configured yet
+            if machine.brakes.is_kept_closed(j):
+                continue  # by hand (Y4)
             if calibration is None or not calibration.required:
                 machine.go(j, joint.startup_mode)
             elif state.calibrated[j]:

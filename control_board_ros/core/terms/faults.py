@@ -32,6 +32,7 @@ class FaultCode(IntEnum):
     CONTROLLER = 23
     EMERGENCY_STOP = 24
     DRIVE = 25
+    BRAKE = 26
 
     @property
     def title(self) -> str:
@@ -58,6 +59,7 @@ TITLES = {
     FaultCode.CONTROLLER: "controller diverged",
     FaultCode.EMERGENCY_STOP: "emergency stop",
     FaultCode.DRIVE: "drive",
+    FaultCode.BRAKE: "brake",
 }
 
 

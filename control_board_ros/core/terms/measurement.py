@@ -52,12 +52,15 @@ class Measurement:
     """One reading of the whole plant: time (s) and values, shape (ROWS, n), see Row.
 
     The plant may reuse the array from one reading to the next. ``reasons`` says in words why a
-    joint (by its number) has an ALARM, where the plant knows more than the fault code.
+    joint (by its number) has an ALARM, where the plant knows more than the fault code. ``brakes``
+    are the brakes as their switches tell, 1.0 where closed, NaN where there is no switch, shape
+    (n,); None: there is none.
     """
 
     time: float
     values: Array
     reasons: Mapping[int, str] | None = None
+    brakes: Array | None = None
 
 
 class Intake:
@@ -103,12 +106,14 @@ class Actuation:
         powered: 1.0 where the bridge is on, 0.0 where it is open and no current can flow, (n,).
         kinds: SetPoint that each joint's drive follows, shape (n,); None: PWM everywhere.
         values: Of the set-points of other kinds, shape (VALUES, n), see ``set_points.Value``.
+        brakes: 1.0 where the brake is to be closed, shape (n,); None: all of them.
     """
 
     pwm: Array
     powered: Array
     kinds: NDArray[np.int8] | None = None
     values: Array | None = None
+    brakes: Array | None = None
 
     def set_points(self) -> SetPoints:
         """A copy of it, as drives follow it."""

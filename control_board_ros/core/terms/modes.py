@@ -167,6 +167,9 @@ UNPOWERED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 #: Modes in which a joint has power, and takes another mode.
 POWERED = frozenset(SELECTABLE) - {UNPOWERED}
 
+#: Modes in which a motor drives its joint, or is about to.
+DRIVEN = POWERED | CALIBRATES
+
 #: What a joint can be configured to start in (N3).
 STARTUP_MODES = (UNPOWERED, MOVES)
 

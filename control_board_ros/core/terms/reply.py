@@ -34,6 +34,7 @@ class Reason(StrEnum):
     UNSUPPORTED = "unsupported"  # M5, I7
     CAUSE_PERSISTS = "cause_persists"  # F2
     EMERGENCY_STOP = "emergency_stop"  # E2
+    BRAKE_CLOSED = "brake_closed"  # Y4
     NO_CALIBRATOR = "no_calibrator"  # K1
     OTHER_MODE = "other_mode"  # M3
     NOT_FINITE = "not_finite"  # P13

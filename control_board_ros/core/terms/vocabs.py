@@ -9,7 +9,7 @@ YARP sends and ``ControlMode.POSITION.code`` is what people read.
 from __future__ import annotations
 
 import warnings
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 from functools import lru_cache
 from typing import TypeVar
 
@@ -133,6 +133,14 @@ class CommandKind(IntEnum):
         return self.name.lower().replace("_", " ")
 
 
+class BrakeMode(StrEnum):
+    """Who works the brake of a joint (SPEC Y4)."""
+
+    AUTOMATIC = "automatic"  # the board, as the joint's mode needs it
+    OPEN = "open"  # by hand
+    CLOSED = "closed"  # by hand
+
+
 #: Other names a user may type: YARP's PWM mode is the source's OPENLOOP.
 ALIASES = {"ipwm": ControlMode.OPENLOOP, "pwm": ControlMode.OPENLOOP}
 
@@ -155,6 +163,19 @@ def parse_interaction_mode(text: str | int) -> InteractionMode:
         ValueError: there is no such mode; the message names what there is.
     """
     return _parse(InteractionMode, "interaction mode", text, _INTERACTION_MODES)
+
+
+def parse_brake_mode(text: str) -> BrakeMode:
+    """The way to work a brake, in any case.
+
+    Raises:
+        ValueError: there is no such one.
+    """
+    known = ", ".join(BrakeMode)
+    try:
+        return BrakeMode(str(text).lower())
+    except ValueError:
+        raise ValueError(f"brake mode {str(text)[:32]!r} unknown; known: {known}") from None
 
 
 def _parse(kind: type[V], what: str, text: str | int, words: dict[str | int, V]) -> V:

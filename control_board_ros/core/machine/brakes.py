@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The brakes of joints (SPEC Y4): open before power acts, closed before power goes.
+
+    law asked for:   |<-- release_time -->|            OFF asked for:   |<-- engage_time -->|
+    brake            opens                open         brake            closes              closed
+    power            none                 the law      power            holds               none
+
+A fault, and a power cycle, take the power at once, whatever the brake does. The law is the mode's:
+what users ask of the joint meanwhile acts when the power does. Where the plant tells by a switch
+that a brake is still closed, the power waits for it, and a brake that does not open is a fault.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..config.parts import DEGREE, Brake
+from ..selection import Selection
+from ..terms.faults import FaultCode
+from ..terms.measurement import Array
+from ..terms.modes import DRIVEN, FAULTED, UNCONFIGURED, Law
+from ..terms.reply import JointAnswer, Reply, decided
+from ..terms.vocabs import BrakeMode
+from .decisions import decide_brake
+from .explanations import explain_brake
+
+if TYPE_CHECKING:
+    from .machine import Machine
+
+#: A brake that is to open and whose switch says that it is closed gets so many times its release
+#: time, and s at least, before that is a fault.
+PATIENCE, LEAST_PATIENCE = 5.0, 0.1
+#: How far a joint that has come to rest behind its closed brake may move, rad or m.
+SLIP_ANGLE, SLIP_DISTANCE = 0.5 * DEGREE, 1e-3
+#: For how long a brake may take to bring a joint to rest, and how slow that is, s, rad/s or m/s.
+STOPPING, REST_ANGLE_RATE, REST_RATE = 1.0, 0.2 * DEGREE, 1e-3
+#: How often closed brakes are looked at, s.
+LOOK = 0.05
+
+
+class Wanted(NamedTuple):
+    """A law that waits for the brake: it, and how :meth:`Machine.set_law` was asked for it."""
+
+    law: Law
+    direct: bool = False
+    feeds: bool = True
+
+
+class JointBrake:
+    """One brake.
+
+    Attributes: config, mode (who works it), due (the cycle by which the last order is done, None:
+    it is), since (the cycle of the last order), wanted (the law that waits for it), mark (where
+    the joint came to rest behind it), stuck (it did not open when it last was to), slips.
+    """
+
+    def __init__(self, config: Brake) -> None:
+        self.config = config
+        self.mode = BrakeMode.AUTOMATIC
+        self.due: int | None = None
+        self.since = 0
+        self.wanted: Wanted | None = None
+        self.mark = math.nan
+        self.stuck = self.slips = False
+
+
+class Brakes:
+    """The brakes of a board's joints.
+
+    Args:
+        machine: whose laws wait for them.
+
+    Attributes: orders (1.0 where the brake is to be closed, shape (n,)), closed (where it is, or
+    is still while it opens, shape (n,)), slips (where one does not hold, shape (n,)), there (some
+    joint has a brake), switches (as the last reading has them; see ``Measurement.brakes``).
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine, self._state = machine, machine.state
+        n = machine.state.n
+        self._period = machine.config.period
+        self._look = max(1, round(LOOK / self._period))
+        self._brakes = [
+            JointBrake(joint.brake) if joint.brake.present else None
+            for joint in machine.config.joints
+        ]
+        self.there = any(self._brakes)
+        self.orders = np.array([float(brake is not None) for brake in self._brakes])
+        self.closed = self.orders > 0.0
+        self.slips = np.zeros(n, dtype=np.bool_)
+        self.switches: Array | None = None
+
+    # --- what the machine asks ------------------------------------------------------------------
+
+    def power_on(self, joints: Sequence[int]) -> None:
+        """Joints begin anew: their brakes close, and work automatically (N1)."""
+        for j in joints:
+            if (brake := self._brakes[j]) is not None:
+                brake.mode, brake.wanted, brake.stuck = BrakeMode.AUTOMATIC, None, False
+                self._order(j, closed=True)
+
+    def reconfigure(self) -> None:
+        """Take new times and torques."""
+        for brake, joint in zip(self._brakes, self._machine.config.joints, strict=True):
+            if brake is not None:
+                brake.config = joint.brake
+
+    def admit(self, joints: Sequence[int], wanted: Wanted) -> Sequence[int]:
+        """The joints whose law can begin now; the others get it when their brake is ready."""
+        if not self.there:
+            return joints
+        return [j for j in joints if self._admits(j, wanted)]
+
+    def _admits(self, j: int, wanted: Wanted) -> bool:
+        brake, state = self._brakes[j], self._state
+        if brake is None:
+            return True
+        if wanted.law is not Law.OFF:
+            self._order(j, closed=False)
+            if not self.closed[j]:
+                brake.wanted = None
+                return True
+            brake.wanted = wanted
+            joint = self._machine.controller.joints[j]
+            joint.braked = joint.holding = True
+            return False
+        brake.wanted, self._machine.controller.joints[j].braked = None, False
+        if state.control_modes[j] in FAULTED | UNCONFIGURED:
+            brake.mode = BrakeMode.AUTOMATIC
+        if brake.mode is BrakeMode.OPEN:
+            return True
+        held = state.powered[j] and state.control_modes[j] not in FAULTED | UNCONFIGURED
+        self._order(j, closed=True)
+        if not held or brake.due is None:
+            return True
+        brake.wanted = wanted
+        self._machine.controller.arm([j], Law.POSITION, direct=False)
+        return False
+
+    def step(self) -> None:
+        """Carry out what is due in this cycle; look at closed brakes now and then."""
+        cycle = self._state.cycle
+        look = cycle % self._look == 0
+        for j, brake in enumerate(self._brakes):
+            if brake is None:
+                continue
+            if brake.due is not None and cycle >= brake.due:
+                self._finish(j, brake)
+            elif look and self.closed[j] and brake.due is None:
+                self._watch(j, brake)
+
+    def _finish(self, j: int, brake: JointBrake) -> None:
+        """The time of an order is over."""
+        machine, opening = self._machine, not self.orders[j]
+        if opening and self.switches is not None and self.switches[j] > 0.0:
+            patience = max(PATIENCE * brake.config.release_time, LEAST_PATIENCE)
+            if (self._state.cycle - brake.since) * self._period < patience:
+                return
+            brake.stuck, brake.due = True, None
+            if brake.wanted is not None:
+                text = f"it did not open within {1e3 * patience:.0f} ms"
+                machine.raise_fault(j, FaultCode.BRAKE, text)
+            return
+        brake.due, self.closed[j] = None, not opening
+        if opening:
+            brake.stuck = False
+        wanted, brake.wanted = brake.wanted, None
+        if wanted is not None:
+            machine.give_power(j, wanted)
+
+    def _order(self, j: int, *, closed: bool) -> None:
+        """Tell a brake what it is to be; an order that it has is not given again."""
+        brake = self._brakes[j]
+        assert brake is not None
+        if bool(self.orders[j]) is closed:
+            return
+        self.orders[j] = float(closed)
+        brake.since = self._state.cycle
+        brake.mark, brake.slips, self.slips[j] = math.nan, False, False
+        if bool(self.closed[j]) is closed:  # what it was told before had not come about yet
+            brake.due = None
+            return
+        time = brake.config.engage_time if closed else brake.config.release_time
+        brake.due = brake.since + math.ceil(time / self._period - 1e-9)
+
+    def _watch(self, j: int, brake: JointBrake) -> None:
+        """Whether a closed brake holds its joint."""
+        state, kind = self._state, self._machine.config.joints[j].kind
+        place = float(state.position[j] + state.offset[j])
+        if math.isnan(brake.mark):
+            slow = abs(state.velocity[j]) < kind.choose(REST_ANGLE_RATE, REST_RATE)
+            if slow or (state.cycle - brake.since) * self._period > STOPPING:
+                brake.mark = place
+            return
+        moved = abs(place - brake.mark)
+        if not brake.slips and moved > kind.choose(SLIP_ANGLE, SLIP_DISTANCE):
+            brake.slips = self.slips[j] = True
+            text = f"its brake slips: it is closed, and the joint moved by {kind.position(moved)}"
+            self._machine.report("warning", "brake slips", j, text)
+
+    # --- what users ask -------------------------------------------------------------------------
+
+    def request(self, selection: Selection, wanted: Sequence[BrakeMode]) -> Reply:
+        """Decide for each joint how its brake is worked, then do it (M7)."""
+        answers = []
+        for j, mode in zip(selection.numbers, wanted, strict=True):
+            facts = self._machine.facts(j)
+            verdict = decide_brake(facts, mode, present=self.has(j))
+            text = explain_brake(verdict.reason, facts)
+            answers.append(JointAnswer(verdict.answer, text, verdict.reason))
+        for j, mode, answer in zip(selection.numbers, wanted, answers, strict=True):
+            if not answer.code:
+                self._set_mode(j, mode)
+        return decided(selection.names, answers)
+
+    def has(self, j: int) -> bool:
+        """Whether a joint has a brake."""
+        return self._brakes[j] is not None
+
+    def mode(self, j: int) -> BrakeMode | None:
+        """How the brake of a joint is worked; None: it has none."""
+        brake = self._brakes[j]
+        return None if brake is None else brake.mode
+
+    def is_stuck(self, j: int) -> bool:
+        """Whether a brake did not open when it last was to."""
+        brake = self._brakes[j]
+        return brake is not None and brake.stuck
+
+    def is_kept_closed(self, j: int) -> bool:
+        """Whether a brake is closed by hand."""
+        return self.mode(j) is BrakeMode.CLOSED
+
+    def _set_mode(self, j: int, mode: BrakeMode) -> None:
+        """Work a brake so from now on; ``closed`` only where the joint has no power."""
+        brake = self._brakes[j]
+        assert brake is not None
+        brake.mode = mode
+        if mode is BrakeMode.OPEN:
+            self._order(j, closed=False)
+            if brake.wanted is not None and brake.wanted.law is Law.OFF:
+                wanted, brake.wanted = brake.wanted, None
+                self._machine.give_power(j, wanted)
+        elif self._state.control_modes[j] not in DRIVEN:
+            self._order(j, closed=True)
