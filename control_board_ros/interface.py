@@ -299,6 +299,17 @@ SET_REFERENCE_SPEED = service(
 GET_REFERENCES = service(
     "~/get_references", "GetReferences", "Read the last accepted reference of every kind."
 )
+SET_BRAKE = service(
+    "~/set_brake",
+    "SetBrake",
+    "Choose who works the brakes of joints: `automatic` (the board, as the modes need it), or by "
+    "hand `open` or `closed`; without names, of all joints that have a brake.",
+)
+GET_BRAKE = service(
+    "~/get_brake",
+    "GetBrake",
+    "Read how the brakes of joints are worked, and whether they are closed.",
+)
 STOP = service(
     "~/stop",
     "Stop",

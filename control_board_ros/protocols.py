@@ -23,6 +23,7 @@ from .core.terms.vocabs import ControlMode, InteractionMode
 
 Joints = int | str | Sequence[int | str] | None
 Values = float | Sequence[float] | NDArray[np.float64]
+Flags = bool | Sequence[bool]
 Floats = NDArray[np.float64]
 Mode = ControlMode | str | int
 Interaction = InteractionMode | str | int
@@ -154,6 +155,19 @@ class IOpenLoopControl(Protocol):
     def get_output(self, joints: Joints = None) -> Floats: ...
 
     def set_open_loop_mode(self, joints: Joints = None) -> Reply: ...
+
+
+@runtime_checkable
+class IJointBrake(Protocol):
+    """Brakes (Y4)."""
+
+    def is_joint_braked(self, joints: Joints = None) -> list[bool]: ...
+
+    def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply: ...
+
+    def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply: ...
+
+    def get_auto_brake_enabled(self, joints: Joints = None) -> list[bool]: ...
 
 
 @runtime_checkable

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from .brakes import BrakeRequests
 from .commands import ReferenceCommands
 from .goals import Goals
 from .impedance import ImpedanceRequests
@@ -28,6 +29,7 @@ class Interfaces(
     WholeBoard,
     OldModes,
     ImpedanceRequests,
+    BrakeRequests,
     ReferenceCommands,
     ReferenceRequests,
     Readings,

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+from control_board_ros.core.terms.vocabs import BrakeMode, ControlMode, InteractionMode
 from control_board_ros.interface import MOST_JOINTS, Endpoint
 from control_board_ros.text import clean, clean_names
 
@@ -14,6 +14,7 @@ from .errors import InvalidAnswer
 CODES = {
     "control": frozenset(mode.code for mode in ControlMode),
     "interaction": frozenset(mode.code for mode in InteractionMode),
+    "brake": frozenset({"", *BrakeMode}),
 }
 VOCABS = {
     "control": frozenset(map(int, ControlMode)),
@@ -73,7 +74,7 @@ def _lengths(response: Any) -> str:
 
 def _modes(service: Endpoint, response: Any) -> str:
     """What of its modes is none; empty where all are."""
-    kind = "interaction" if "interaction" in service.short else "control"
+    kind = next((kind for kind in CODES if kind in service.short), "control")
     told = {kind: list(getattr(response, "modes", ()))}
     for other in CODES:
         for modes in getattr(response, f"{other}_modes", ()):

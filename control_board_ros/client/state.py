@@ -47,6 +47,7 @@ class State:
         rejected_commands: commands ignored since the board was started.
         calibrated: whether the joint has the calibration that it requires, if any.
         temperature: of the winding, °C; NaN where there is no sensor.
+        brake: whether the joint's brake is closed; false where there is none.
     """
 
     stamp: float
@@ -63,6 +64,7 @@ class State:
     rejected_commands: NDArray[np.uint64]
     calibrated: NDArray[np.bool_]
     temperature: Floats
+    brake: NDArray[np.bool_]
 
     @classmethod
     def of(cls, message: Any) -> State:
@@ -76,6 +78,7 @@ class State:
             motion_done=np.array(message.motion_done, dtype=np.bool_),
             rejected_commands=np.array(message.rejected_commands, dtype=np.uint64),
             calibrated=np.array(message.calibrated, dtype=np.bool_),
+            brake=np.array(message.brake, dtype=np.bool_),
             **floats,
         )
 
@@ -86,7 +89,7 @@ class State:
             InvalidAnswer: one has more or fewer.
         """
         count = len(self.names)
-        for field in (*FLOAT_FIELDS, "motion_done", "rejected_commands", "calibrated"):
+        for field in (*FLOAT_FIELDS, "motion_done", "rejected_commands", "calibrated", "brake"):
             if (found := len(getattr(self, field))) != count:
                 raise InvalidAnswer(f"a state of {count} joints has {found} values of {field}")
         return self

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..protocols import Floats, Interaction, Joints, Mode, ModeShortcuts, Values
+from ..protocols import Flags, Floats, Interaction, Joints, Mode, ModeShortcuts, Values
 from .calibration.calibration import CalibrationStatus
 from .config.config import BoardConfig, ConfigError, JointConfig
 from .config.layout import Zone
@@ -28,7 +28,9 @@ from .selection import (
     Selection,
     Selector,
     all_within,
+    automatic,
     brake_modes,
+    by_hand,
     control_modes,
     interaction_modes,
     spread,
@@ -263,6 +265,22 @@ class JointGroup(ModeShortcuts):
         """Whether brakes are closed; false where a joint has none."""
         closed: list[bool] = self.board.brakes.closed[self._chosen(joints)].tolist()
         return closed
+
+    def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply:
+        """Close (true) or open brakes by hand."""
+        return self.set_brake(joints, by_hand(active))
+
+    def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply:
+        """Let the board work brakes, or keep them by hand as they are."""
+        try:
+            names = self._braked(joints).names
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+        return self.set_brake(names, automatic(enabled, self.is_joint_braked(names)))
+
+    def get_auto_brake_enabled(self, joints: Joints = None) -> list[bool]:
+        """Whether the board works brakes; false where a joint has none."""
+        return [mode is BrakeMode.AUTOMATIC for mode in self.get_brake(joints)]
 
     def _braked(self, joints: Joints) -> Selection:
         """The joints meant; of all, those that have a brake, where some have."""

@@ -240,6 +240,23 @@ def brake_modes(modes: Any, count: int) -> list[BrakeMode]:
     return _parse_all(modes, count, parse_brake_mode)
 
 
+def by_hand(active: bool | Sequence[bool]) -> list[BrakeMode]:
+    """What closes (true) and opens brakes by hand, one for all joints or one each."""
+    flags = [active] if isinstance(active, bool | np.bool_) else active
+    return [BrakeMode.CLOSED if flag else BrakeMode.OPEN for flag in flags]
+
+
+def automatic(enabled: bool | Sequence[bool], closed: Sequence[bool]) -> list[BrakeMode]:
+    """What lets the board work brakes, or leaves them, by hand, as they are."""
+    flags = [enabled] * len(closed) if isinstance(enabled, bool | np.bool_) else enabled
+    if len(flags) != len(closed):
+        raise RequestError(f"{len(flags)} flags for {len(closed)} joints; send one, or one each")
+    return [
+        BrakeMode.AUTOMATIC if flag else by_hand(bool(now))[0]
+        for flag, now in zip(flags, closed, strict=True)
+    ]
+
+
 def _parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
     if isinstance(modes, str | int):
         return [parse(modes)] * count

@@ -26,6 +26,7 @@ ADVICE = {
     "not_configured": "configure the board",
     "other_mode": "choose another mode",
     "emergency_stop": "release the emergency stop",
+    "brake_closed": "set its brake to automatic: cbctl brake",
 }
 
 

@@ -50,6 +50,7 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
     values = dict(settings.values)
     for made in board.joints:
         values[f"{made.name}.torque_sensor"] = made.torque_sensor
+        values[f"{made.name}.brake.present"] = made.brake.present
         values[f"{made.name}.max_travel_error"] = made.max_travel_error
         values[f"{made.name}.control_modes"] = [mode.code for mode in made.control_modes]
         values[f"{made.name}.interaction_modes"] = [m.code for m in made.interaction_modes]
@@ -85,6 +86,7 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
     return replace(
         joint,
         torque_sensor=senses,
+        brake=joint.brake if has.brake else replace(joint.brake, present=False),
         control_modes=control,
         interaction_modes=interaction,
         max_travel_error=joint.max_travel_error if has.current_sensor else math.inf,

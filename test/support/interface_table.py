@@ -51,6 +51,8 @@ SERVICES = {
     "~/get_impedance": "control_board_msgs/srv/GetImpedance",
     "~/set_reference_speed": "control_board_msgs/srv/SetReferenceSpeed",
     "~/get_references": "control_board_msgs/srv/GetReferences",
+    "~/set_brake": "control_board_msgs/srv/SetBrake",
+    "~/get_brake": "control_board_msgs/srv/GetBrake",
     "~/stop": "control_board_msgs/srv/Stop",
     "~/get_faults": "control_board_msgs/srv/GetFaults",
     "~/recover": "control_board_msgs/srv/Recover",

@@ -132,6 +132,15 @@ def read_impedance(session: Session, names: list[str]) -> Rows:
     }
 
 
+def read_brakes(session: Session, names: list[str]) -> Rows:
+    """How the brake of each joint is worked (empty: it has none), and whether it is closed."""
+    modes, closed = session.client.get_brake(names), session.client.is_joint_braked(names)
+    return {
+        name: {"mode": str(mode or ""), "closed": shut}
+        for name, mode, shut in zip(names, modes, closed, strict=True)
+    }
+
+
 def read_joints(session: Session) -> Rows:
     """Index, kind, limits in force (from the parameters), stops and modes of every joint."""
     names = session.names

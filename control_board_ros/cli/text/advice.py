@@ -14,6 +14,7 @@ STEPS = {
     "in_fault": ("clear with", "clear"),
     "emergency_stop": ("release with", "estop"),
     "uncalibrated": ("calibrate with", "calibrate"),
+    "brake_closed": ("let the board work the brake with", "brake"),
     "other_mode": ("switch with", "mode"),
     "nothing_to_stop": ("take the power with", "mode"),
 }
@@ -38,7 +39,11 @@ def advice(
         elif code in STEPS:
             what, verb = STEPS[code]
             words = "all" if len(names) == len(everyone) else " ".join(names)
-            wanted = {"other_mode": mode, "nothing_to_stop": "idl"}.get(code, "")
+            wanted = {
+                "other_mode": mode,
+                "nothing_to_stop": "idl",
+                "brake_closed": "automatic",
+            }.get(code, "")
             words, wanted = ("release", "") if verb == "estop" else (words, wanted)
             texts.append(f"{what}: {line(verb, words, wanted)}")
     return ", then ".join(texts)

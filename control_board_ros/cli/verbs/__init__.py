@@ -23,7 +23,7 @@ SECTIONS = {
         "faults": "look",
         "poses": "poses",
     },
-    "Modes": dict.fromkeys(("mode", "interaction", "impedance"), "modes")
+    "Modes": dict.fromkeys(("mode", "interaction", "impedance", "brake"), "modes")
     | dict.fromkeys(("clear", "recover", "estop"), "recovery"),
     "Motion": {
         "move": "motion",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl mode, interaction, impedance and clear."""
+"""cbctl mode, interaction, impedance and brake."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 from control_board_ros.core.terms.modes import REQUESTABLE
 from control_board_ros.core.terms.vocabs import (
+    BrakeMode,
     InteractionMode,
     Vocab,
     parse_control_mode,
@@ -15,10 +16,11 @@ from control_board_ros.core.terms.vocabs import (
 )
 from control_board_ros.text import nearest
 
-from ..board.reading import Rows, read_impedance
+from ..board.reading import Rows, read_brakes, read_impedance
 from ..board.session import Session
 from ..board.status import warn_without_power
 from ..line.arguments import JOINTS, argument, joints_then_mode, number, takes
+from ..line.offers import joints_then
 from ..line.words import Refused, UsageError
 from ..text.output import DONE, conclude, show
 from ..text.tables import grid
@@ -108,6 +110,41 @@ def impedance(
         return DONE
     reply = session.client.set_impedance(names, stiffness, damping)
     return conclude(session, reply, f"impedance set: {', '.join(names)}")
+
+
+@takes(
+    argument(
+        "words",
+        nargs="*",
+        metavar="JOINT… [automatic|open|closed]",
+        help="Joints, none: all that have a brake; then who works it.",
+        offers=joints_then(tuple(BrakeMode)),
+    )
+)
+def brake(session: Session, words: list[str]) -> int:
+    """Show the brakes of joints, or choose who works them: automatic, open, closed.
+
+    automatic: the board opens a brake before power acts and closes it before power goes. open and
+    closed are by hand: an open brake holds nothing where there is no power, a joint whose brake is
+    closed takes no mode with power.
+    """
+    wanted = words[-1].lower() if words and words[-1].lower() in set(BrakeMode) else ""
+    named = words[:-1] if wanted else words
+    names = session.joints(named) if named else None
+    if not wanted:
+        rows = read_brakes(session, names or list(session.names))
+        show(session, rows, lambda: brake_table(session, rows))
+        return DONE
+    reply = session.client.set_brake(names, wanted)
+    return conclude(session, reply, f"{', '.join(reply.joints)}: brake {wanted}")
+
+
+def brake_table(session: Session, rows: Rows) -> Any:
+    columns = {
+        "worked": [row["mode"] or "no brake" for row in rows.values()],
+        "is": ["closed" if row["closed"] else "open" * bool(row["mode"]) for row in rows.values()],
+    }
+    return grid({"joint": list(rows), **columns}, names=session.names)
 
 
 def impedance_table(session: Session, rows: Rows) -> Any:

@@ -94,6 +94,12 @@ class Brakes:
         self.slips = np.zeros(n, dtype=np.bool_)
         self.switches: Array | None = None
 
+    @property
+    def holding(self) -> bool:
+        """Whether a joint holds still until its brake is closed, and loses its power then."""
+        wanted = [brake.wanted for brake in self._brakes if brake is not None]
+        return any(one is not None and one.law is Law.OFF for one in wanted)
+
     # --- what the machine asks ------------------------------------------------------------------
 
     def power_on(self, joints: Sequence[int]) -> None:

@@ -123,7 +123,8 @@ class Actuation:
         values[:, ~on] = 0.0
         kinds = SetPoint.PWM if self.kinds is None else self.kinds
         kinds = np.where(on, kinds, SetPoint.OFF).astype(np.int8)
-        return SetPoints(kinds, values, self.powered.copy())
+        released = self.powered.copy() if self.brakes is None else 1.0 - self.brakes
+        return SetPoints(kinds, values, released)
 
 
 class Plant(Protocol):

@@ -312,9 +312,12 @@ class ControlLoop:
             self.time_base.resume()
 
     def _unpower(self) -> None:
-        """Every joint without power, one cycle to let it act, and the last state."""
+        """Every joint without power, once its brake holds it, and the last state."""
         with self.exclusive():
             self.board.power_off()
+            while self.board.brakes.holding:
+                self._plant.write(self.board.tick(self._read()))
+                time.sleep(self.board.period)
             self.board.tick(self._read())
             self._cut_power()
             self.note_changes()

@@ -78,6 +78,7 @@ class Diagnostics:
                 (float(state.temperature[j]), self._hottest[j]),
                 float(state.current[j]),
                 float(state.overload[j]),
+                (bool(state.brake[j]), bool(state.brake_slips[j])),
             )
             for j, name in enumerate(self._names)
         ]
@@ -133,10 +134,14 @@ class Diagnostics:
         temperature: tuple[float, float],
         current: float,
         overload: float,
+        brake: tuple[bool, bool],
     ) -> DiagnosticStatus:
         level, text = DiagnosticStatus.OK, modes[0].name
         if fault.active:
             level, text = DiagnosticStatus.ERROR, f"HW_FAULT: {fault.text}; send FORCE_IDLE"
+        elif brake[1]:
+            level = DiagnosticStatus.WARN
+            text = f"{modes[0].name}; its brake slips: support the joint, and look at the brake"
         elif rejected[1]:
             level = DiagnosticStatus.WARN
             text = f"{modes[0].name}; {rejected[1]} commands rejected in the last second"
@@ -154,6 +159,7 @@ class Diagnostics:
             "temperature limit (°C)": f"{temperature[1]:.1f}",
             "current (A)": f"{current:.2f}",
             "I2t (%)": f"{100.0 * overload:.0f}",
+            "brake": "slips" if brake[1] else "closed" if brake[0] else "open or none",
         }
         return self._status(name, level, text, values.items())
 

@@ -158,6 +158,21 @@ class Services:
             reply = self._stop(bounded(request.names, board.count))
         return answered(response, reply)
 
+    def set_brake(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            joints = bounded(request.names, board.count)
+            reply = board.set_brake(joints, bounded(request.modes, board.count))
+            modes = board.get_brake(reply.joints) if reply.joints else []
+        response.names, response.modes = list(reply.joints), [mode or "" for mode in modes]
+        return answered(response, reply)
+
+    def get_brake(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            response.names = joints = self._joints(board, request)
+            response.modes = [mode or "" for mode in board.get_brake(joints)]
+            response.closed = board.is_joint_braked(joints)
+        return succeeded(response)
+
     # -- faults and life ----------------------------------------------------------------------
 
     def get_faults(self, request: Any, response: Any) -> Any:

@@ -4,6 +4,8 @@
 const FLOATS_BEFORE = ["position", "velocity", "torque", "position_reference",
   "velocity_reference", "torque_reference", "output", "current"];
 
+const FLOATS_AFTER = ["motor_position", "motor_velocity", "acceleration"];
+
 const text = new TextDecoder();
 const MOST = 120; // characters of a name
 
@@ -84,6 +86,8 @@ function readState(buffer, start, length) {
   state.rejected_commands = reader.counts();
   state.calibrated = reader.bools();
   state.temperature = reader.floats();
+  for (const field of FLOATS_AFTER) state[field] = reader.floats();
+  state.brake = reader.bools();
   for (const values of Object.values(state)) {
     if (values.length !== undefined && values.length !== state.names.length) throw new RangeError("not one value for each joint");
   }

@@ -13,7 +13,7 @@ const DRAWN = 150; // ms that a frame of the page counts for at most
 class Joint {
   constructor(board, index, name, short) {
     Object.assign(this, { board, index, name, short, key: `${board.name} ${name}`, mode: "", interaction: "", fault: null,
-      state: null, target: null, proposed: null, modes: [], interactions: [], kind: "", limits: {}, speed: null });
+      state: null, target: null, proposed: null, modes: [], interactions: [], kind: "", limits: {}, speed: null, hasBrake: false });
   }
   /** The target of the move that runs, of whoever began it; null where none does, or it is not known yet. */
   get goal() { return this.state && !this.state.motion_done ? this.target : null; }
@@ -138,7 +138,7 @@ export class Model extends EventTarget {
     const board = [...this.boards.values()].find((b) => b.number === number);
     if (!board) return;
     const states = state.names.map((_, k) => {
-      const one = { motion_done: state.motion_done[k], rejected: state.rejected_commands[k], calibrated: state.calibrated[k] };
+      const one = { motion_done: state.motion_done[k], rejected: state.rejected_commands[k], calibrated: state.calibrated[k], brake: state.brake[k] };
       for (const signal of SIGNALS) one[signal] = state[signal][k];
       return one;
     });
@@ -155,6 +155,7 @@ export class Model extends EventTarget {
           begun = true;
         }
         joint.state = now;
+        joint.hasBrake ||= now.brake;
       }
       this.emit("state", shown);
     }

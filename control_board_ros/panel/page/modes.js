@@ -41,6 +41,7 @@ const FREE = table({
 /** What a change of mode lets go of: a sentence, or nothing where the joint stays. */
 export function whatFalls(joint, mode) {
   const { state } = joint;
+  if (mode === "idl" && joint.hasBrake) return "";
   if (!state || !FREE[mode] || mode === joint.mode || !(joint.mode in TAKES)) return "";
   if (Math.abs(state.torque) <= CARRIES * (joint.limits.torque ?? 0)) return "";
   return FREE[mode](quantity(state.torque, "torque", joint.sliding));
@@ -56,5 +57,6 @@ export function whyStill(joint) {
   if (mode === "open" && Math.abs(state.output) > 0.05) return "";
   if ((mode === "pos" || mode === "mix") && joint.speed === 0) return "Its reference speed is zero.";
   if (!state.motion_done && !WHY[mode]) return "Moving.";
-  return WHY[mode] ?? "";
+  const held = state.brake ? " Its brake is closed." : "";
+  return `${WHY[mode] ?? ""}${held}`.trim();
 }

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The brakes of joints (SPEC Y4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from control_board_ros.core.selection import RequestError, Selection, automatic, by_hand
+from control_board_ros.core.terms.reply import Reply, refused
+from control_board_ros.core.terms.vocabs import BrakeMode
+from control_board_ros.interface import GET_BRAKE, SET_BRAKE
+from control_board_ros.protocols import Flags, Joints
+
+from .operations import Interface, operation
+from .services import reply_of
+
+
+class BrakeRequests(Interface):
+    """IJointBrake."""
+
+    @operation
+    async def set_brake(self, joints: Joints, modes: str | Sequence[str]) -> Reply:
+        """Choose who works brakes.
+
+        Args:
+            joints: whose brakes; None: all that have one.
+            modes: ``automatic`` (the board, as the modes need it), ``open`` or ``closed`` (by
+                hand); one for all, or one each.
+        """
+        return await self._set(joints, [modes] if isinstance(modes, str) else list(modes))
+
+    @operation
+    async def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
+        """How brakes are worked; None where a joint has none."""
+        response = await self._services.read(GET_BRAKE, joints)
+        return [BrakeMode(mode) if mode else None for mode in response.modes]
+
+    @operation
+    async def is_joint_braked(self, joints: Joints = None) -> list[bool]:
+        """Whether brakes are closed; false where a joint has none."""
+        response = await self._services.read(GET_BRAKE, joints)
+        return list(response.closed)
+
+    @operation
+    async def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply:
+        """Close (true) or open brakes by hand."""
+        return await self._set(joints, by_hand(active))
+
+    @operation
+    async def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply:
+        """Let the board work brakes (true), or keep them by hand as they are."""
+        response = await self._services.read(GET_BRAKE, joints)
+        having = [k for k, mode in enumerate(response.modes) if mode or joints is not None]
+        names = [response.names[k] for k in having]
+        try:
+            modes = automatic(enabled, [response.closed[k] for k in having])
+        except RequestError as error:
+            return refused(str(error), tuple(names))
+        return await self._set(names, modes)
+
+    @operation
+    async def get_auto_brake_enabled(self, joints: Joints = None) -> list[bool]:
+        """Whether the board works brakes; false where a joint has none."""
+        response = await self._services.read(GET_BRAKE, joints)
+        return [mode == BrakeMode.AUTOMATIC for mode in response.modes]
+
+    async def _set(self, joints: Joints, modes: Sequence[str]) -> Reply:
+        services = self._services
+        try:
+            selection = await services.select(joints)
+        except RequestError as error:
+            return refused(str(error))
+        names = [] if joints is None else list(selection.names)
+        response = await self._link.call(SET_BRAKE, names=names, modes=[str(m) for m in modes])
+        services.states.changed()
+        told = Selection.of(range(len(response.names)), tuple(response.names))
+        return reply_of(response, told if response.answers else selection)
