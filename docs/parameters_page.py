@@ -42,6 +42,7 @@ GROUPS = {
     "impedance": "Impedance",
     "payload": "Payload",
     "motor": "Motor",
+    "brake": "Brake",
     "timeouts": "Timeouts",
     "constraints": "Trajectories",
     "calibration": "Calibration",

@@ -27,7 +27,7 @@ class BrakeRequests(Interface):
             modes: ``automatic`` (the board, as the modes need it), ``open`` or ``closed`` (by
                 hand); one for all, or one each.
         """
-        return await self._set(joints, [modes] if isinstance(modes, str) else list(modes))
+        return await self._work(joints, [modes] if isinstance(modes, str) else list(modes))
 
     @operation
     async def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
@@ -44,7 +44,7 @@ class BrakeRequests(Interface):
     @operation
     async def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply:
         """Close (true) or open brakes by hand."""
-        return await self._set(joints, by_hand(active))
+        return await self._work(joints, by_hand(active))
 
     @operation
     async def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply:
@@ -56,7 +56,7 @@ class BrakeRequests(Interface):
             modes = automatic(enabled, [response.closed[k] for k in having])
         except RequestError as error:
             return refused(str(error), tuple(names))
-        return await self._set(names, modes)
+        return await self._work(names, modes)
 
     @operation
     async def get_auto_brake_enabled(self, joints: Joints = None) -> list[bool]:
@@ -64,7 +64,7 @@ class BrakeRequests(Interface):
         response = await self._services.read(GET_BRAKE, joints)
         return [mode == BrakeMode.AUTOMATIC for mode in response.modes]
 
-    async def _set(self, joints: Joints, modes: Sequence[str]) -> Reply:
+    async def _work(self, joints: Joints, modes: Sequence[str]) -> Reply:
         services = self._services
         try:
             selection = await services.select(joints)

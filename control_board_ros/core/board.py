@@ -83,7 +83,7 @@ class Board(JointGroup):
         )
         self.machine.on_fault = self.frames.fault
         self.brakes = brakes = self.machine.brakes
-        self._actuation = Actuation(state.output, state.powered, brakes.orders)
+        self._actuation = Actuation(state.output, state.powered, brakes=brakes.orders)
         self.start_up = StartUp(self.machine)
         self.requests = Requests(self.machine)
         self.commands = Commands(self.machine, self.limits)

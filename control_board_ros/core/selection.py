@@ -24,7 +24,7 @@ from .terms.vocabs import (
     parse_interaction_mode,
 )
 
-V = TypeVar("V", bound=Vocab)
+V = TypeVar("V", bound=Vocab | BrakeMode)
 
 #: Selections of at most this many different requests are remembered.
 REMEMBERED = 256

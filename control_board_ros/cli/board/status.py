@@ -6,7 +6,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from control_board_ros.client import BoardError
 from control_board_ros.core.terms.modes import NOT_HOLDING
+from control_board_ros.core.terms.vocabs import BrakeMode
 
 from ..text.output import REFUSED, fail, note
 
@@ -75,13 +77,25 @@ def warn_without_power(session: Session, modes: Mapping[str, str]) -> None:
         return
     for code, (what, verb) in WITHOUT_POWER.items():
         loose = [name for name, mode in modes.items() if mode == code]
-        if loose:
+        if loose := without_brake(session, loose):
             positions = session.client.get_encoder(loose).tolist()
             angles = zip(loose, map(session.position, loose, positions), strict=True)
             where = ", ".join(f"{name} at {angle}" for name, angle in angles)
             words = "all" if len(loose) == len(session.names) else " ".join(loose)
             step = f"{what}: {session.line(verb.format(words))}"
             note(session, f"free to fall, without power: {where}; {step}")
+
+
+def without_brake(session: Session, names: list[str]) -> list[str]:
+    """Those of joints without power that no brake holds, now or in a moment."""
+    if not names:
+        return []
+    try:
+        worked = session.client.get_brake(names)
+    except BoardError:  # a board that knows no brakes
+        return names
+    held = (BrakeMode.AUTOMATIC, BrakeMode.CLOSED)
+    return [name for name, brake in zip(names, worked, strict=True) if brake not in held]
 
 
 def warn_not_holding(session: Session, names: list[str]) -> None:

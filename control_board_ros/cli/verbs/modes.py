@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from control_board_ros.core.terms.modes import REQUESTABLE
+from control_board_ros.core.terms.modes import REQUESTABLE, UNIMPLEMENTED, UNPOWERED
 from control_board_ros.core.terms.vocabs import (
     BrakeMode,
     InteractionMode,
@@ -136,7 +137,8 @@ def brake(session: Session, words: list[str]) -> int:
         show(session, rows, lambda: brake_table(session, rows))
         return DONE
     reply = session.client.set_brake(names, wanted)
-    return conclude(session, reply, f"{', '.join(reply.joints)}: brake {wanted}")
+    text = f"{', '.join(reply.joints)}: brake {wanted}"
+    return conclude(session, reply, text, mode=UNPOWERED.code)
 
 
 def brake_table(session: Session, rows: Rows) -> Any:
