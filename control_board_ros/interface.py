@@ -302,8 +302,7 @@ GET_REFERENCES = service(
 SET_BRAKE = service(
     "~/set_brake",
     "SetBrake",
-    "Choose who works the brakes of joints: `automatic` (the board, as the modes need it), or by "
-    "hand `open` or `closed`; without names, of all joints that have a brake.",
+    "Choose how the brakes of joints are worked.",
 )
 GET_BRAKE = service(
     "~/get_brake",

@@ -13,7 +13,7 @@ from rig import RATE, Rig, board_config, joint
 
 from control_board_ros.core.config.config import Brake, Calibration
 from control_board_ros.core.terms.faults import FaultCode
-from control_board_ros.core.terms.modes import POWERED
+from control_board_ros.core.terms.modes import POWERED, SELECTABLE
 from control_board_ros.core.terms.reply import Answer, Reason
 from control_board_ros.core.terms.vocabs import BrakeMode, ControlMode
 from control_board_ros.simulation import Simulation
@@ -27,7 +27,8 @@ LOAD = 20.0
 
 def braked(**changes: Any) -> Rig:
     """Joints left (with a brake, under a load) and right (with none), in IDLE."""
-    rig = Rig(board_config(joint("left", brake=BRAKE, **changes), joint("right")))
+    modes = {"control_modes": SELECTABLE} | changes
+    rig = Rig(board_config(joint("left", brake=BRAKE, **modes), joint("right")))
     rig.tick(2)
     rig.plant.push("left", LOAD)
     rig.tick(100)
@@ -57,7 +58,7 @@ def test_the_brake_is_open_before_power_acts_and_nothing_sags(mode: ControlMode)
     for _ in range(RELEASE + 20):
         rig.tick()
         seen.append(power(rig))
-        if mode is not M.OPENLOOP:  # an output of 0 holds nothing
+        if mode not in (M.OPENLOOP, M.CURRENT):  # an output of 0 holds nothing
             assert abs(truth(rig) - before) < 0.02 * DEGREE
     assert seen == [(False, True)] * RELEASE + [(True, False)] * 20
 
@@ -135,6 +136,17 @@ def test_a_torque_asked_for_while_the_brake_opens_acts_when_it_is_open() -> None
     assert rig.board.set_ref_torque("left", 3.0)
     rig.tick(RELEASE + 2)
     assert rig.board.state.torque_reference[0] == pytest.approx(3.0, abs=0.5)
+
+
+def test_a_current_asked_for_while_the_brake_opens_acts_when_it_is_open() -> None:
+    """Y4, Y2: the reference is kept, and drives nothing before."""
+    rig = braked()
+    assert rig.board.set_control_mode("left", "icur")
+    assert rig.board.set_ref_current("left", 2.0)
+    rig.tick(RELEASE)
+    assert rig.board.state.output[0] == 0.0
+    rig.tick(20)
+    assert rig.board.state.current[0] == pytest.approx(2.0, abs=0.3)
 
 
 def test_asked_back_before_it_is_closed_the_joint_goes_on() -> None:

@@ -6,8 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from control_board_ros.core.terms.modes import REQUESTABLE
-from control_board_ros.core.terms.modes import REQUESTABLE, UNIMPLEMENTED, UNPOWERED
+from control_board_ros.core.terms.modes import REQUESTABLE, UNPOWERED
 from control_board_ros.core.terms.vocabs import (
     BrakeMode,
     InteractionMode,

@@ -158,8 +158,10 @@ class Machine:
             bounded = self.state.control_modes[j] not in CALIBRATES
             self.references.reset([j], bounded=bounded)
         given = None if joint.holding else joint.torque_command
+        current = joint.current_command
         self.controller.arm([j], wanted.law, direct=wanted.direct, feeds=wanted.feeds)
         joint.braked = False
+        joint.current_command = current if wanted.law is Law.CURRENT else 0.0
         if given is not None and wanted.law is Law.TORQUE:
             joint.command_torque(given)
         self.monitor.power([j], self.state.powered)
