@@ -16,7 +16,18 @@ would send. The rules stand in a file per group of the specification; ``runner``
 leaves the joints as found, ``report`` tells how they went, ``app`` is the command line.
 """
 
-from . import calibration, faults, interaction, interfaces, modes, motion, power, references, wire
+from . import (
+    brakes,
+    calibration,
+    faults,
+    interaction,
+    interfaces,
+    modes,
+    motion,
+    power,
+    references,
+    wire,
+)
 from .bench import Bench
 from .report import as_json, as_junit, as_line, as_text
 from .rules import RULES, NotHeld, NotTestable, Rule, rule
@@ -34,6 +45,7 @@ __all__ = [
     "as_junit",
     "as_line",
     "as_text",
+    "brakes",
     "calibration",
     "faults",
     "interaction",

@@ -43,7 +43,7 @@ class Rule:
 RULES: dict[str, Rule] = {}
 
 #: The groups of the specification, in its order.
-GROUPS = ("V", "M", "P", "I", "F", "K", "N", "A", "D")
+GROUPS = ("V", "M", "P", "I", "F", "K", "N", "A", "D", "Y")
 
 
 def rule(name: str, title: str) -> Callable[[Callable[[Bench], str]], Callable[[Bench], str]]:

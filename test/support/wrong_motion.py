@@ -272,3 +272,27 @@ def infinite_is_the_most() -> None:
         return old(self, kind, joints, finite, *args, **more)
 
     around(Commands, "command", command)
+
+
+@breaks("Y4")
+def a_brake_that_opens_after_power() -> None:
+    from control_board_ros.core.machine.brakes import Brakes
+    from control_board_ros.core.terms.modes import Law
+    from control_board_ros.settings import build
+
+    def joint(old: Any, values: Any, name: str, kind: str) -> Any:
+        made = old(values, name, kind)
+        brake = dataclasses.replace(made.brake, present=True, release_time=0.15)
+        return dataclasses.replace(made, brake=brake)
+
+    def admit(old: Any, self: Brakes, joints: Any, wanted: Any) -> Any:
+        ready = old(self, joints, wanted)
+        if wanted.law is Law.OFF:
+            return ready
+        for j in joints:
+            self._brakes[j].wanted = None
+            self._machine.controller.joints[j].braked = False
+        return joints
+
+    around(build, "joint", joint)
+    around(Brakes, "admit", admit)

@@ -157,13 +157,14 @@ class Machine:
         if not joint.active:
             bounded = self.state.control_modes[j] not in CALIBRATES
             self.references.reset([j], bounded=bounded)
-        given = None if joint.holding else joint.torque_command
-        current = joint.current_command
+        given = not joint.holding
+        torque, current = joint.torque_command, joint.current_command
         self.controller.arm([j], wanted.law, direct=wanted.direct, feeds=wanted.feeds)
         joint.braked = False
-        joint.current_command = current if wanted.law is Law.CURRENT else 0.0
-        if given is not None and wanted.law is Law.TORQUE:
-            joint.command_torque(given)
+        if given and wanted.law is Law.TORQUE:
+            joint.command_torque(torque)
+        elif given and wanted.law is Law.CURRENT:
+            joint.command_current(current)
         self.monitor.power([j], self.state.powered)
 
     def report(self, level: str, key: str, j: int, text: str) -> None:
