@@ -17,7 +17,7 @@ from std_msgs.msg import String
 #: s without a message of a board after which it is silent, and periods of its state at least.
 PATIENCE, PERIODS = 5.0, 3.0
 #: s between two times of looking for it anew, at first and at most.
-SOONEST, LATEST = 5.0, 60.0
+SOONEST, LATEST = 5.0, 10.0
 
 
 @dataclass(slots=True)

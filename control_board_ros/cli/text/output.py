@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
 
 from control_board_ros.core.terms.joint_kind import ENDLESS
 from control_board_ros.text import clean_lines, json_line
@@ -20,9 +20,22 @@ if TYPE_CHECKING:
 
     from control_board_ros.core.terms.reply import Reply
 
-    from ..board.session import Session
+    from ..line.options import Options
 
 DONE, REFUSED, USAGE = 0, 1, 2
+
+
+class Asker(Protocol):
+    """The part of a session that printing uses."""
+
+    answers: list[Any] | None
+
+    @property
+    def options(self) -> Options: ...
+    @property
+    def names(self) -> Sequence[str]: ...
+    def line(self, *words: str) -> str: ...
+
 
 #: Columns of a table that goes into a file or a pipe.
 PIPE_WIDTH = 160
@@ -109,7 +122,7 @@ def put_json(value: Any) -> None:
     put(json_line(plain(value)))
 
 
-def show(session: Session, value: Any, render: Callable[[], RenderableType | str]) -> None:
+def show(session: Asker, value: Any, render: Callable[[], RenderableType | str]) -> None:
     """Print a result: as JSON for machines, else as ``render`` makes it."""
     if session.options.json:
         answer(session, value)
@@ -117,7 +130,7 @@ def show(session: Session, value: Any, render: Callable[[], RenderableType | str
         put(render())
 
 
-def answer(session: Session, value: Any) -> None:
+def answer(session: Asker, value: Any) -> None:
     """Print a result as JSON, or keep it for those of other boards."""
     if session.answers is None:
         put_json(value)
@@ -138,14 +151,14 @@ def plain(value: Any) -> Any:
     return value
 
 
-def note(session: Session, text: str) -> None:
+def note(session: Asker, text: str) -> None:
     """Print a remark on stderr; none with --json."""
     if not session.options.json:
         console(stderr=True).print(text, markup=False, soft_wrap=True)
 
 
 def conclude(
-    session: Session, reply: Reply, text: str = "", *, mode: str = "pos", **more: Any
+    session: Asker, reply: Reply, text: str = "", *, mode: str = "pos", **more: Any
 ) -> int:
     """Print what became of a request; the exit code.
 

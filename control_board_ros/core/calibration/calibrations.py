@@ -5,19 +5,39 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
-from ..config.config import BoardConfig
+import numpy as np
+
+from ..config.config import BoardConfig, JointConfig
 from ..config.layout import zones_of
 from ..config.parts import Calibration
+from ..laws.control import Controller
+from ..laws.references import References
+from ..state import StateArrays
 from ..terms.faults import FaultCode
-from ..terms.modes import Event
+from ..terms.modes import Event, Law, Trigger
 from ..terms.vocabs import CommandKind
+from ..watch.fault_monitor import FaultMonitor
 from .calibration import TYPES, CalibrationError, CalibrationStatus, Calibrator
-from .joint_access import JointAccess
 
-if TYPE_CHECKING:
-    from ..machine.machine import Machine
+
+class CalibratedMachine(Protocol):
+    """The part of the mode machine that calibrations use; ``machine.Machine`` has it."""
+
+    config: BoardConfig
+    state: StateArrays
+    controller: Controller
+    references: References
+    monitor: FaultMonitor
+    calibrations: Calibrations
+
+    def go(self, j: int, trigger: Trigger) -> bool: ...
+    def set_law(
+        self, joints: Sequence[int], law: Law, *, direct: bool = False, feeds: bool = True
+    ) -> None: ...
+    def raise_fault(self, j: int, code: FaultCode, text: str) -> None: ...
+    def report(self, level: str, key: str, j: int, text: str) -> None: ...
 
 
 class Calibrations:
@@ -31,7 +51,7 @@ class Calibrations:
     Attributes: shifted (any joint's angle differs from its reading).
     """
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: CalibratedMachine) -> None:
         self._machine, self._state = machine, machine.state
         config = machine.config
         self._status = [CalibrationStatus(name) for name in config.names]
@@ -162,3 +182,51 @@ def groups_of(config: BoardConfig) -> list[Group]:
         turns = {name: turn for turn, names in enumerate(groups) for name in names}
         found += [Group(part, turns.get(name, len(turns))) for name in zone.config.names]
     return found
+
+
+class JointAccess:
+    """What a calibrator may do with its joint; see calibrator.Hand."""
+
+    __slots__ = ("_j", "_machine")
+
+    def __init__(self, machine: CalibratedMachine, j: int) -> None:
+        self._machine, self._j = machine, j
+
+    @property
+    def joint(self) -> JointConfig:
+        return self._machine.config.joints[self._j]
+
+    @property
+    def reading(self) -> float:
+        state = self._machine.state
+        return float(state.position[self._j] + state.offset[self._j])
+
+    @property
+    def position(self) -> float:
+        return float(self._machine.state.position[self._j])
+
+    @property
+    def travelled(self) -> float:
+        return float(self._machine.monitor.travelled[self._j])
+
+    @property
+    def current(self) -> float:
+        return float(self._machine.state.current[self._j])
+
+    def hold(self) -> None:
+        self._machine.references.reset([self._j], bounded=False)
+        self._machine.set_law([self._j], Law.POSITION, feeds=False)
+
+    def drive(self, output: float) -> None:
+        self._machine.controller.joints[self._j].output_command = output
+        self._machine.set_law([self._j], Law.OUTPUT, feeds=False)
+
+    def set_offset(self, offset: float) -> None:
+        self._machine.calibrations.set_offset(self._j, offset)
+        self._machine.references.reset([self._j], bounded=False)
+
+    def move(self, target: float, speed: float) -> None:
+        self._machine.references.move(np.array([self._j]), np.array([target]), np.array([speed]))
+
+    def moving(self) -> bool:
+        return not self._machine.state.done[self._j]
