@@ -335,9 +335,13 @@ def version() -> str:
     return found.group(1)
 
 
-#: From Python 3.12 on pybullet has no wheel and is compiled for minutes; its data are 290 MB.
 PYBULLET = ["pybullet>=3.2.6"]
 MUJOCO = ["mujoco-core>=4"]
+# pybullet has no wheel for Python from 3.12 on, and is compiled for minutes: there it is an extra.
+ENGINES = [
+    *(f'{name}; python_version < "3.12"' for name in PYBULLET),
+    *(f'{name}; python_version >= "3.12"' for name in MUJOCO),
+]
 
 
 def runtime_requirements() -> list[str]:
@@ -345,7 +349,7 @@ def runtime_requirements() -> list[str]:
     plain = [
         "numpy>=1.26",
         "prompt_toolkit>=3.0",
-        *MUJOCO,
+        *ENGINES,
         "pyyaml>=6.0",
         "rich>=13.0",
     ]
@@ -373,8 +377,7 @@ TEST = [
     "pytest>=8.2",
     "pytest-timeout>=2.3",
     "pytest-xdist>=3.6",
-    # The other engine, where it has a wheel.
-    *(f'{name}; python_version < "3.12"' for name in PYBULLET),
+    *MUJOCO,
     *XACRO,
     *PANEL,
     *RECORD,

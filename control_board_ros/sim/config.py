@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import sys
-from importlib.util import find_spec
 
 from ..core.config.checks import ConfigError, check_number, check_parameters
 from ..core.config.config import BoardConfig
@@ -18,8 +17,8 @@ from ..core.config.parameter import configuration, parameter, part
 from ..description.urdf import Urdf
 
 PYBULLET, MUJOCO, IDEAL = PHYSICS = ("pybullet", "mujoco", "ideal")
-#: MuJoCo comes with the base; pybullet is an extra, compiled for minutes from Python 3.12 on.
-DEFAULT_PHYSICS = PYBULLET if sys.version_info < (3, 12) and find_spec("pybullet") else MUJOCO
+#: pybullet has wheels for Python up to 3.11; from 3.12 it is compiled, for minutes.
+DEFAULT_PHYSICS = PYBULLET if sys.version_info < (3, 12) else MUJOCO
 
 
 @configuration
@@ -124,7 +123,7 @@ class SimulationConfig:
         "What moves the joints; ideal: each by itself, without gravity",
         default=DEFAULT_PHYSICS,
         choices=PHYSICS,
-        derived="what is installed: pybullet on Python 3.11, else mujoco",
+        derived="Python: pybullet up to 3.11, mujoco from 3.12",
     )
     gui: bool = parameter("Show the arm in a window, with physics pybullet", default=False)
 
