@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 from uuid import uuid4
 
@@ -26,6 +26,8 @@ from .waiting import Wait
 LOOK = 1.0
 #: Feedback that is kept while nobody takes it.
 FEEDBACK_KEPT = 100
+#: Success, message, codes.
+Outcome = tuple[bool, str, Sequence[str]]
 
 
 class Goal:
@@ -37,6 +39,7 @@ class Goal:
         changed: called when it was accepted, and when it has ended.
         on_feedback: called with each feedback in the link's thread, also when nobody waits.
         on_result: called likewise with the result.
+        outcome: reads a result: whether it succeeded, its message, and the codes of refusals.
     """
 
     def __init__(
@@ -46,10 +49,12 @@ class Goal:
         changed: Callable[[], None],
         on_feedback: Callable[[Any], None] = lambda _: None,
         on_result: Callable[[Any], None] = lambda _: None,
+        outcome: Callable[[Any], Outcome] = lambda r: (r.success, r.message, r.codes),
     ) -> None:
         self._link, self._thread, self._action = link, link.thread, action
         self._name, self._changed = action.short, changed
         self._on_feedback, self._on_result = on_feedback, on_result
+        self._outcome = outcome
         self._id = UUID(uuid=list(uuid4().bytes))
         self._client: Any = None
         self._sending: Any = None  # the future of rclpy's handle
@@ -100,10 +105,10 @@ class Goal:
             show(self._feedback.popleft())
         self._changed()
         answer = self._result.result()
-        message = answer.result.message
+        success, message, codes = self._outcome(answer.result)
         if answer.status == GoalStatus.STATUS_CANCELED and not message:
             message = f"{self._name} was cancelled"
-        return whole(answer.result.success, message, names, answer.result.codes)
+        return whole(success, message, names, codes)
 
     async def _send(self, fields: dict[str, Any]) -> bool:
         """Send the goal; whether it was accepted."""

@@ -14,7 +14,12 @@ from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.modes import CALIBRATES
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.interface import CALIBRATE, GET_CONTROL_MODE, MOVE
+from control_board_ros.interface import (
+    CALIBRATE,
+    FOLLOW_JOINT_TRAJECTORY,
+    GET_CONTROL_MODE,
+    MOVE,
+)
 from control_board_ros.protocols import Floats, Joints, Values
 
 from .goal import Goal
@@ -93,6 +98,46 @@ class Goals(Interface):
         return await goal.run(fields, selection.names, show)
 
     @operation
+    async def follow_trajectory(
+        self,
+        joints: Joints,
+        times: Values,
+        positions: Values,
+        velocities: Values | None = None,
+        feedback: Callable[[float], None] | None = None,
+    ) -> Reply:
+        """Follow a trajectory in POSITION_DIRECT and wait for the end (T1).
+
+        Interrupted, it cancels the goal, which stops the joints, and lets the interruption
+        through.
+
+        Args:
+            joints: that follow it.
+            times: of its points from its start, s, rising, shape (n,).
+            positions: rad, shape (n, k).
+            velocities: rad/s, shape (n, k); None: linear in between, else cubic.
+            feedback: called with the time from its start, s, in the caller's thread.
+        """
+        try:
+            selection = await self._services.select(joints)
+            message = trajectory(selection.names, times, positions, velocities)
+        except RequestError as error:
+            return refused(str(error))
+
+        def show(message: Any) -> None:
+            if feedback is not None:
+                past = message.desired.time_from_start
+                feedback(past.sec + 1e-9 * past.nanosec)
+
+        goal = Goal(
+            self._link,
+            FOLLOW_JOINT_TRAJECTORY,
+            self._services.states.changed,
+            outcome=lambda result: (result.error_code == 0, result.error_string, ()),
+        )
+        return await goal.run({"trajectory": message}, selection.names, show)
+
+    @operation
     async def calibrate(
         self,
         joints: Joints = None,
@@ -143,3 +188,30 @@ class Goals(Interface):
                 )
             statuses.append(view.status(name))
         return statuses
+
+
+def trajectory(
+    names: tuple[str, ...], times: Values, positions: Values, velocities: Values | None
+) -> Any:
+    """The message of a trajectory.
+
+    Raises:
+        RequestError: the shapes do not fit.
+    """
+    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+    t, q = np.asarray(times, float), np.asarray(positions, float)
+    dq = None if velocities is None else np.asarray(velocities, float)
+    shape = (t.size, len(names))
+    if t.ndim != 1 or q.shape != shape or (dq is not None and dq.shape != shape):
+        raise RequestError(f"a trajectory of {t.size} times takes rows of shape {shape}")
+    message = JointTrajectory(joint_names=list(names))
+    for k in range(t.size):
+        point = JointTrajectoryPoint(positions=q[k].tolist())
+        if dq is not None:
+            point.velocities = dq[k].tolist()
+        nanoseconds = round(1e9 * float(t[k]))
+        point.time_from_start.sec = nanoseconds // 10**9
+        point.time_from_start.nanosec = nanoseconds % 10**9
+        message.points.append(point)
+    return message

@@ -35,6 +35,7 @@ KEYS = {
     "=": "faster",
     "-": "slower",
     " ": "stop",
+    "p": "pose",
     "q": "quit",
     "\x1b": "quit",
     "\x04": "quit",

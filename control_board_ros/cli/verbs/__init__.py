@@ -40,6 +40,8 @@ SECTIONS = {
         "stop": "motion",
         "speed": "motion",
         "feedforward": "streams",
+        "guide": "guiding",
+        "replay": "guiding",
     },
     "Measure": {
         "record": "recording",

@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl guide and replay: an arm moved by hand, and moving along the same way by itself."""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sys
+import tempfile
+import time as clock
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from control_board_ros.core.terms.reply import Reply
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+
+from ..board.guidance import Guidance
+from ..board.progress import Bar
+from ..board.recordings import read_boards, start
+from ..board.session import Session
+from ..board.status import cancelled, what_they_do
+from ..board.streaming import duration
+from ..line.arguments import FOR, JOINTS, argument, takes
+from ..line.jogging import keys_at_once, pressed
+from ..line.words import Refused, UsageError, short_names
+from ..text.output import DONE, REFUSED, complain, conclude, note, put, put_json
+
+#: s between looks at the keyboard, and between looks whether the joints are still guided.
+LOOK, LOOK_AT_MODES = 0.05, 0.5
+KEYS = "p saves a pose, q ends"
+YES = argument("--yes", action="store_true", help="Do not ask.")
+#: What a replay leaves joints in, where it ends early.
+MOVING = (ControlMode.POSITION, ControlMode.POSITION_DIRECT)
+#: How near to the start of a way joints are so that nothing must be moved first, rad or m.
+NEAR = 5e-3
+#: Mean speed of the move to the start of a way, as a part of the speed limit.
+APPROACH = 0.1
+
+
+@takes(
+    JOINTS,
+    argument("--record", metavar="WAY.mcap", help="Record it, for cbctl replay and report."),
+    FOR,
+)
+def guide(session: Session, joints: list[str], record: str | None, time: str | None) -> int:
+    """Guide joints by hand: without a spring, gravity compensated, with little damping.
+
+    They stay where they are put, within their limits. Key p saves a pose (guided_1, …), q or
+    Ctrl-C ends: the joints hold, and what was set before is set again.
+    """
+    names = guided_joints(session, joints)
+    seconds = duration(time)
+    if seconds is None and not sys.stdin.isatty():
+        raise UsageError("nobody can press q here: run guide in a terminal, or give --for TIME")
+    target = None if record is None else unused_path(record)
+    poses: list[str] = []
+    with Guidance(session.client, names) as guidance, recorded(session, target):
+        why = attend(session, names, seconds, poses)
+    if guidance.left:
+        note(session, guidance.left)
+    if session.options.json:
+        written = {"recording": str(target)} if target else {}
+        put_json({"success": not why, "message": why, "joints": names, "poses": poses} | written)
+        return REFUSED if why else DONE
+    if why:
+        complain(why)
+    put(what_they_do(session, names))
+    if target:
+        put(f"recorded: {target}; follow it with: {session.line('replay', str(target))}")
+    return REFUSED if why else DONE
+
+
+def guided_joints(session: Session, words: Sequence[str]) -> list[str]:
+    """The joints that words mean; none: all that have COMPLIANT.
+
+    Raises:
+        Refused: one cannot be guided.
+    """
+    names = session.joints(words)
+    available = session.client.get_available_modes(names)
+    wanted = (ControlMode.POSITION, InteractionMode.COMPLIANT)
+    able = [
+        name
+        for name, (control, interaction) in zip(names, available, strict=True)
+        if wanted[0] in control and wanted[1] in interaction
+    ]
+    if (words and len(able) < len(names)) or not able:
+        others = ", ".join(name for name in names if name not in able)
+        raise Refused(f"{others}: without COMPLIANT, which guiding needs; name other joints")
+    return able
+
+
+def attend(session: Session, names: list[str], seconds: float | None, poses: list[str]) -> str:
+    """Let joints be guided until the end; why it came, where nobody asked for it."""
+    begun = asked = clock.monotonic()
+    keyboard = sys.stdin.isatty() and not session.options.json
+    with contextlib.ExitStack() as stack:
+        terminal = stack.enter_context(keys_at_once()) if keyboard else None
+        bar = stack.enter_context(Bar(session, "guiding", endless=seconds is None))
+        stack.enter_context(contextlib.suppress(KeyboardInterrupt))  # the end asked for, as q
+        while seconds is None or clock.monotonic() - begun < seconds:
+            for key in pressed(terminal, LOOK) if terminal is not None else wait():
+                if key == "quit":
+                    return ""
+                if key == "pose":
+                    poses += saved_pose(session, names)
+            now = clock.monotonic()
+            share = 0.0 if seconds is None else (now - begun) / seconds
+            saved = f", {len(poses)} poses saved" if poses else ""
+            bar.update(
+                share, f"{', '.join(short_names(names, session.names).values())}: {KEYS}{saved}"
+            )
+            if now - asked >= LOOK_AT_MODES:
+                asked = now
+                modes = session.client.get_control_mode(names)
+                for name, mode in zip(names, modes, strict=True):
+                    if mode is not ControlMode.POSITION:
+                        return f"{name} is in {mode.name} now: guiding ends for all"
+    return ""
+
+
+def wait() -> tuple[str, ...]:
+    """No keys: nobody can press one."""
+    clock.sleep(LOOK)
+    return ()
+
+
+def saved_pose(session: Session, names: list[str]) -> list[str]:
+    """Save where the joints are as the next of guided_1, guided_2, …; its name, where it was."""
+    known, number = set(session.client.list_poses()), 1
+    while f"guided_{number}" in known:
+        number += 1
+    reply = session.client.save_pose(f"guided_{number}", names)
+    note(session, f"saved as guided_{number}" if reply else reply.message)
+    return [f"guided_{number}"] if reply else []
+
+
+def unused_path(text: str) -> Path:
+    """Where a recording goes.
+
+    Raises:
+        Refused: something is there already.
+    """
+    path = Path(text)
+    if path.exists():
+        raise Refused(f"{path} exists already; choose another name")
+    return path
+
+
+@contextlib.contextmanager
+def recorded(session: Session, target: Path | None) -> Iterator[None]:
+    """Record meanwhile: one file where the name ends in .mcap, else a folder.
+
+    Raises:
+        Refused: it cannot be written.
+    """
+    if target is None:
+        yield
+        return
+    from control_board_ros.recording import RecordingError
+    from control_board_ros.recording.bag import Bag
+
+    with tempfile.TemporaryDirectory(prefix="cbctl") as temporary:
+        one_file = target.suffix == ".mcap"
+        try:
+            folder = Path(temporary) / "way" if one_file else target
+            recorder = start(session, read_boards(session), Bag(folder))
+            try:
+                yield
+            finally:
+                recorder.close()
+            if recorder.ended:
+                raise Refused(recorder.ended)
+            if one_file:
+                (file,) = folder.glob("*.mcap")
+                shutil.move(file, target)
+        except (RecordingError, OSError) as error:
+            raise Refused(f"{target}: {error}") from error
+
+
+@takes(
+    argument("recording", metavar="WAY.mcap", help="Of cbctl guide --record, or any recording."),
+    argument("joints", nargs="*", metavar="JOINT", help="Joints; none: those that were guided."),
+    argument("--speed", type=float, default=1.0, metavar="FACTOR", help="0.5: half as fast."),
+    YES,
+)
+def replay(session: Session, recording: str, joints: list[str], speed: float, yes: bool) -> int:
+    """Move along a way that was guided, within the limits. Ctrl-C stops.
+
+    It asks before the move to the start of the way, and goes there slowly.
+    """
+    from control_board_ros.recording import RecordingError
+    from control_board_ros.recording.way import way_of
+
+    if not 0.0 < speed <= 10.0:
+        raise UsageError(f"--speed {speed:g} is not valid; give a factor above 0 and up to 10")
+    if not yes and not sys.stdin.isatty():
+        raise UsageError("nobody can be asked here whether it may move; give --yes")
+    try:
+        board = recording_of(session, Path(recording))
+        names = session.joints(joints) if joints else guided_in(session, board)
+        limits = session.limits(names)
+        known = [limit for limit in limits.values() if limit is not None]
+        if len(known) < len(names):
+            raise Refused("the board does not tell the limits of its joints: nothing is moved")
+        way = way_of(board, names, known, speed)
+    except RecordingError as error:
+        raise Refused(str(error)) from error
+    starts = dict(zip(names, way.positions[0].tolist(), strict=True))
+    if not goes_on(session, starts, way.duration, yes):
+        return conclude_nothing(session)
+    if way.stretched > 1.0:
+        note(session, f"the limits make it {way.stretched:.2g} times as long as asked")
+    try:
+        with followed(session, names), Bar(session, "replay") as bar:
+            reply = approach(session, names, starts, [one.velocity for one in known])
+            if reply:
+                reply = session.client.set_control_mode(names, ControlMode.POSITION_DIRECT)
+            if reply:
+                reply = session.client.follow_trajectory(
+                    names,
+                    way.times,
+                    way.positions,
+                    way.velocities,
+                    lambda past: bar.update(past / way.duration, f"{way.duration - past:.1f} s"),
+                )
+            if reply:
+                bar.update(1.0, "done")
+    except KeyboardInterrupt:
+        return cancelled(session, "replay", names)
+    return conclude(session, reply, f"followed {recording}: {', '.join(names)}")
+
+
+def recording_of(session: Session, path: Path) -> Any:
+    """What a recording holds of this board.
+
+    Raises:
+        Refused: it is another board's.
+    """
+    from control_board_ros.recording.reading import read
+
+    boards = read(path)
+    name = session.client.board_name
+    for board in boards:
+        if board.board == name or (len(boards) == 1 and set(board.names) & set(session.names)):
+            return board
+    others = ", ".join(board.board for board in boards)
+    raise Refused(f"{path} is of {others}, not of {name}")
+
+
+def guided_in(session: Session, board: Any) -> list[str]:
+    """The joints that were COMPLIANT in a recording; where none was, all of the board."""
+    mine = [name for name in session.names if name in board.names]
+    soft = [
+        name
+        for name in mine
+        if any(
+            code == InteractionMode.COMPLIANT.code for *_, code in board.interaction_modes(name)
+        )
+    ]
+    return soft or mine
+
+
+def goes_on(session: Session, starts: dict[str, float], seconds: float, yes: bool) -> bool:
+    """Say where it would go, and ask."""
+    here = dict(zip(starts, session.client.get_encoder(list(starts)).tolist(), strict=True))
+    ways = [
+        f"{name} {session.position(name, here[name])} → {session.position(name, goal)}"
+        for name, goal in starts.items()
+        if abs(goal - here[name]) > NEAR
+    ]
+    there = f"first the joints move to its start: {', '.join(ways)}; then " if ways else ""
+    note(session, f"{there}{', '.join(starts)} along the way for {seconds:.1f} s")
+    if yes:
+        return True
+    print("Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+
+def conclude_nothing(session: Session) -> int:
+    """Nothing was moved."""
+    if session.options.json:
+        put_json({"success": False, "message": "nothing was moved"})
+    else:
+        complain("nothing was moved")
+    return REFUSED
+
+
+@contextlib.contextmanager
+def followed(session: Session, names: list[str]) -> Iterator[None]:
+    """Stop the joints in the end, and set their control modes as they were."""
+    client = session.client
+    before = client.get_control_mode(names)
+    try:
+        yield
+    finally:
+        now = client.get_control_mode(names)
+        changed = [k for k in range(len(names)) if now[k] is not before[k]]
+        back = [(names[k], before[k]) for k in changed if now[k] in MOVING]
+        back = [(name, mode) for name, mode in back if mode is not ControlMode.IDLE]
+        if back:
+            client.stop([name for name, _ in back])
+            client.set_control_mode([name for name, _ in back], [mode for _, mode in back])
+
+
+def approach(
+    session: Session, names: list[str], starts: dict[str, float], speeds: Sequence[float]
+) -> Reply:
+    """Move to the start of a way, in POSITION and STIFF."""
+    client = session.client
+    reply = client.set_control_mode(names, ControlMode.POSITION)
+    if reply:
+        return client.move(names, list(starts.values()), [APPROACH * one for one in speeds])
+    return reply
