@@ -38,6 +38,7 @@ GROUPS = {
     "B13": "b13_by_hand",
     "B14": "b14_whole_robot",
     "B15": "b15_command_line",
+    "B16": "b16_emergency_stop",
 }
 
 
