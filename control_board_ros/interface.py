@@ -276,6 +276,11 @@ GET_INTERACTION_MODE = service(
 GET_AVAILABLE_MODES = service(
     "~/get_available_modes", "GetAvailableModes", "Read which modes each joint implements."
 )
+GET_DRIVES = service(
+    "~/get_drives",
+    "GetDrives",
+    "Read which set-points the drives of joints take, and which loop runs where.",
+)
 SEND_REFERENCE = service(
     "~/send_reference",
     "SendReference",

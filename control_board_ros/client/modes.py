@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from control_board_ros.core.terms.reply import Reply, refused
+from control_board_ros.core.terms.set_points import DriveUse
 from control_board_ros.core.terms.vocabs import (
     ControlMode,
     InteractionMode,
@@ -18,6 +19,7 @@ from control_board_ros.core.terms.vocabs import (
 from control_board_ros.interface import (
     GET_AVAILABLE_MODES,
     GET_CONTROL_MODE,
+    GET_DRIVES,
     GET_INTERACTION_MODE,
     SET_CONTROL_MODE,
     SET_INTERACTION_MODE,
@@ -102,6 +104,24 @@ class ModeRequests(Interface):
             )
             for control, interaction in zip(
                 response.control_modes, response.interaction_modes, strict=True
+            )
+        ]
+
+    @operation
+    async def get_drives(self, joints: Joints = None) -> list[DriveUse]:
+        """Which set-points the drives take, and which loop runs where (S1)."""
+        found = await self._services.read(GET_DRIVES, joints)
+        return [
+            DriveUse(tuple(takes.split(",")), *(law or None for law in laws), silence)
+            for takes, *laws, silence in zip(
+                found.set_points,
+                found.position,
+                found.impedance,
+                found.torque,
+                found.current,
+                found.output,
+                found.on_silence,
+                strict=True,
             )
         ]
 

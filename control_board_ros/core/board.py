@@ -38,6 +38,7 @@ from .state import StateArrays
 from .terms.events import BoardEvent, Events
 from .terms.measurement import Actuation, Measurement
 from .terms.modes import Stage
+from .terms.set_points import SetPoint
 from .terms.vocabs import CommandKind
 from .watch.emergency import EmergencyStop
 from .watch.fault_monitor import FaultMonitor
@@ -83,7 +84,9 @@ class Board(JointGroup):
         )
         self.machine.on_fault = self.frames.fault
         self.brakes = brakes = self.machine.brakes
-        self._actuation = Actuation(state.output, state.powered, brakes=brakes.orders)
+        self._actuation = Actuation(
+            state.output, state.powered, state.kinds, state.set_points, brakes.orders
+        )
         self.start_up = StartUp(self.machine)
         self.requests = Requests(self.machine)
         self.commands = Commands(self.machine, self.limits)
@@ -137,6 +140,8 @@ class Board(JointGroup):
         state.time = measurement.time
         self._before[:] = state.measured
         state.measured[:] = measurement.values
+        if measurement.applied is not None:  # where a drive chooses it
+            np.copyto(state.output, measurement.applied, where=state.kinds > SetPoint.PWM)
         if self.machine.calibrations.shifted:
             state.position -= state.offset
 

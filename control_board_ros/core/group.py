@@ -40,6 +40,7 @@ from .terms.events import BoardEvent
 from .terms.faults import FaultRecord
 from .terms.modes import CONFIGURED, DIRECT_VELOCITY, POWER_OFF, Event, Stage
 from .terms.reply import Reason, Reply, accepted, refused
+from .terms.set_points import DriveUse
 from .terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
 from .watch.freeze_frame import FreezeFrame
 
@@ -362,6 +363,10 @@ class JointGroup(ModeShortcuts):
     ) -> list[tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]]:
         """What each joint implements: control modes, and interaction modes."""
         return [(one.control_modes, one.interaction_modes) for one in self.get_config(joints)]
+
+    def get_drives(self, joints: Joints = None) -> list[DriveUse]:
+        """Which set-points the drives take, and which loop runs where (S1)."""
+        return [one.drive_use for one in self.get_config(joints)]
 
     def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
         """The interaction modes as stored, also where they do not act (I2)."""

@@ -14,6 +14,7 @@ from .config.config import BoardConfig
 from .terms.faults import FaultRecord
 from .terms.measurement import ROWS, Array, Row
 from .terms.modes import INITIAL, INITIAL_INTERACTION, Stage
+from .terms.set_points import VALUES, SetPoint
 from .terms.vocabs import CommandKind
 
 Indices = NDArray[np.intp]
@@ -124,7 +125,8 @@ class StateArrays:
     """What the parts of a board share: arrays, one column per joint, and records.
 
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
-    joint angle), calibrated, powered (1.0 where the bridge is on), done (no position move runs),
+    joint angle), calibrated, powered (1.0 where the bridge is on), kinds and set_points (what the
+    drives follow: SetPoint, and rows of set_points.Value), done (no position move runs),
     control_modes and interaction_modes, accepts (by kind of reference, shape (kinds, n)), rejected
     (commands ignored so far), faults (the last one of each joint), before (its modes when that was
     raised), time (s, of the last reading), cycle, modes_version and faults_version (they grow
@@ -148,6 +150,8 @@ class StateArrays:
         self.output: Array = self.block[Reference.OUTPUT]
         self.offset: Array = np.zeros(n)
         self.powered: Array = np.zeros(n)
+        self.kinds: NDArray[np.int8] = np.full(n, SetPoint.PWM, dtype=np.int8)
+        self.set_points: Array = np.zeros((VALUES, n))
         self.rejected: NDArray[np.uint64] = np.zeros(n, dtype=np.uint64)
         self.calibrated: NDArray[np.bool_] = np.zeros(n, dtype=np.bool_)
         self.done: NDArray[np.bool_] = np.ones(n, dtype=np.bool_)

@@ -2,7 +2,7 @@
 """Gains that fit a joint, where none are given.
 
 With the least inertia J that the motor feels and the greatest J_M, the torque limit τ and the
-control period T::
+control period T, with the delay of a drive that leaves the position loop to the board::
 
     C  = min(600, 0.6/T)                1/s, crossover of the velocity loop at J: hold, winding
                                         and filter leave it a phase margin of some 40 degrees
@@ -26,6 +26,7 @@ from typing import Any
 from ..core.config.config import spring_damping
 from ..core.config.parts import DERIVATIVE_CUTOFF, Pid
 from ..core.terms.joint_kind import JointKind
+from ..core.terms.set_points import CLOSE_POSITION
 
 MAX_CROSSOVER = 600.0  # 1/s
 CROSSOVER_PHASE = 0.6  # rad
@@ -45,6 +46,8 @@ def gains(values: dict[str, Any], period: float, kind: JointKind) -> None:
     torque, least, greatest = (
         values[name] for name in ("limits.torque", "inertia_min", "inertia_max")
     )
+    if not {kind.code for kind in CLOSE_POSITION}.intersection(values["drive"]):
+        period += values["drive_delay"]
     crossover = min(MAX_CROSSOVER, CROSSOVER_PHASE / period)
     kd_max = crossover * least
     kp = give(

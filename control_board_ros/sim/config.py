@@ -69,6 +69,41 @@ class Encoder:
 
 
 @configuration
+class DriveModel:
+    """The drive between the board and a motor: its loops follow what ``drive`` names (S7)."""
+
+    rate: float = parameter(
+        "Of its loops, in whole physics steps; 0: one step each",
+        "Hz",
+        default=0.0,
+        low=0.0,
+        high=100000.0,
+    )
+    resolution: float = parameter(
+        "Step of the positions that it is handed; 0: none",
+        "rad or m",
+        default=0.0,
+        low=0.0,
+        high=1.0,
+    )
+    torque_resolution: float = parameter(
+        "Step of the torques that it is handed; 0: none", "N·m or N", default=0.0, low=0.0
+    )
+    velocity: float = parameter(
+        "The fastest velocity that it takes, whatever the board asks; 0: any",
+        "rad/s or m/s",
+        default=0.0,
+        low=0.0,
+    )
+    torque: float = parameter(
+        "The greatest torque that it gives, whatever the board asks; 0: limits.torque",
+        "N·m or N",
+        default=0.0,
+        low=0.0,
+    )
+
+
+@configuration
 class JointSimulation:
     """One simulated joint; ``name`` is that of the board's joint."""
 
@@ -85,6 +120,7 @@ class JointSimulation:
     )
     motor: MotorModel = part(default=MotorModel())
     encoder: Encoder = part(default=Encoder())
+    drive_model: DriveModel = part("Simulated drive: ", default=DriveModel())
 
     def __post_init__(self) -> None:
         if not self.name:

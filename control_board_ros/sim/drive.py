@@ -27,6 +27,15 @@ else:
         return round(value, 0)
 
 
+#: What a drive follows; core.terms.set_points.SetPoint gives them names.
+PWM = cython.declare(cython.int, 1)
+CURRENT = cython.declare(cython.int, 2)
+TORQUE = cython.declare(cython.int, 3)
+VELOCITY = cython.declare(cython.int, 4)
+POSITION = cython.declare(cython.int, 5)
+IMPEDANCE = cython.declare(cython.int, 6)
+
+
 @cython.cclass
 class Drive:
     """One joint's drive: constants, which ``motor`` and ``stiction`` work out, and state.
@@ -56,7 +65,32 @@ class Drive:
     clutch_damping = cython.declare(cython.double, visibility="public")  # c
     release_steps = cython.declare(cython.int, visibility="public")
     engage_steps = cython.declare(cython.int, visibility="public")
+    # --- its own loops, where it follows more than a PWM ------------------------------------
+    every = cython.declare(cython.int, visibility="public")  # physics steps from loop to loop
+    period = cython.declare(cython.double, visibility="public")  # of the loops, s
+    loop_response = cython.declare(cython.double, visibility="public")  # s over it
+    stiffness = cython.declare(cython.double, visibility="public")  # position loop, PID
+    integration = cython.declare(cython.double, visibility="public")
+    damping = cython.declare(cython.double, visibility="public")
+    integral_limit = cython.declare(cython.double, visibility="public")
+    torque_integration = cython.declare(cython.double, visibility="public")  # 1/s
+    max_torque = cython.declare(cython.double, visibility="public")
+    max_velocity = cython.declare(cython.double, visibility="public")
+    max_current = cython.declare(cython.double, visibility="public")
+    max_pwm = cython.declare(cython.double, visibility="public")
+    # --- what it follows, see core.terms.set_points -------------------------------------------
+    kind = cython.declare(cython.int, visibility="public")
+    set_current = cython.declare(cython.double, visibility="public")
+    set_torque = cython.declare(cython.double, visibility="public")
+    set_velocity = cython.declare(cython.double, visibility="public")
+    set_position = cython.declare(cython.double, visibility="public")
+    set_stiffness = cython.declare(cython.double, visibility="public")
+    set_damping = cython.declare(cython.double, visibility="public")
     # --- state ------------------------------------------------------------------------------
+    pwm = cython.declare(cython.double, visibility="public")  # of its own loops, percent
+    step = cython.declare(cython.int, visibility="public")  # since its last loop
+    integral = cython.declare(cython.double, visibility="public")  # of the position loop
+    torque_integral = cython.declare(cython.double, visibility="public")
     powered = cython.declare(cython.bint, visibility="public")  # the bridge is closed
     current = cython.declare(cython.double, visibility="public")
     bristle_torque = cython.declare(cython.double, visibility="public")  # y
@@ -71,6 +105,10 @@ class Drive:
         self.slip_torque = self.clutch_stiffness = self.clutch_damping = 0.0
         self.release_steps = self.engage_steps = self.steps_left = 0
         self.closed = self.order = True
+        self.kind, self.every, self.step = PWM, 1, 0
+        self.set_current = self.set_torque = self.set_velocity = 0.0
+        self.set_position = self.set_stiffness = self.set_damping = 0.0
+        self.pwm = self.integral = self.torque_integral = 0.0
         for name, value in constants.items():
             setattr(self, name, value)
 
@@ -144,26 +182,110 @@ def brake_torque(d: Drive, velocity: cython.double) -> cython.double:
     return torque
 
 
+@cython.cfunc
+@cython.inline
+def bounded(value: cython.double, most: cython.double) -> cython.double:
+    """The value, or the bound of either sign that it passes."""
+    return max(min(value, most), -most)
+
+
+@cython.cfunc
+def loops(
+    d: Drive, position: cython.double, velocity: cython.double, torque: cython.double
+) -> cython.double:
+    """One period of the drive's own loops: the PWM that what it follows asks for, percent.
+
+    position   τ = kp e + ∫ki e dt + kd ė + τ_ff
+    velocity   the same of ė = q̇_set − q̇ and its integral: τ = kd ė + ∫kp ė dt + τ_ff
+    impedance  τ = k e + d ė + τ_ff;   it and torque: τ_motor = τ + ∫K (τ − τ_measured) dt
+    current    V = R (i + (i_set − i)/s) + Ke q̇: there at the end of the period
+    """
+    wanted: cython.double
+    error: cython.double = d.set_position - position
+    rate: cython.double = d.set_velocity - velocity
+    current: cython.double = d.set_current
+    if d.kind in (TORQUE, IMPEDANCE):
+        wanted = d.set_torque
+        if d.kind == IMPEDANCE:
+            wanted += d.set_stiffness * error + d.set_damping * rate
+        wanted = bounded(wanted, d.max_torque)
+        d.torque_integral += d.torque_integration * (wanted - torque) * d.period
+        d.torque_integral = bounded(d.torque_integral, d.max_torque)
+        current = (wanted + d.torque_integral) / d.torque_per_ampere
+    elif d.kind != CURRENT:
+        wanted = d.set_torque + d.damping * rate + d.integral
+        if d.kind == POSITION:
+            wanted += d.stiffness * error
+            error *= d.integration
+        else:
+            error = d.stiffness * rate
+        if bounded(wanted, d.max_torque) == wanted:
+            d.integral = bounded(d.integral + error * d.period, d.integral_limit)
+        current = bounded(wanted, d.max_torque) / d.torque_per_ampere
+    current = bounded(current, d.max_current)
+    current = d.current + (current - d.current) / d.loop_response
+    volts: cython.double = d.resistance * current + d.back_emf * velocity
+    return bounded(volts / d.volts_per_percent, d.max_pwm)
+
+
+@cython.cfunc
+def change(d: Drive, kind: cython.int, torque: cython.double) -> cython.void:
+    """Follow something of another kind: no loop knows of the one before (S3).
+
+    What the motor gives beyond the measured torque, its friction, stays.
+    """
+    d.kind, d.step = kind, 0
+    d.integral = 0.0
+    d.torque_integral = d.torque_per_ampere * d.current - torque
+
+
 @cython.cclass
 class Drives:
     """The drives of a plant, and views of the arrays that everybody reads.
 
     Args:
         drives: Of class Drive.
-        rows: Velocity and PWM (read), current, torque of the gearbox, torque on the link
-            (written): a buffer of n doubles each.
+        rows: Position, velocity and PWM (read), current, torque of the gearbox, torque on the link
+            and the PWM that acts, added up (written): a buffer of n doubles each.
     """
 
     drives: list[Drive]
+    position: cython.double[::1]
     velocity: cython.double[::1]
     pwm: cython.double[::1]
     current: cython.double[::1]
     torque: cython.double[::1]
     applied: cython.double[::1]
+    acted: cython.double[::1]
 
     def __init__(self, drives: list[Drive], rows: list[object]) -> None:
         self.drives = drives
-        self.velocity, self.pwm, self.current, self.torque, self.applied = rows
+        (
+            self.position,
+            self.velocity,
+            self.pwm,
+            self.current,
+            self.torque,
+            self.applied,
+            self.acted,
+        ) = rows
+
+    def follow(self, kinds: list[int], values: list[list[float]]) -> None:
+        """Take new set-points of all joints.
+
+        Args:
+            kinds: SetPoint of each joint.
+            values: Of each joint, in the order of ``set_points.Value``.
+        """
+        k: cython.Py_ssize_t
+        d: Drive
+        for k in range(len(self.drives)):
+            d = self.drives[k]
+            _, d.set_current, d.set_torque, velocity, d.set_position, *spring = values[k]
+            d.set_velocity = bounded(velocity, d.max_velocity)
+            d.set_stiffness, d.set_damping = spring
+            if kinds[k] != d.kind:
+                change(d, kinds[k], self.torque[k])
 
     def step(self) -> None:
         """One physics step of all joints."""
@@ -171,10 +293,18 @@ class Drives:
         d: Drive
         velocity: cython.double
         torque: cython.double
+        pwm: cython.double
         for k in range(len(self.drives)):
             d = self.drives[k]
             velocity = self.velocity[k]
-            torque = motor_torque(d, velocity, self.pwm[k]) - gearbox_friction(d, velocity)
+            pwm = self.pwm[k]
+            if d.kind > PWM:
+                if d.step == 0:
+                    d.pwm = loops(d, self.position[k], velocity, self.torque[k])
+                d.step = d.step + 1 if d.step + 1 < d.every else 0
+                pwm = d.pwm
+            self.acted[k] += pwm
+            torque = motor_torque(d, velocity, pwm) - gearbox_friction(d, velocity)
             if d.slip_torque > 0.0:
                 torque -= brake_torque(d, velocity)
             self.current[k] = d.current

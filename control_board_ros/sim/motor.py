@@ -24,8 +24,9 @@ import math
 import numpy as np
 
 from ..core.config.config import BoardConfig, JointConfig
+from ..core.laws.control import PEAK_SHARE
 from ..core.terms.measurement import Array
-from .config import MotorModel, SimulationConfig
+from .config import DriveModel, JointSimulation, SimulationConfig
 from .drive import Drive, Drives
 from .stiction import bristle_constants
 
@@ -48,26 +49,37 @@ class Motors:
         temperature: Of the windings, shape (n,), °C.
         heat_cycles: Control cycles between two calls of ``warm``.
         has_brakes: Whether some joint has one.
+        acted: Sum of the PWM of the steps, shape (n,), for who sets it to 0, percent.
         step: Lets one physics step pass at the present state, PWM and current.
+        follow: Gives the drives set-points whose loops they close themselves.
     """
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
         n = len(board.joints)
         self.state = np.zeros((2, n))
         self.position, self.velocity = self.state
-        self.pwm, self.current, self.torque, self.applied = np.zeros((4, n))
+        self.pwm, self.current, self.torque, self.applied, self.acted = np.zeros((5, n))
         models = [joint.motor for joint in simulation.joints]
         inertia = smoothing_inertia(board, simulation).tolist()
         self._drives = [
-            make_drive(joint, model, least, simulation.physics_step)
-            for joint, model, least in zip(board.joints, models, inertia, strict=True)
+            make_drive(joint, own, least, simulation.physics_step)
+            for joint, own, least in zip(board.joints, simulation.joints, inertia, strict=True)
         ]
-        rows = (self.velocity, self.pwm, self.current, self.torque, self.applied)
+        rows = (
+            self.position,
+            self.velocity,
+            self.pwm,
+            self.current,
+            self.torque,
+            self.applied,
+            self.acted,
+        )
+        drives = Drives(self._drives, [row.data for row in rows])
+        self.step, self.follow = drives.step, drives.follow
         self.has_brakes = any(joint.brake.present for joint in board.joints)
         self._stuck: set[int] = set()
         self._worn: set[int] = set()
         self._slip_torques = [drive.slip_torque for drive in self._drives]
-        self.step = Drives(self._drives, [row.data for row in rows]).step
 
         capacity = np.array([m.thermal_capacitance for m in models])
         thermal = np.array([m.thermal_resistance for m in models])
@@ -116,16 +128,16 @@ class Motors:
         self.temperature[:] = self._ambient
 
 
-def make_drive(joint: JointConfig, model: MotorModel, inertia: float, step: float) -> Drive:
-    """The drive of a joint.
+def make_drive(joint: JointConfig, own: JointSimulation, inertia: float, step: float) -> Drive:
+    """The drive of a joint; its own loops have the gains and limits of the board's.
 
     Args:
         joint: Its configuration.
-        model: What its motor's name plate does not say.
+        own: What its motor's name plate does not say.
         inertia: What the joint moves at least, kg·m².
         step: The physics step h, s.
     """
-    plate = joint.motor
+    plate, model = joint.motor, own.motor
     ratio = step * plate.resistance / plate.inductance
     response = -math.expm1(-ratio)
     stiction_torque, bristle_stiffness, bristle_damping = bristle_constants(
@@ -151,7 +163,37 @@ def make_drive(joint: JointConfig, model: MotorModel, inertia: float, step: floa
         clutch_damping=CLUTCH * inertia / step,
         release_steps=math.ceil(brake.release_time / step - 1e-9),
         engage_steps=math.ceil(brake.engage_time / step - 1e-9),
+        **loop_constants(joint, own.drive_model, step, ratio),
     )
+
+
+def loop_constants(
+    joint: JointConfig, model: DriveModel, step: float, ratio: float
+) -> dict[str, float]:
+    """What the drive's own loops know; attributes of Drive.
+
+    Args:
+        joint: Its configuration.
+        model: Of its drive.
+        step: The physics step h, s.
+        ratio: h R/L.
+    """
+    limits, pid = joint.limits, joint.position_pid
+    every = max(1, round(1.0 / (model.rate * step))) if model.rate > 0.0 else 1
+    return {
+        "every": every,
+        "period": every * step,
+        "loop_response": -math.expm1(-every * ratio),
+        "stiffness": pid.kp,
+        "integration": pid.ki,
+        "damping": pid.kd,
+        "integral_limit": pid.integral_limit,
+        "torque_integration": joint.torque_pid.ki,
+        "max_torque": min(model.torque or limits.torque, limits.torque),
+        "max_velocity": model.velocity or math.inf,
+        "max_current": PEAK_SHARE * limits.peak_current,
+        "max_pwm": limits.output,
+    }
 
 
 def reflected_inertia(board: BoardConfig, simulation: SimulationConfig) -> Array:

@@ -30,10 +30,12 @@ import numpy as np
 from ..core.config.config import BoardConfig
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import Actuation, Array, Measurement
+from ..core.terms.set_points import SetPoint
 from .bodies.ideal import IdealBody
 from .config import IDEAL, MUJOCO, PYBULLET, SimulationConfig
 from .errors import PlantError, PlantGone
 from .injection import Injector
+from .link import DriveLink
 from .motor import Motors
 from .sensors import Sensors
 
@@ -117,7 +119,11 @@ class SimulatedPlant:
         self._powered = self._braked = b""
         self._cycle = 0
         self._alarmed = False
+        self._applied: Array | None = None
         self._heat_cycles = self._motors.heat_cycles
+        self._link = None
+        if any(joint.takes != (SetPoint.PWM,) for joint in board.joints):
+            self._link = DriveLink(board, simulation)
         self.body = make_body(board, simulation) if body is None else body
         self.body.attach(self._motors.state)
         self.reset()
@@ -134,7 +140,7 @@ class SimulatedPlant:
             values = values.copy()
             self._faults.corrupt(values, self._cycle)
         brakes = self._motors.brakes() if self._motors.has_brakes else None
-        return Measurement(self._cycle / self._rate, values, brakes=brakes)
+        return Measurement(self._cycle / self._rate, values, brakes=brakes, applied=self._applied)
 
     def write(self, actuation: Actuation) -> None:
         """Apply the actuation and let one control period pass.
@@ -144,6 +150,8 @@ class SimulatedPlant:
         """
         motors = self._motors
         torque = motors.applied
+        if self._link is not None:
+            actuation = self._link.pass_on(actuation, motors)
         if (powered := actuation.powered.tobytes()) != self._powered:
             motors.switch(actuation.powered)
             self._faults.switch(actuation.powered)
@@ -161,6 +169,9 @@ class SimulatedPlant:
             drive()
             if not move(self._disturb(torque) if disturbed else torque):
                 good = False
+        if self._link is not None:
+            self._applied = motors.acted / len(self._steps)
+            motors.acted.fill(0.0)
         self._cycle = cycle = self._cycle + 1
         if not good:
             self._recover()

@@ -146,8 +146,9 @@ def read_joints(session: Session) -> Rows:
     names = session.names
     limits = session.limits(names)
     rows = {}
-    for k, (name, (control, interaction)) in enumerate(
-        zip(names, session.client.get_available_modes(), strict=True)
+    client = session.client
+    for k, (name, (control, interaction), drive) in enumerate(
+        zip(names, client.get_available_modes(), client.get_drives(), strict=True)
     ):
         joint, known = session.robot.get(name), limits[name]
         row: dict[str, Any] = {"index": k, "kind": joint.kind if joint else None}
@@ -157,5 +158,6 @@ def read_joints(session: Session) -> Rows:
         rows[name] = row | {
             "control_modes": [mode.code for mode in control],
             "interaction_modes": [mode.code for mode in interaction],
+            "drive": drive._asdict() | {"loops": drive.loops},
         }
     return rows

@@ -67,7 +67,7 @@ def modes_table(session: Session, rows: Rows) -> Any:
 
 @several
 def info(session: Session) -> None:
-    """Show the board: joints with index, kind, limits, stops and the modes they have."""
+    """Show the board: joints with index, kind, limits, stops, modes, and which loop runs where."""
     board, rows = session.client.board_name, read_joints(session)
     show(session, {"board": board, "joints": rows}, lambda: joints_table(board, rows))
 
@@ -82,12 +82,14 @@ def joints_table(board: str, rows: Rows, width: int | None = None) -> Any:
         "modes": [" ".join(row["control_modes"]) for row in rows.values()],
         "int.": [" ".join(row["interaction_modes"]) for row in rows.values()],
     }
+    if any(row["drive"]["set_points"] != ("pwm",) for row in rows.values()):
+        columns["drive: laws"] = [row["drive"]["loops"] for row in rows.values()]
     return grid(
         columns,
         names=list(rows),
         keys=2,
         right=("", "limits", "stops"),
-        fold=("modes",),
+        fold=("modes", "drive: laws"),
         title=board,
         width=width,
     )

@@ -23,8 +23,11 @@ from ..terms.modes import (
     STANDARD,
     STARTUP_MODES,
     UNPOWERED,
+    Law,
+    reachable,
+    set_point_of,
 )
-from ..terms.set_points import KINDS, OnSilence, SetPoint
+from ..terms.set_points import KINDS, DriveUse, OnSilence, SetPoint
 from ..terms.vocabs import ControlMode, InteractionMode
 from .checks import ConfigError, check_number, check_parameters
 from .constraints import Constraints, JointConstraints
@@ -165,6 +168,13 @@ class JointConfig:
         default=(),
         choices=KINDS,
     )
+    drive_delay: float = parameter(
+        "From what the drive is handed down to the reading that shows it, beyond a control cycle",
+        "s",
+        default=0.0,
+        low=0.0,
+        high=0.1,
+    )
     on_silence: OnSilence = parameter(
         "What the motor does when its drive hears nothing from the board, as far as it can",
         default=OnSilence.FREE,
@@ -212,12 +222,41 @@ class JointConfig:
         object.__setattr__(self, "kind", JointKind(self.kind))
         check_parameters(f"{self.name}.", self)
         self.limits.check(f"{self.name}.limits")
+        self._keep_reachable()
         self._check_modes(self.name)
         if self.calibration is not None:
             key, final = f"{self.name}.calibration", self.calibration
             final.check(key, self.limits, self.motor)
             self._check_final(f"{key}.control_mode", final.control_mode, SELECTABLE)
             self._check_interaction(f"{key}.interaction_mode", final.interaction_mode)
+
+    @property
+    def takes(self) -> tuple[SetPoint, ...]:
+        """The set-points that its drive is given (S1)."""
+        return self.drive or (SetPoint.PWM,)
+
+    @property
+    def drive_use(self) -> DriveUse:
+        """Which loop runs where."""
+
+        def code(law: str) -> str | None:
+            found = set_point_of(Law[law], self.takes) if law in Law.__members__ else None
+            return None if found is None else found.code
+
+        return DriveUse(
+            tuple(kind.code for kind in self.takes),
+            *map(code, ("POSITION", "IMPEDANCE", "TORQUE", "CURRENT", "OUTPUT")),
+            self.on_silence,
+        )
+
+    def _keep_reachable(self) -> None:
+        """Leave out the modes that no set-point of its drive reaches (S1, B2)."""
+        stiff, compliant = InteractionMode.STIFF, InteractionMode.COMPLIANT
+        control = tuple(m for m in self.control_modes if reachable(m, stiff, self.takes))
+        object.__setattr__(self, "control_modes", control)
+        if not reachable(MOVES, compliant, self.takes):
+            only = tuple(m for m in self.interaction_modes if m is not compliant)
+            object.__setattr__(self, "interaction_modes", only)
 
     def _check_modes(self, key: str) -> None:
         if UNPOWERED not in self.control_modes:

@@ -18,13 +18,17 @@ from ..model.arm_model import Link, fill
 from ..model.dynamics import Body
 from ..state import Indices, StateArrays
 from ..terms.measurement import Array
-from ..terms.modes import Law
+from ..terms.modes import Law, set_point_of
+from ..terms.set_points import SetPoint
 from .effort import Effort
 from .laws import Joint, Laws
 from .laws import Pid as Loop
 
 #: A current reference stays below what would be an overcurrent, by this part of it.
 PEAK_SHARE = 0.95
+
+#: Velocity for each position error, 1/s, times how old it is when it acts: at most, rad.
+PURSUIT_SHARE = 0.2
 
 #: A winding that is slower than the control period by more than this is not made up for whole.
 MOST_LEAD = 3.0
@@ -76,8 +80,9 @@ class Controller:
         joints = [Joint() for _ in zone.joints]
         effort = Effort(arm, joints, columns.start) if arm is not None and trusted else None
         done = state.done[columns].view(np.uint8).data
+        handed = [row[columns].data for row in state.set_points[1:]]
         self._laws[zone.name] = Laws(
-            joints, [row[columns].data for row in rows], done, arm, trusted
+            joints, [row[columns].data for row in rows], done, arm, trusted, handed
         )
         self.joints[columns] = joints
         for j, joint, own in zip(zone.joints, joints, zone.config.joints, strict=True):
@@ -122,7 +127,7 @@ class Controller:
             joint.coulomb, joint.viscous = link.coulomb, link.viscous
         set_gains(joint.torque_pid, own.torque_pid, period)
         set_gains(joint.current_pid, own.current_pid, period)
-        set_drive(joint, own, in_amps=joint.in_amps)
+        self._set_drive(j, self._armed[j][0])
         self._position_pids[j] = None
         self._set_law(j, *self._armed[j])
 
@@ -172,10 +177,19 @@ class Controller:
         if pid is not self._position_pids[j]:
             set_gains(joint.position_pid, pid, self._config.period)
             self._position_pids[j] = pid
+        self._set_drive(j, law)
+
+    def _set_drive(self, j: int, law: Law) -> None:
+        """The set-point by which a law reaches the joint's drive (S1)."""
+        joint, own = self.joints[j], self._config.joints[j]
+        kind = set_point_of(law, own.takes)
+        if kind is None or kind is SetPoint.OFF:  # what it would be
+            kind = set_point_of(Law.POSITION, own.takes)
+        assert kind is not None
+        self._state.kinds[j] = kind
         # P8: the PWM as given; Y2: amperes whatever the board's output is
         in_amps = law is Law.CURRENT or (self._current_loop and law is not Law.OUTPUT)
-        if in_amps != joint.in_amps:
-            set_drive(joint, own, in_amps=in_amps)
+        set_drive(joint, own, kind, in_amps=in_amps)
 
 
 def joint_torque(joint: Joint, measured: float, current: float) -> float:
@@ -186,7 +200,7 @@ def joint_torque(joint: Joint, measured: float, current: float) -> float:
 def set_constants(joint: Joint, own: JointConfig, period: float) -> None:
     """What the laws must know of a joint's configuration."""
     limits, motor = own.limits, own.motor
-    joint.period = period
+    joint.period, joint.delay = period, own.drive_delay
     joint.limit_lower, joint.limit_upper = limits.lower, limits.upper
     joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
     joint.max_torque, joint.max_output = limits.torque, limits.output
@@ -204,15 +218,29 @@ def set_constants(joint: Joint, own: JointConfig, period: float) -> None:
     joint.lag = winding / period - kept / (1.0 - kept)
 
 
-def set_drive(joint: Joint, own: JointConfig, *, in_amps: bool) -> None:
-    """How the laws' torque becomes what the drive takes: a current, A, or a PWM, percent.
+def set_drive(joint: Joint, own: JointConfig, kind: SetPoint, *, in_amps: bool) -> None:
+    """How the laws' torque becomes what the drive takes: it, a current, A, or a PWM, percent.
 
     i = τ/(k_t N);  u = 100/V_s (R i + k_e N dq)
+
+    Args:
+        joint: whose laws run.
+        own: its configuration.
+        kind: what its drive follows.
+        in_amps: whether a PWM comes of a current loop of the board's own (P10).
     """
     motor, limits = own.motor, own.limits
     per_volt = 100.0 / motor.supply_voltage
-    joint.in_amps = in_amps
-    if in_amps:
+    joint.kind = int(kind)
+    joint.in_amps = in_amps or kind is not SetPoint.PWM
+    joint.pursuit = PURSUIT_SHARE / (joint.period + joint.delay)
+    if own.position_pid.kd > 0.0:
+        joint.pursuit = min(joint.pursuit, own.position_pid.kp / own.position_pid.kd)
+    if kind > SetPoint.CURRENT:
+        joint.per_torque, joint.per_speed = 1.0, 0.0
+        joint.per_feed = 0.01 * limits.peak_current * motor.torque_per_ampere
+        joint.max_drive = limits.torque
+    elif joint.in_amps:
         joint.per_torque, joint.per_speed = 1.0 / motor.torque_per_ampere, 0.0
         joint.per_feed = 0.01 * limits.peak_current
         joint.max_drive = PEAK_SHARE * limits.peak_current

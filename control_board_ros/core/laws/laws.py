@@ -9,6 +9,7 @@ One joint at a time, in the order of a control cycle:
 3. ``control``    the law of the mode (source Fig. 2): position PID, impedance, torque PID, output,
                   current
 4. ``protect``    what no law may ask for: more speed than the limit, a way beyond it (P9, P14)
+5. ``hand_down``  what the drive follows: the output, or a set-point whose loop it closes (S1)
 
 Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
 by bit, where there is none. Units: rad, rad/s, N·m, A, s; m and N for prismatic joints.
@@ -41,6 +42,14 @@ IMPEDANCE = cython.declare(cython.int, 2)
 TORQUE = cython.declare(cython.int, 3)
 OUTPUT = cython.declare(cython.int, 4)
 CURRENT = cython.declare(cython.int, 6)
+
+#: What a drive follows; set_points.SetPoint gives them names.
+AS_PWM = cython.declare(cython.int, 1)
+AS_CURRENT = cython.declare(cython.int, 2)
+AS_TORQUE = cython.declare(cython.int, 3)
+AS_VELOCITY = cython.declare(cython.int, 4)
+AS_POSITION = cython.declare(cython.int, 5)
+AS_IMPEDANCE = cython.declare(cython.int, 6)
 
 #: Direct positions that follow each other within this time are a stream, others are steps, s; one
 #: that has begun goes on up to the second; each with half of the mean deviation from it on top.
@@ -580,7 +589,10 @@ class Joint:
     per_speed = cython.declare(cython.double, visibility="public")  # drive per rad/s: back-EMF
     compensation = cython.declare(cython.double, visibility="public")  # part of it made up for
     per_feed = cython.declare(cython.double, visibility="public")  # drive per percent of u_ff
-    in_amps = cython.declare(cython.bint, visibility="public")  # drive is a current reference
+    in_amps = cython.declare(cython.bint, visibility="public")  # drive is no voltage
+    kind = cython.declare(cython.int, visibility="public")  # what the drive follows: AS_...
+    delay = cython.declare(cython.double, visibility="public")  # of the drive, beyond a period, s
+    pursuit = cython.declare(cython.double, visibility="public")  # velocity per error, 1/s
     ohms = cython.declare(cython.double, visibility="public")
     emf = cython.declare(cython.double, visibility="public")  # V·s/rad
     percent_per_volt = cython.declare(cython.double, visibility="public")
@@ -663,6 +675,12 @@ class Joint:
     torque_reference = cython.declare(cython.double, visibility="public")
     asked = cython.declare(cython.double, visibility="public")  # drive for the torque, last cycle
     output = cython.declare(cython.double, visibility="public")  # PWM, percent
+    set_current = cython.declare(cython.double, visibility="public")  # of the set-point
+    set_torque = cython.declare(cython.double, visibility="public")
+    set_velocity = cython.declare(cython.double, visibility="public")
+    set_position = cython.declare(cython.double, visibility="public")
+    set_stiffness = cython.declare(cython.double, visibility="public")
+    set_damping = cython.declare(cython.double, visibility="public")
     on_limit = cython.declare(cython.bint, visibility="public")
     was_on_limit = cython.declare(cython.bint, visibility="public")  # in the last step
     diverged = cython.declare(cython.bint, visibility="public")  # its output was not finite
@@ -673,6 +691,9 @@ class Joint:
         self.position_pid, self.torque_pid, self.current_pid = Pid(), Pid(), Pid()
         self.lower, self.upper = -INFINITE, INFINITE
         self.stream = Stream()
+        self.kind = AS_PWM
+        self.set_current = self.set_torque = self.set_velocity = 0.0
+        self.set_position = self.set_stiffness = self.set_damping = 0.0
         self.direct_age = INFINITE
         self.was_on_limit = self.diverged = self.strained = False
 
@@ -882,6 +903,7 @@ class Joint:
         """
         self.diverged = True
         self.output = self.torque_reference = self.load = self.asked = 0.0
+        self.set_current = self.set_torque = self.set_velocity = 0.0
         self.readings = self.rest_cycles = 0
         self.position_pid.reset(0.0)
         self.torque_pid.reset(0.0)
@@ -1199,17 +1221,24 @@ def position_law(j: Joint) -> cython.double:
     back goes on from where it is, at the speed of a reference, when it is free again (P14).
     """
     p: Pid = j.position_pid
+    keep_near(j)
+    return (
+        pid_step(p, j.followed, j.followed - j.position, j.followed_velocity - j.velocity)
+        + j.forward
+        + friction(j, j.followed_velocity)
+    )
+
+
+@cython.cfunc
+def keep_near(j: Joint) -> cython.void:
+    """Let what is followed lead the joint by no more than torque and speed limits bear (P14)."""
+    p: Pid = j.position_pid
     lead: cython.double
     if p.kp > 0.0:
         lead = LEAD * j.max_torque / p.kp
         if fabs(j.followed - j.position) > lead:
             stay(j, clamp(j.followed, j.position - lead, j.position + lead))
         hold_back(j)
-    return (
-        pid_step(p, j.followed, j.followed - j.position, j.followed_velocity - j.velocity)
-        + j.forward
-        + friction(j, j.followed_velocity)
-    )
 
 
 @cython.cfunc
@@ -1232,7 +1261,7 @@ def stay(j: Joint, place: cython.double) -> cython.void:
 def hold_back(j: Joint) -> cython.void:
     """Let a blocked joint push no harder than it can be caught when it is freed (P14).
 
-    |kp·e + I − I_free| ≤ J·v_top/T',  T' = T (1 + lead/2)
+    |kp·e + I − I_free| ≤ J·v_top/T',  T' = T (1 + lead/2) + the drive's delay
 
     I_free is the integral part of the joint while it moved, or was told to stand; T' is how long
     its torque acts unseen and while the winding takes it back. What is followed waits.
@@ -1241,7 +1270,7 @@ def hold_back(j: Joint) -> cython.void:
     excess: cython.double
     back: cython.double
     most: cython.double = (
-        LIGHT * j.inertia_min * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead))
+        LIGHT * j.inertia_min * j.max_velocity / (j.period * (1.0 + 0.5 * j.lead) + j.delay)
     )
     if most >= j.max_torque:
         return
@@ -1299,11 +1328,16 @@ def rubbing_torque(j: Joint) -> cython.double:
 
 @cython.cfunc
 def torque_law(j: Joint, reference: cython.double) -> cython.double:
-    """Torque PID: u = kff·τ_ref + kp·e + ∫ki·e dt + kd·ė, e = τ_ref − τ (P7)."""
+    """Torque PID: u = kff·τ_ref + kp·e + ∫ki·e dt + kd·ė, e = τ_ref − τ (P7).
+
+    A drive that closes this loop itself is given the reference.
+    """
     p: Pid = j.torque_pid
     error: cython.double
     reference = clamp(reference, -j.max_torque, j.max_torque)
     j.torque_reference = reference
+    if j.kind >= AS_TORQUE:
+        return reference
     error = reference - j.torque
     return pid_step(p, reference, error, (error - p.error) / j.period)
 
@@ -1319,6 +1353,10 @@ def control(j: Joint) -> cython.void:
         j.output = 0.0
         return
     given = j.output_offset * j.per_feed if j.feeds else 0.0
+    if j.kind in (AS_POSITION, AS_VELOCITY):
+        keep_near(j)
+        hand_down_path(j, given)
+        return
     if j.law == OUTPUT:
         drive = j.output_command + given
         j.output = clamp(protect(j, drive), -j.max_output, j.max_output)
@@ -1326,7 +1364,7 @@ def control(j: Joint) -> cython.void:
         return
     if j.law == CURRENT and not (j.settling or j.holding):
         drive = clamp(j.current_command + given, -j.max_drive, j.max_drive)
-        j.output = current_law(j, protect(j, drive))
+        hand_down(j, protect(j, drive))
         return
     if j.law == POSITION or j.settling:
         loop = j.position_pid
@@ -1351,7 +1389,7 @@ def control(j: Joint) -> cython.void:
     given = protect(j, clamp(drive, -j.max_drive, j.max_drive))
     if given != drive:
         unwind(loop, drive - given)
-    j.output = current_law(j, given) if j.in_amps else given
+    hand_down(j, given)
 
 
 @cython.cfunc
@@ -1421,13 +1459,13 @@ def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.doub
     from the last cycle whatever load and friction are, and may be at its end no more than lets
     the joint come to the speed while n fades by T/H a cycle:
 
-    n0 = J q̈ + lag·Δτ,   n1 = (J (v_top − q̇) − lag·n0·T)/H,   τ1 = τ + n1 − n0,   H = 3 T
+    n0 = J q̈ + lag·Δτ,   n1 = (J (v_top − q̇) − lag·n0·T)/H,   τ1 = τ + n1 − n0,   H = 3 (T + delay)
 
     lag·Δτ is what the torque is beyond its mean over the cycle. Torque grows as if the joint were
     light, and is taken away as if it were heavy.
     """
     drive: cython.double
-    span: cython.double = SPAN * j.period
+    span: cython.double = SPAN * (j.period + j.delay)
     torque: cython.double = way * j.current * j.torque_per_ampere
     grown: cython.double = torque - way * j.current_before * j.torque_per_ampere
     gain: cython.double = 1.0 + j.lag * j.period / span
@@ -1464,6 +1502,55 @@ def note_limit(j: Joint) -> cython.void:
     j.on_limit = room < 0.0 or (j.on_limit and room < edge)
 
 
+# --- 5. hand down ---------------------------------------------------------------------------
+
+
+@cython.cfunc
+def hand_down(j: Joint, drive: cython.double) -> cython.void:
+    """The drive of the laws as what the drive follows (S1): it, or an impedance that is worth it.
+
+    τ_ff = drive − k (q_set − q) − d (q̇_set − q̇): what the laws and their bounds add is in τ_ff.
+    """
+    if j.kind == AS_PWM:
+        j.output = current_law(j, drive) if j.in_amps else drive
+    elif j.kind == AS_CURRENT:
+        j.set_current = drive
+    elif j.kind == AS_TORQUE:
+        j.set_torque = drive
+    else:
+        j.set_position, j.set_velocity = j.followed, 0.0
+        j.set_stiffness = j.set_damping = 0.0
+        if j.law == POSITION or j.settling:
+            j.set_velocity = j.followed_velocity
+            j.set_stiffness, j.set_damping = j.position_pid.kp, j.position_pid.kd
+        elif j.law == IMPEDANCE:
+            j.set_stiffness, j.set_damping = j.stiffness, j.damping
+        j.set_torque = (
+            drive
+            - j.set_stiffness * (j.set_position - j.position)
+            - j.set_damping * (j.set_velocity - j.velocity)
+        )
+
+
+@cython.cfunc
+def hand_down_path(j: Joint, feed: cython.double) -> cython.void:
+    """What is followed, to a drive that closes the loop of position or velocity itself (S2).
+
+    τ_ff = τ(q, q̇_ref, q̈_ref) + τ_friction(q̇_ref) + the load taken over on entering (M9); as a
+    velocity:  q̇_ref + v (q_ref − q), v = kp/kd of the position PID.
+    """
+    p: Pid = j.position_pid
+    torque: cython.double = p.integral + p.kff * j.followed + j.forward + feed
+    torque += friction(j, j.followed_velocity)
+    j.set_torque = clamp(torque, -j.max_torque, j.max_torque)
+    j.set_position, j.set_velocity = j.followed, j.followed_velocity
+    if j.kind == AS_VELOCITY:
+        j.set_position = 0.0
+        j.set_velocity += j.pursuit * (j.followed - j.position)
+        j.set_velocity = clamp(j.set_velocity, -PURSUIT * j.max_velocity, PURSUIT * j.max_velocity)
+    j.torque_reference = j.set_torque
+
+
 # --- the cycle ------------------------------------------------------------------------------
 
 
@@ -1478,6 +1565,8 @@ class Laws:
         done: n bytes, 1 where no position move is under way.
         arm: the dynamics of these joints; None: each is taken by itself.
         feeds_arm: Whether the arm is fed forward in all laws, else only where it is asked for.
+        handed: the set-points' rows but PWM, in the order of set_points.Value; None: all joints
+            have drives that take PWM.
     """
 
     joints: list[Joint]
@@ -1493,6 +1582,12 @@ class Laws:
     velocity_reference: cython.double[::1]
     torque_reference: cython.double[::1]
     output: cython.double[::1]
+    set_current: cython.double[::1]
+    set_torque: cython.double[::1]
+    set_velocity: cython.double[::1]
+    set_position: cython.double[::1]
+    set_stiffness: cython.double[::1]
+    set_damping: cython.double[::1]
     arm_position: cython.double[::1]
     arm_velocity: cython.double[::1]
     arm_acceleration: cython.double[::1]
@@ -1505,9 +1600,18 @@ class Laws:
         done: object,
         arm: Arm | None = None,
         feeds_arm: bool = True,
+        handed: list[object] | None = None,
     ) -> None:
         self.joints, self.arm, self.modelled = joints, arm, False
         self.feeds_arm = feeds_arm
+        (
+            self.set_current,
+            self.set_torque,
+            self.set_velocity,
+            self.set_position,
+            self.set_stiffness,
+            self.set_damping,
+        ) = rows[:6] if handed is None else handed
         (
             self.position,
             self.velocity,
@@ -1554,12 +1658,15 @@ class Laws:
         for k in range(len(self.joints)):
             j = self.joints[k]
             control(j)
-            if not fabs(j.output) <= MOST_OUTPUT:
+            if not fabs(j.output) <= MOST_OUTPUT or not is_number(set_point_sum(j)):
                 j.give_up()
                 self.position_reference[k], self.velocity_reference[k] = j.reference, 0.0
                 changed = True
             self.torque_reference[k] = j.torque_reference
-            self.output[k] = j.output
+            if j.kind == AS_PWM or j.law == OFF:
+                self.output[k] = j.output
+            else:
+                self.hand_over(k, j)
             if tells(j):
                 changed = True
         return changed
@@ -1578,6 +1685,13 @@ class Laws:
                 j = self.joints[k]
                 j.gravity = self.arm_torque[k]
         return resting
+
+    @cython.cfunc
+    def hand_over(self, k: cython.Py_ssize_t, j: Joint) -> cython.void:
+        """The set-point of a joint to where its drive is given it."""
+        self.set_current[k], self.set_torque[k] = j.set_current, j.set_torque
+        self.set_velocity[k], self.set_position[k] = j.set_velocity, j.set_position
+        self.set_stiffness[k], self.set_damping[k] = j.set_stiffness, j.set_damping
 
     @cython.cfunc
     def settle_joints(self) -> cython.void:
@@ -1702,6 +1816,19 @@ class Laws:
 def is_number(value: cython.double) -> cython.bint:
     """Neither infinite nor not a number."""
     return value - value == 0.0
+
+
+@cython.cfunc
+def set_point_sum(j: Joint) -> cython.double:
+    """Neither infinite nor not a number where none of what the drive follows is."""
+    return (
+        j.set_current
+        + j.set_torque
+        + j.set_velocity
+        + j.set_position
+        + j.set_stiffness
+        + j.set_damping
+    )
 
 
 @cython.cfunc

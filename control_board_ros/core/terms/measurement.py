@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .faults import FaultCode
-from .set_points import VALUES, SetPoint, SetPoints, Value
+from .set_points import HAS, VALUES, SetPoint, SetPoints, Value
 
 Array = NDArray[np.float64]
 DOUBLE = np.dtype(np.float64)
@@ -54,13 +54,15 @@ class Measurement:
     The plant may reuse the array from one reading to the next. ``reasons`` says in words why a
     joint (by its number) has an ALARM, where the plant knows more than the fault code. ``brakes``
     are the brakes as their switches tell, 1.0 where closed, NaN where there is no switch, shape
-    (n,); None: there is none.
+    (n,); None: there is none. ``applied`` is the PWM that acted since the last reading, percent,
+    shape (n,), where the plant knows it.
     """
 
     time: float
     values: Array
     reasons: Mapping[int, str] | None = None
     brakes: Array | None = None
+    applied: Array | None = None
 
 
 class Intake:
@@ -120,11 +122,10 @@ class Actuation:
         on = self.powered > 0.0
         values = np.zeros((VALUES, len(on))) if self.values is None else self.values.copy()
         values[Value.PWM] = self.pwm
-        values[:, ~on] = 0.0
         kinds = SetPoint.PWM if self.kinds is None else self.kinds
         kinds = np.where(on, kinds, SetPoint.OFF).astype(np.int8)
         released = self.powered.copy() if self.brakes is None else 1.0 - self.brakes
-        return SetPoints(kinds, values, released)
+        return SetPoints(kinds, values * HAS[kinds].T, released)
 
 
 class Plant(Protocol):

@@ -8,12 +8,15 @@ the product decides on a mode by its name.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from enum import Enum, IntEnum, auto
 
+from .set_points import SetPoint
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
 M = ControlMode
 K = CommandKind
+S = SetPoint
 
 
 class Event(Enum):
@@ -132,6 +135,17 @@ LAWS: dict[ControlMode, dict[InteractionMode, Law]] = {
     M.CALIBRATING: dict.fromkeys(InteractionMode, Law.CALIBRATOR),  # K1, I8
 }
 
+#: How each law reaches a drive (S1): by the first set-point of its row that the drive takes.
+SET_POINTS: dict[Law, tuple[SetPoint, ...]] = {
+    Law.OFF: (S.OFF,),
+    Law.POSITION: (S.POSITION, S.IMPEDANCE, S.VELOCITY, S.TORQUE, S.CURRENT, S.PWM),
+    Law.IMPEDANCE: (S.IMPEDANCE, S.TORQUE, S.CURRENT, S.PWM),
+    Law.TORQUE: (S.TORQUE, S.IMPEDANCE, S.CURRENT, S.PWM),
+    Law.OUTPUT: (S.PWM,),
+    Law.CURRENT: (S.CURRENT, S.PWM),
+    Law.CALIBRATOR: (S.POSITION, S.IMPEDANCE, S.VELOCITY, S.TORQUE, S.CURRENT, S.PWM),
+}
+
 #: The modes whose references are position moves, or position steps, and nothing else.
 MOVES, STEPS = M.POSITION, M.POSITION_DIRECT
 
@@ -197,6 +211,19 @@ NOT_HOLDING = frozenset(ACCEPTS) - STOPPABLE
 def law_of(mode: ControlMode, interaction: InteractionMode) -> Law:
     """The law that runs in a mode with an interaction mode."""
     return LAWS.get(mode, {}).get(interaction, Law.OFF)
+
+
+def set_point_of(law: Law, takes: Collection[SetPoint]) -> SetPoint | None:
+    """The set-point by which a law reaches a drive that takes these; None: it does not (S1)."""
+    row = SET_POINTS[law]
+    return next((one for one in row if one in takes or one is S.OFF), None)
+
+
+def reachable(
+    mode: ControlMode, interaction: InteractionMode, takes: Collection[SetPoint]
+) -> bool:
+    """Whether a drive that takes these set-points can be driven in a mode (S1, B2)."""
+    return set_point_of(law_of(mode, interaction), takes) is not None
 
 
 def next_mode(mode: ControlMode, trigger: Trigger) -> ControlMode | Choice | None:

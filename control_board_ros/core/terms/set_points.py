@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,10 @@ class SetPoint(IntEnum):
 KINDS = tuple(kind for kind in SetPoint if kind is not SetPoint.OFF)
 
 
+#: Kinds whose drive closes the loop of a position, or the damping in it, itself.
+CLOSE_POSITION = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY)
+
+
 class Value(IntEnum):
     """Rows of a block of set-points."""
 
@@ -61,6 +66,18 @@ class Value(IntEnum):
 
 VALUES = len(Value)
 
+#: Which values each kind has, shape (kinds, VALUES); the others are 0.
+HAS = np.zeros((len(SetPoint), VALUES))
+for _kind, _values in {
+    SetPoint.PWM: (Value.PWM,),
+    SetPoint.CURRENT: (Value.CURRENT,),
+    SetPoint.TORQUE: (Value.TORQUE,),
+    SetPoint.VELOCITY: (Value.VELOCITY, Value.TORQUE),
+    SetPoint.POSITION: (Value.POSITION, Value.VELOCITY, Value.TORQUE),
+    SetPoint.IMPEDANCE: [*Value][Value.TORQUE :],
+}.items():
+    HAS[_kind, _values] = 1.0
+
 
 class OnSilence(StrEnum):
     """What a motor does that hears nothing from the board (S5)."""
@@ -68,6 +85,34 @@ class OnSilence(StrEnum):
     FREE = "free"  # no power
     DAMPED = "damped"  # its terminals shorted, or a velocity of 0 against damping
     BRAKED = "braked"  # held, by a brake or by the drive
+
+
+class DriveUse(NamedTuple):
+    """Which loop of a joint runs where (S1): codes of set-points, None where no law is.
+
+    Attributes:
+        set_points: That its drive is given.
+        position, impedance, torque, current, output: By which each law reaches the drive.
+        on_silence: What the motor does when its drive hears nothing (S5).
+    """
+
+    set_points: tuple[str, ...]
+    position: str | None
+    impedance: str | None
+    torque: str | None
+    current: str | None
+    output: str | None
+    on_silence: str
+
+    @property
+    def loops(self) -> str:
+        """Each set-point with the laws that it carries, in one line: ``pwm: all``."""
+        laws = dict(zip(DriveUse._fields[1:-1], self[1:-1], strict=True))
+        carried: dict[str, list[str]] = {}
+        for law, code in laws.items():
+            if code is not None:
+                carried.setdefault(str(code), []).append(law)
+        return "; ".join(f"{code}: {' '.join(laws)}" for code, laws in carried.items())
 
 
 @dataclass(frozen=True, slots=True)

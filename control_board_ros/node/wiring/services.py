@@ -97,6 +97,16 @@ class Services:
         response.interaction_modes = [",".join(codes(interaction)) for _, interaction in values]
         return succeeded(response)
 
+    def get_drives(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            response.names = joints = self._joints(board, request)
+            drives = board.get_drives(joints)
+        response.set_points = [",".join(drive.set_points) for drive in drives]
+        for law in ("position", "impedance", "torque", "current", "output"):
+            setattr(response, law, [getattr(drive, law) or "" for drive in drives])
+        response.on_silence = [drive.on_silence for drive in drives]
+        return succeeded(response)
+
     # -- references ---------------------------------------------------------------------------
 
     def send_reference(self, request: Any, response: Any) -> Any:

@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What lies between a board and simulated drives that close loops of their own (SPEC S7)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..core.config.config import BoardConfig
+from ..core.terms.measurement import Actuation, Array
+from ..core.terms.set_points import VALUES, SetPoints, Value
+from .config import SimulationConfig
+from .motor import Motors
+
+
+class DriveLink:
+    """Hands set-points to simulated drives, late and in steps as their models say.
+
+    Args:
+        board: With the delay of each drive, whole control cycles of which count.
+        simulation: With the model of each drive.
+    """
+
+    def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
+        models = [joint.drive_model for joint in simulation.joints]
+        n = len(models)
+        self._everybody = np.arange(n)
+        delays = [round(joint.drive_delay * board.control_rate) for joint in board.joints]
+        self._delays = np.array(delays)
+        self._past = [SetPoints.off(n)] * (1 + int(self._delays.max()))
+        self._steps = np.zeros((VALUES, n))
+        self._steps[Value.POSITION] = [model.resolution for model in models]
+        self._steps[Value.TORQUE] = [model.torque_resolution for model in models]
+
+    def pass_on(self, actuation: Actuation, motors: Motors) -> Actuation:
+        """Give the drives what reaches them in this cycle; PWM and power of it."""
+        self._past = [actuation.set_points(), *self._past[:-1]]
+        now = self._arriving()
+        motors.follow(now.kinds.tolist(), self._in_steps(now.values).T.tolist())
+        return Actuation(
+            now.pwm, now.powered.astype(np.float64), brakes=actuation.brakes
+        )
+
+    def _arriving(self) -> SetPoints:
+        if not self._delays.any():
+            return self._past[0]
+        kinds = np.array([past.kinds for past in self._past])[self._delays, self._everybody]
+        values = np.array([past.values for past in self._past])[self._delays, :, self._everybody]
+        return SetPoints(kinds, values.T, (kinds != 0).astype(np.float64))
+
+    def _in_steps(self, values: Array) -> Array:
+        """Values as whole multiples of their steps, where they have one."""
+        if not self._steps.any():
+            return values
+        steps = np.where(self._steps > 0.0, self._steps, 1.0)
+        rounded: Array = np.where(self._steps > 0.0, np.rint(values / steps) * steps, values)
+        return rounded
