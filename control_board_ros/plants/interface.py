@@ -64,6 +64,8 @@ class JointDescription:
         torque_estimate: It reads a torque that it estimates from the motor's current; TORQUE and
             COMPLIANT then need a drive that takes ``torque`` or ``impedance``.
         current_sensor: Without one nothing checks the encoder against the motor's own travel.
+        output_sensor: It reads the PWM that acts, ``Readings.applied``: by that the encoder is
+            checked against the motor's travel where a drive closes loops of its own.
         motor_encoder: It reads position and velocity of the motor's shaft.
         temperature_sensor: It reads the winding's temperature.
         brake: It has a brake that ``SetPoints.released`` opens.
@@ -82,6 +84,7 @@ class JointDescription:
     torque_sensor: bool = False
     torque_estimate: bool = False
     current_sensor: bool = False
+    output_sensor: bool = False
     motor_encoder: bool = False
     temperature_sensor: bool = False
     brake: bool = False

@@ -6,13 +6,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ..core.config.config import BoardConfig, ConfigError, JointConfig
+from ..core.config.config import BoardConfig, ConfigError, JointConfig, Limits
 from ..core.terms.modes import SENSE_TORQUE, UNPOWERED
 from ..core.terms.set_points import SetPoint
 from ..core.terms.vocabs import ControlMode
 from ..settings.loading import Settings
 from .errors import PlantSettingsError
-from .interface import Description, JointDescription
+from .interface import Description, DriveLimits, JointDescription
 
 
 def within(settings: Settings, name: str, description: Description) -> Settings:
@@ -54,7 +54,14 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
         values[f"{made.name}.max_travel_error"] = made.max_travel_error
         values[f"{made.name}.control_modes"] = [mode.code for mode in made.control_modes]
         values[f"{made.name}.interaction_modes"] = [m.code for m in made.interaction_modes]
-    return replace(settings, board=board, values=values)
+        values[f"{made.name}.drive"] = [kind.code for kind in made.drive]
+        values[f"{made.name}.drive_delay"] = made.drive_delay
+        values[f"{made.name}.on_silence"] = str(made.on_silence)
+    notes = (
+        *settings.notes,
+        *(note for joint in settings.board.joints for note in told(joint, has[joint.name])),
+    )
+    return replace(settings, board=board, values=values, notes=notes)
 
 
 def cut(board: BoardConfig, has: dict[str, JointDescription]) -> BoardConfig:
@@ -72,7 +79,16 @@ def follows_current(has: JointDescription) -> bool:
 
 
 def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
-    senses = joint.torque_sensor and has.torque_sensor
+    drive = tuple(kind for kind in has.set_points if kind in (joint.drive or has.set_points))
+    if not drive:
+        codes = ", ".join(kind.code for kind in has.set_points)
+        raise ConfigError(f"{joint.name}.drive", [kind.code for kind in joint.drive], codes)
+    if joint.on_silence not in has.on_silence:
+        allowed = f"one of {', '.join(has.on_silence)}, which its drive can do"
+        raise ConfigError(f"{joint.name}.on_silence", str(joint.on_silence), allowed)
+    closes = {SetPoint.TORQUE, SetPoint.IMPEDANCE}.intersection(drive)
+    senses = has.torque_sensor or (has.torque_estimate and bool(closes))
+    senses = joint.torque_sensor and senses
     control = tuple(
         mode
         for mode in joint.control_modes
@@ -83,11 +99,54 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
     interaction = tuple(
         mode for mode in joint.interaction_modes if senses or mode not in SENSE_TORQUE
     )
+    travels = has.current_sensor and (drive == (SetPoint.PWM,) or has.output_sensor)
     return replace(
         joint,
         torque_sensor=senses,
         brake=joint.brake if has.brake else replace(joint.brake, present=False),
         control_modes=control,
         interaction_modes=interaction,
-        max_travel_error=joint.max_travel_error if has.current_sensor else math.inf,
+        drive=drive,
+        drive_delay=max(joint.drive_delay, has.delay),
+        limits=_bounded(joint.limits, has.limits),
+        max_travel_error=joint.max_travel_error if travels else math.inf,
     )
+
+
+def _bounded(limits: Limits, drive: DriveLimits) -> Limits:
+    """The limits that act: the smaller ones (S4)."""
+    lower, upper = drive.lower, drive.upper
+    return replace(
+        limits,
+        lower=limits.lower if lower is None else max(limits.lower, lower),
+        upper=limits.upper if upper is None else min(limits.upper, upper),
+        velocity=min(limits.velocity, drive.velocity or math.inf),
+        torque=min(limits.torque, drive.torque or math.inf),
+    )
+
+
+def told(joint: JointConfig, has: JointDescription) -> list[str]:
+    """Where a drive allows more than the board, or less, in one line each joint (S4).
+
+    Args:
+        joint: As it is configured.
+        has: What its drive has.
+    """
+    limits, drive, kind = joint.limits, has.limits, joint.kind
+    pairs = [
+        ("lower", limits.lower, drive.lower, kind.position, -1.0),
+        ("upper", limits.upper, drive.upper, kind.position, 1.0),
+        ("velocity", limits.velocity, drive.velocity, kind.velocity, 1.0),
+        ("torque", limits.torque, drive.torque, kind.force, 1.0),
+        ("current", limits.peak_current, drive.current, lambda value: f"{value:.3g} A", 1.0),
+    ]
+    words = {True: "more", False: "less"}
+    different = [
+        f"{name} {show(theirs)}, {words[way * (theirs - ours) > 0.0]} than {show(ours)}"
+        for name, ours, theirs, show, way in pairs
+        if theirs is not None and not math.isclose(ours, theirs, rel_tol=1e-3, abs_tol=1e-6)
+    ]
+    if not different:
+        return []
+    text = f"{joint.name}: its drive allows {', '.join(different)} of the board; the smaller acts"
+    return [text]

@@ -231,6 +231,7 @@ OF_NO_LAW = {
     FaultCode.CONTROLLER,
     FaultCode.EMERGENCY_STOP,
     FaultCode.BRAKE,
+    FaultCode.DRIVE,
 }
 
 

@@ -1343,6 +1343,18 @@ def torque_law(j: Joint, reference: cython.double) -> cython.double:
 
 
 @cython.cfunc
+def law_torque(j: Joint) -> cython.double:
+    """The torque that the law of the mode asks for."""
+    if j.law == POSITION or j.settling:
+        return position_law(j)
+    if j.law == IMPEDANCE:
+        return torque_law(j, impedance(j))
+    if j.law == CURRENT:
+        return rubbing_torque(j)
+    return torque_law(j, rubbing_torque(j) if j.holding else j.torque_command + j.lift)
+
+
+@cython.cfunc
 def control(j: Joint) -> cython.void:
     """The output of the law that runs (source Fig. 2)."""
     torque: cython.double
@@ -1368,15 +1380,7 @@ def control(j: Joint) -> cython.void:
         return
     if j.law == POSITION or j.settling:
         loop = j.position_pid
-        torque = position_law(j)
-    elif j.law == IMPEDANCE:
-        torque = torque_law(j, impedance(j))
-    elif j.law == CURRENT:
-        torque = rubbing_torque(j)
-    elif j.holding:
-        torque = torque_law(j, rubbing_torque(j))
-    else:
-        torque = torque_law(j, j.torque_command + j.lift)
+    torque = law_torque(j)
     drive = clamp(torque, -j.max_torque, j.max_torque)
     if drive != torque:
         unwind(loop, torque - drive)
