@@ -112,17 +112,16 @@ class ModeRequests(Interface):
         """Which set-points the drives take, and which loop runs where (S1)."""
         found = await self._services.read(GET_DRIVES, joints)
         return [
-            DriveUse(tuple(takes.split(",")), *(law or None for law in laws), silence)
-            for takes, *laws, silence in zip(
-                found.set_points,
-                found.position,
-                found.impedance,
-                found.torque,
-                found.current,
-                found.output,
-                found.on_silence,
-                strict=True,
+            DriveUse(
+                set_points=tuple(found.set_points[k].split(",")),
+                position=found.position[k] or None,
+                impedance=found.impedance[k] or None,
+                torque=found.torque[k] or None,
+                current=found.current[k] or None,
+                output=found.output[k] or None,
+                on_silence=found.on_silence[k],
             )
+            for k in range(len(found.names))
         ]
 
 

@@ -239,14 +239,18 @@ class JointConfig:
     def drive_use(self) -> DriveUse:
         """Which loop runs where."""
 
-        def code(law: str) -> str | None:
-            found = set_point_of(Law[law], self.takes) if law in Law.__members__ else None
+        def code(law: Law) -> str | None:
+            found = set_point_of(law, self.takes)
             return None if found is None else found.code
 
         return DriveUse(
-            tuple(kind.code for kind in self.takes),
-            *map(code, ("POSITION", "IMPEDANCE", "TORQUE", "CURRENT", "OUTPUT")),
-            self.on_silence,
+            set_points=tuple(kind.code for kind in self.takes),
+            position=code(Law.POSITION),
+            impedance=code(Law.IMPEDANCE),
+            torque=code(Law.TORQUE),
+            current=code(Law.CURRENT),
+            output=code(Law.OUTPUT),
+            on_silence=str(self.on_silence),
         )
 
     def _keep_reachable(self) -> None:
