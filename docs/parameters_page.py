@@ -47,6 +47,7 @@ GROUPS = {
     "constraints": "Trajectories",
     "calibration": "Calibration",
     "encoder": "Simulated encoder",
+    "drive_model": "Simulated drives",
     "poses": "Poses",
 }
 
