@@ -145,7 +145,9 @@ class GuardedPlant:
         alarm[list(reasons)] = ALARM
         if reasons and not error:
             alarm[[j for j in reasons if j in faults and j not in self._silence]] = DRIVE
-        return Measurement(self._cycle * self._period, self._values, reasons or None, applied=self.applied)
+        return Measurement(
+            self._cycle * self._period, self._values, reasons or None, applied=self.applied
+        )
 
     def write(self, actuation: Actuation) -> None:
         """Leave the next outputs to the plant; one control period passes."""

@@ -36,9 +36,7 @@ class DriveLink:
         self._past = [actuation.set_points(), *self._past[:-1]]
         now = self._arriving()
         motors.follow(now.kinds.tolist(), self._in_steps(now.values).T.tolist())
-        return Actuation(
-            now.pwm, now.powered.astype(np.float64), brakes=actuation.brakes
-        )
+        return Actuation(now.pwm, now.powered.astype(np.float64), brakes=actuation.brakes)
 
     def _arriving(self) -> SetPoints:
         if not self._delays.any():
