@@ -28,7 +28,7 @@ endif
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run panel test test-long check bench motion soak conformance mutants docs house setup clean distclean
+.PHONY: help run panel test test-long check bench motion soak conformance mutants docs house site wheels setup clean distclean
 
 help: ## Say what there is
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 20
@@ -69,6 +69,12 @@ mutants: setup $(STAMPS)/test ## Break the core in small ways: a test must fail;
 docs: setup $(STAMPS)/test $(STAMPS)/dev ## Write the generated pages of docs/; ARGS=--pictures draws anew
 	@$(BIN)/python docs/generate.py $(ARGS)
 
+site: setup $(STAMPS)/site ## Build the site from docs/ into build/site; warnings and dead links are errors
+	@$(BIN)/python docs/site/build.py $(ARGS)
+
+wheels: ## Build sdist and manylinux wheels into dist/; PYTHON="python3.11 python3.12" names the Pythons
+	@tools/build-wheels $(or $(PYTHON),python3.11 python3.12)
+
 house: setup $(STAMPS)/dev ## Print lines, floors and circles with their goals; ARGS=-v names them
 	@$(BIN)/python tools/house.py $(ARGS)
 
@@ -103,7 +109,7 @@ $(STAMPS)/installed: $(STAMPS)/environment $(SOURCES)
 	@touch $@
 
 # By its name, the project is found installed: only what the extra adds is fetched.
-$(STAMPS)/test $(STAMPS)/icub $(STAMPS)/dev $(STAMPS)/panel: $(STAMPS)/%: $(STAMPS)/installed
+$(STAMPS)/test $(STAMPS)/icub $(STAMPS)/dev $(STAMPS)/panel $(STAMPS)/site: $(STAMPS)/%: $(STAMPS)/installed
 	@echo "installing the packages of the extra '$*'"
 	@$(PIP) install 'control_board_ros[$*]'
 	@touch $@

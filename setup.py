@@ -115,9 +115,9 @@ def definitions_to_build(prefixes: list[Path]) -> dict[str, Path]:
         # An earlier install of this project has its own; the next one replaces it.
         return any(NAME not in file.read_text("utf-8") for file in files if file.is_file())
 
-    return {MESSAGES: MSG_DEFS} | {
-        name: folder for name, folder in VENDORED.items() if not is_there(name)
-    }
+    # In the layout of a release (tools/release_layout.py) it is a package beside this one.
+    ours = {MESSAGES: MSG_DEFS} if MSG_DEFS.is_dir() else {}
+    return ours | {name: folder for name, folder in VENDORED.items() if not is_there(name)}
 
 
 def require_tools() -> None:
@@ -279,8 +279,9 @@ class Build(build_ext):
         by_pip = {"bdist_wheel", "editable_wheel"} & set(self.distribution.commands)
         place, others = (LIB, f"../../{BIN}") if by_pip else (BIN, f"../{LIB}")
         known.append((place, links(builds / "executables", others)))
-        require_tools()
         prefixes = ros_prefixes()
+        if definitions_to_build(prefixes):
+            require_tools()
         for name, definitions in definitions_to_build(prefixes).items():
             work = builds / f"{name}-{sys.implementation.cache_tag}"
             stage = build_messages(definitions, work, prefixes, jobs or os.cpu_count() or 1)
@@ -387,6 +388,7 @@ TEST = [
 ]
 ICUB = ["icub-models==3.2.0"]
 BENCH = ["pin>=3.0"]
+SITE = ["furo>=2024.8", "myst-parser>=4", "sphinx>=8"]
 DEV = [
     "import-linter>=2.1",
     "matplotlib>=3.8",
@@ -452,6 +454,7 @@ setup(
         "dynamixel": DYNAMIXEL,
         "mit_can": MIT_CAN,
         "bench": BENCH,
+        "site": SITE,
         "dev": DEV,
     },
     entry_points={
