@@ -65,6 +65,13 @@ class FreezeFrame:
     temperature: Floats
     motion_done: NDArray[np.bool_]
 
+    def csv(self) -> str:
+        """As a table: a row per control cycle, its time from the fault (s) first."""
+        times = self.stamps - self.fault.stamp
+        columns = np.column_stack([times, *(getattr(self, name) for name in NUMBERS)])
+        rows = [",".join(f"{number:.9g}" for number in row) for row in columns.tolist()]
+        return "\n".join([",".join(("time", *NUMBERS)), *rows, ""])
+
     @classmethod
     def of(cls, response: Any, board: str) -> Self:
         """The frame of a response.

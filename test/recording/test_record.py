@@ -102,6 +102,10 @@ def test_the_black_box(cbctl: Cbctl, tmp_path: Path) -> None:
     assert f"{path}: 1 file" in out
     (recording,) = read(path)
     assert recording.faults[0].joint == LAST
+    with (path / f"freeze_frame_{LAST}.csv").open() as table:  # E3: every control cycle around it
+        times = [float(row["time"]) for row in csv.DictReader(table)]
+    assert times[0] < 0.0 < times[-1]
+    assert times[1] - times[0] == pytest.approx(1e-3, abs=1e-4)
 
 
 def test_what_is_refused(cbctl: Cbctl, tmp_path: Path) -> None:

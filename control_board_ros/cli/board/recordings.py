@@ -3,7 +3,13 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
+
+from control_board_ros.core.selection import RequestError
+from control_board_ros.text import file_name
 
 from ..text.output import note
 from .boards import boards_meant
@@ -35,6 +41,28 @@ def start(session: Session, boards: list[Any], sink: Any) -> Any:
     if recorder.skipped:
         note(session, f"not recorded, types are not installed: {', '.join(recorder.skipped)}")
     return recorder
+
+
+def keep_frames(session: Session, folders: Sequence[Path]) -> None:
+    """Put the freeze frames of the faults in recordings beside them: every control cycle (E3).
+
+    A table ``freeze_frame_JOINT.csv`` each; recordings that have one are left alone. A board that
+    does not answer any more has none to give.
+    """
+    from control_board_ros.client import BoardError, ControlBoardClient
+    from control_board_ros.recording.reading import read
+
+    patience = {"find_timeout": 1.0, "answer_timeout": 2.0}
+    for folder in folders:
+        if list(folder.glob("freeze_frame_*.csv")):
+            continue
+        for recording in read(folder):
+            client = ControlBoardClient(session.node, recording.board, **patience)
+            with contextlib.suppress(BoardError, RequestError), client:
+                for joint in dict.fromkeys(fault.joint for fault in recording.faults):
+                    if (frame := client.get_freeze_frame(joint)) is not None:
+                        path = folder / f"freeze_frame_{file_name(joint)}.csv"
+                        path.write_text(frame.csv(), encoding="utf-8")
 
 
 class Silence:

@@ -11,7 +11,7 @@ from typing import Any
 from control_board_ros.text import file_name
 
 from ..board.progress import Bar
-from ..board.recordings import Silence, read_boards, start
+from ..board.recordings import Silence, keep_frames, read_boards, start
 from ..board.session import Session
 from ..board.streaming import duration
 from ..line.arguments import FOR, argument, patterns, takes
@@ -77,6 +77,8 @@ def record(
             why = watch(session, recorder, sink, seconds)
         finally:
             recorder.close()
+        if back:
+            keep_frames(session, written(sink))
     except RecordingError as error:
         raise Refused(str(error)) from error
     tables: list[Path] = []
@@ -149,6 +151,7 @@ def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> 
                 bar.update(share, progress(recorder, sink, now - begun))
                 for path, fault in getattr(sink, "saved", [])[told:]:
                     note(session, f"{path}: {fault}")
+                    keep_frames(session, [path])
                     told += 1
                 if now - asked >= LOOK_AT_BOARDS:
                     asked = now
