@@ -250,6 +250,13 @@ EXTERNAL_TORQUE = command(
     "one.",
 )
 
+EXTERNAL_TORQUE_SENSOR = command(
+    "~/external_torque_sensor",
+    "JointTorques",
+    "Joint torques that another program measures or computes, N·m, for joints whose "
+    "`torque_sensor` is `external`; without them for `timeouts.torque_sensor` such a joint is in "
+    "HW_FAULT where it needs them.",
+)
 HEARTBEAT = Endpoint(
     "command",
     "~/heartbeat",
@@ -346,6 +353,28 @@ SAVE_POSE = service(
     "~/save_pose",
     "SavePose",
     "Save a pose of the user's, or replace one, in the user's own file.",
+)
+GET_MOTORS = service(
+    "~/get_motors", "GetMotors", "Read what is known of motors and their amplifiers."
+)
+SET_MOTORS = service(
+    "~/set_motors",
+    "SetMotors",
+    "Set the largest current and PWM that the board asks for, within what is configured; a "
+    "power-on forgets it.",
+)
+GET_PIDS = service(
+    "~/get_pids", "GetPids", "Read what a control loop of joints follows and puts out."
+)
+SET_PIDS = service(
+    "~/set_pids",
+    "SetPids",
+    "Drop what a control loop has integrated, or set what is added to its output.",
+)
+SET_ENCODERS = service(
+    "~/set_encoders",
+    "SetEncoders",
+    "Say what encoders read where they are now: of the motors at any time, of the joints in IDLE.",
 )
 CONFIGURE = service(
     "~/configure",

@@ -13,6 +13,7 @@ from .commands import ReferenceCommands
 from .goals import Goals
 from .impedance import ImpedanceRequests
 from .link import Link
+from .motors import MotorRequests
 from .old_modes import OldModes
 from .operations import Awaitable, Blocking, gone_as_board_error
 from .parameters import ParameterRequests
@@ -34,6 +35,7 @@ class Interfaces(
     ReferenceRequests,
     Readings,
     Goals,
+    MotorRequests,
     PoseRequests,
     ParameterRequests,
     SimulationRequests,

@@ -74,6 +74,11 @@ class Readings(Interface):
         return await self._measured("temperature", joints)
 
     @operation
+    async def get_encoder_acceleration(self, joints: Joints = None) -> Floats:
+        """Accelerations, from the measured velocities, rad/s², shape (k,)."""
+        return await self._measured("acceleration", joints)
+
+    @operation
     async def check_motion_done(self, joints: Joints = None) -> list[bool]:
         """False from the cycle that accepts a move until its profile ends (P3)."""
         selection = await self._services.select(joints)

@@ -48,6 +48,10 @@ class State:
         calibrated: whether the joint has the calibration that it requires, if any.
         temperature: of the winding, °C; NaN where there is no sensor.
         brake: whether the joint's brake is closed; false where there is none.
+        motor_position: of the motor's shaft, rad; NaN without an encoder there.
+        motor_velocity: likewise, rad/s.
+        acceleration: of the joint, rad/s².
+        supply_voltage: of the amplifier, V; NaN where it is not measured.
     """
 
     stamp: float
@@ -65,6 +69,10 @@ class State:
     calibrated: NDArray[np.bool_]
     temperature: Floats
     brake: NDArray[np.bool_]
+    motor_position: Floats
+    motor_velocity: Floats
+    acceleration: Floats
+    supply_voltage: Floats
 
     @classmethod
     def of(cls, message: Any) -> State:
@@ -72,6 +80,9 @@ class State:
         floats = {
             field: np.array(getattr(message, field), dtype=np.float64) for field in FLOAT_FIELDS
         }
+        for field in OF_MOTORS:  # a board that tells nothing of motors
+            if not floats[field].size:
+                floats[field] = np.full(len(floats["position"]), np.nan)
         return cls(
             stamp=seconds(message.header.stamp),
             names=clean_names(message.names[:MOST_JOINTS]),
@@ -96,6 +107,8 @@ class State:
 
 
 #: The fields of a message that become arrays of numbers.
+#: What not every board tells.
+OF_MOTORS = ("motor_position", "motor_velocity", "acceleration", "supply_voltage")
 FLOAT_FIELDS = [field.name for field in fields(State) if field.type == "Floats"]
 
 

@@ -18,8 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from .config.config import BoardConfig
 from .config.layout import Zone, joined, zones_of
 from .config.limits import BoardLimits
@@ -31,6 +29,7 @@ from .machine.bring_up import BringUp, complete_levels
 from .machine.commands import Commands, timeout_cycles
 from .machine.feedforward import Feedforward
 from .machine.machine import Machine
+from .machine.motors import MotorAccess
 from .machine.requests import Requests
 from .machine.start_up import StartUp
 from .machine.stops import Stops
@@ -41,6 +40,7 @@ from .terms.modes import Stage
 from .terms.set_points import SetPoint
 from .terms.vocabs import CommandKind
 from .watch.emergency import EmergencyStop
+from .watch.external_torque import ExternalTorques
 from .watch.fault_monitor import FaultMonitor
 from .watch.freeze_frame import FreezeFrames
 
@@ -69,7 +69,8 @@ class Board(JointGroup):
         groups = {zone.name: JointGroup(self, zone) for zone in zones}
         self.parts = {name: group for name, group in groups.items() if name}
         self.events = Events({j: zone.name for zone in zones for j in zone.config.names})
-        self.torque_sensor = np.array([joint.torque_sensor for joint in config.joints])
+        self.torques = ExternalTorques(config, state)
+        self.torque_sensor = self.torques.known
         self._before = state.measured.copy()
         self.controller = Controller(config, state)
         self.references = References(
@@ -87,10 +88,12 @@ class Board(JointGroup):
         self._actuation = Actuation(
             state.output, state.powered, state.kinds, state.set_points, brakes.orders
         )
+        self.machine.joint = self.torques.joint
         self.start_up = StartUp(self.machine)
         self.requests = Requests(self.machine)
         self.commands = Commands(self.machine, self.limits)
         self.feedforward = Feedforward(self.machine)
+        self.motors = MotorAccess(self.machine, self.limits)
         self.stops = Stops(self.machine)
         self.bring_up = BringUp(groups, complete_levels(levels, tuple(groups)), self.events)
         self._stage = Stage.ACTIVE
@@ -110,6 +113,8 @@ class Board(JointGroup):
             The PWM and the bridges; the arrays are the board's own, valid until the next tick.
         """
         machine, monitor = self.machine, self.monitor
+        if self.torques.joints:
+            measurement = self.torques.fill(measurement)
         self._read(measurement)
         if self.start_up.due:
             monitor.replace_broken(self._before)
@@ -142,6 +147,8 @@ class Board(JointGroup):
         state.measured[:] = measurement.values
         if measurement.applied is not None:  # where a drive chooses it
             np.copyto(state.output, measurement.applied, where=state.kinds > SetPoint.PWM)
+        if measurement.motors is not None:
+            state.motors[:] = measurement.motors
         if self.machine.calibrations.shifted:
             state.position -= state.offset
 
@@ -235,4 +242,6 @@ class Board(JointGroup):
         self.monitor.reconfigure(config)
         self.references.reconfigure(self.limits)
         self.commands.reconfigure(self.limits)
+        self.motors.limits = self.limits
+        self.torques.reconfigure(config)
         self.machine.reconfigure(config, timeout_cycles(config))

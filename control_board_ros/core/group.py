@@ -10,6 +10,7 @@ and raise a RequestError for a joint that does not exist.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ from .config.layout import Zone
 from .machine.commands import spread_along
 from .machine.decisions import Wanted
 from .machine.feedforward import terms_of
+from .machine.motors import shaft_readings
 from .selection import (
     RequestError,
     Selection,
@@ -32,14 +34,17 @@ from .selection import (
     brake_modes,
     by_hand,
     control_modes,
+    finite,
     interaction_modes,
+    loop_of,
     spread,
 )
 from .state import Snapshot, StateArrays
 from .terms.events import BoardEvent
 from .terms.faults import FaultRecord
 from .terms.modes import CONFIGURED, DIRECT_VELOCITY, POWER_OFF, Event, Stage
-from .terms.reply import Reason, Reply, accepted, refused
+from .terms.motors import Motors, Pids
+from .terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided, refused
 from .terms.set_points import DriveUse
 from .terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
 from .watch.freeze_frame import FreezeFrame
@@ -351,6 +356,113 @@ class JointGroup(ModeShortcuts):
             target[chosen.joints] = checked
         return accepted(chosen.names)
 
+    # --- motors and loops ---------------------------------------------------------------------
+
+    def get_motors(self, joints: Joints = None) -> Motors:
+        """Motors and amplifiers of joints as they are now (Y5)."""
+        return self.board.motors.motors(self._numbers(joints))
+
+    def set_motors(
+        self,
+        joints: Joints,
+        max_currents: Values | None = None,
+        output_limits: Values | None = None,
+    ) -> Reply:
+        """Set what amplifiers may do, within what is configured (Y5); a power-on forgets it.
+
+        Args:
+            joints: whose they are.
+            max_currents: the largest that the board asks for, A; None: as it is.
+            output_limits: the largest PWM, percent; None: as it is.
+        """
+        try:
+            if max_currents is None and output_limits is None:
+                raise RequestError(
+                    "neither max_currents nor output_limits given; send one or both"
+                )
+            chosen, limits = self.selector.select(joints), self.board.limits
+            given = [
+                None if values is None else all_within(chosen, what, values, most, zero=zero)
+                for what, values, most, zero in (
+                    ("max_current", max_currents, limits.current, False),
+                    ("output_limit", output_limits, limits.output, True),
+                )
+            ]
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+        return self.board.motors.set_caps(chosen, *given)
+
+    def get_pids(self, loop: str, joints: Joints = None) -> Pids:
+        """One control loop of joints: ``position``, ``velocity``, ``torque``, ``current`` (Y5)."""
+        return self.board.motors.pids(self._numbers(joints), loop_of(loop))
+
+    def set_pids(
+        self,
+        loop: str,
+        joints: Joints = None,
+        *,
+        reset: bool = False,
+        offsets: Values | None = None,
+    ) -> Reply:
+        """Drop what a loop has integrated, set what is added to its output, or both (Y5).
+
+        Args:
+            loop: as of ``get_pids``.
+            joints: whose it is.
+            reset: whether its integral part begins anew at zero.
+            offsets: u_ff, PWM percent; None: as it is.
+        """
+        try:
+            kind, chosen = loop_of(loop), self.selector.select(joints)
+            if not reset and offsets is None:
+                raise RequestError("neither reset nor offsets given; send one or both")
+            added = None
+            if offsets is not None:
+                added = finite(spread(offsets, len(chosen.names), "offsets"), "offsets")
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+        return self.board.motors.set_pids(chosen, kind, reset=reset, offsets=added)
+
+    def set_encoders(
+        self, joints: Joints = None, positions: Values = 0.0, *, motor: bool = False
+    ) -> Reply:
+        """Say what encoders read where they are now, rad (Y5).
+
+        Args:
+            joints: whose they are.
+            positions: one per joint, or one for all.
+            motor: of the motors' shafts; else of the joints, which must have no power.
+        """
+        try:
+            chosen = self.selector.select(joints)
+            angles = finite(spread(positions, len(chosen.names), "positions"), "positions")
+        except RequestError as error:
+            return self.selector.refuse(joints, error)
+        motors = self.board.motors
+        return (motors.set_motor_encoders if motor else motors.set_encoders)(chosen, angles)
+
+    def update_torque_sensor(self, joints: Joints, torques: Values) -> Reply:
+        """Tell the measured torques of joints whose sensor is external, N·m (Y5)."""
+        try:
+            chosen = self.selector.select(joints)
+            values = spread(torques, len(chosen.names), "torques")
+        except RequestError as error:
+            return self.reject(joints, f"external torque ignored: {error}")
+        answers = []
+        for name, j, torque in zip(chosen.names, chosen.numbers, values.tolist(), strict=True):
+            if j not in self.board.torques.joints:
+                why = Reason.UNSUPPORTED, "its torque_sensor is not external"
+            elif not math.isfinite(torque):
+                why = Reason.NOT_FINITE, f"{torque} is not a finite number"
+            else:
+                self.board.torques.take(j, torque)
+                answers.append(JointAnswer())
+                continue
+            self.state.rejected[j] += np.uint64(1)
+            text = f"external torque for {name} ignored: {why[1]}"
+            answers.append(JointAnswer(Answer.IGNORED, text, why[0]))
+        return decided(chosen.names, answers)
+
     # --- modes and faults, read ---------------------------------------------------------------
 
     def get_control_mode(self, joints: Joints = None) -> list[ControlMode]:
@@ -362,7 +474,8 @@ class JointGroup(ModeShortcuts):
         self, joints: Joints = None
     ) -> list[tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]]:
         """What each joint implements: control modes, and interaction modes."""
-        return [(one.control_modes, one.interaction_modes) for one in self.get_config(joints)]
+        found = [self.board.machine.joint(j) for j in self._numbers(joints)]
+        return [(one.control_modes, one.interaction_modes) for one in found]
 
     def get_drives(self, joints: Joints = None) -> list[DriveUse]:
         """Which set-points the drives take, and which loop runs where (S1)."""
@@ -398,8 +511,8 @@ class JointGroup(ModeShortcuts):
 
     def get_torque(self, joints: Joints = None) -> Floats:
         """Measured torques; NaN without a torque sensor."""
-        sensed = [joint.torque_sensor for joint in self.get_config(joints)]
-        return np.where(sensed, self.state.torque[self._chosen(joints)], np.nan)
+        chosen = self._chosen(joints)
+        return np.where(self.board.torque_sensor[chosen], self.state.torque[chosen], np.nan)
 
     def get_current(self, joints: Joints = None) -> Floats:
         """Measured motor currents, A."""
@@ -532,10 +645,12 @@ class JointGroup(ModeShortcuts):
             state.rejected[columns].copy(),
             state.calibrated[columns].copy(),
             self.board.monitor.used[columns].copy(),
-            self.board.torque_sensor[columns],
+            self.board.torque_sensor[columns].copy(),
             self.unknown_commands,
             self.board.brakes.closed[columns].copy(),
             self.board.brakes.slips[columns].copy(),
+            shaft_readings(state)[:, columns],
+            np.array([joint.acceleration for joint in self.board.controller.joints[columns]]),
         )
 
     def take_events(self) -> list[BoardEvent]:

@@ -13,6 +13,7 @@ from ..text import nearest
 from .state import Indices
 from .terms.measurement import Array
 from .terms.modes import REQUESTABLE, REQUESTS
+from .terms.motors import Loop
 from .terms.reply import Reason, Reply, refused
 from .terms.vocabs import (
     BrakeMode,
@@ -204,6 +205,30 @@ def all_within(
             Reason.OUT_OF_RANGE if np.isfinite(array[k]) else Reason.NOT_FINITE,
         )
     return array
+
+
+def finite(values: Array, what: str) -> Array:
+    """The values of a request, all of which are finite.
+
+    Raises:
+        RequestError: one is not.
+    """
+    if not np.isfinite(values).all():
+        raise RequestError(f"{what} must be finite numbers", Reason.NOT_FINITE)
+    return values
+
+
+def loop_of(word: str) -> Loop:
+    """The control loop of a request.
+
+    Raises:
+        RequestError: there is none of this name.
+    """
+    try:
+        return Loop(word)
+    except ValueError:
+        text = f"loop {str(word)[:32]!r} unknown; one of {', '.join(Loop)}"
+        raise RequestError(text) from None
 
 
 def control_modes(modes: Any, count: int) -> list[ControlMode]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from .config.config import BoardConfig
 from .terms.faults import FaultRecord
-from .terms.measurement import ROWS, Array, Row
+from .terms.measurement import MOTOR_ROWS, ROWS, Array, Motor, Row
 from .terms.modes import INITIAL, INITIAL_INTERACTION, Stage
 from .terms.set_points import VALUES, SetPoint
 from .terms.vocabs import CommandKind
@@ -49,7 +49,8 @@ class Snapshot:
     false where a joint's angle is not known (K7); overload is the part of the I²t budget used up
     (a fault above 1); torque_sensor is false where torque is NaN; unknown_commands counts the
     commands that name no joint of the board; brake is true where a joint's brake is closed,
-    brake_slips where a closed one does not hold (Y4).
+    brake_slips where a closed one does not hold (Y4); motors has the rows of Motor, as the encoders are
+    set to read, and acceleration is of the joints, rad/s²; None: not known.
     """
 
     time: float
@@ -63,6 +64,8 @@ class Snapshot:
     unknown_commands: int = 0
     brake: NDArray[np.bool_] = field(default_factory=_nothing)
     brake_slips: NDArray[np.bool_] = field(default_factory=_nothing)
+    motors: Array | None = None
+    accelerations: Array | None = None
 
     @property
     def position(self) -> Array:
@@ -102,19 +105,27 @@ class Snapshot:
 
     @property
     def motor_position(self) -> Array:
-        return np.full(len(self.position), np.nan)
+        return self._motor(Motor.POSITION)
 
     @property
     def motor_velocity(self) -> Array:
-        return np.full(len(self.position), np.nan)
+        return self._motor(Motor.VELOCITY)
 
     @property
     def acceleration(self) -> Array:
-        return np.full(len(self.position), np.nan)
+        if self.accelerations is None:
+            return np.full(len(self.position), np.nan)
+        return self.accelerations
 
     @property
     def supply_voltage(self) -> Array:
-        return np.full(len(self.position), np.nan)
+        return self._motor(Motor.SUPPLY)
+
+    def _motor(self, row: Motor) -> Array:
+        if self.motors is None:
+            return np.full(len(self.position), np.nan)
+        values: Array = self.motors[row]
+        return values
 
     def _row(self, row: int) -> Array:
         values: Array = self.block[row]
@@ -125,8 +136,9 @@ class StateArrays:
     """What the parts of a board share: arrays, one column per joint, and records.
 
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
-    joint angle), calibrated, powered (1.0 where the bridge is on), kinds and set_points (what the
-    drives follow: SetPoint, and rows of set_points.Value), done (no position move runs),
+    joint angle), motors (rows of Motor as measured), motor_offset (rad: what its encoder reads
+    less what it was set to), calibrated, powered (1.0 where the bridge is on), kinds and set_points
+    (what the drives follow: SetPoint, and rows of set_points.Value), done (no move runs),
     control_modes and interaction_modes, accepts (by kind of reference, shape (kinds, n)), rejected
     (commands ignored so far), faults (the last one of each joint), before (its modes when that was
     raised), time (s, of the last reading), cycle, modes_version and faults_version (they grow
@@ -148,7 +160,10 @@ class StateArrays:
         self.torque_reference: Array = self.block[Reference.TORQUE]
         self.velocity_reference: Array = self.block[Reference.VELOCITY]
         self.output: Array = self.block[Reference.OUTPUT]
+        self.temperature: Array = self.block[Row.TEMPERATURE]
         self.offset: Array = np.zeros(n)
+        self.motors: Array = np.full((MOTOR_ROWS, n), np.nan)
+        self.motor_offset: Array = np.zeros(n)
         self.powered: Array = np.zeros(n)
         self.kinds: NDArray[np.int8] = np.full(n, SetPoint.PWM, dtype=np.int8)
         self.set_points: Array = np.zeros((VALUES, n))
@@ -172,6 +187,7 @@ class StateArrays:
         """Forget what a power-on forgets (N1); records of faults stay readable (F5)."""
         for j in joints:
             self.offset[j], self.calibrated[j] = 0.0, False
+            self.motor_offset[j] = 0.0
             self.accepts[:, j] = False
             self.interaction_modes[j] = INITIAL_INTERACTION
             self.faults[j] = self.faults[j].cleared()

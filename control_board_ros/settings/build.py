@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from ..core.config.config import BoardConfig, ConfigError, JointConfig
+from ..core.config.config import EXTERNAL, BoardConfig, ConfigError, JointConfig
 from ..core.config.parameter import Parameter, parameters_of, parts_of
 from ..core.model.arm_model import ArmModel
 from ..description.arm_model import Motors, arm_model
@@ -43,7 +43,7 @@ def _typed(row: Parameter, value: Any) -> Any:
     """A value as its field has it: modes for their codes, tuples for lists."""
     if isinstance(value, list):
         return tuple(row.choices.get(item, item) for item in value)
-    return row.choices[value] if row.choices else value
+    return row.choices.get(value, value) if row.choices else value
 
 
 def joint(values: Values, name: str, kind: str) -> JointConfig:
@@ -53,7 +53,11 @@ def joint(values: Values, name: str, kind: str) -> JointConfig:
         ConfigError: a value is not allowed.
     """
     none = {"calibration": None} if values[f"{name}.calibration.type"] == 0 else {}
-    return configure(JointConfig, values, f"{name}.", name=name, kind=kind, **none)
+    key = f"{name}.torque_sensor"
+    external = values[key] == EXTERNAL
+    given = {**values, key: True} if external else values
+    more: dict[str, Any] = {"external_torque": external, **none}
+    return configure(JointConfig, given, f"{name}.", name=name, kind=kind, **more)
 
 
 def board(values: Values, urdf: Urdf, names: tuple[str, ...]) -> BoardConfig:

@@ -66,6 +66,7 @@ class Encoder:
         "Step of the reading; 0: none", "rad or m", default=0.0, low=0.0, high=1.0
     )
     zero: float = parameter("Added to the reading", "rad or m", default=0.0)
+    motor: bool = parameter("The motor's shaft has an encoder, too", default=True)
 
 
 @configuration

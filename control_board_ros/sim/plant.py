@@ -37,7 +37,7 @@ from .errors import PlantError, PlantGone
 from .injection import Injector
 from .link import DriveLink
 from .motor import Motors
-from .sensors import Sensors
+from .sensors import Sensors, Shafts
 
 __all__ = ["Body", "PlantError", "PlantGone", "SimulatedPlant"]
 
@@ -117,6 +117,7 @@ class SimulatedPlant:
         self._pushed = False
         self._total = np.zeros(len(board.joints))
         self._powered = self._braked = b""
+        self._shafts = Shafts(board, simulation, self._motors.state)
         self._cycle = 0
         self._alarmed = False
         self._applied: Array | None = None
@@ -140,7 +141,10 @@ class SimulatedPlant:
             values = values.copy()
             self._faults.corrupt(values, self._cycle)
         brakes = self._motors.brakes() if self._motors.has_brakes else None
-        return Measurement(self._cycle / self._rate, values, brakes=brakes, applied=self._applied)
+        shafts, applied = self._shafts.values, self._applied
+        return Measurement(
+            self._cycle / self._rate, values, brakes=brakes, applied=applied, motors=shafts
+        )
 
     def write(self, actuation: Actuation) -> None:
         """Apply the actuation and let one control period pass.
@@ -178,6 +182,7 @@ class SimulatedPlant:
         if cycle % self._heat_cycles == 0:
             self._update_slow_states()
         self._sensors.sample()
+        self._shafts.sample()
 
     def push(self, joint: int | str, torque: float) -> None:
         """Push a joint from outside with a torque, N·m, until it is set to 0.
@@ -222,6 +227,7 @@ class SimulatedPlant:
         self._sensors.alarm(None)
         self._alarmed = False
         self._sensors.sample()
+        self._shafts.sample()
         self._sensors.sample_temperature()
 
     def close(self) -> None:

@@ -5,11 +5,36 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..core.config.config import BoardConfig
 from ..core.terms.faults import FaultCode
-from ..core.terms.measurement import ROWS, Row
+from ..core.terms.measurement import MOTOR_ROWS, ROWS, Array, Motor, Row
 from .config import SimulationConfig
 from .drive import Sampler
 from .motor import Motors
+
+
+class Shafts:
+    """What is measured at motors: their shafts, as the gearbox turns them, and their supply.
+
+    Attributes: values (rows of Motor, shape (MOTOR_ROWS, n), reused from sample to sample).
+    """
+
+    def __init__(self, board: BoardConfig, simulation: SimulationConfig, state: Array) -> None:
+        self._state = state
+        self.values = np.zeros((MOTOR_ROWS, len(board.joints)))
+        self.values[Motor.SUPPLY] = [joint.motor.supply_voltage for joint in board.joints]
+        self._ratio = np.array(
+            [
+                joint.motor.gear_ratio if there.encoder.motor else np.nan
+                for joint, there in zip(board.joints, simulation.joints, strict=True)
+            ]
+        )
+        self.turning = self.values[Motor.POSITION : Motor.VELOCITY + 1]
+        self.sample()
+
+    def sample(self) -> None:
+        """Read the shafts."""
+        np.multiply(self._state, self._ratio, self.turning)
 
 
 class Sensors:

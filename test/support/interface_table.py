@@ -37,6 +37,7 @@ SUBSCRIBED = {
     "~/joint_trajectory": ("trajectory_msgs/msg/JointTrajectory", "RV"),
     "~/joint_commands": ("sensor_msgs/msg/JointState", "RV"),
     "~/external_torque": ("control_board_msgs/msg/TorqueCommand", "RV"),
+    "~/external_torque_sensor": ("control_board_msgs/msg/JointTorques", "RV"),
     "~/heartbeat": ("std_msgs/msg/Empty", "BV"),
 }
 
@@ -61,6 +62,11 @@ SERVICES = {
     "~/emergency_stop": "std_srvs/srv/SetBool",
     "~/list_poses": "control_board_msgs/srv/ListPoses",
     "~/save_pose": "control_board_msgs/srv/SavePose",
+    "~/get_motors": "control_board_msgs/srv/GetMotors",
+    "~/set_motors": "control_board_msgs/srv/SetMotors",
+    "~/get_pids": "control_board_msgs/srv/GetPids",
+    "~/set_pids": "control_board_msgs/srv/SetPids",
+    "~/set_encoders": "control_board_msgs/srv/SetEncoders",
     "~/configure": "std_srvs/srv/Trigger",
     "~/power_cycle": "std_srvs/srv/Trigger",
     "~/inject_fault": "control_board_msgs/srv/InjectFault",

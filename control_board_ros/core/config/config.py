@@ -52,6 +52,8 @@ __all__ = [
 
 NAMES = "a joint name: up to 120 characters that can be shown"
 OUTPUTS = ("pwm", "current")
+#: A torque sensor that another program is.
+EXTERNAL = "external"
 #: Of a joint with its spring, and the fastest decay that the torque loop follows, 1/s.
 DAMPING_RATIO, FASTEST_DAMPING = 0.75, 400.0
 
@@ -68,6 +70,7 @@ class JointConfig:
     Attributes:
         name: Of the joint.
         kind: A prismatic joint has m for rad and N for N·m.
+        external_torque: Its torques come from elsewhere: ``torque_sensor: external`` (Y5).
         position_pid: Of POSITION, MIXED and VELOCITY.
         direct_pid: Of POSITION_DIRECT; None: as position_pid.
         current_pid: Used where the board's output is ``current``.
@@ -142,8 +145,12 @@ class JointConfig:
     timeouts: Timeouts = part(default=Timeouts())
     constraints: JointConstraints = part(default=JointConstraints())
     torque_sensor: bool = parameter(
-        "Has a torque sensor; TORQUE and COMPLIANT need one", default=True
+        "Has a torque sensor; TORQUE and COMPLIANT need one. external: its torques come by "
+        "~/external_torque_sensor",
+        default=True,
+        choices=(EXTERNAL,),
     )
+    external_torque: bool = False
     control_modes: tuple[ControlMode, ...] = parameter(
         "Control modes that the joint implements", default=STANDARD, choices=SELECTABLE
     )

@@ -42,7 +42,8 @@ class Controller:
 
     The laws of a part's joints are stepped together: they know one arm, and settle as one.
 
-    Attributes: joints (of ``laws.Joint``, in the board's order), efforts (of each joint, the
+    Attributes: joints (of ``laws.Joint``, in the board's order), caps (the largest current, A, and
+    PWM, percent, that it asks for, shape (2, n)), efforts (of each joint, the
     torque that the moves of its part take; None: it is not known).
     """
 
@@ -55,6 +56,7 @@ class Controller:
         self.efforts: list[Effort | None] = [None] * n
         self._bodies: dict[int, tuple[Link, Body]] = {}  # of joints whose part has a model
         self._armed = [(Law.OFF, False)] * n  # law, and whether with the direct gains
+        self.caps: Array = np.zeros((2, n))
         self._position_pids: list[Pid | None] = [None] * n  # in force
         self._laws: dict[str, Laws] = {}
         self._laws_of = [zone.name for zone in zones_of(config) for _ in zone.joints]
@@ -92,6 +94,7 @@ class Controller:
                 self._bodies[j] = model.links[k], arm.bodies[k]
                 fill(*self._bodies[j], own.payload.mass, own.payload.center)
             self._armed[j] = Law.OFF, False
+            self.caps[:, j] = own.limits.peak_current, own.limits.output
             joint.stiffness, joint.damping = own.impedance.stiffness, own.impedance.damping
             self._configure(j)
 
@@ -121,15 +124,34 @@ class Controller:
     def _configure(self, j: int) -> None:
         """Give a joint the constants and gains of its configuration."""
         joint, own, period = self.joints[j], self._config.joints[j], self._config.period
-        set_constants(joint, own, period)
+        self._cap(j)
         if j in self._bodies:
             link, _ = self._bodies[j]
             joint.coulomb, joint.viscous = link.coulomb, link.viscous
         set_gains(joint.torque_pid, own.torque_pid, period)
         set_gains(joint.current_pid, own.current_pid, period)
-        self._set_drive(j, self._armed[j][0])
         self._position_pids[j] = None
         self._set_law(j, *self._armed[j])
+
+    def set_caps(self, joints: Indices, currents: Array | None, outputs: Array | None) -> None:
+        """Ask for no more current (A) and PWM (percent) than so much, shapes (k,) (Y5)."""
+        for row, values in enumerate((currents, outputs)):
+            if values is not None:
+                self.caps[row, joints] = values
+        for j in joints.tolist():
+            self._cap(j)
+
+    def _cap(self, j: int) -> None:
+        """Give a joint the constants of its configuration, within the caps that users set."""
+        joint, own = self.joints[j], self._config.joints[j]
+        limits = own.limits
+        most, output = np.minimum(self.caps[:, j], (limits.peak_current, limits.output)).tolist()
+        self.caps[:, j] = most, output
+        set_constants(joint, own, self._config.period)
+        if most < limits.peak_current:
+            joint.max_torque = min(joint.max_torque, most * joint.torque_per_ampere)
+        joint.max_output = output
+        self._set_drive(j, self._armed[j][0])
 
     def arm(self, joints: Sequence[int], law: Law, *, direct: bool, feeds: bool = True) -> None:
         """Give joints their law, from their present torque on (M9).
@@ -190,6 +212,13 @@ class Controller:
         # P8: the PWM as given; Y2: amperes whatever the board's output is
         in_amps = law is Law.CURRENT or (self._current_loop and law is not Law.OUTPUT)
         set_drive(joint, own, kind, in_amps=in_amps)
+        current, output = self.caps[:, j].tolist()
+        if kind > SetPoint.CURRENT:
+            most = current * joint.torque_per_ampere
+        else:
+            most = current if joint.in_amps else output
+        if current < own.limits.peak_current or output < own.limits.output:
+            joint.max_drive = min(joint.max_drive, most)
 
 
 def joint_torque(joint: Joint, measured: float, current: float) -> float:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..calibration.calibrations import Calibrations
-from ..config.config import BoardConfig
+from ..config.config import BoardConfig, JointConfig
 from ..laws.control import Controller
 from ..laws.references import References
 from ..laws.timeouts import ReferenceTimeouts
@@ -58,8 +58,8 @@ class Machine:
         controller, references, timeouts, monitor: what a change of mode starts afresh.
         events: takes what belongs in a log.
 
-    Attributes: calibrations, brakes, on_fault (called with each joint that faults), and what it is
-    made of.
+    Attributes: calibrations, brakes, on_fault (called with each joint that faults), joint (a
+    joint's configuration as it can be asked now), and what it is made of.
     """
 
     def __init__(
@@ -79,6 +79,7 @@ class Machine:
         self.calibrations = Calibrations(self)
         self.brakes = Brakes(self)
         self.on_fault: Callable[[int], None] = lambda _: None
+        self.joint: Callable[[int], JointConfig] = lambda j: self.config.joints[j]
         self._on_limit, self._strained = [False] * state.n, [False] * state.n
 
     def power_on(self, joints: Sequence[int]) -> None:
@@ -177,7 +178,7 @@ class Machine:
         state = self.state
         fault = state.faults[j]
         return Facts(
-            joint=self.config.joints[j],
+            joint=self.joint(j),
             mode=state.control_modes[j],
             interaction=state.interaction_modes[j],
             calibrated=bool(state.calibrated[j]),

@@ -47,6 +47,19 @@ class Row(IntEnum):
 ROWS = len(Row)
 
 
+class Motor(IntEnum):
+    """Rows of what is measured of motors besides: position and velocity of the shaft, at the
+    shaft (rad, rad/s), and the supply voltage of the amplifier (V).
+    """
+
+    POSITION = 0
+    VELOCITY = 1
+    SUPPLY = 2
+
+
+MOTOR_ROWS = len(Motor)
+
+
 @dataclass(slots=True)
 class Measurement:
     """One reading of the whole plant: time (s) and values, shape (ROWS, n), see Row.
@@ -55,7 +68,8 @@ class Measurement:
     joint (by its number) has an ALARM, where the plant knows more than the fault code. ``brakes``
     are the brakes as their switches tell, 1.0 where closed, NaN where there is no switch, shape
     (n,); None: there is none. ``applied`` is the PWM that acted since the last reading, percent,
-    shape (n,), where the plant knows it.
+    shape (n,), where the plant knows it. ``motors`` has the rows of Motor, shape (MOTOR_ROWS, n),
+    NaN where there is no sensor.
     """
 
     time: float
@@ -63,6 +77,7 @@ class Measurement:
     reasons: Mapping[int, str] | None = None
     brakes: Array | None = None
     applied: Array | None = None
+    motors: Array | None = None
 
 
 class Intake:

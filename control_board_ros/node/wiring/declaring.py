@@ -37,6 +37,11 @@ class Declaration(NamedTuple):
     fixed: bool
 
 
+def type_of(row: Parameter, value: Any) -> Any:
+    """The type of a parameter's value; a flag that may be more is a text then."""
+    return RosParameter.Type.STRING if isinstance(value, str) else _TYPES[row.kind]
+
+
 def descriptor(row: Parameter, *, fixed: bool) -> ParameterDescriptor:
     """What ``ros2 param describe`` shows of a parameter."""
     made = ParameterDescriptor(
@@ -73,7 +78,7 @@ def declare(node: Node, declarations: Sequence[Declaration]) -> None:
         node.declare_parameters("", triples, ignore_override=True)
         return
     for name, value, row, _ in declarations:
-        parameters[name] = RosParameter(name, _TYPES[row.kind], value)
+        parameters[name] = RosParameter(name, type_of(row, value), value)
     descriptors.update(described)
 
 
@@ -81,9 +86,9 @@ def described_by(declarations: Sequence[Declaration]) -> dict[str, ParameterDesc
     """A descriptor of its own for each parameter, by name."""
     shared: dict[tuple[int, bool], ParameterDescriptor] = {}
     found = {}
-    for name, _, row, fixed in declarations:
+    for name, value, row, fixed in declarations:
         if (key := (id(row), fixed)) not in shared:
             shared[key] = descriptor(row, fixed=fixed)
         found[name] = own = copy(shared[key])
-        own.name = name
+        own.name, own.type = name, type_of(row, value).value
     return found

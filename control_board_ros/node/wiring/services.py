@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Awaitable, Callable, Collection, Sequence
+from dataclasses import fields
 from typing import Any
 
 from rclpy.task import Future
@@ -183,6 +184,44 @@ class Services:
             response.closed = board.is_joint_braked(joints)
         return succeeded(response)
 
+    # -- motors and loops ---------------------------------------------------------------------
+
+    def get_motors(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            response.names = joints = self._joints(board, request)
+            return filled(response, board.get_motors(joints))
+
+    def set_motors(self, request: Any, response: Any) -> Any:
+        currents, outputs = optional(request.max_currents), optional(request.output_limits)
+        with self._member.exclusive() as board:
+            joints = bounded(request.names, board.count)
+            reply = board.set_motors(joints, currents, outputs)
+        return self._named(response, reply)
+
+    def get_pids(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            response.names = joints = self._joints(board, request)
+            return filled(response, board.get_pids(request.loop, joints))
+
+    def set_pids(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            joints, offsets = bounded(request.names, board.count), optional(request.offsets)
+            reply = board.set_pids(request.loop, joints, reset=request.reset, offsets=offsets)
+        return self._named(response, reply)
+
+    def set_encoders(self, request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            joints, positions = bounded(request.names, board.count), optional(request.positions)
+            reply = board.set_encoders(
+                joints, 0.0 if positions is None else positions, motor=request.motor
+            )
+        return self._named(response, reply)
+
+    @staticmethod
+    def _named(response: Any, reply: Reply) -> Any:
+        response.names = list(reply.joints)
+        return answered(response, reply)
+
     # -- faults and life ----------------------------------------------------------------------
 
     def get_faults(self, request: Any, response: Any) -> Any:
@@ -282,6 +321,13 @@ class Services:
     def _joints(board: JointGroup, request: Any) -> list[str]:
         """The names of the joints that a request reads; RequestError where one is unknown."""
         return list(board.selector.select(bounded(request.names, board.count)).names)
+
+
+def filled(response: Any, arrays: Any) -> Any:
+    """A response that has the arrays of a dataclass in the fields of the same names."""
+    for field in fields(arrays):
+        setattr(response, field.name, doubles(getattr(arrays, field.name)))
+    return succeeded(response)
 
 
 def succeeded(response: Any) -> Any:

@@ -14,6 +14,7 @@ from ...core.terms.reply import Reply
 from ...interface import (
     COMMAND_TOPICS,
     EXTERNAL_TORQUE,
+    EXTERNAL_TORQUE_SENSOR,
     FEEDFORWARD_COMMAND,
     HEARTBEAT,
     JOINT_COMMANDS,
@@ -92,6 +93,7 @@ class CommandTopics:
             JOINT_TRAJECTORY: self._joint_trajectory,
             JOINT_COMMANDS: JointCommands(self._member, self._answer).on_message,
             HEARTBEAT: self._heartbeat,
+            EXTERNAL_TORQUE_SENSOR: self._external_torque_sensor,
         }
         return found
 
@@ -138,6 +140,12 @@ class CommandTopics:
             f"external torque ignored: {torques.size} torques for {len(names)} joints; "
             "send one finite number per named joint"
         )
+
+    def _external_torque_sensor(self, message: Any) -> None:
+        with self._member.exclusive() as board:
+            joints = bounded(message.names, board.count)
+            reply = board.update_torque_sensor(joints, message.torques)
+        self._answer(reply)
 
     def _heartbeat(self, _message: Any) -> None:
         with self._member.exclusive() as board:

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motor encoders, amplifiers and control loops of joints, as YARP tells of them (SPEC Y5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...protocols import Floats
+from ..config.limits import BoardLimits
+from ..laws.laws import Joint
+from ..laws.laws import Pid as Gains
+from ..selection import Selection
+from ..state import StateArrays
+from ..terms.measurement import Motor
+from ..terms.modes import CALIBRATES, CONFIGURED, UNPOWERED
+from ..terms.motors import Loop, Motors, Pids
+from ..terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided
+from .feedforward import feed_output
+from .machine import Machine
+
+
+class MotorAccess:
+    """What is read and set of motors, amplifiers and loops.
+
+    Args:
+        machine: whose joints they are.
+        limits: of the same joints.
+    """
+
+    def __init__(self, machine: Machine, limits: BoardLimits) -> None:
+        self._machine, self.limits = machine, limits
+
+    def motors(self, joints: list[int]) -> Motors:
+        """Motors and amplifiers as they are now."""
+        machine, state = self._machine, self._machine.state
+        own = [machine.config.joints[j] for j in joints]
+        laws = [machine.controller.joints[j] for j in joints]
+        ratios = np.array([one.motor.gear_ratio for one in own])
+        shafts = shaft_readings(state)[:, joints]
+        accelerations = np.array([joint.acceleration for joint in laws]) * ratios
+        accelerations[np.isnan(shafts[Motor.POSITION])] = np.nan
+        caps = machine.controller.caps[:, joints]
+        return Motors(
+            gear_ratios=ratios,
+            positions=shafts[Motor.POSITION],
+            velocities=shafts[Motor.VELOCITY],
+            accelerations=accelerations,
+            currents=state.current[joints],
+            nominal_currents=np.array([one.limits.nominal_current for one in own]),
+            peak_currents=np.array([one.limits.peak_current for one in own]),
+            max_currents=caps[0].copy(),
+            outputs=state.output[joints],
+            output_limits=caps[1].copy(),
+            supply_voltages=shafts[Motor.SUPPLY],
+            temperatures=state.temperature[joints],
+            temperature_limits=np.array([one.limits.temperature for one in own]),
+            torque_limits=np.array([one.limits.torque for one in own]),
+            torque_constants=np.array([one.motor.torque_constant for one in own]),
+        )
+
+    def set_caps(
+        self, chosen: Selection, currents: Floats | None, outputs: Floats | None
+    ) -> Reply:
+        """Set the largest current (A) and PWM (percent) that the board asks for."""
+        self._machine.controller.set_caps(chosen.joints, currents, outputs)
+        return accepted(chosen.names)
+
+    def pids(self, joints: list[int], loop: Loop) -> Pids:
+        """A loop of each joint; NaN where it does not run."""
+        laws = [self._machine.controller.joints[j] for j in joints]
+        rows = np.array([LOOPS[loop](joint) for joint in laws]).reshape(len(joints), 3)
+        offsets = np.array([joint.output_offset for joint in laws])
+        return Pids(rows[:, 0], rows[:, 0] - rows[:, 1], rows[:, 2], offsets)
+
+    def set_pids(
+        self, chosen: Selection, loop: Loop, *, reset: bool, offsets: Floats | None
+    ) -> Reply:
+        """Drop what a loop has integrated, set what is added to its output (percent), or both."""
+        machine, answers = self._machine, []
+        for k, j in enumerate(chosen.numbers):
+            name, mode = chosen.names[k], machine.state.control_modes[j]
+            if mode in CALIBRATES:
+                text = f"{name} is {mode.name}: its calibrator has the loop; wait until it is done"
+                answers.append(JointAnswer(Answer.REFUSED, text, Reason.CALIBRATING))
+                continue
+            joint = machine.controller.joints[j]
+            if offsets is not None:
+                feed_output(joint, float(offsets[k]))
+            if reset:
+                pid_of(joint, loop).reset(0.0)
+            answers.append(JointAnswer())
+        return decided(chosen.names, answers)
+
+    def set_motor_encoders(self, chosen: Selection, positions: Floats) -> Reply:
+        """Let the encoders of motors read so much where they are, rad."""
+        state, answers = self._machine.state, []
+        for name, j, position in zip(
+            chosen.names, chosen.numbers, positions.tolist(), strict=True
+        ):
+            if np.isnan(reading := float(state.motors[Motor.POSITION, j])):
+                text = f"{name} has no encoder at its motor"
+                answers.append(JointAnswer(Answer.REFUSED, text, Reason.UNSUPPORTED))
+                continue
+            state.motor_offset[j] = reading - position
+            answers.append(JointAnswer())
+        return decided(chosen.names, answers)
+
+    def set_encoders(self, chosen: Selection, positions: Floats) -> Reply:
+        """Take angles as those that joints without power have now, rad; their limits hold then."""
+        answers = [
+            self._take_angle(j, name, position)
+            for j, name, position in zip(
+                chosen.numbers, chosen.names, positions.tolist(), strict=True
+            )
+        ]
+        return decided(chosen.names, answers)
+
+    def _take_angle(self, j: int, name: str, position: float) -> JointAnswer:
+        machine, state = self._machine, self._machine.state
+        limits, mode = machine.config.joints[j].limits, state.control_modes[j]
+        if mode not in CONFIGURED:
+            text = f"{name} is {mode.name}; its angle can be set once it is configured"
+            return JointAnswer(Answer.REFUSED, text, Reason.NOT_CONFIGURED)
+        if mode is not UNPOWERED:
+            text = f"{name} is {mode.name}; its angle can be set in {UNPOWERED.name} only"
+            return JointAnswer(Answer.REFUSED, text, Reason.OTHER_MODE)
+        if not limits.hard_lower <= position <= limits.hard_upper:
+            kind = machine.config.joints[j].kind
+            low, high = kind.position(limits.hard_lower), kind.position(limits.hard_upper)
+            text = f"{name} cannot be at {kind.position(position)}; its stops are {low} to {high}"
+            return JointAnswer(Answer.REFUSED, text, Reason.OUT_OF_RANGE)
+        calibrations = machine.calibrations
+        calibrations.set_offset(j, float(state.position[j] + state.offset[j]) - position)
+        machine.references.reset([j], bounded=bool(state.calibrated[j]))
+        return JointAnswer()
+
+
+def shaft_readings(state: StateArrays) -> Floats:
+    """Rows of Motor of all joints, as they were told to read, shape (rows, n)."""
+    found: Floats = state.motors.copy()
+    found[Motor.POSITION] -= state.motor_offset
+    return found
+
+
+def pid_of(joint: Joint, loop: Loop) -> Gains:
+    """The PID of a loop; that of the velocity is the position's."""
+    pids = {Loop.TORQUE: joint.torque_pid, Loop.CURRENT: joint.current_pid}
+    pid: Gains = pids.get(loop, joint.position_pid)
+    return pid
+
+
+def put_out(pid: Gains) -> float:
+    """What a PID put out in the last cycle."""
+    return float(pid.feed() + pid.integral)
+
+
+#: What each loop follows, measures and puts out.
+LOOPS: dict[Loop, Callable[[Joint], tuple[float, float, float]]] = {
+    Loop.POSITION: lambda j: (j.followed, j.position, put_out(j.position_pid)),
+    Loop.VELOCITY: lambda j: (j.followed_velocity, j.velocity, put_out(j.position_pid)),
+    Loop.TORQUE: lambda j: (j.torque_reference, j.torque, put_out(j.torque_pid)),
+    Loop.CURRENT: lambda j: (j.current_pid.reference, j.current, j.output if j.in_amps else 0.0),
+}

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motor encoders, amplifiers and control loops (SPEC Y5)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from rig import LIMITS, MOTOR, M, Rig, board_config, joint, ready
+
+from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.motors import Loop
+from control_board_ros.core.terms.reply import Reason
+
+
+@pytest.fixture
+def rig() -> Rig:
+    made = ready()
+    made.enter("pos")
+    return made
+
+
+def test_a_motor_turns_with_its_joint(rig: Rig) -> None:
+    """Y5: by the gear ratio, in the state and by request."""
+    rig.board.position_move("left", 0.5, 1.0)
+    shown = rig.run(0.3)
+    ratio = MOTOR.gear_ratio
+    found = rig.board.get_motors("left")
+    np.testing.assert_allclose(shown.motor_position, ratio * shown.position, atol=1e-9)
+    np.testing.assert_allclose(shown.motor_velocity, ratio * shown.velocity, atol=1e-9)
+    assert found.positions[0] == shown.motor_position[0] != 0.0
+    assert found.accelerations[0] == pytest.approx(ratio * shown.acceleration[0])
+    assert shown.acceleration[0] != 0.0
+    assert found.gear_ratios[0] == ratio
+    np.testing.assert_array_equal(shown.supply_voltage, [MOTOR.supply_voltage] * 3)
+
+
+def test_name_plates_are_told(rig: Rig) -> None:
+    """Y5: as configured, in the order asked."""
+    found = rig.board.get_motors(["right", "left"])
+    assert found.nominal_currents.tolist() == [LIMITS.nominal_current] * 2
+    assert found.peak_currents.tolist() == found.max_currents.tolist() == [LIMITS.peak_current] * 2
+    assert found.output_limits.tolist() == [100.0] * 2
+    assert found.torque_limits.tolist() == [LIMITS.torque] * 2
+    assert found.torque_constants.tolist() == [MOTOR.torque_constant] * 2
+    assert found.temperature_limits.tolist() == [LIMITS.temperature] * 2
+
+
+@pytest.mark.parametrize("output", ["pwm", "current"])
+def test_the_largest_current_is_what_is_set(output: str) -> None:
+    """Y5: no user's torque drives more through the motor; a power-on forgets it."""
+    made = ready(board_config(joint("left"), joint("right"), output=output))
+    made.enter(M.TORQUE)
+    assert made.board.set_motors("left", max_currents=4.0)
+    made.board.set_ref_torque(None, 40.0)  # 8 A
+    shown = made.record(0.03)[-5:]  # not at the speed limit yet
+    assert max(float(one.current[0]) for one in shown) < 4.6
+    assert max(float(one.current[1]) for one in shown) > 7.0
+    assert made.board.get_motors().max_currents.tolist() == [4.0, LIMITS.peak_current]
+    made.board.power_cycle()
+    assert made.board.get_motors().max_currents.tolist() == [LIMITS.peak_current] * 2
+
+
+def test_the_largest_pwm_is_what_is_set(rig: Rig) -> None:
+    """Y5, P8: also in OPENLOOP."""
+    rig.enter(M.OPENLOOP)
+    assert rig.board.set_motors(["left", "right"], output_limits=[5.0, 0.0])
+    rig.board.set_output(None, 20.0)
+    assert rig.tick().output.tolist() == [5.0, 0.0, 20.0]
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {},
+        {"max_currents": 0.0},
+        {"max_currents": 1.01 * LIMITS.peak_current},
+        {"max_currents": math.nan},
+        {"output_limits": -1.0},
+        {"output_limits": 100.5},
+        {"output_limits": [1.0, 2.0]},
+        {"max_currents": 1.0, "output_limits": math.inf},
+    ],
+    ids=str,
+)
+def test_caps_lie_within_what_is_configured(rig: Rig, given: dict[str, Any]) -> None:
+    """Y5, M7: else nothing is set."""
+    before = rig.board.get_motors()
+    reply = rig.board.set_motors("left", **given)
+    assert not reply
+    assert reply.message
+    after = rig.board.get_motors()
+    np.testing.assert_array_equal(after.max_currents, before.max_currents)
+    np.testing.assert_array_equal(after.output_limits, before.output_limits)
+
+
+def test_a_motor_encoder_reads_what_it_is_set_to(rig: Rig) -> None:
+    """Y5: and goes on from there; the joint's angle is another thing."""
+    rig.board.position_move("left", 0.2, 1.0)
+    angle = float(rig.run(1.0).position[0])
+    assert rig.board.set_encoders("left", 3.0, motor=True)
+    shown = rig.tick()
+    assert shown.motor_position[0] == pytest.approx(3.0, abs=1e-3)
+    assert shown.position[0] == pytest.approx(angle, abs=1e-3)
+    rig.board.position_move("left", 0.3, 1.0)
+    shown = rig.run(1.0)
+    turned = MOTOR.gear_ratio * (shown.position[0] - angle)
+    assert shown.motor_position[0] == pytest.approx(3.0 + turned, abs=0.05)
+    rig.board.power_cycle()
+    shown = rig.tick(2)
+    assert shown.motor_position[0] == pytest.approx(MOTOR.gear_ratio * shown.position[0], abs=1e-6)
+
+
+def test_the_angle_of_a_joint_without_power_can_be_set(rig: Rig) -> None:
+    """Y5: it is there, and holds there; with power, or beyond its stops, it is refused."""
+    assert rig.board.set_encoders("left", 1.0).codes == (Reason.OTHER_MODE,)
+    rig.enter("idl")
+    assert rig.board.set_encoders("left", 9.0).codes == (Reason.OUT_OF_RANGE,)
+    assert rig.board.get_encoder("left")[0] == pytest.approx(0.0, abs=1e-3)
+    assert rig.board.set_encoders(["left", "right"], [1.0, -1.0])
+    assert rig.tick().position[:2].tolist() == pytest.approx([1.0, -1.0], abs=1e-3)
+    rig.enter("pos")
+    shown = rig.run(0.5)
+    assert shown.position[:2].tolist() == pytest.approx([1.0, -1.0], abs=5e-3)
+    assert rig.modes()[:2] == [M.POSITION] * 2
+    assert not rig.board.set_encoders("left", math.nan)
+
+
+def test_loops_tell_what_they_follow(rig: Rig) -> None:
+    """Y5: reference, error and output of each loop."""
+    rig.plant.push("left", 8.0)
+    shown = rig.run(1.0)
+    found = rig.board.get_pids("position", "left")
+    assert found.references[0] == pytest.approx(shown.position_reference[0], abs=1e-6)
+    assert found.errors[0] == pytest.approx(found.references[0] - shown.position[0], abs=1e-9)
+    assert found.outputs[0] == pytest.approx(-8.0, abs=0.5)
+    rig.enter("torq", "left")
+    rig.board.set_ref_torque("left", -8.0)
+    rig.run(0.2)
+    found = rig.board.get_pids(Loop.TORQUE, "left")
+    assert found.references[0] == -8.0
+    assert abs(found.errors[0]) < 0.5
+    with pytest.raises(RequestError, match="loop 'pwm' unknown; one of position"):
+        rig.board.get_pids("pwm")
+
+
+def test_a_loop_is_reset_and_given_an_offset(rig: Rig) -> None:
+    """Y5: what it has integrated is gone; an offset is u_ff."""
+    rig.plant.push("left", 8.0)
+    rig.run(1.0)
+    laws = rig.board.controller.joints[0]
+    assert abs(laws.position_pid.integral) > 4.0
+    assert rig.board.set_pids("position", "left", reset=True)
+    assert laws.position_pid.integral == 0.0
+    assert rig.board.set_pids("position", "left", offsets=3.0)
+    assert rig.board.get_pids("position", "left").offsets[0] == 3.0
+    assert laws.output_offset == 3.0
+    assert not rig.board.set_pids("position", "left")
+    assert not rig.board.set_pids("position", "left", offsets=math.nan)
+    assert not rig.board.set_pids("nope", "left", reset=True)
