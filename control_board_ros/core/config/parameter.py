@@ -50,7 +50,8 @@ class Parameter:
         low, high: Least and greatest value, inclusive; of numbers.
         above: What the value is greater than, by TINY at least.
         or_zero: Whether 0 is allowed, too, where ``low`` is above it.
-        choices: Of strings, and of flags that may be more: the text of each allowed value, and the value.
+        choices: Of strings: the text of each allowed value, and the value; of flags what they
+            may be besides.
         pattern: Of strings: the regular expression of the whole value; empty: any text.
         form: What the pattern allows, in words.
         length: Of arrays with a fixed one.
