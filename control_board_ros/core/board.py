@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from .config.config import BoardConfig
 from .config.layout import Zone, joined, zones_of
 from .config.limits import BoardLimits

@@ -49,8 +49,8 @@ class Snapshot:
     false where a joint's angle is not known (K7); overload is the part of the I²t budget used up
     (a fault above 1); torque_sensor is false where torque is NaN; unknown_commands counts the
     commands that name no joint of the board; brake is true where a joint's brake is closed,
-    brake_slips where a closed one does not hold (Y4); motors has the rows of Motor, as the encoders are
-    set to read, and acceleration is of the joints, rad/s²; None: not known.
+    brake_slips where a closed one does not hold (Y4); motors has the rows of Motor, as the
+    encoders are set to read, and acceleration is of the joints, rad/s²; None: not known.
     """
 
     time: float
@@ -137,8 +137,8 @@ class StateArrays:
 
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
     joint angle), motors (rows of Motor as measured), motor_offset (rad: what its encoder reads
-    less what it was set to), calibrated, powered (1.0 where the bridge is on), kinds and set_points
-    (what the drives follow: SetPoint, and rows of set_points.Value), done (no move runs),
+    less what it was set to), calibrated, powered (1.0 where the bridge is on), kinds and
+    set_points (what the drives follow: SetPoint, and rows of set_points.Value), done (no move runs),
     control_modes and interaction_modes, accepts (by kind of reference, shape (kinds, n)), rejected
     (commands ignored so far), faults (the last one of each joint), before (its modes when that was
     raised), time (s, of the last reading), cycle, modes_version and faults_version (they grow
