@@ -138,7 +138,8 @@ class StateArrays:
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
     joint angle), motors (rows of Motor as measured), motor_offset (rad: what its encoder reads
     less what it was set to), calibrated, powered (1.0 where the bridge is on), kinds and
-    set_points (what the drives follow: SetPoint, and rows of set_points.Value), done (no move runs),
+    set_points (what the drives follow: SetPoint, and rows of set_points.Value), done (no move
+    runs),
     control_modes and interaction_modes, accepts (by kind of reference, shape (kinds, n)), rejected
     (commands ignored so far), faults (the last one of each joint), before (its modes when that was
     raised), time (s, of the last reading), cycle, modes_version and faults_version (they grow
