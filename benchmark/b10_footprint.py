@@ -63,9 +63,8 @@ def _with(
             "%",
             processor,
             reference,
-            headline=told,
         ),
-        Figure("B10", f"resident memory{where}", memory, "MB", most, headline=told),
+        Figure("B10", f"resident memory{where}", memory, "MB", most),
         Figure(
             "B10",
             f"from the command to the first joint state{where}",
@@ -73,7 +72,6 @@ def _with(
             "s",
             soonest,
             f"of {len(starts)} starts: {', '.join(number(start) for start in sorted(starts))} s",
-            headline=told,
         ),
     ]
 

@@ -36,7 +36,6 @@ def run(effort: Effort) -> list[Figure]:
                     "×",
                     at_most(1.5) if "PD law" in name and "MuJoCo" not in name else None,
                     f"{number(ours)} µs against {number(median(times))} µs",
-                    headline=robot == "iiwa" and "PD law by hand" in name,
                 )
             )
     return figures

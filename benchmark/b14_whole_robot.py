@@ -84,7 +84,6 @@ def _figure(
         unit,
         goal,
         reference,
-        headline=goal is not None,
     )
 
 

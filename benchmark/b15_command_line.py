@@ -41,7 +41,6 @@ def run(effort: Effort) -> list[Figure]:
             at_most(1.5),
             f"{number(cbctl)} s against {number(bare)} s of a bare node",
             {"cbctl": cbctl, "bare": bare},
-            headline=True,
         )
     ]
 

@@ -32,7 +32,6 @@ def run(effort: Effort) -> list[Figure]:
             at_most(bound),
             f"{times} calls from another process; seen in state (1 kHz)",
             stops,
-            headline=key == "p99",
         )
         for name, key, bound in (("median", "p50", 3.0), ("p99", "p99", 5.0))
     ]

@@ -42,7 +42,6 @@ def run(effort: Effort) -> list[Figure]:
                 None if bound is None else at_most(bound),
                 f"{number(found['board'])} µs against {number(found['bare'])} µs of a bare cycle",
                 found,
-                headline=bound is not None,
             )
         )
     return figures

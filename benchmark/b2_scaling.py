@@ -43,7 +43,6 @@ def run(effort: Effort) -> list[Figure]:
                     at_most(float(number(goal))) if goal < float("inf") else None,
                     f"{number(found['board'])} µs against {number(found['bare'])} µs",
                     found,
-                    headline=length == LENGTHS[-1],
                 )
             )
     return figures

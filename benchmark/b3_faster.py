@@ -37,9 +37,7 @@ def _figure(case: str, factors: list[float], bound: float | None) -> Figure:
     reference = "real time"
     details = {"factor": median(factors), "slowest": min(factors), "fastest": max(factors)}
     goal = None if bound is None else at_least(bound)
-    return Figure(
-        "B3", case, median(factors), "×", goal, reference, details, headline=bound is not None
-    )
+    return Figure("B3", case, median(factors), "×", goal, reference, details)
 
 
 def _alone(effort: Effort, physics: str) -> float:

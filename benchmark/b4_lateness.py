@@ -90,7 +90,6 @@ def _figures(
             at_most(bound),
             reference + told,
             details,
-            headline=True,
         ),
         Figure(
             "B4",

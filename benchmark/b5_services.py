@@ -53,7 +53,6 @@ def run(effort: Effort) -> list[Figure]:
                         at_most(1.15),
                         f"{number(found['board'])} ms against {echo} ms of an echo",
                         found,
-                        headline=not way,
                     )
                 )
     figures.append(_floor(calls, runs))

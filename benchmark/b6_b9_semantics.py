@@ -28,7 +28,6 @@ def run(effort: Effort) -> list[Figure]:
             stale,
             "",
             exactly(0.0),
-            headline=True,
         ),
         Figure(
             "B9",
@@ -36,7 +35,6 @@ def run(effort: Effort) -> list[Figure]:
             lost,
             "",
             exactly(0.0),
-            headline=True,
         ),
     ]
 

@@ -36,7 +36,6 @@ def run(effort: Effort) -> list[Figure]:
             f"bare publisher: {number(reference['delivered'], 5)} %",
             found | {f"bare_{key}": value for key, value in reference.items()},
             digits=5,
-            headline=True,
         ),
         Figure(
             "B7",
@@ -45,7 +44,6 @@ def run(effort: Effort) -> list[Figure]:
             "ms",
             at_most(1.4),
             f"bare publisher: {number(reference['p99'])} ms",
-            headline=True,
         ),
     ]
 

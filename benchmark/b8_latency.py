@@ -36,7 +36,6 @@ def run(effort: Effort) -> list[Figure]:
             at_most(bound),
             f"bare relay: {number(bare[key])} ms",
             found | {f"bare_{other}": value for other, value in bare.items()},
-            headline=True,
         )
         for name, key, bound in (("median", "p50", 2.0), ("p99", "p99", 4.0))
     ]

@@ -61,8 +61,7 @@ class Figure:
 
     Attributes: number (``B1``), case (what was measured), value with its unit, goal (None where
     the figure is only stated), reference (what the bare reference of the same run gave, in
-    words), details (raw numbers, for the record), digits (significant ones to show), headline
-    (whether it stands in README).
+    words), details (raw numbers, for the record), digits (significant ones to show).
     """
 
     number: str
@@ -73,7 +72,6 @@ class Figure:
     reference: str = "–"
     details: dict[str, float] = field(default_factory=dict)
     digits: int = 3
-    headline: bool = False
 
     @property
     def met(self) -> bool | None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,7 +29,7 @@ def report(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Any]:
 
 def figure(report: Any, value: float, case: str = "a case") -> Any:
     """A figure as a benchmark gives it."""
-    return report.Figure("B1", case, value, "×", headline=True)
+    return report.Figure("B1", case, value, "×")
 
 
 def test_record_keeps_what_was_before(report: Any, tmp_path: Path) -> None:
@@ -65,6 +66,13 @@ def test_pages_keep_what_people_wrote(report: Any, tmp_path: Path) -> None:
     assert "old" not in page
     assert "2.50 ×" in page
     assert report.README.read_text(encoding="utf-8") == "no markers\n"
+
+
+def test_readme_shows_five_figures_of_the_record(report: Any) -> None:
+    """Each is measured under the name that README asks for."""
+    record = json.loads(report.RECORD.read_text(encoding="utf-8"))
+    rows = report.short_table(record).splitlines()
+    assert len([row for row in rows if row.startswith("|")]) == 2 + len(report.SHORT) == 2 + 5
 
 
 def test_page_is_made_where_there_is_none(report: Any, tmp_path: Path) -> None:
