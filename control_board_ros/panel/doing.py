@@ -30,6 +30,11 @@ ADVICE = {
 }
 
 
+#: What the page draws of a freeze frame, and of how many cycles.
+FRAME = ("position", "position_reference", "torque", "torque_reference", "current", "output")
+MOST_OF_FRAME = 500
+
+
 def told(reply: Reply) -> dict[str, Any]:
     """A reply for the page."""
     answers = {name: str(answer) for name, answer in zip(reply.joints, reply.answers, strict=True)}
@@ -47,6 +52,18 @@ async def recover(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     partial = given.get("partial", False)
     reply = await board.client.aio.recover(given["joints"] or None, partial)
     return told(reply) | {"waits": dict(zip(reply.joints, reply.waits, strict=False))}
+
+
+async def frame(board: Board, given: Given, _: Progress) -> dict[str, Any]:
+    """What was around the last fault of a joint (E3): columns of at most MOST_OF_FRAME numbers."""
+    found = await board.client.aio.get_freeze_frame(given["joint"])
+    if found is None:
+        return {"ok": False, "message": f"{given['joint']} has had no fault", "frame": {}}
+    step = -(-found.stamps.size // MOST_OF_FRAME)
+    columns = {"time": found.stamps - found.fault.stamp}
+    columns |= {name: getattr(found, name) for name in FRAME}
+    rows = {n: [finite(x) for x in column[::step].tolist()] for n, column in columns.items()}
+    return {"ok": True, "message": "", "frame": rows}
 
 
 async def interaction(board: Board, given: Given, _: Progress) -> dict[str, Any]:
@@ -204,6 +221,7 @@ DOERS: dict[str, Doer] = {
     "calibrate": calibrate,
     "configure": configure,
     "details": details,
+    "frame": frame,
     "poses": poses,
     "pose": pose,
     "save_pose": save_pose,

@@ -112,6 +112,7 @@ KINDS: dict[str, Kind] = {
     # What watchers may do
     "watch": Kind({"boards": names}, {}, commands=False, to_all=True),
     "details": Kind({"joint": text}, {}, commands=False),
+    "frame": Kind({"joint": text}, {}, commands=False),
     "poses": Kind({}, {"pose": text}, commands=False),
     "targets": Kind({}, {}, commands=False),
     "operate": Kind({}, {}, commands=False, to_all=True),

@@ -245,6 +245,12 @@ def test_a_fault_is_recovered_from(page: Any, client: ControlBoardClient) -> Non
     banner = page.get_by_role("alert")
     client.inject_fault(f"{FRONT}joint_2", "overheating", True)
     banner.get_by_text("joint_2").wait_for()
+    around = page.get_by_label("joint_2: what was around the fault")  # E3
+    around.click()
+    page.locator(".frame polyline.measured").first.wait_for(state="attached")
+    page.locator(".frame figcaption").filter(has_text="Position").wait_for()
+    around.click()
+    page.locator(".frame").wait_for(state="hidden")
     page.get_by_label("Recover: the joints go back to the modes before").click()
     page.locator(".toast").filter(has_text="the cause persists").wait_for()
     banner.get_by_text("wait ").first.wait_for()

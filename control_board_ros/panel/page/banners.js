@@ -2,6 +2,7 @@
 // What must be seen: faults with their way out, who asks to take over, a lost connection.
 
 import { h, setText } from "./dom.js";
+import { frameCharts } from "./frame.js";
 
 // The code of an emergency stop.
 const STOPPED = 24;
@@ -106,8 +107,23 @@ export class Banners {
   row({ board, fault }) {
     const age = h("span", { class: "age" });
     const joint = board.joint(fault.name);
-    return { board, fault, age, row: h("li", {}, h("strong", {}, joint?.short ?? fault.name), " ", h("span", { class: "cause" }, fault.text), " ", age,
-      h("span", { class: "advice" }, ADVICE[fault.code] ?? "Remove the cause.")) };
+    const frame = h("div", { hidden: true });
+    const name = joint?.short ?? fault.name;
+    const button = h("button", { type: "button", class: "small-button", "aria-expanded": "false", "aria-label": `${name}: what was around the fault`,
+      onclick: () => this.showFrame(board, joint, fault, button, frame) }, "Around it");
+    return { board, fault, age, row: h("li", {}, h("strong", {}, name), " ", h("span", { class: "cause" }, fault.text), " ", age,
+      h("span", { class: "advice" }, ADVICE[fault.code] ?? "Remove the cause."), " ", button, frame) };
+  }
+
+  /** The freeze frame of a fault, or no longer. */
+  async showFrame(board, joint, fault, button, frame) {
+    if (frame.hidden) {
+      const answer = await this.panel.request("frame", { board: board.name, joint: fault.name });
+      if (!answer.frame?.time?.length) return;
+      frame.replaceChildren(frameCharts(answer.frame, joint?.sliding));
+    }
+    frame.hidden = !frame.hidden;
+    button.setAttribute("aria-expanded", String(!frame.hidden));
   }
 
   /** Every joint of every board stays without power until it is recovered. */
