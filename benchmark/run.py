@@ -39,6 +39,7 @@ GROUPS = {
     "B14": "b14_whole_robot",
     "B15": "b15_command_line",
     "B16": "b16_emergency_stop",
+    "B17": "b17_drives",
 }
 
 

@@ -36,6 +36,7 @@ FIGURES = {
     "B14": 6 if HAS_ICUB else 0,
     "B15": 1,
     "B16": 2,
+    "B17": 2,
 }
 LONG = ("B4", "B7", "B10", "B11", "B12", "B14")
 QUICK = [name for name in FIGURES if name not in LONG]
