@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import struct
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -41,6 +42,14 @@ VOLTAGE_DQ = 8
 ON_SILENCE = {OnSilence.FREE: 0, OnSilence.DAMPED: 15, OnSilence.BRAKED: 10}
 #: Part of the supply that its modulation reaches.
 MODULATION = 0.5
+#: The library's position command: floats, with what stands between them; made once, and filled.
+POSITIONS = struct.Struct("<6s6f2sf2sf")
+#: An answer as it usually comes, and the heads of its three parts; any other is parsed in full.
+USUAL = struct.Struct("<2sb3s4f2s3b")
+USUAL_HEADS = (b"\x21\x00", b"\x2c\x04\x01", b"\x23\x0d")
+#: The next length that CAN FD has, by length.
+LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+SIZES = [next(size for size in LENGTHS if size >= n) for n in range(65)]
 FAULTS = {
     32: "calibration fault",
     33: "motor driver fault",
@@ -100,6 +109,7 @@ class MoteusDrives:
             moteus.Controller(id=axis.id, query_resolution=resolution) for axis in self._axes
         ]
         self._parse = parse_reply
+        self._templates = [template(drive) for drive in self._drives]
         found = []
         for k, axis in enumerate(self._axes):
             told = identify(line, axis.id)
@@ -114,7 +124,7 @@ class MoteusDrives:
     def _set_up(self, k: int, found: Found) -> Found:
         """Stop a drive, set its watchdog and largest torque, and read its gains and limits."""
         line, axis, joint = self._opened, self._axes[k], self._joints[k]
-        self._send(k, self._drives[k].make_stop())
+        line.send(axis.id, padded(self._drives[k].make_stop().data))
         silence = OnSilence.FREE if joint is None else joint.on_silence
         ask(line, axis.id, f"conf set servo.timeout_mode {ON_SILENCE[silence]}")
         ask(line, axis.id, f"conf set servo.default_timeout_s {self._setup.timeout:.4f}")
@@ -152,8 +162,9 @@ class MoteusDrives:
         for k, kind in enumerate(kinds):
             if kind is None:
                 continue
-            self._send(k, self._command(k, SetPoint(kind), columns[k]))
-            asked.append(self._axes[k].id)
+            drive = self._axes[k].id
+            line.send(0x8000 | drive, padded(self._command(k, SetPoint(kind), columns[k])))
+            asked.append(drive)
         line.gather(self._take, asked, self._wait)
 
     def clear_fault(self, drive: int) -> None:
@@ -162,7 +173,7 @@ class MoteusDrives:
             found = identify(self._opened, self._axes[drive].id, attempts=1)
             if found:
                 self._set_up(drive, found[0])
-        self._send(drive, self._drives[drive].make_stop())
+        self._opened.send(self._axes[drive].id, padded(self._drives[drive].make_stop().data))
 
     def close(self) -> None:
         """Stop all drives, and leave the bus."""
@@ -179,17 +190,13 @@ class MoteusDrives:
             raise ConnectionError("the bus is not open")
         return self._line
 
-    def _send(self, k: int, command: Any) -> None:
-        asks = 0x8000 if command.reply_required else 0
-        self._opened.send(asks | self._axes[k].id, padded(command.data))
-
-    def _command(self, k: int, kind: SetPoint, value: list[float]) -> Any:
+    def _command(self, k: int, kind: SetPoint, value: list[float]) -> bytes:
         drive = self._drives[k]
         if kind is SetPoint.OFF or self._restarted[k]:
             self._running[k] = False
-            return drive.make_stop(query=True)
+            return bytes(drive.make_stop(query=True).data)
         if kind is SetPoint.CURRENT:
-            return drive.make_current(d_A=0.0, q_A=value[Value.CURRENT], query=True)
+            return bytes(drive.make_current(d_A=0.0, q_A=value[Value.CURRENT], query=True).data)
         if kind is SetPoint.PWM:
             volts = MODULATION * value[Value.PWM] / 100.0 * self._answers.voltage[k]
             return voltage(drive, float(volts))
@@ -200,17 +207,21 @@ class MoteusDrives:
         elif kind is SetPoint.TORQUE:
             kp = kd = 0.0
         places = kind in (SetPoint.POSITION, SetPoint.IMPEDANCE)
-        return drive.make_position(
-            position=value[Value.POSITION] / REV if places else math.nan,
-            velocity=value[Value.VELOCITY] / REV,
-            feedforward_torque=value[Value.TORQUE],
-            kp_scale=kp,
-            kd_scale=kd,
-            maximum_torque=self._most[k],
-            watchdog_timeout=self._setup.timeout,
-            ilimit_scale=1.0 if kind in (SetPoint.POSITION, SetPoint.VELOCITY) else 0.0,
-            query=True,
+        begin, at_timeout, at_integral, query = self._templates[k]
+        packed = POSITIONS.pack(
+            begin,
+            value[Value.POSITION] / REV if places else math.nan,
+            value[Value.VELOCITY] / REV,
+            value[Value.TORQUE],
+            kp,
+            kd,
+            self._most[k],
+            at_timeout,
+            self._setup.timeout,
+            at_integral,
+            1.0 if kind in (SetPoint.POSITION, SetPoint.VELOCITY) else 0.0,
         )
+        return packed + query
 
     def _take(self, message: Any) -> int | None:
         """Read an answer."""
@@ -222,9 +233,7 @@ class MoteusDrives:
             answers.foreign += 1
             return None
         try:
-            found = self._parse(message.data)
-            mode, fault = int(found[0x000]), int(found[0x00F])
-            q, dq, torque, amps, volts = (float(found[r]) for r in (1, 2, 3, 4, 0x0D))
+            mode, q, dq, torque, amps, volts, fault = self._read(bytes(message.data))
         except Exception:  # noqa: BLE001 - whatever is wrong with a frame, it is none
             answers.malformed += 1
             return None
@@ -236,6 +245,18 @@ class MoteusDrives:
         answers.faults[k] = self._judge(k, mode, fault)
         answers.came(k, message.data)
         return source
+
+    def _read(self, data: bytes) -> tuple[int, float, float, float, float, float, int]:
+        """Mode, position, velocity, torque, current, voltage and fault of an answer."""
+        if len(data) >= USUAL.size:
+            head, mode, floats, q, dq, torque, amps, last, volts, _, fault = USUAL.unpack_from(
+                data
+            )
+            if (head, floats, last) == USUAL_HEADS and volts != -128:
+                return mode, q, dq, torque, amps, 0.5 * volts, fault
+        found = self._parse(data)
+        q, dq, torque, amps, volts = (float(found[r]) for r in (1, 2, 3, 4, 0x0D))
+        return int(found[0x000]), q, dq, torque, amps, volts, int(found[0x00F])
 
     def _judge(self, k: int, mode: int, fault: int) -> DriveFault | None:
         if mode in RUNNING:
@@ -249,20 +270,27 @@ class MoteusDrives:
         return WATCHDOG if mode == TIMEOUT else None
 
 
+def template(drive: Any) -> tuple[bytes, bytes, bytes, bytes]:
+    """What stands between the numbers of the library's position command, and its query."""
+    numbers = dict.fromkeys(("position", "velocity", "feedforward_torque", "kp_scale"), 0.0)
+    numbers |= {"kd_scale": 0.0, "maximum_torque": 0.0, "watchdog_timeout": 0.0}
+    data = drive.make_position(**numbers, ilimit_scale=0.0, query=True).data
+    parts = POSITIONS.unpack_from(data)
+    return parts[0], parts[7], parts[9], data[POSITIONS.size :]
+
+
 def padded(data: bytes) -> bytes:
     """Data of a length that CAN FD has, with NOPs."""
-    sizes = (*range(9), 12, 16, 20, 24, 32, 48, 64)
-    return data.ljust(next(size for size in sizes if size >= len(data)), b"\x50")
+    return data.ljust(SIZES[len(data)], b"\x50")
 
 
-def voltage(drive: Any, volts: float) -> Any:
+def voltage(drive: Any, volts: float) -> bytes:
     """A command of voltage mode, which the library has no method for."""
     import io
 
     from moteus import multiplex as mp
     from moteus.protocol import Register, Writer
 
-    command = drive.make_query()
     buffer = io.BytesIO()
     writer = Writer(buffer)
     for value in (mp.WRITE_INT8 | 1, int(Register.MODE), VOLTAGE_DQ, mp.WRITE_F32 | 2):
@@ -270,8 +298,7 @@ def voltage(drive: Any, volts: float) -> Any:
     writer.write_varuint(int(Register.VOLTAGEDQ_D))
     writer.write_f32(0.0)
     writer.write_f32(volts)
-    command.data = buffer.getvalue() + command.data
-    return command
+    return buffer.getvalue() + bytes(drive.make_query().data)
 
 
 def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]:
