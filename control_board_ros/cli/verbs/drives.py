@@ -17,7 +17,12 @@ ACTIONS = ("scan", "try")
 
 
 @takes(
-    argument("action", choices=ACTIONS, help="List what answers, or move each joint a little."),
+    argument(
+        "action",
+        metavar="scan|try",
+        choices=ACTIONS,
+        help="List what answers, or move each joint a little.",
+    ),
     argument("what", metavar="PLANT|ROBOT.yaml", help="scan: moteus, …; try: a parameter file."),
     argument("--bus", metavar="BUS", help="scan: as socketcan:can0 or /dev/ttyUSB0."),
     argument("--joints", metavar="A,B", help="try: only these."),
