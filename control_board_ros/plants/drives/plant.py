@@ -30,8 +30,8 @@ from .axes import Axes, Axis
 
 #: Answers too many until two drives are taken to have one id; an exchange without takes some back.
 CLASHES, FORGIVEN = 3.0, 0.3
-#: Questions whose answers may still be on their way.
-LATEST = 3
+#: Questions whose answers may still be on their way; more than one exchange reads at most.
+LATEST = 100
 NONE = DriveLimits()
 #: What a drive says of its watchdog and of a restart, where it has no number of its own for it.
 WATCHDOG = DriveFault(0, "watchdog: it heard nothing for too long")
@@ -149,7 +149,7 @@ class DrivesPlant:
     def _no_clashes(self) -> tuple[list[float], list[int], list[bytes]]:
         """Counts of answers too many, answers that are owed, last answers."""
         n = len(self.axes)
-        return [0.0] * n, [LATEST] * n, [b""] * n
+        return [0.0] * n, [0] * n, [b""] * n
 
     def time_by(self, clock: Callable[[], float]) -> None:
         """Take the time of answers from another clock, s; for tests, before ``connect``."""
