@@ -40,20 +40,20 @@ class Interfaces(
     ParameterRequests,
     SimulationRequests,
 ):
-    """Everything that can be asked of a board."""
+    """All interfaces of a board."""
 
 
 class Aio(Awaitable, Interfaces):
     """The awaitable form of a client's methods: ``await client.aio.set_control_mode(…)``."""
 
-    if not TYPE_CHECKING:  # a checker reports what is not there
+    if not TYPE_CHECKING:  # type checkers report unknown names
 
         def __getattr__(self, name: str) -> Any:
             raise AttributeError(f"{name} has no awaitable form; see dir(client.aio)")
 
 
 class ControlBoardClient(Blocking, Interfaces):
-    """A control board somewhere on ROS, with the methods of the in-process one.
+    """A control board reached over ROS, with the methods of the in-process one.
 
     Args:
         node: a node of yours; the client uses its context, namespace, remappings and log.
@@ -84,11 +84,10 @@ class ControlBoardClient(Blocking, Interfaces):
         inside = Interfaces(services)
         super().__init__(services, inside)
         self.aio = Aio(services, inside)
-        # Also when the program ends.
+        # Runs at the end of the program as well.
         self._close: Callable[[], Any] = weakref.finalize(services, services.link.close)
 
     def close(self) -> None:
-        """End the connection."""
         self._close()
 
     def __enter__(self) -> ControlBoardClient:
@@ -105,17 +104,16 @@ class ControlBoardClient(Blocking, Interfaces):
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self.board_name}>"
 
-    if not TYPE_CHECKING:  # a checker reports what is not there
+    if not TYPE_CHECKING:  # type checkers report unknown names
 
         def __getattr__(self, name: str) -> Any:
-            """Say where a method of YARP is found here."""
+            """Name the equivalent of a YARP method."""
             here = None if name.startswith("_") else name_here(name, dir(type(self)))
             hint = f"; here it is {here}, and angles are in rad" if here else ""
             raise AttributeError(f"{type(self).__name__} has no {name!r}{hint}")
 
     @property
     def board_name(self) -> str:
-        """The absolute name of the board's node."""
         return self._link.name
 
     @property

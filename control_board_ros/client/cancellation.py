@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cancel a goal when the connection is gone already.
+"""Cancel a goal after the context was shut down.
 
 On Ctrl-C, rclpy's signal handlers shut down every context of the process before Python raises
-KeyboardInterrupt, and a context once shut down sends no more. So that an interrupted move stops
-the joints all the same, its goal is cancelled from a context of its own.
+KeyboardInterrupt, and a context that was shut down sends nothing. The goal of an interrupted
+move is therefore cancelled over a new context, which stops the joints.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from rclpy.node import Node
 
 
 def cancel_over_new_context(domain: int, service: str, goal_id: Any, timeout: float) -> bool:
-    """Cancel a goal over a new connection; whether the board answered.
+    """Cancel a goal over a new connection; returns whether the board answered.
 
     Args:
         domain: the ROS domain.
         service: the action's cancel service, absolute.
         goal_id: the goal's UUID message.
-        timeout: s to find the board, and again to wait for its answer.
+        timeout: s for discovery, and again for the answer.
     """
     context = Context()
     context.init(args=[], initialize_logging=False, domain_id=domain)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether what a board answers can be an answer: a stranger's may be none."""
+"""Validation of a board's responses."""
 
 from __future__ import annotations
 
@@ -20,32 +20,31 @@ VOCABS = {
     "control": frozenset(map(int, ControlMode)),
     "interaction": frozenset(map(int, InteractionMode)),
 }
-#: Fields with more or fewer entries than there are names.
+#: Fields whose length differs from that of ``names``.
 OTHERS = frozenset({"poses"})
 
 
 def check_response(service: Endpoint, response: Any, board: str) -> None:
-    """Refuse a response whose parts do not fit each other, or whose modes are none.
+    """Reject a response with inconsistent lengths or unknown modes; sanitise its names.
 
-    Names in it are made safe to show.
 
     Raises:
-        InvalidAnswer: one line: which board and service, and what is wrong.
+        InvalidAnswer: one line: board, service, problem.
     """
     wrong_form = _lengths(response)
     problem = wrong_form or _modes(service, response)
     if problem:
-        text = f"{service.of(board)} answered what is no answer: {problem}; is it a control board?"
+        text = f"{service.of(board)} sent an invalid response: {problem}; is it a control board?"
         raise InvalidAnswer(text, unknown_mode=not wrong_form)
     if hasattr(response, "names"):
         response.names = list(clean_names(response.names))
 
 
 def check_asked(service: Endpoint, response: Any, count: int, board: str) -> None:
-    """Refuse a response of a reading service that has not one entry for each joint asked for.
+    """Reject a response of a getter without one entry per requested joint.
 
     Raises:
-        InvalidAnswer: one line: which board and service, and what is wrong.
+        InvalidAnswer: one line: board, service, problem.
     """
     if not hasattr(response, "names"):
         return
@@ -53,12 +52,12 @@ def check_asked(service: Endpoint, response: Any, count: int, board: str) -> Non
         entries = len(getattr(response, field)) if kind.startswith("sequence") else count
         if entries != count and not (field == "vocabs" and entries == 0):
             where, asked = service.of(board), f"{count} joints asked for"
-            text = f"{where} answered what is no answer: {entries} {field} for {asked}"
+            text = f"{where} sent an invalid response: {entries} {field} for {asked}"
             raise InvalidAnswer(text)
 
 
 def _lengths(response: Any) -> str:
-    """What is wrong with the lengths of its lists; empty where nothing is."""
+    """Problem with the lengths of its lists; empty if valid."""
     if not hasattr(response, "names"):
         return ""
     count = len(response.names)
@@ -73,13 +72,13 @@ def _lengths(response: Any) -> str:
 
 
 def _modes(service: Endpoint, response: Any) -> str:
-    """What of its modes is none; empty where all are."""
+    """Problem with its modes; empty if valid."""
     kind = next((kind for kind in CODES if kind in service.short), "control")
-    told = {kind: list(getattr(response, "modes", ()))}
+    codes_of = {kind: list(getattr(response, "modes", ()))}
     for other in CODES:
         for modes in getattr(response, f"{other}_modes", ()):
-            told.setdefault(other, []).extend(filter(None, modes.split(",")))
-    for which, codes in told.items():
+            codes_of.setdefault(other, []).extend(filter(None, modes.split(",")))
+    for which, codes in codes_of.items():
         for code in codes:
             if code not in CODES[which]:
                 return f"{clean(code, 20)!r} is no {which} mode"

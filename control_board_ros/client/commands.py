@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""References, one method per kind (SPEC P): one-shot calls are answered, streams are published.
+"""References, one method per kind (SPEC P): one-shot calls are services, streams are topics.
 
-As in YARP: ``position_move`` and ``relative_move`` ask the board (service send_reference), and
-their reply is the board's. The others are streams and go by topic, which has no answer: their
-reply says that it was sent, and what became of it only the board's counter of rejected commands
-tells, or ``answered=True``, which asks the board in place of publishing.
+``position_move`` and ``relative_move`` call the service send_reference; their reply is the
+board's. The others are published: their reply confirms only that the message was sent, and the
+board counts the rejected ones. With ``answered=True`` they call the service as well.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ class ReferenceCommands(Interface):
     async def relative_move(
         self, joints: Joints, distances: Values, speeds: Values | None = None
     ) -> Reply:
-        """Start moves by so much from the measured positions, as position_move does (P1).
+        """Start moves relative to the measured positions (P1).
 
         Args:
             joints: that move.
@@ -143,8 +142,8 @@ class ReferenceCommands(Interface):
         """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
 
         Args:
-            joints: that get them.
-            outputs: one for all joints, or shape (k,); None: as they are.
+            joints: target joints.
+            outputs: one for all joints, or shape (k,); None: unchanged.
             torques: likewise.
             answered: whether to ask for the board's answer, instead of publishing.
         """
@@ -157,10 +156,7 @@ class ReferenceCommands(Interface):
     async def _send(
         self, topic: Endpoint, joints: Joints, answered: bool, **fields: Values | None
     ) -> Reply:
-        """Ask the board for what a command topic does, or publish on it.
-
-        The first of ``fields`` holds the references, the second what comes along.
-        """
+        """Send by service (``answered``) or topic; the first field holds the references."""
         kind = topic.reference
         what = "feedforward" if kind is None else f"{kind} reference"
         words = {} if kind is None else {next(iter(fields)): f"{what}s"}
@@ -195,7 +191,7 @@ class ReferenceCommands(Interface):
         self._services.states.changed()
 
     def _named(self, joints: Joints) -> list[str]:
-        """The names of joints that may not exist."""
+        """Names of joints, which may be unknown."""
         if joints is None:
             return []
         given = [joints] if isinstance(joints, str | int) else joints

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A client for who has no node: a script, a notebook."""
+"""A client without a node of the user's: for scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from .errors import BoardError
 
 
 def connect(board: str = "control_board", **options: Any) -> ControlBoardClient:
-    """A client with a ROS context and a node of its own, which end with it.
+    """A client with a ROS context and a node of its own, closed with it.
 
     Args:
         board: name of the board's node, absolute or relative to ``/``.
         options: ``find_timeout``, ``answer_timeout`` of :class:`ControlBoardClient`, s.
 
     Raises:
-        BoardError: ROS does not start here: an RMW, a domain or a name that is none.
+        BoardError: ROS does not start: invalid RMW, domain or name.
     """
-    context = Context()  # a program's own rclpy.init() is left alone
+    context = Context()  # independent of the program's rclpy.init()
     try:
         context.init()
         node = Node("control_board_client", context=context, enable_rosout=False)
@@ -32,7 +32,7 @@ def connect(board: str = "control_board", **options: Any) -> ControlBoardClient:
     except Exception as error:
         context.try_shutdown()
         if isinstance(error, TypeError):
-            raise  # an option that there is not
+            raise  # an unknown option
         raise BoardError(f"cannot start a ROS node: {str(error).splitlines()[0]}") from error
     client._close = weakref.finalize(client, _end, client._close, node, context)
     return client

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the ROS graph shows of boards, and what to say where something is missing."""
+"""Boards in the ROS graph, and the errors for missing ones."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .errors import BoardError, BoardNotFound, BoardTimeout
 
 
 class Discovery:
-    """Looks for one board.
+    """Discovery of one board.
 
     Args:
         node: the node that looks.
@@ -35,7 +35,7 @@ class Discovery:
         return bool(self._node.count_publishers(self._modes_topic))
 
     def identity(self) -> frozenset[bytes]:
-        """What tells one run of the board from the next: the publishers of its modes."""
+        """Identifies one run of the board: the publishers of its modes."""
         found = self._node.get_publishers_info_by_topic(self._modes_topic)
         return frozenset(bytes(publisher.endpoint_gid) for publisher in found)
 
@@ -47,7 +47,7 @@ class Discovery:
         )
 
     def boards(self) -> list[str]:
-        """Names of the boards that this host sees, from their ~/modes topics."""
+        """Names of the visible boards, from their ~/modes topics."""
         below = MODES.of("")
         return sorted(
             name.removesuffix(below)
@@ -56,14 +56,14 @@ class Discovery:
         )
 
     def not_offered(self, service: Endpoint) -> BoardError:
-        """The error to raise when the board is there and a service of it is not."""
+        """Error for a service that a present board does not offer."""
         return BoardError(
             f"{self._name} does not offer {service.short}; "
             "is it another version, or no simulation?"
         )
 
     def not_found(self, after: float | None = None) -> BoardNotFound:
-        """The error to raise when no board of this name showed up (after so many s)."""
+        """Error for a board not found within ``after`` s."""
         domain = self._node.context.get_domain_id()
         patience = self._find_timeout if after is None else after
         seen = [name for name in self.boards() if name != self._name]
@@ -79,7 +79,7 @@ class Discovery:
         return BoardNotFound(text)
 
     def timed_out(self, endpoint: Endpoint, after: float | None = None) -> BoardTimeout:
-        """The error to raise when an answer did not come (after so many s)."""
+        """Error for an answer not received within ``after`` s."""
         patience = self._answer_timeout if after is None else after
         return BoardTimeout(
             f"no answer from {endpoint.of(self._name)} after {patience:g} s; "
@@ -88,7 +88,7 @@ class Discovery:
 
 
 def nodes_of(endpoints: Iterable[Any]) -> set[tuple[str, str]]:
-    """The nodes that have these endpoints: namespace and name, of those that are known by now."""
+    """Nodes of these endpoints, (namespace, name), where discovered."""
     return {
         (endpoint.node_namespace, endpoint.node_name)
         for endpoint in endpoints

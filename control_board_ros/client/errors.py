@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the client raises: trouble with the connection. What a board refuses is a Reply."""
+"""Connection errors of the client. A refusal of the board is a Reply, not an error."""
 
 
 class BoardError(Exception):
-    """No answer to be had from a board; one line: cause and next step."""
+    """A board does not answer; one line: cause and next step."""
 
 
 class BoardNotFound(BoardError):  # noqa: N818  (the user's word)
@@ -11,13 +11,13 @@ class BoardNotFound(BoardError):  # noqa: N818  (the user's word)
 
 
 class BoardTimeout(BoardError):  # noqa: N818
-    """The board is there and did not answer within the answer timeout."""
+    """The board was found and did not answer within the answer timeout."""
 
 
 class InvalidAnswer(BoardError):  # noqa: N818
-    """A board answered what none can mean.
+    """A response of a board is not valid.
 
-    Attributes: unknown_mode (whether it is a code that is no mode's; else the form is wrong).
+    Attributes: unknown_mode (whether a mode code is unknown; otherwise the form is wrong).
     """
 
     def __init__(self, text: str, *, unknown_mode: bool = False) -> None:
@@ -26,5 +26,5 @@ class InvalidAnswer(BoardError):  # noqa: N818
 
 
 def one_line(error: BaseException) -> str:
-    """The text of an exception in one line; rclpy's may have several."""
+    """The text of an exception in one line."""
     return " ".join(str(error).split()) or type(error).__name__

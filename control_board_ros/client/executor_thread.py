@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thread that serves the client's hidden node and ends what others wait for."""
+"""The thread that serves the client's hidden node and completes waits."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from rclpy.node import Node
 from .errors import BoardError
 from .waiting import Wait
 
-POLL = 0.002  # s between looks at what rclpy has no event for: matching
-#: What rclpy raises when something was destroyed, or its context shut down, meanwhile.
+POLL = 0.002  # s between polls of states without an rclpy event: matching
+#: Raised by rclpy for destroyed entities and contexts that were shut down.
 GONE = (InvalidHandle, NotInitializedException, rclpy_implementation.RCLError)
-PAUSE = 0.01  # s after an error, so that one that lasts does not take the processor
+PAUSE = 0.01  # s after an error: limits the load of a persistent one
 
 
 class ExecutorThread:
-    """Takes messages and answers, and finishes waits; whatever rclpy raises, it goes on.
+    """Processes messages and answers, and completes waits; survives errors of rclpy.
 
     Args:
-        node: the hidden node that it serves.
-        report: called with an exception that cost a message.
+        node: the hidden node.
+        report: called with an exception that lost a message.
 
-    Attributes: closed (why nothing can come any more; empty while it runs).
+    Attributes: closed (reason for the end; empty while it runs).
     """
 
     def __init__(self, node: Node, report: Callable[[Exception], None]) -> None:
@@ -48,12 +48,12 @@ class ExecutorThread:
         """End the thread; calls that wait raise BoardError."""
         self.closed = self.closed or "the client was closed"
         if self._thread.is_alive() and self._thread is not threading.current_thread():
-            with contextlib.suppress(*GONE):  # then the thread ends by itself
+            with contextlib.suppress(*GONE):  # the thread then ends by itself
                 self._wake()
             self._thread.join(timeout=5.0)
         self._executor.shutdown(timeout_sec=1.0)
 
-    # What the thread does
+    # Inside the thread
 
     def _serve(self) -> None:
         try:
@@ -82,7 +82,7 @@ class ExecutorThread:
         self._finish_due()
 
     def _patience(self) -> float | None:
-        """How long the thread may sleep: until the next look or deadline, s."""
+        """Time until the next poll or deadline, s."""
         with self._lock:
             if any(wait.condition for wait in self._waits):
                 return POLL
@@ -90,7 +90,7 @@ class ExecutorThread:
         return max(min(deadlines) - time.monotonic(), 0.0) + 1e-4 if deadlines else None
 
     def _finish_due(self) -> None:
-        """Finish what has come or has taken too long."""
+        """Finish completed and expired waits."""
         now = time.monotonic()
         with self._lock:
             waits = list(self._waits)
@@ -100,12 +100,12 @@ class ExecutorThread:
             self._waits = [wait for wait in self._waits if not wait.finished]
 
     def _wake(self) -> None:
-        self._executor.create_task(lambda: None)  # only work makes spin_once return
+        self._executor.create_task(lambda: None)  # spin_once returns only after work
 
-    # What others ask of it
+    # For other threads
 
     def wait(self, timeout: float | None, condition: Callable[[], bool] | None = None) -> Wait:
-        """A wait that the thread finishes.
+        """A wait, finished by this thread.
 
         Raises:
             BoardError: the thread has ended.
@@ -121,13 +121,13 @@ class ExecutorThread:
         return wait
 
     async def until(self, condition: Callable[[], bool], timeout: float | None) -> bool:
-        """Wait until the condition holds; false when it took too long."""
+        """Wait until the condition holds; false on timeout."""
         if condition():
             return True
         return await self.wait(timeout, condition)
 
     async def outcome(self, future: Any, timeout: float | None) -> bool:
-        """Wait for an rclpy future; false when it took too long."""
+        """Wait for an rclpy future; false on timeout."""
         if not future.done():
             wait = self.wait(timeout)
             future.add_done_callback(lambda _: wait.finish())
@@ -135,10 +135,10 @@ class ExecutorThread:
         return bool(future.done())
 
     def later(self, function: Callable[[], Any]) -> Any:
-        """Let the thread run a function; its future.
+        """Run a function in this thread; returns its future.
 
-        Requests of actions go out this way: rclpy forgets an answer that the thread takes before
-        the asking thread has noted the question. Its service clients have a lock for that.
+        Requests of actions use it: rclpy drops an answer processed before the requesting thread
+        has stored the request. Its service clients hold a lock for that.
 
         Raises:
             BoardError: the thread has ended.
@@ -148,7 +148,7 @@ class ExecutorThread:
         return self._executor.create_task(function)
 
     async def run(self, function: Callable[[], Any]) -> Any:
-        """What a function gives that the thread runs."""
+        """Run a function in this thread; returns its result."""
         task = self.later(function)
         await self.outcome(task, None)
         return task.result()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The freeze frame of a fault, as a board answers it (SPEC E3)."""
+"""The freeze frame of a fault, as received from a board (SPEC E3)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from control_board_ros.text import clean, clean_name
 from .errors import InvalidAnswer
 from .state import seconds
 
-#: Cycles of a frame at most: two seconds at 20 kHz.
+#: Maximum cycles of a frame: 2 s at 20 kHz.
 MOST_CYCLES = 40_000
 NUMBERS = (
     "position",
@@ -33,7 +33,7 @@ NUMBERS = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreezeFrame:
-    """What a board measured and followed around the last fault of a joint, arrays of shape (k,).
+    """Measurements and references around the last fault of a joint, arrays of shape (k,).
 
     Units are those of revolute joints; sliding joints have m, m/s and N in their place.
 
@@ -49,7 +49,7 @@ class FreezeFrame:
         output: PWM, percent.
         current: of the motor, A.
         temperature: of the winding, °C.
-        motion_done: whether no position move was under way.
+        motion_done: whether no position move was active.
     """
 
     fault: FaultRecord
@@ -74,17 +74,13 @@ class FreezeFrame:
 
     @classmethod
     def of(cls, response: Any, board: str) -> Self:
-        """The frame of a response.
-
-        Raises:
-            InvalidAnswer: its arrays do not fit each other.
-        """
+        """The frame of a response; raises InvalidAnswer where its lengths differ."""
         count = len(response.stamps)
         for name in (*NUMBERS, "motion_done"):
             if len(getattr(response, name)) != count or count > MOST_CYCLES:
                 entries = len(getattr(response, name))
                 raise InvalidAnswer(
-                    f"{board}/get_freeze_frame answered what is no answer: {entries} {name} for "
+                    f"{board}/get_freeze_frame sent an invalid response: {entries} {name} for "
                     f"{count} stamps"
                 )
         return cls(
@@ -96,7 +92,7 @@ class FreezeFrame:
 
 
 def fault_record(fault: Any) -> FaultRecord:
-    """A JointFault message; its texts are safe to show."""
+    """Record of a JointFault message, its texts sanitised."""
     return FaultRecord(
         name=clean_name(fault.name),
         active=fault.active,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One goal of an action, from sending it to its result."""
+"""One goal of an action, from request to result."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from .link import Link
 from .services import whole
 from .waiting import Wait
 
-#: s between looks whether the board is still there while a goal runs.
+#: s between checks of the board's presence while a goal runs.
 LOOK = 1.0
-#: Feedback that is kept while nobody takes it.
+#: Feedback messages that are queued.
 FEEDBACK_KEPT = 100
 #: Success, message, codes.
 Outcome = tuple[bool, str, Sequence[str]]
 
 
 class Goal:
-    """A goal under way.
+    """An active goal.
 
     Args:
         link: the connection.
-        action: which.
-        changed: called when it was accepted, and when it has ended.
-        on_feedback: called with each feedback in the link's thread, also when nobody waits.
-        on_result: called likewise with the result.
+        action: the action's endpoint.
+        changed: called on acceptance and at the end.
+        on_feedback: called with each feedback, in the link's thread.
+        on_result: called with the result, likewise.
         outcome: reads a result: whether it succeeded, its message, and the codes of refusals.
     """
 
@@ -59,8 +59,8 @@ class Goal:
         self._client: Any = None
         self._sending: Any = None  # the future of rclpy's handle
         self._result: Any = None  # the future of the result
-        self._feedback: deque[Any] = deque(maxlen=FEEDBACK_KEPT)  # that nobody took yet
-        self._heard = 0  # feedback so far
+        self._feedback: deque[Any] = deque(maxlen=FEEDBACK_KEPT)  # not shown yet
+        self._received = 0  # feedback messages
         self._wait: Wait | None = None
 
     async def run(
@@ -71,15 +71,15 @@ class Goal:
         *,
         to_the_end: bool = True,
     ) -> Reply:
-        """Send it and wait for the result, or only for the first sign that it runs.
+        """Send it and wait for the result, or for the first feedback.
 
-        Interrupted, it cancels the goal, which stops the joints.
+        An interruption cancels the goal, which stops the joints.
 
         Args:
             fields: of the goal message.
-            names: of the joints that it concerns.
+            names: of the joints concerned.
             show: called with each feedback in the caller's thread.
-            to_the_end: false: the first feedback will do.
+            to_the_end: false: return at the first feedback.
         """
         self._client = await self._link.action(self._action)
         try:
@@ -92,8 +92,8 @@ class Goal:
                     show(self._feedback.popleft())
                     if not to_the_end:
                         return accepted(names)
-        except GeneratorExit:  # nobody can wait any more
-            with contextlib.suppress(BoardError, *GONE):  # nor be told
+        except GeneratorExit:  # the caller cannot wait
+            with contextlib.suppress(BoardError, *GONE):  # nor receive an error
                 self._ask_to_cancel()
             raise
         except BaseException:
@@ -111,7 +111,7 @@ class Goal:
         return whole(success, message, names, codes)
 
     async def _send(self, fields: dict[str, Any]) -> bool:
-        """Send the goal; whether it was accepted."""
+        """Send the goal; returns whether it was accepted."""
         goal = self._action.load().Goal(**fields)
 
         def send() -> None:
@@ -134,7 +134,7 @@ class Goal:
         """Wait for feedback or the result.
 
         Raises:
-            BoardError: the board is gone.
+            BoardError: the board has disappeared.
         """
         self._wait = wait = self._thread.wait(LOOK)
         if self._feedback or self._result.done():
@@ -146,13 +146,10 @@ class Goal:
             )
 
     async def _take_feedback(self) -> None:
-        """Let the thread take the feedback that came before the result: rclpy takes it one by one.
-
-        The thread looks for messages between two tasks.
-        """
-        heard = -1
-        while heard != self._heard:
-            heard = self._heard
+        """Process the feedback received before the result: rclpy takes one message per task."""
+        received = -1
+        while received != self._received:
+            received = self._received
             for _ in range(2):
                 await self._thread.run(lambda: None)
 
@@ -161,10 +158,10 @@ class Goal:
             self._thread.later(self._sending.result().cancel_goal_async)
 
     async def _cancel(self) -> None:
-        """Stop the joints, whatever is left of the connection."""
+        """Cancel the goal, which stops the joints; over a new context if necessary."""
         patience = self._link.answer_timeout
         try:
-            await self._thread.run(lambda: None)  # what it was asked for before is sent now
+            await self._thread.run(lambda: None)  # earlier requests are sent by now
             if self._sending is None:
                 return
             await self._thread.outcome(self._sending, patience)
@@ -183,7 +180,7 @@ class Goal:
     def _hear(self, message: Any) -> None:
         self._on_feedback(message.feedback)
         self._feedback.append(message.feedback)
-        self._heard += 1
+        self._received += 1
         self._wake()
 
     def _end(self, future: Any) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moves and calibrations that are waited for: the actions of the board."""
+"""The actions of the board: moves and calibrations."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from .operations import Interface, operation
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MoveFeedback:
-    """How a move stands.
+    """Progress of a move.
 
     Attributes:
         names: of the joints that move.
         positions: measured, rad, shape (k,).
-        remaining_time: until the last of them arrives, s.
+        remaining_time: until the last arrival, s.
     """
 
     names: tuple[str, ...]
@@ -43,12 +43,12 @@ class MoveFeedback:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrationFeedback:
-    """How a calibration stands.
+    """Progress of a calibration.
 
     Attributes:
         names: of the joints that are calibrated.
         progress: from 0 to 1, shape (k,).
-        phase: what is done now, for people.
+        phase: current phase, for display.
     """
 
     names: tuple[str, ...]
@@ -57,7 +57,7 @@ class CalibrationFeedback:
 
 
 class Goals(Interface):
-    """The actions, and how calibrations stand."""
+    """The actions, and the status of calibrations."""
 
     @operation
     async def move(
@@ -69,8 +69,8 @@ class Goals(Interface):
     ) -> Reply:
         """Move along minimum-jerk profiles and wait for the end.
 
-        Interrupted (Ctrl-C, a cancelled task), it cancels the goal, which stops the joints, and
-        lets the interruption through.
+        An interruption (Ctrl-C, a cancelled task) cancels the goal, which stops the joints, and is
+        raised again.
 
         Args:
             joints: that move.
@@ -147,11 +147,11 @@ class Goals(Interface):
     ) -> Reply:
         """Calibrate joints and wait for the end (K1 to K4).
 
-        Interrupted while waiting, it cancels the goal and lets the interruption through.
+        An interruption while waiting cancels the goal and is raised again.
 
         Args:
             joints: that are calibrated.
-            wait: false: only start it; get_calibration tells how it stands.
+            wait: false: only start it; get_calibration reports its status.
             feedback: called in the caller's thread.
         """
         try:
@@ -177,11 +177,11 @@ class Goals(Interface):
 
     @operation
     async def get_calibration(self, joints: Joints = None) -> list[CalibrationStatus]:
-        """How the last calibration of each joint stands, of those this client asked for."""
+        """Status of each joint's last calibration started by this client."""
         link, view, statuses = self._link, self._services.calibrations, []
         response = await self._services.read(GET_CONTROL_MODE, joints)
         for name, code in zip(response.names, response.modes, strict=True):
-            if ControlMode(code) not in CALIBRATES:  # then the result is on its way
+            if ControlMode(code) not in CALIBRATES:  # the result is about to arrive
                 await link.thread.until(
                     lambda name=name: not view.status(name).running,  # type: ignore[misc]
                     link.answer_timeout,

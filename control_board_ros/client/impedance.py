@@ -21,11 +21,11 @@ class ImpedanceRequests(Interface):
     async def set_impedance(
         self, joints: Joints, stiffness: Values | None = None, damping: Values | None = None
     ) -> Reply:
-        """Set spring and damper, at any time; they act in the next cycle (I6).
+        """Set stiffness and damping at any time; effective in the next cycle (I6).
 
         Args:
-            joints: whose they are.
-            stiffness: N·m/rad (N/m), one for all joints or one each; None: as it is.
+            joints: target joints.
+            stiffness: N·m/rad (N/m), one for all joints or one each; None: unchanged.
             damping: N·m·s/rad (N·s/m), likewise; None: the board's choice for the stiffness.
         """
         if stiffness is None and damping is None:
@@ -53,7 +53,7 @@ class ImpedanceRequests(Interface):
 
     @operation
     async def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
-        """The largest stiffness and damping that a joint takes, two arrays of shape (k,)."""
+        """The largest permitted stiffness and damping, two arrays of shape (k,)."""
         response = await self._services.read(GET_IMPEDANCE, joints)
         return np.array(response.max_stiffness), np.array(response.max_damping)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which joints the board has, from its ~/modes messages."""
+"""Joint names of the board, from its ~/modes messages."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from control_board_ros.text import clean_names
 
 
 def joint_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The names of a board's joints, made safe to show.
+    """The joint names of a message, sanitised.
 
     Raises:
-        RequestError: a board has no such names; what is heard with them is left out.
+        RequestError: the names are invalid; the message is ignored.
     """
     if len(names) > MOST_JOINTS:
         raise RequestError(f"a message of {len(names)} joints is left out; {MOST_JOINTS} at most")
@@ -26,9 +26,9 @@ def joint_names(names: Sequence[str]) -> tuple[str, ...]:
 
 
 class JointNames:
-    """The joints last heard of, kept up by the link's thread.
+    """The joints of the last message, updated by the link's thread.
 
-    Attributes: selector (of the joints; None before the first message).
+    Attributes: selector (None before the first message).
     """
 
     def __init__(self) -> None:
@@ -36,11 +36,11 @@ class JointNames:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """In the board's order; empty before the first message."""
+        """In board order; empty before the first message."""
         return self.selector.names if self.selector is not None else ()
 
     def on_message(self, message: Any) -> None:
-        """Take a JointModes message; a board that was started anew may have other joints."""
+        """Process a JointModes message; a restarted board may have other joints."""
         names = joint_names(message.names)
         if names != self.names:
             self.selector = Selector(names)

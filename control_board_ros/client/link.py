@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The client's connection to a board: what it sends and hears.
+"""The client's connection to a board: its publishers, subscriptions and clients.
 
 The client keeps a hidden node of its own, in the context of the user's node, and serves it from
 a thread of its own. So a call works whether the user's node spins in another thread, in this
@@ -28,18 +28,18 @@ from .discovery import Discovery
 from .errors import BoardError, one_line
 from .executor_thread import GONE, ExecutorThread
 
-#: s from seeing a subscription until it surely sees us; what is sent before may come late.
+#: s from the match of a subscription until delivery to it is certain.
 MATCHING = 0.05
-#: s without an answer after which it is asked again whether the board has heard of a client.
+#: s without an answer before the query is repeated.
 ACQUAINTED = 0.3
-#: s between two lines in the log about messages that could not be taken.
+#: s between log lines about lost messages.
 REPORT_EVERY = 5.0
 
 _numbers = itertools.count(1)
 
 
 class Link:
-    """Publishers, subscriptions, service and action clients, made when first used.
+    """Publishers, subscriptions, service and action clients, created at first use.
 
     Args:
         node: the user's node: it gives context, namespace, remappings and log.
@@ -84,14 +84,14 @@ class Link:
             self._node.destroy_node()
 
     def wake_user(self) -> None:
-        """Make the executor of the user's node look at its coroutines again."""
+        """Wake the executor of the user's node."""
         executor = self.user.executor
         if executor is not None:
-            with contextlib.suppress(*GONE):  # it was shut down: nothing to wake
+            with contextlib.suppress(*GONE):  # shut down: nothing to wake
                 executor.wake()
 
     def log_error(self, text: str) -> None:
-        """Write to the log of the user's node; at most one line in REPORT_EVERY."""
+        """Log to the user's node; at most one line per REPORT_EVERY."""
         self.user.get_logger().error(
             f"client of {self.name}: {text}", throttle_duration_sec=REPORT_EVERY
         )
@@ -103,11 +103,11 @@ class Link:
         )
 
     def full_name(self, endpoint: Endpoint) -> str:
-        """The absolute name of something of the board, as the user's node is remapped."""
+        """The absolute name of an endpoint, with the remappings of the user's node."""
         return self.user.resolve_topic_name(endpoint.of(self._board))
 
     def _entity(self, endpoint: Endpoint, make: Callable[[Any, str], Any]) -> Any:
-        """What was made for an endpoint, or make it, of its type and full name."""
+        """The entity of an endpoint, created at first use from type and full name."""
         with self._lock:
             if self.thread.closed:
                 raise BoardError(self.thread.closed)
@@ -118,17 +118,15 @@ class Link:
         return entity
 
     def _fresh(self, endpoint: Endpoint) -> Any:
-        """The QoS of what asks the board for something: after an answer's time it is void.
-
-        Else what was asked for while the network was down, and had its error, would be done when
-        the network is back.
+        """QoS of a request: void after the answer timeout, so that a failed one is not executed
+        when the network recovers.
         """
         profile = endpoint.qos.profile()
         profile.lifespan = Duration(seconds=self.answer_timeout)
         return profile
 
     async def call(self, service: Endpoint, **fields: Any) -> Any:
-        """The response of a service; what was published before is in force when it answers."""
+        """The response of a service; references published before are in force when it answers."""
         if self._unsettled:
             await self.settle()
 
@@ -151,13 +149,13 @@ class Link:
         return response
 
     async def settle(self) -> None:
-        """Let the board take what was published.
+        """Wait until the board has processed all published messages.
 
-        Of what arrives together the board may serve the request first. When one request more
-        is answered, the message was served.
+        The board may serve a request before messages that arrived with it. The answer to one more
+        request confirms them.
         """
         if self._unsettled:
-            self._unsettled = False  # what is published meanwhile is unsettled again
+            self._unsettled = False  # later messages set it again
             settled = False
             try:
                 await self.call(GET_CONTROL_MODE)
@@ -166,10 +164,10 @@ class Link:
                 self._unsettled |= not settled
 
     async def publish(self, topic: Endpoint, **fields: Any) -> None:
-        """Publish on a topic of the board, once it listens: the first message is not lost.
+        """Publish on a topic once the board subscribes to it: the first message is not lost.
 
-        Others may listen, too (a recorder, a panel): the board's own subscription is waited for,
-        and looked for anew whenever the number of subscriptions is another.
+        Other subscribers (a recorder, a panel) do not count; the check is repeated when the number
+        of subscriptions changes.
         """
 
         def make(kind: Any, name: str) -> Any:
@@ -192,7 +190,7 @@ class Link:
         self._unsettled = True
 
     async def action(self, action: Endpoint) -> Any:
-        """The client of an action that the board serves now."""
+        """The client of an action that the board serves."""
 
         def make(kind: Any, name: str) -> Any:
             qos = action.qos.profile()
@@ -214,12 +212,11 @@ class Link:
         return client
 
     async def _get_acquainted(self, asked: Endpoint) -> None:
-        """Wait until this run of the board has heard of the client of a service or an action.
+        """Wait until this run of the board has discovered the client of a service or action.
 
-        To a client of which it has not heard yet, its answer goes nowhere, and what was asked for
-        must not be asked for twice. Endpoints are heard of in the order in which they were made:
-        what is made after the client, and has its answer, shows that the client is known, too. To
-        ask this changes nothing, so it is asked again where the answer went nowhere.
+        Before that its answer is lost, and a request must not be repeated. Endpoints are
+        discovered in order of creation: an answer to one created later confirms the client. This
+        query has no effect on the board and is repeated after a lost answer.
         """
         if self._acquainted.get(asked) == self.discovery.identity():
             return
@@ -239,13 +236,13 @@ class Link:
                 raise self.discovery.timed_out(asked, self.find_timeout)
             self._acquainted[asked] = self.discovery.identity()
         finally:
-            with contextlib.suppress(BoardError, *GONE):  # else it went with the node
+            with contextlib.suppress(BoardError, *GONE):  # otherwise destroyed with the node
                 self.thread.later(lambda: self._node.destroy_client(later))
 
     def subscribe(self, topic: Endpoint, callback: Callable[..., None]) -> None:
-        """Hear a topic of the board from now on; the callback runs in the link's thread.
+        """Subscribe to a topic; the callback runs in the link's thread.
 
-        It is called with the message, and with rclpy's information on it where it takes two.
+        Arguments: the message and, if it accepts two, rclpy's message information.
         """
 
         def make(kind: Any, name: str) -> Any:
@@ -257,9 +254,9 @@ class Link:
         self._callbacks.setdefault(topic, callback)
 
     def renew(self) -> None:
-        """Make every subscription anew: those that there are hear the board no more.
+        """Renew every subscription, after the old ones receive nothing any more.
 
-        The old ones go in the link's thread, which may be taking from them.
+        The old ones are destroyed in the link's thread, which may be reading from them.
         """
         for topic, callback in list(self._callbacks.items()):
             with self._lock:

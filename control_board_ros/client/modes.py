@@ -38,10 +38,10 @@ class ModeRequests(Interface):
 
     @operation
     async def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply:
-        """Ask for control modes (M1, M5 to M8, F2, F4).
+        """Set control modes (M1, M5 to M8, F2, F4).
 
         Args:
-            joints: whose modes they are.
+            joints: target joints.
             modes: enumeration, code (``"pos"``), name (``"POSITION"``) or vocab; one for all
                 joints, or one each.
 
@@ -52,7 +52,7 @@ class ModeRequests(Interface):
 
     @operation
     async def get_control_mode(self, joints: Joints = None) -> list[ControlMode]:
-        """The modes that joints are in, also the statuses HW_FAULT, CALIBRATING, …"""
+        """Current modes, including the statuses HW_FAULT, CALIBRATING, …"""
         response = await self._services.read(GET_CONTROL_MODE, joints)
         return [ControlMode(vocab) for vocab in response.vocabs]
 
@@ -60,10 +60,10 @@ class ModeRequests(Interface):
     async def set_interaction_mode(
         self, joints: Joints, modes: Interaction | Sequence[Interaction]
     ) -> Reply:
-        """Ask for interaction modes; in an active mode a change stops the joint (I1 to I7).
+        """Set interaction modes; in an active mode a change stops the joint (I1 to I7).
 
         Args:
-            joints: whose modes they are.
+            joints: target joints.
             modes: enumeration, code (``"stif"``), name (``"STIFF"``) or vocab; one for all
                 joints, or one each.
 
@@ -75,7 +75,6 @@ class ModeRequests(Interface):
     async def _set(
         self, service: Endpoint, joints: Joints, modes: Any, parse: Callable[[str], Vocab]
     ) -> Reply:
-        """Ask for modes; the reply has those after the call."""
         services = self._services
         try:
             selection = await services.select(joints)
@@ -89,13 +88,13 @@ class ModeRequests(Interface):
 
     @operation
     async def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
-        """The interaction modes as stored, also where they do not act (I2)."""
+        """The interaction modes as stored, also where inactive (I2)."""
         response = await self._services.read(GET_INTERACTION_MODE, joints)
         return [InteractionMode(vocab) for vocab in response.vocabs]
 
     @operation
     async def get_available_modes(self, joints: Joints = None) -> list[Available]:
-        """What each joint implements: control modes, and interaction modes."""
+        """Control modes and interaction modes that each joint implements."""
         response = await self._services.read(GET_AVAILABLE_MODES, joints)
         return [
             (
@@ -126,7 +125,7 @@ class ModeRequests(Interface):
 
 
 def mode_texts(modes: Any, parse: Callable[[Any], Vocab]) -> list[str]:
-    """The modes of a request as the wire has them; what they mean is the board's to say.
+    """The modes of a request as sent; the board interprets them.
 
     Raises:
         ValueError: a number that is no vocab.

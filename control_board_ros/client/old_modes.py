@@ -12,7 +12,7 @@ from control_board_ros.protocols import OLD_NAMES, Joints, deprecation, replacem
 from .modes import ModeRequests
 from .operations import operation
 
-#: Frames from the warning to the line that called: _deprecated, _old, its caller, the driver
+#: Stack frames from the warning to the caller: _deprecated, _old, its caller, the driver
 #: (run, run_async), the form (blocking, awaitable).
 CALLER = 6
 

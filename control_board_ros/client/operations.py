@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One coroutine per method of the client, in the form that its owner offers.
+"""One coroutine per method of the client, blocking or awaitable.
 
 An interface of the client is a class of coroutines ::
 
@@ -9,7 +9,7 @@ An interface of the client is a class of coroutines ::
 
 ``client.get_control_mode(0)`` blocks, ``await client.aio.get_control_mode(0)`` waits in asyncio or
 in an rclpy executor, and within an interface ``await self.get_control_mode(0)`` is the coroutine
-itself. Type checkers and ``help()`` see each form with its parameters.
+itself. Type checkers and ``help()`` show each form with its parameters.
 """
 
 from __future__ import annotations
@@ -30,11 +30,7 @@ Form = Literal["coroutine", "blocking", "awaitable"]
 
 
 class Interface:
-    """Coroutines that ask one board.
-
-    Args:
-        services: of the board.
-    """
+    """Coroutines that query one board by its ``services``."""
 
     _form: ClassVar[Form] = "coroutine"
 
@@ -43,12 +39,7 @@ class Interface:
 
 
 class Blocking(Interface):
-    """An owner whose operations block: the client.
-
-    Args:
-        services: of the board.
-        inside: the same interfaces as coroutines.
-    """
+    """An owner whose operations block: the client; ``inside``: its interfaces as coroutines."""
 
     _form: ClassVar[Form] = "blocking"
 
@@ -64,11 +55,7 @@ class Awaitable(Blocking):
 
 
 class operation(Generic[P, R]):  # noqa: N801  (a decorator)
-    """A coroutine of an interface, blocking or awaitable where its owner is.
-
-    Args:
-        coroutine: the method.
-    """
+    """A coroutine of an interface, blocking or awaitable where its owner is."""
 
     def __init__(self, coroutine: Callable[Concatenate[Any, P], Coroutine[Any, Any, R]]) -> None:
         @wraps(coroutine)
@@ -104,7 +91,7 @@ class operation(Generic[P, R]):  # noqa: N801  (a decorator)
 
 @contextmanager
 def gone_as_board_error() -> Iterator[None]:
-    """Users see one kind of error, whatever went away while an operation ran."""
+    """Convert errors of lost connections to BoardError."""
     try:
         yield
     except GONE as error:

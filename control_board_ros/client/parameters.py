@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board's parameters: limits and gains as they are in force, and setting them."""
+"""The board's parameters: limits and gains in force, and setting them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from control_board_ros.text import nearest
 from .operations import Interface, operation
 from .services import whole
 
-# Standard services, which every node has.
+# Standard services of every node.
 LIST_PARAMETERS = service("~/list_parameters", "rcl_interfaces/srv/ListParameters", "Names.")
 GET_PARAMETERS = service("~/get_parameters", "rcl_interfaces/srv/GetParameters", "Values.")
 SET_PARAMETERS = service(
@@ -30,7 +30,7 @@ SET_PARAMETERS = service(
     "rcl_interfaces/srv/SetParametersAtomically",
     "All of them, or none.",
 )
-#: The controllers that have gains, and the fields of each.
+#: Fields of each controller with gains.
 CONTROLLERS = ("position", "direct", "torque", "current")
 GAINS = tuple(field.name for field in fields(Pid))
 
@@ -56,14 +56,14 @@ class ParameterRequests(Interface):
 
     @operation
     async def list_parameters(self, prefix: str = "") -> list[str]:
-        """Names of the board's parameters that begin with this."""
+        """Names of the board's parameters with this prefix."""
         await self._services.find()
         response = await self._link.call(LIST_PARAMETERS)
         return sorted(name for name in response.result.names if name.startswith(prefix))
 
     @operation
     async def get_parameters(self, names: Sequence[str]) -> dict[str, Any]:
-        """Values of parameters by name; None for one that is not set.
+        """Values of parameters by name; None where unset.
 
         Raises:
             RequestError: the board has no parameter of a name.
@@ -77,7 +77,7 @@ class ParameterRequests(Interface):
 
     @operation
     async def set_parameters(self, values: Mapping[str, Any]) -> Reply:
-        """Set parameters, all or none; the board checks them together."""
+        """Set parameters, all or none; checked together by the board."""
         try:
             present = await self.get_parameters(list(values))
         except RequestError as error:
@@ -122,7 +122,7 @@ class ParameterRequests(Interface):
         return Gains(*await self._of_joints([f"{controller}_pid.{g}" for g in GAINS], joints))
 
     async def _of_joints(self, fields: Sequence[str], joints: Joints) -> list[Floats]:
-        """Parameters of each joint, asked for at once; an array of shape (k,) per field."""
+        """Parameters of each joint in one request; an array of shape (k,) per field."""
         names = (await self._services.select(joints)).names
         asked = [f"{name}.{field}" for field in fields for name in names]
         values = await self.get_parameters(asked)
@@ -130,7 +130,7 @@ class ParameterRequests(Interface):
         return list(columns.reshape(len(fields), len(names)))
 
     async def _unknown_parameters(self, names: Sequence[str]) -> str:
-        """Which parameters the board does not have, and what may have been meant."""
+        """Parameters unknown to the board, with suggestions."""
         known = await self.list_parameters()
         unknown = [name for name in names if name not in known]
         hint = nearest(unknown[0], known) if unknown else ""

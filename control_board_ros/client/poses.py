@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Poses of the board: which there are, saving one, and going to one (SPEC R5)."""
+"""Poses of the board: list, save, go to (SPEC R5)."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ from .services import whole
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseFeedback:
-    """How the move to a pose stands.
+    """Progress of a move to a pose.
 
     Attributes:
         names: of the joints that move.
-        remaining: distances still to go, with their sign, rad, shape (k,).
+        remaining: remaining signed distances, rad, shape (k,).
     """
 
     names: tuple[str, ...]
     remaining: Floats
 
 
-#: Poses of a board that are read.
+#: Maximum number of poses.
 MOST_POSES = 200
 
 
 class PoseRequests(Interface):
-    """Poses of the configuration, and those of the user."""
+    """Poses of the configuration and of the user."""
 
     @operation
     async def list_poses(self) -> list[str]:
@@ -55,7 +55,7 @@ class PoseRequests(Interface):
 
     @operation
     async def get_pose(self, pose: str) -> Pose:
-        """What a pose is made of: joints, positions (rad) and speed (rad/s).
+        """A pose: joints, positions (rad) and speed (rad/s).
 
         Raises:
             RequestError: there is no such pose.
@@ -73,11 +73,11 @@ class PoseRequests(Interface):
         positions: Values | None = None,
         speed: float = 0.0,
     ) -> Reply:
-        """Save a pose of the user's, or replace one.
+        """Save or replace a user's pose.
 
         Args:
             pose: its name.
-            joints: that it concerns.
+            joints: of the pose.
             positions: rad; None: as measured.
             speed: mean speed of the slowest joint, rad/s; 0: the set reference speeds.
         """
@@ -103,8 +103,7 @@ class PoseRequests(Interface):
     ) -> Reply:
         """Move to a pose, all joints arriving together, and wait for the end.
 
-        Interrupted, it cancels the goal, which stops the joints, and lets the interruption
-        through.
+        An interruption cancels the goal, which stops the joints, and is raised again.
 
         Args:
             pose: its name.
@@ -128,12 +127,12 @@ class PoseRequests(Interface):
     async def home(
         self, speed: float | None = None, feedback: Callable[[PoseFeedback], None] | None = None
     ) -> Reply:
-        """Go to the pose home; see go_to_pose."""
+        """go_to_pose for the pose home."""
         return await self.go_to_pose(HOME, speed, feedback)
 
     @operation
     async def park(
         self, speed: float | None = None, feedback: Callable[[PoseFeedback], None] | None = None
     ) -> Reply:
-        """Go to the pose park; see go_to_pose."""
+        """go_to_pose for the pose park."""
         return await self.go_to_pose(PARK, speed, feedback)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the board measures, from its state."""
+"""Measurements, from the board's state."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ class Readings(Interface):
 
     @operation
     async def get_state(self, *, fresh: bool = True) -> State:
-        """The last state of all joints, one that shows what was asked for before.
+        """The last state of all joints, not older than the last request.
 
-        With ``fresh=False`` the last one heard, without waiting once there is one.
+        With ``fresh=False`` the last one received, waiting only for the first.
         """
         await self._services.find()
         return await self._services.states.latest(fresh=fresh)
@@ -29,14 +29,14 @@ class Readings(Interface):
     async def wait_for_state(
         self, condition: Callable[[State], bool], timeout: float | None = None
     ) -> State:
-        """Wait until a state fulfils the condition; that state.
+        """Wait until a state fulfils the condition; returns it.
 
         Args:
             condition: called with each state, in the caller's thread.
             timeout: s; None: the answer timeout.
 
         Raises:
-            BoardTimeout: no state did within the time.
+            BoardTimeout: no such state within the time.
         """
         link = self._link
         patience = link.answer_timeout if timeout is None else timeout

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference speeds, stop, and the last accepted references (SPEC P2, P3, M11)."""
+"""Reference speeds, stop, last accepted references (SPEC P2, P3, M11)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .values import for_each
 
 
 class ReferenceRequests(Interface):
-    """What IPositionControl, IVelocityControl and their like have besides references."""
+    """The methods of IPositionControl, IVelocityControl, … besides references."""
 
     @operation
     async def stop(self, joints: Joints = None) -> Reply:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which joints a request means, and the services that answer it: what the client's parts share."""
+"""Joint selection and service calls, shared by the client's interfaces."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .state import StateView
 
 Word = TypeVar("Word", bound=StrEnum)
 
-#: Characters of a message that tells of many joints.
+#: Maximum characters of a message.
 MESSAGE = 5000
 
 
@@ -34,8 +34,8 @@ class Services:
     Args:
         link: the connection.
 
-    Attributes: link, joints, states, calibrations (each as last heard of), description (the URDF,
-    once it was asked for).
+    Attributes: link, joints, states, calibrations (as last received), description (the URDF, once
+    requested).
     """
 
     def __init__(self, link: Link) -> None:
@@ -47,10 +47,10 @@ class Services:
     async def find(
         self, timeout: float | None = None, also: Callable[[], bool] = lambda: True
     ) -> Selector:
-        """The board's joints, once it is found and what else is asked holds.
+        """The board's joints, once it is found and ``also`` holds.
 
         Raises:
-            BoardNotFound: not within the find timeout, or so many s.
+            BoardNotFound: not within ``timeout`` s (None: the find timeout).
         """
         patience = self.link.find_timeout if timeout is None else timeout
         found = await self.link.thread.until(
@@ -63,7 +63,7 @@ class Services:
         return selector
 
     async def select(self, joints: Joints) -> Selection:
-        """The joints meant.
+        """Resolve joints.
 
         Raises:
             RequestError: an unknown joint, or one named twice.
@@ -72,11 +72,11 @@ class Services:
         return selector.select(joints)
 
     async def read(self, service: Endpoint, joints: Joints) -> Any:
-        """The response of a service that reads.
+        """The response of a getter.
 
         Raises:
             RequestError: an unknown joint, or one named twice.
-            BoardError: what was answered is no answer.
+            BoardError: the response is invalid.
         """
         selection = await self.select(joints)
         response = await self.link.call(service, names=list(selection.names))
@@ -86,13 +86,13 @@ class Services:
         return response
 
     async def change(self, service: Endpoint, selection: Selection, **fields: Any) -> Reply:
-        """The reply of a service that answers for each joint."""
+        """The reply of a service with an answer per joint."""
         response = await self.link.call(service, names=list(selection.names), **fields)
         self.states.changed()
         return reply_of(response, selection)
 
     async def trigger(self, service: Endpoint, **fields: Any) -> Reply:
-        """The reply of a service that concerns the whole board."""
+        """The reply of a service of the whole board."""
         names = (await self.find()).names
         response = await self.link.call(service, **fields)
         self.states.changed()
@@ -100,17 +100,17 @@ class Services:
 
 
 def reply_of(response: Any, selection: Selection) -> Reply:
-    """The board's own answer for each joint; of none, where the request was wrong as a whole.
+    """The board's answer per joint; none where the whole request was invalid.
 
     Raises:
-        BoardError: what was answered is no answer.
+        BoardError: the response is invalid.
     """
-    answers = tuple(told(Answer, text) for text in response.answers)
+    answers = tuple(_word(Answer, text) for text in response.answers)
     if len(answers) not in (0, len(selection.names)):
         raise BoardError(f"{len(answers)} answers came for {len(selection.names)} joints")
     names = selection.names if answers else ()
     reasons = tuple(map(clean, response.reasons)) if any(response.reasons) else ()
-    codes = tuple(told(Reason, code) for code in response.codes) if any(response.codes) else ()
+    codes = tuple(_word(Reason, code) for code in response.codes) if any(response.codes) else ()
     for field, entries in (("reasons", reasons), ("codes", codes)):
         if len(entries) not in (0, len(names)):
             raise BoardError(f"{len(entries)} {field} came for {len(names)} joints")
@@ -119,24 +119,20 @@ def reply_of(response: Any, selection: Selection) -> Reply:
 
 
 def whole(success: bool, message: str, names: tuple[str, ...], codes: Sequence[str] = ()) -> Reply:
-    """The reply of what succeeds or fails as a whole: one answer that holds for all joints.
+    """The reply of a request that succeeds or fails as a whole.
 
     Raises:
-        BoardError: a code is none.
+        BoardError: a code is unknown.
     """
     message = clean(message, MESSAGE)
     if success:
         return Reply(names, (Answer.ACCEPTED,) * len(names), message)
     reply = refused(message, names)
-    return replace(reply, codes=tuple(told(Reason, code) for code in codes)) if codes else reply
+    return replace(reply, codes=tuple(_word(Reason, code) for code in codes)) if codes else reply
 
 
-def told(kind: type[Word], text: str) -> Word:
-    """The word that a board means.
-
-    Raises:
-        BoardError: there is no such word.
-    """
+def _word(kind: type[Word], text: str) -> Word:
+    """Parse a word of the wire; raises BoardError for an unknown one."""
     try:
         return kind(text)
     except ValueError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services that only a simulated board has."""
+"""Services of simulated boards only."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ MOST_STEPS = 2**32 - 1  # of one request: a uint32 on the wire
 
 
 class SimulationRequests(Interface):
-    """Pause, step, reset, and what is broken on purpose."""
+    """Pause, step, reset, fault injection."""
 
     @operation
     async def pause(self, paused: bool = True) -> Reply:
-        """Pause the simulation, or let it go on."""
+        """Pause or resume the simulation."""
         return await self._services.trigger(PAUSE, data=paused)
 
     @operation
     async def step(self, steps: int = 1) -> Reply:
-        """Advance a paused simulation by so many control cycles."""
+        """Advance a paused simulation by ``steps`` control cycles."""
         if not 1 <= steps <= MOST_STEPS:
             return refused(f"steps must be from 1 to {MOST_STEPS}, not {steps}")
         return await self._services.trigger(STEP, steps=steps)
 
     @operation
     async def reset(self) -> Reply:
-        """Back to the initial pose and power-on."""
+        """Return to the initial pose and power-on."""
         return await self._services.trigger(RESET)
 
     @operation
     async def inject_fault(self, joints: Joints, fault: str, persistent: bool = False) -> Reply:
-        """Break something in simulated joints.
+        """Inject a fault into simulated joints.
 
         Args:
-            joints: which.
-            fault: ``overcurrent``, ``encoder``, ``torque_sensor``, ``overheating``, …; the reply
-                to an unknown one lists them.
-            persistent: whether the cause stays until clear_injected_faults.
+            joints: target joints.
+            fault: ``overcurrent``, ``encoder``, ``torque_sensor``, …; the reply to an unknown
+                one lists all.
+            persistent: whether the cause remains until clear_injected_faults.
         """
         try:
             selection = await self._services.select(joints)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The state of a board as its ~/state messages tell it."""
+"""The state of a board, from its ~/state messages."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from control_board_ros.text import clean_names
 from .errors import InvalidAnswer
 from .link import Link
 
-#: s without a state after which the subscriptions are made anew, and again after as long.
+#: s without a state before the subscriptions are renewed, repeatedly.
 SILENCE = 5.0
-#: Age in s from which a state counts only if the board answers: it may be paused, or out of reach.
+#: Age in s from which a state requires an answer of the board, paused or out of reach.
 STALE = 0.5
-#: State messages that must have arrived since a request before the newest surely shows what it
-#: did: the first may have been read before.
+#: Messages received since a request before the newest certainly includes its effect: the first
+#: may have been read before.
 SETTLING = 2
 
 
@@ -38,14 +38,14 @@ class State:
         position: measured, rad.
         velocity: measured, rad/s.
         torque: measured, N·m.
-        position_reference: in force now, rad; not the target of a move.
-        velocity_reference: in force now, rad/s.
-        torque_reference: in force now, N·m.
+        position_reference: in force, rad; not the target of a move.
+        velocity_reference: in force, rad/s.
+        torque_reference: in force, N·m.
         output: PWM, percent.
         current: of the motor, A.
-        motion_done: whether no position move is under way.
-        rejected_commands: commands ignored since the board was started.
-        calibrated: whether the joint has the calibration that it requires, if any.
+        motion_done: whether no position move is active.
+        rejected_commands: commands ignored since the start of the board.
+        calibrated: whether the calibration is valid or not required.
         temperature: of the winding, °C; NaN where there is no sensor.
         brake: whether the joint's brake is closed; false where there is none.
         motor_position: of the motor's shaft, rad; NaN without an encoder there.
@@ -76,7 +76,6 @@ class State:
 
     @classmethod
     def of(cls, message: Any) -> State:
-        """The state in a BoardState message."""
         floats = {
             field: np.array(getattr(message, field), dtype=np.float64) for field in FLOAT_FIELDS
         }
@@ -94,11 +93,7 @@ class State:
         )
 
     def checked(self) -> State:
-        """The same, where every field has an entry for each joint.
-
-        Raises:
-            InvalidAnswer: one has more or fewer.
-        """
+        """This state; raises InvalidAnswer where lengths of fields differ."""
         count = len(self.names)
         for field in (*FLOAT_FIELDS, "motion_done", "rejected_commands", "calibrated", "brake"):
             if (found := len(getattr(self, field))) != count:
@@ -106,9 +101,9 @@ class State:
         return self
 
 
-#: The fields of a message that become arrays of numbers.
-#: What not every board tells.
+#: Fields that a board may lack.
 OF_MOTORS = ("motor_position", "motor_velocity", "acceleration", "supply_voltage")
+#: Fields converted to float arrays.
 FLOAT_FIELDS = [field.name for field in fields(State) if field.type == "Floats"]
 
 
@@ -118,33 +113,33 @@ def seconds(stamp: Any) -> float:
 
 
 class StateView:
-    """The last state heard, and whether it shows what was asked for before.
+    """The last state received, and whether it includes the effect of earlier requests.
 
-    What counts is when a message arrived, not when it was taken: on a busy machine, states of
-    before a request wait in line when its answer is taken.
+    Decided by reception time, not processing time: on a busy machine, older states are still
+    queued when a request is answered.
     """
 
     def __init__(self, link: Link) -> None:
         self._link = link
         self._message: Any = None
-        self._heard = 0  # messages so far
-        self._arrived = (0,) * SETTLING  # the last ones, ns of the system's clock, oldest first
-        self._wanted = 0  # when the oldest of these must have arrived, ns
+        self._received = 0  # messages
+        self._arrived = (0,) * SETTLING  # last receptions, ns of the system's clock, oldest first
+        self._wanted = 0  # earliest valid value of the oldest of these, ns
         self._at = self._since = time.monotonic()  # of the last message; or of the last renewal, s
 
     def changed(self) -> None:
-        """A request was made: states from before it do not count any more."""
+        """Invalidate states from before a request."""
         self._wanted = time.time_ns()
 
     async def latest(self, *, fresh: bool = True) -> State:
-        """The last state; a fresh one shows what was asked for before.
+        """The last state; a fresh one includes the effect of earlier requests.
 
         Raises:
-            BoardTimeout: there is none, or only an old one and the board does not answer.
+            BoardTimeout: no state, or only an old one and the board does not answer.
         """
         link = self._link
         link.subscribe(STATE, self.on_message)
-        # Until the first one, the board may not have heard of the subscription yet.
+        # Before the first one, the board may not have discovered the subscription.
         patience = link.find_timeout if self._message is None else link.answer_timeout
         if fresh or self._message is None:
             await link.settle()
@@ -158,30 +153,29 @@ class StateView:
         return State.of(self._message).checked()
 
     def shown(self) -> bool:
-        """Whether the last state shows what was asked for before."""
+        """Whether the last state includes the effect of earlier requests."""
         return self._message is not None and self._arrived[0] >= self._wanted
 
     async def following(self, timeout: float) -> State | None:
-        """The state after the last one; None when none came within so many s."""
-        heard = self._heard
-        came = await self._link.thread.until(lambda: self._heard != heard, timeout)
+        """The state after the last one; None after ``timeout`` s."""
+        received = self._received
+        came = await self._link.thread.until(lambda: self._received != received, timeout)
         if not came:
             self._renew()
         return State.of(self._message).checked() if came else None
 
     def _renew(self) -> None:
-        """No state came: make the subscriptions anew where that lasts.
+        """Renew the subscriptions after SILENCE s without a state.
 
-        A board that was out of reach for longer than the middleware remembers it is heard again by
-        new ones, whatever became of the old ones.
+        After an outage longer than the middleware's memory, only new subscriptions receive.
         """
         if time.monotonic() - self._since >= SILENCE:
             self._since = time.monotonic()
             self._link.renew()
 
     def on_message(self, message: Any, info: dict[str, int]) -> None:
-        """Take a BoardState message; middlewares that do not tell when it arrived say 0."""
+        """Process a BoardState message; middlewares without reception time report 0."""
         self._message = message
         self._arrived = (*self._arrived[1:], info["received_timestamp"] or time.time_ns())
-        self._heard += 1
+        self._received += 1
         self._at = self._since = time.monotonic()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers of requests, as users give them."""
+"""Conversion of the numbers in requests."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from control_board_ros.protocols import Values
 
 
 def for_each(values: Values, count: int, what: str) -> list[float]:
-    """A value for each joint; one value, alone or in a list, goes to all.
+    """One value per joint; a single value, scalar or list, applies to all.
 
     Raises:
-        RequestError: the length fits neither, or the values are no numbers.
+        RequestError: wrong length, or not numbers.
     """
     alone = values[0] if isinstance(values, Sequence | np.ndarray) and len(values) == 1 else values
     spread_out: list[float] = spread(alone, count, what).tolist()
@@ -23,7 +23,7 @@ def for_each(values: Values, count: int, what: str) -> list[float]:
 
 
 def as_given(fields: Mapping[str, Values | None]) -> dict[str, list[float]]:
-    """What can be sent of values that do not fit, for the board to count (P13)."""
+    """The sendable form of invalid values, for the board to count (P13)."""
     sent = {}
     for name, given in fields.items():
         if given is not None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Waiting: one code for the blocking and the awaitable form of every operation.
+"""Waiting: one implementation of blocking and awaitable operations.
 
-An operation is a coroutine that awaits a :class:`Wait` wherever something must come from the
-board. :func:`run` drives it in this thread, :func:`run_async` in a task of the user's, under
+An operation is a coroutine that awaits a :class:`Wait` for each event from the
+board. :func:`run` drives it in this thread, :func:`run_async` in the user's task, under
 asyncio and in an rclpy executor alike.
 """
 
@@ -19,11 +19,11 @@ R = TypeVar("R")
 
 
 class Wait:
-    """Something that the link's thread will finish: done, timed out, or failed.
+    """An event completed by the link's thread: done, timed out, or failed.
 
     Args:
-        timeout: s until it counts as timed out; None: never.
-        condition: asked again and again by the link's thread; true finishes the wait.
+        timeout: s; None: unlimited.
+        condition: polled by the link's thread; true finishes the wait.
     """
 
     def __init__(self, timeout: float | None, condition: Callable[[], bool] | None = None) -> None:
@@ -40,7 +40,7 @@ class Wait:
         return self._finished.is_set()
 
     def finish(self, *, done: bool = True, error: Exception | None = None) -> None:
-        """End the wait; the first call counts. ``error`` says why nothing can come any more."""
+        """End the wait; the first call counts. ``error``: why it failed."""
         with self._lock:
             if self._finished.is_set():
                 return
@@ -51,10 +51,10 @@ class Wait:
             callback()
 
     def look(self, now: float) -> None:
-        """Finish it if its condition holds or its time is over; ``now`` is monotonic, s."""
+        """Finish it on its condition or deadline; ``now`` is monotonic, s."""
         try:
             met = self.condition is not None and self.condition()
-        except Exception as error:  # noqa: BLE001  (handed on to whoever waits)
+        except Exception as error:  # noqa: BLE001  (raised in the waiting call)
             self.finish(done=False, error=error)
             return
         if met:
@@ -63,14 +63,13 @@ class Wait:
             self.finish(done=False)
 
     def block(self) -> None:
-        """Wait in this thread."""
         self._finished.wait()
 
     def __await__(self) -> Generator[Wait, None, bool]:
-        """Let the driver wait; whether it is done, else its time is over.
+        """Wait by the driver; true if done, false on timeout.
 
         Raises:
-            Exception: the error that the wait ended with.
+            Exception: the error passed to finish.
         """
         yield self
         if self._error is not None:
@@ -78,7 +77,7 @@ class Wait:
         return self.done
 
     def on_finish(self, callback: Callable[[], None]) -> None:
-        """Call back from the link's thread, or at once when it is finished already."""
+        """Call back from the link's thread, or at once if finished."""
         with self._lock:
             if not self._finished.is_set():
                 self._callbacks.append(callback)
@@ -86,7 +85,7 @@ class Wait:
         callback()
 
     async def wait(self, wake: Callable[[], None]) -> None:
-        """Wait in this coroutine; ``wake`` makes an rclpy executor look at it again."""
+        """Wait in this coroutine; ``wake`` wakes an rclpy executor."""
         try:
             loop = asyncio.get_running_loop()
         except RuntimeError:
@@ -101,7 +100,7 @@ class Wait:
                 future.set_result(None)
 
         def settle_there() -> None:
-            with contextlib.suppress(RuntimeError):  # the loop has ended: nobody waits there
+            with contextlib.suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(settle)
 
         self.on_finish(settle_there)
@@ -109,7 +108,7 @@ class Wait:
 
 
 class _Resume:
-    """Gives control back to an rclpy executor until it is woken."""
+    """Suspends a coroutine until its rclpy executor is woken."""
 
     def __await__(self) -> Generator[None, None, None]:
         yield
@@ -122,7 +121,7 @@ def run(coroutine: Coroutine[Wait, None, R]) -> R:
         while True:
             try:
                 wait.block()
-            except BaseException as error:  # noqa: BLE001  (handed on, not kept)
+            except BaseException as error:  # noqa: BLE001  (passed on)
                 wait = coroutine.throw(error)  # Ctrl-C: a move then cancels its goal
             else:
                 wait = coroutine.send(None)
@@ -132,13 +131,13 @@ def run(coroutine: Coroutine[Wait, None, R]) -> R:
 
 
 async def run_async(coroutine: Coroutine[Wait, None, R], wake: Callable[[], None]) -> R:
-    """The awaitable form: wait in the task of the user's; ``wake``: see :meth:`Wait.wait`."""
+    """The awaitable form: wait in the user's task; ``wake``: see :meth:`Wait.wait`."""
     try:
         wait = coroutine.send(None)
         while True:
             try:
                 await wait.wait(wake)
-            except BaseException as error:  # noqa: BLE001  (handed on, not kept)
+            except BaseException as error:  # noqa: BLE001  (passed on)
                 wait = coroutine.throw(error)
             else:
                 wait = coroutine.send(None)

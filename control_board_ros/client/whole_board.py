@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board as a whole: finding it, its faults, its description, its power."""
+"""The board as a whole: discovery, faults, description, power."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ from .services import reply_of
 
 
 class WholeBoard(Interface):
-    """What concerns no joint more than another, and the faults of all."""
+    """Methods of the whole board, and faults."""
 
     @operation
     async def wait_until_found(self, timeout: float | None = None) -> tuple[str, ...]:
-        """Wait for the board (the find timeout, or so many s); its joint names.
+        """Wait for the board, ``timeout`` s (None: the find timeout); returns its joint names.
 
         Raises:
             BoardNotFound: it did not appear.
         """
-        is_there = self._link.discovery.is_there  # what is known may be gone since
+        is_there = self._link.discovery.is_there  # a known board may have disappeared
         return (await self._services.find(timeout, is_there)).names
 
     @operation
     async def get_axes(self) -> int:
-        """How many joints the board has."""
+        """Number of joints."""
         return len((await self._services.find()).names)
 
     @operation
@@ -56,12 +56,12 @@ class WholeBoard(Interface):
         """Leave HW_FAULT for the modes before the fault, at the measured positions (E1).
 
         Args:
-            joints: which; None: all that are in fault.
-            partial: whether joints whose cause is gone recover where others must wait.
+            joints: target joints; None: all in fault.
+            partial: recover joints whose cause has cleared even where others must wait.
 
         Returns:
             The board's answer and reason for each joint, the modes after the call, and in
-            ``waits`` the time until a cause can be gone, s.
+            ``waits`` the time until a cause can clear, s.
         """
         try:
             selection = await self._services.select(joints)
@@ -70,23 +70,23 @@ class WholeBoard(Interface):
         names = [] if joints is None else list(selection.names)
         response = await self._link.call(RECOVER, names=names, partial=partial)
         self._services.states.changed()
-        if joints is None:  # those that were in fault
+        if joints is None:  # the joints in fault
             selection = await self._services.select(tuple(response.names))
         modes = tuple(parse_control_mode(code) for code in response.modes)
         return replace(reply_of(response, selection), modes=modes, waits=tuple(response.wait))
 
     @operation
     async def emergency_stop(self, stop: bool = True) -> Reply:
-        """Take the power of every joint of the robot in the next cycle, or release the stop (E2).
+        """Disable every joint of the robot in the next cycle, or release the stop (E2).
 
-        Answered when it has been done; the message of the reply says where that waits for a paused
-        simulation to go on. Released, joints stay in HW_FAULT until ``recover``.
+        Answered when complete; the reply's message names a paused simulation that must resume
+        first. After release, joints stay in HW_FAULT until ``recover``.
         """
         return await self._services.trigger(EMERGENCY_STOP, data=stop)
 
     @operation
     async def get_freeze_frame(self, joint: int | str) -> FreezeFrame | None:
-        """What was measured and followed around a joint's last fault (E3); None: no fault yet."""
+        """Measurements and references around a joint's last fault (E3); None: no fault yet."""
         selection = await self._services.select(joint)
         record = (await self.get_faults(joint))[0]
         if record.code < 0:
@@ -99,19 +99,19 @@ class WholeBoard(Interface):
     @operation
     async def get_robot_description(self) -> str:
         """The board's URDF."""
-        heard, link = self._services.description, self._link
+        received, link = self._services.description, self._link
         await self._services.find()
-        link.subscribe(ROBOT_DESCRIPTION, lambda message: heard.append(message.data))
-        if not await link.thread.until(lambda: bool(heard), link.answer_timeout):
+        link.subscribe(ROBOT_DESCRIPTION, lambda message: received.append(message.data))
+        if not await link.thread.until(lambda: bool(received), link.answer_timeout):
             raise link.discovery.timed_out(ROBOT_DESCRIPTION)
-        return heard[-1]
+        return received[-1]
 
     @operation
     async def configure(self) -> Reply:
-        """The whole configuration is in: joints leave NOT_CONFIGURED (N2)."""
+        """Complete the configuration: joints leave NOT_CONFIGURED (N2)."""
         return await self._services.trigger(CONFIGURE)
 
     @operation
     async def power_cycle(self) -> Reply:
-        """Back to power-on (N1)."""
+        """Return to power-on (N1)."""
         return await self._services.trigger(POWER_CYCLE)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a method of YARP is found here: the same words in snake_case, one name for one and all."""
+"""Equivalents of YARP methods: snake_case, one name for one joint and for all."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Collection
 
-#: YARP's names that are other words here.
+#: YARP names with a different word.
 OTHER_WORDS = {
     "get_encoder_timed": "get_state",
     "get_encoders_timed": "get_state",
@@ -34,7 +34,7 @@ def snake_case(name: str) -> str:
 
 
 def name_here(name: str, known: Collection[str]) -> str | None:
-    """The name that a method of YARP has here; None where there is none."""
+    """The equivalent of a YARP method; None if there is none."""
     snake = snake_case(name)
     for word in (snake, snake.removesuffix("s")):
         found = OTHER_WORDS.get(word, word)
