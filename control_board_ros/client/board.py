@@ -88,6 +88,7 @@ class ControlBoardClient(Blocking, Interfaces):
         self._close: Callable[[], Any] = weakref.finalize(services, services.link.close)
 
     def close(self) -> None:
+        """End the connection."""
         self._close()
 
     def __enter__(self) -> ControlBoardClient:
