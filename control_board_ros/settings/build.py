@@ -25,7 +25,7 @@ def configure(made: type[T], values: Values, prefix: str, **given: Any) -> T:
         made: Its class.
         values: By full parameter name.
         prefix: Empty, or with a dot at its end.
-        given: Fields that are none of the values.
+        given: Fields that are not parameters.
 
     Raises:
         ConfigError: a value is not allowed.
@@ -40,18 +40,14 @@ def configure(made: type[T], values: Values, prefix: str, **given: Any) -> T:
 
 
 def _typed(row: Parameter, value: Any) -> Any:
-    """A value as its field has it: modes for their codes, tuples for lists."""
+    """A value in the type of its field: modes for codes, tuples for lists."""
     if isinstance(value, list):
         return tuple(row.choices.get(item, item) for item in value)
     return row.choices.get(value, value) if row.choices else value
 
 
 def joint(values: Values, name: str, kind: str) -> JointConfig:
-    """The configuration of one joint.
-
-    Raises:
-        ConfigError: a value is not allowed.
-    """
+    """The configuration of one joint; raises ConfigError for a value that is not allowed."""
     none = {"calibration": None} if values[f"{name}.calibration.type"] == 0 else {}
     key = f"{name}.torque_sensor"
     external = values[key] == EXTERNAL
@@ -61,21 +57,17 @@ def joint(values: Values, name: str, kind: str) -> JointConfig:
 
 
 def board(values: Values, urdf: Urdf, names: tuple[str, ...]) -> BoardConfig:
-    """The configuration of the board.
-
-    Raises:
-        ConfigError: a value is not allowed.
-    """
+    """The configuration of the board; raises ConfigError for a value that is not allowed."""
     kinds = {one.name: one.kind for one in urdf.joints}
     joints = tuple(joint(values, name, kinds[name]) for name in names)
     return board_of(values, joints, model(values, urdf, names))
 
 
 def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None:
-    """The masses of some joints, the rest of the robot standing at its home pose.
+    """The masses of some joints, with the rest of the robot at its home pose.
 
-    None where the URDF's masses are not what the joints feel: the base floats, or the body is
-    ideal. Somebody else's plant has no more than gravity compensated by them (G1).
+    None where the joints do not feel the URDF's masses: floating base, ideal body. A custom plant
+    uses them for gravity compensation only (G1).
     """
     plant = bool(values["plant"])
     if not values["base_fixed"] or (values["physics"] == IDEAL and not plant):
@@ -100,7 +92,7 @@ def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None
 def board_of(
     values: Values, joints: tuple[JointConfig, ...], masses: ArmModel | None
 ) -> BoardConfig:
-    """The configuration of the board with joints and their masses, made already.
+    """The configuration of the board from its joints and their masses.
 
     Raises:
         ConfigError: a value is not allowed.
@@ -125,11 +117,7 @@ def board_of(
 
 
 def simulation(values: Values, urdf: Urdf, names: tuple[str, ...]) -> SimulationConfig:
-    """The configuration of the plant.
-
-    Raises:
-        ConfigError: a value is not allowed.
-    """
+    """The configuration of the plant; raises ConfigError for a value that is not allowed."""
     return configure(
         SimulationConfig,
         values,

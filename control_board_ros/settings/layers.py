@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Layers of parameters, the last one strongest: what they hold, checked and merged."""
+"""Layers of parameters, in ascending priority: checked and merged."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from .poses import known_names
 from .schema import BOARD_BY_NAME, JOINT, JOINT_DEFAULTS, find_row
 from .values import convert
 
-#: Parameters that every ROS node has; they are the node's, not the board's.
+#: Parameters of every ROS node, not of the board.
 ROS_NAMES = ("use_sim_time", "start_type_description_service")
 ROS_PREFIXES = ("qos_overrides.",)
 
-#: Names that no joint may have, and whose parameters begin with them.
+#: Names not allowed for joints, and the owner of the parameters with this prefix.
 RESERVED = {JOINT_DEFAULTS: "all joints", "poses": "the poses", "qos_overrides": "ROS"}
 
 Entries = dict[str, Entry]
 
 
 def robot_of(layers: Sequence[Layer]) -> tuple[str, Path | None, str]:
-    """The robot asked for, the folder that its path is relative to, and where it was written."""
+    """The selected robot, the folder of its relative path, and the origin of the value."""
     row = BOARD_BY_NAME["robot"]
     robot, folder, where = str(row.default), None, ""
     for layer in layers:
@@ -36,7 +36,7 @@ def robot_of(layers: Sequence[Layer]) -> tuple[str, Path | None, str]:
 
 
 def without_ros(layers: Sequence[Layer]) -> tuple[list[Entries], dict[str, Any]]:
-    """Entries of each layer without the ROS node's own parameters, and the values of those.
+    """Entries of each layer without ROS node parameters, and the values of the latter.
 
     Raises:
         SettingsError: a value that is not allowed.
@@ -59,7 +59,7 @@ def without_ros(layers: Sequence[Layer]) -> tuple[list[Entries], dict[str, Any]]
 
 
 def typed(entries: Entries, joints: Sequence[str]) -> Entries:
-    """Entries with the values that their parameters have.
+    """Entries with their values converted to the parameters' types.
 
     Raises:
         SettingsError: a name that does not exist, or a value that is not allowed.
@@ -82,7 +82,7 @@ def _row(name: str, entry: Entry, joints: Sequence[str]) -> Parameter:
 
 
 def merged(layers: Iterable[Entries], urdf: Urdf) -> Entries:
-    """The strongest entry of each name; in a layer, a joint's own wins over ``joint_defaults``."""
+    """The strongest entry per name; in a layer, a joint's own overrides ``joint_defaults``."""
     found: Entries = {}
     for layer in layers:
         for name, entry in layer.items():
@@ -96,13 +96,13 @@ def merged(layers: Iterable[Entries], urdf: Urdf) -> Entries:
 def joints_of(
     chosen: Sequence[str], urdf: Urdf, where: str, key: str = "joints"
 ) -> tuple[str, ...]:
-    """The joints of the board: those chosen, or (none chosen) all that move.
+    """The joints of the board: those chosen, or all movable ones.
 
     Args:
         chosen: their names.
         urdf: of the robot.
-        where: they are chosen.
-        key: by which parameter.
+        where: origin of the choice.
+        key: parameter that chooses.
 
     Raises:
         SettingsError: a joint that cannot be chosen; the message says why.
@@ -130,6 +130,6 @@ def joints_of(
 
 
 def unknown(name: str, known: Iterable[str]) -> str:
-    """The message for a parameter name that does not exist."""
+    """Error text for an unknown parameter name."""
     hint = nearest(name, known, 0.5) or "; see docs/parameters.md"
     return f"{shown(name)}: no such parameter{hint}"

@@ -5,8 +5,8 @@
     settings = load("my_robot.yaml", {"output": "current"})
     plant = SimulatedPlant(settings.board, settings.simulation)
 
-Layers, the later one wins: what the URDF implies, the robot's shipped configuration, the
-files, the overrides. Within a layer ``<joint>.x`` wins over ``joint_defaults.x``.
+Layers, in ascending priority: values implied by the URDF, the robot's shipped configuration, the
+files, the overrides. Within a layer ``<joint>.x`` overrides ``joint_defaults.x``.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from .values import convert
 
 __all__ = ["Settings", "SettingsError", "find_config", "load", "load_layers"]
 
-LEAST_PHYSICS_RATE = 1000.0  # Hz, where nobody gives one
-LEAST_CONTROL_RATE = 200.0  # Hz, for which gains are made
-#: Modes, as parameters have them, that need a torque sensor (I7).
+LEAST_PHYSICS_RATE = 1000.0  # Hz, default
+LEAST_CONTROL_RATE = 200.0  # Hz, lower bound of the gains' design range
+#: Codes of modes that require a torque sensor (I7).
 SENSING = tuple(mode.code for mode in SENSE_TORQUE)
 
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """All that a board and its plant are made of.
+    """The configuration of a board and its plant.
 
     Attributes:
         board: The configuration of the board.
@@ -55,11 +55,11 @@ class Settings:
         urdf: The robot.
         values: Every parameter by its full name, ``joint_defaults.*`` only where given.
         ros: Parameters of the ROS node itself.
-        warnings: What may be wrong; one line each.
-        notes: What was assumed; one line each.
+        warnings: Possible problems; one line each.
+        notes: Assumptions; one line each.
         where: The origin of each given value.
-        poses: Those of the configuration, by name; home and park are always there (R5).
-        parts: The joints of each part; empty: the board is alone.
+        poses: Those of the configuration, by name; always with home and park (R5).
+        parts: The joints of each part; empty: a single board.
     """
 
     board: BoardConfig
@@ -75,17 +75,17 @@ class Settings:
 
     @property
     def robot_name(self) -> str:
-        """What the names of the nodes of a robot of several parts begin with."""
+        """Prefix of the node names of a robot of several parts."""
         name = str(self.values["robot_name"] or self.values["robot"])
         return name if NAME.fullmatch(name) else as_name(self.urdf.name)
 
     @property
     def levels(self) -> tuple[tuple[str, ...], ...]:
-        """The parts that start up together, level after level (R4)."""
+        """The parts of each start-up level (R4)."""
         return levels_of(self.values["startup_levels"])
 
     def part(self, name: str) -> Settings:
-        """The settings of one part, as of a board that is alone."""
+        """The settings of one part, as a single board."""
         names = self.parts[name]
         others = tuple(f"{joint}." for joint in self.board.names if joint not in names)
         groups = tuple(
@@ -111,7 +111,6 @@ class Settings:
 
     @property
     def description(self) -> str:
-        """The text for ``robot_description``."""
         return self.urdf.description
 
     def changed(self, changes: Mapping[str, Any]) -> Settings:
@@ -144,7 +143,7 @@ class Settings:
         return replace(self, board=board, values=values)
 
     def _restart(self, name: str, values: dict[str, Any]) -> None:
-        """Keep a calibration's start that nobody gives within the joint's limits."""
+        """Clip a default calibration start to the joint's limits."""
         if (key := f"{name}.calibration.start") not in self.where:
             low, high = values[f"{name}.limits.lower"], values[f"{name}.limits.upper"]
             values[key] = min(max(values[f"{name}.home"], low), high)
@@ -153,7 +152,7 @@ class Settings:
 def load(
     source: str | os.PathLike[str] | None = None, overrides: Mapping[str, Any] | None = None
 ) -> Settings:
-    """Settings of a file, of a shipped configuration by name, or (None) of the default robot.
+    """Settings of a file, of a shipped configuration by name, or of the default robot (None).
 
     Args:
         source: ``iiwa``, ``minimal``, …, or the path of a ROS parameter file.
@@ -175,7 +174,7 @@ def _is_name(source: str) -> bool:
 
 
 def load_layers(layers: Iterable[Layer]) -> Settings:
-    """Settings of layers, the last one strongest; the robot's shipped layer comes first."""
+    """Settings of layers in ascending priority, above the robot's shipped layer."""
     given = list(layers)
     robot, folder, where = robot_of(given)
     if robot in NAMES:
@@ -200,7 +199,7 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
 def _settings(
     entries: Mapping[str, Entry], urdf: Urdf, ros: dict[str, Any], table: Entries
 ) -> Settings:
-    """Settings of what is given; the rest has its default, or is derived."""
+    """Settings of the given entries, completed by defaults and derived values."""
     parts = check_parts(table, entries)
     where = {name: entry.where for name, entry in entries.items()}
     values = _values(BOARD, entries)
@@ -248,7 +247,7 @@ def _settings(
 def _values(
     rows: Iterable[Parameter], entries: Mapping[str, Entry], prefix: str = ""
 ) -> dict[str, Any]:
-    """What is given of some parameters, and defaults; what is to be derived is left out."""
+    """Given values and defaults of some parameters, without those to derive."""
     found = {}
     for row in rows:
         if (entry := entries.get(prefix + row.name)) is not None:
@@ -270,19 +269,19 @@ def _slow(rate: float) -> tuple[str, ...]:
 
 
 def _blame(error: ConfigError, changes: Mapping[str, Any], values: Mapping[str, Any]) -> str:
-    """A configuration error by the change that caused it, not by what it does not fit."""
+    """Attribute a configuration error to the change that caused it."""
     if error.key in changes:
         return str(error)
     joint = error.key.partition(".")[0]
     guilty = [name for name in changes if name.startswith(joint + ".")] or list(changes)
-    told = ", ".join(f"{name}: {values[name]!r} is not allowed" for name in guilty)
-    return f"{told}; {error.key} is {error.value!r} and would have to be {error.allowed}"
+    causes = ", ".join(f"{name}: {values[name]!r} is not allowed" for name in guilty)
+    return f"{causes}; {error.key} is {error.value!r} and would have to be {error.allowed}"
 
 
 def _explain(error: ConfigError, where: Mapping[str, str]) -> str:
-    """A configuration error with the place of the value that caused it."""
+    """A configuration error with the location of the value that caused it."""
     key = error.key.removeprefix("simulation.")
-    # Where nobody gave this end of a range, the other end is what does not fit.
+    # Where this end of a range is a default, report the other end.
     owner, dot, end = key.rpartition(".")
     ends = ("upper", "lower") if "upper" in end else ("lower", "upper")
     at = where.get(key) or where.get(owner + dot + end.replace(*ends))

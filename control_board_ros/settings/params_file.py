@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """ROS parameter files, read without ROS, safely and with line numbers.
 
-What rcl does with a broken file is a traceback, and with a misspelt name nothing at all; so
-the board reads the files itself. Only plain YAML is taken: no tags, no anchors, no aliases,
-bounded in size, depth and number of values.
+rcl reports a broken file by a traceback and ignores a misspelt name, so the board reads the files
+itself. Only plain YAML is accepted: no tags, anchors or aliases; size, depth and number of values
+are bounded.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ PATTERN_CAP = 200
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A value and where it was written (``file:line``, or ``-p`` for the command line)."""
+    """A value and its origin (``file:line``, or ``-p`` for the command line)."""
 
     value: Any
     where: str
@@ -32,7 +32,7 @@ class Entry:
 
 @dataclass(slots=True)
 class Layer:
-    """Parameters of one source: entries by flat name, and the folder that paths relate to."""
+    """Parameters of one source: entries by flat name, and the base folder of relative paths."""
 
     entries: dict[str, Entry] = field(default_factory=dict)
     folder: Path | None = None
@@ -40,7 +40,7 @@ class Layer:
 
 
 def read_file(path: Path, node: str = "/control_board") -> Layer:
-    """The parameters that a file has for a node.
+    """The parameters of a node in a file.
 
     Args:
         path: A ROS parameter file: ``<node>: {ros__parameters: {…}}``.
@@ -48,7 +48,7 @@ def read_file(path: Path, node: str = "/control_board") -> Layer:
             whose name has no slash matches the node's bare name, in any namespace.
 
     Raises:
-        SettingsError: the file cannot be read or is not such a file.
+        SettingsError: the file is unreadable or invalid.
     """
     text = _read_text(path)
     top = _parse(text, str(path))
@@ -133,7 +133,7 @@ def _sections(top: Mapping, source: str) -> Iterator[tuple[str, Mapping]]:
 
 
 def _matches(pattern: str, node: str) -> bool:
-    """Whether a section's name means this node; as rcl, but a bare name fits any namespace."""
+    """Whether a section matches this node; as rcl, but a bare name matches any namespace."""
     if "/" not in pattern.strip():
         return pattern in (node.rsplit("/", 1)[-1], "*", "**")
     if len(pattern) > PATTERN_CAP:
@@ -147,7 +147,7 @@ def _matches(pattern: str, node: str) -> bool:
 
 
 def _flat(body: Mapping, source: str) -> dict[str, Entry]:
-    """Nested names joined by dots."""
+    """Flatten nested names, joined by dots."""
     flat: dict[str, Entry] = {}
     stack: list[tuple[str, Any]] = list(reversed(body.items.items()))
     while stack:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The table of parts in a parameter file: which joints each part of a robot has (SPEC R1).
+"""The table of parts in a parameter file: the joints of each part of a robot (SPEC R1).
 
     parts:
       left_arm: [l_shoulder_pitch, l_elbow]
       torso: {joints: [torso_yaw]}
 
-A later file may change parts and add some; an empty list leaves a part out.
+A later file may change and add parts; an empty list removes a part.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .params_file import Entry, SettingsError, shown
 from .values import convert
 
 PARTS = "parts"
-#: The robot's own node; no part can have this name.
+#: The robot's own node; not allowed as a part's name.
 ROBOT = "robot"
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
@@ -31,10 +31,10 @@ PARTS_ROW = Parameter(
 
 
 def take_parts(layers: Sequence[Entries]) -> tuple[list[Entries], Entries]:
-    """Layers without their tables of parts, and the table that they make: joints by part.
+    """Layers without their tables of parts, and the merged table: joints by part.
 
     Raises:
-        SettingsError: what stands there is no table of parts.
+        SettingsError: the table is invalid.
     """
     rest: list[Entries] = []
     table: Entries = {}
@@ -63,14 +63,14 @@ def take_parts(layers: Sequence[Entries]) -> tuple[list[Entries], Entries]:
 
 
 def check_parts(table: Entries, given: Mapping[str, Entry]) -> Table:
-    """The joints of each part, none of them in two.
+    """The joints of each part, checked to be disjoint.
 
     Args:
         table: joints by part.
         given: the other parameters.
 
     Raises:
-        SettingsError: a joint is in two parts, or the parameter joints is given, too.
+        SettingsError: a joint is in two parts, or ``joints`` is also given.
     """
     found: Table = {name: tuple(entry.value) for name, entry in table.items() if entry.value}
     owner: dict[str, str] = {}
@@ -90,12 +90,11 @@ def check_parts(table: Entries, given: Mapping[str, Entry]) -> Table:
 
 
 def levels_of(values: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    """Start-up levels: each "part,part,…"."""
     return tuple(tuple(name.strip() for name in level.split(",")) for level in values)
 
 
 def groups_of(groups: Sequence[str], left_out: Collection[str]) -> list[str]:
-    """Calibration groups, each "joint,joint,…", without the joints of parts that are left out."""
+    """Calibration groups, each "joint,joint,…", without ``left_out`` joints."""
     kept = [
         ",".join(name for name in group.split(",") if name.strip() not in left_out)
         for group in groups
@@ -104,6 +103,6 @@ def groups_of(groups: Sequence[str], left_out: Collection[str]) -> list[str]:
 
 
 def as_name(text: str) -> str:
-    """A text as part of the name of a node."""
+    """A text usable in a node name."""
     name = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")
     return name if NAME.fullmatch(name) else f"robot_{name}".rstrip("_")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The poses of a parameter file: ``poses.<name>.<joint>`` and ``poses.<name>.speed`` (SPEC R5).
 
-Every robot has two: ``home``, where its joints' ``home`` is, and ``park``, the same, unless a file
-gives them. A pose of the robot that names joints which a board does not have keeps the others.
+``home`` (the joints' ``home``) and ``park`` (the same) exist for every robot unless a file defines
+them. A pose that names joints absent from the board keeps the others.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .params_file import Entry, SettingsError
 POSES = "poses"
 SPEED = "speed"
 
-#: What a pose is made of; the names are completed with those of pose and joint.
+#: Rows of a pose; names are completed with those of pose and joint.
 SPEED_ROW = Parameter(
     name=f"{POSES}.<pose>.{SPEED}",
     kind=Kind.DOUBLE,
@@ -45,7 +45,7 @@ def split(name: str) -> tuple[str, str] | None:
 
 
 def pose_row(name: str, joints: Iterable[str]) -> Parameter | None:
-    """The row of a pose's parameter; None where it is none."""
+    """The row of a pose's parameter; None for other names."""
     found = split(name)
     if found is None or not NAME.fullmatch(found[0]):
         return None
@@ -55,7 +55,7 @@ def pose_row(name: str, joints: Iterable[str]) -> Parameter | None:
 
 
 def known_names(name: str, joints: Iterable[str]) -> list[str]:
-    """What a misspelt parameter of a pose may have meant."""
+    """Suggestions for a misspelt parameter of a pose."""
     pose = (split(name) or (HOME, ""))[0]
     return [f"{POSES}.{pose}.{what}" for what in (SPEED, *joints)]
 
@@ -66,8 +66,8 @@ def poses_of(
     """The poses of a board by name, home and park first; and warnings, one line each.
 
     Args:
-        entries: all that parameter files give, checked.
-        board: whose joints they are.
+        entries: of the parameter files, checked.
+        board: with the joints.
         homes: the configured home of each joint, rad or m.
 
     Raises:
@@ -106,13 +106,12 @@ def poses_of(
 
 
 def bounded(board: BoardConfig, joint: str, position: float) -> float:
-    """A position within the software limits of a joint."""
+    """A position clipped to the software limits of a joint."""
     limits = board.joints[board.names.index(joint)].limits
     return min(max(position, limits.lower), limits.upper)
 
 
 def values_of(poses: Mapping[str, Pose]) -> dict[str, Any]:
-    """The parameters of poses, by full name."""
     values: dict[str, Any] = {}
     for pose in poses.values():
         values[f"{POSES}.{pose.name}.{SPEED}"] = pose.speed

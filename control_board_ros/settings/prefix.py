@@ -16,17 +16,13 @@ LISTS, GROUPS = ("joints", "parts"), "calibration_groups"
 
 
 def prefix_of(layers: Sequence[Entries]) -> str:
-    """The joint prefix that the strongest layer gives.
-
-    Raises:
-        SettingsError: it has other characters than names.
-    """
+    """The joint prefix of the strongest layer; raises SettingsError for characters not allowed."""
     name, given = "joint_prefix", [layer for layer in layers if "joint_prefix" in layer]
     return str(convert(BOARD_BY_NAME[name], name, given[-1][name])) if given else ""
 
 
 def prefixed(entries: Entries, joints: Collection[str], prefix: str) -> Entries:
-    """Parameters with a prefix before the names of joints; in files they stand as in the URDF.
+    """Add a prefix to joint names in parameters; files name joints as in the URDF.
 
     Args:
         entries: by full name.

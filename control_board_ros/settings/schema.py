@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every parameter by its full name: those of the node here, all others from the configurations.
+"""Every parameter by its full name: those of the node here, the others from the configurations.
 
 The settings, the ROS declarations and docs/parameters.md come from here. Parameters of the board
 and of its plant have plain names; those of a joint are written as ``<joint>.limits.lower`` for one
@@ -33,9 +33,9 @@ __all__ = [
 
 JOINT_DEFAULTS = "joint_defaults"
 
-#: A name on ROS: /arm, ~/arm, arm, ~.
+#: Pattern of a ROS name: /arm, ~/arm, arm, ~.
 ROS_NAME = r"~/?|(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*"
-#: What only the node must know.
+#: Parameters of the node only.
 NODE = (
     Parameter(
         name="robot",
@@ -48,7 +48,7 @@ NODE = (
         name="robot_name",
         kind=Kind.STRING,
         default="",
-        text="What the names of a robot's nodes begin with, where it has parts; empty: as robot",
+        text="Prefix of the names of a robot's nodes, where it has parts; empty: as robot",
         pattern=r"([A-Za-z][A-Za-z0-9_]*)?",
         form="a name of letters, digits and _",
     ),
@@ -56,14 +56,13 @@ NODE = (
         name="startup_levels",
         kind=Kind.STRINGS,
         default=[],
-        text='Parts that start up together, level after level: each "part,part,…"; the others '
-        "last",
+        text='Start-up levels in order, each "part,part,…"; other parts are last',
     ),
     Parameter(
         name="joint_prefix",
         kind=Kind.STRING,
         default="",
-        text="Put before the name of every joint; parameter files name joints without it",
+        text="Prefix of every joint name; parameter files name joints without it",
         pattern=r"[A-Za-z0-9_]*",
         form="letters, digits and _",
     ),
@@ -71,32 +70,32 @@ NODE = (
         name="frame_prefix",
         kind=Kind.STRING,
         default="",
-        text="Put before the name of every frame in /tf, as by robot_state_publisher",
+        text="Prefix of every frame name in /tf, as of robot_state_publisher",
     ),
     Parameter(
         name="joints",
         kind=Kind.STRINGS,
         default=[],
-        text="Joints of the board in its order; empty: all that move",
+        text="Joints of the board in its order; empty: all movable joints",
     ),
     Parameter(
         name="plant",
         kind=Kind.STRING,
         default="",
-        text="What the board drives: the name of somebody else's plant; empty: the simulation",
+        text="Plant driven by the board, by its registered name; empty: the simulation",
     ),
     Parameter(
         name="plant_arguments",
         kind=Kind.STRINGS,
         default=[],
-        text="For that plant, name=value each",
+        text="Arguments of the plant, name=value each",
     ),
     Parameter(
         name="plant_timeout",
         kind=Kind.DOUBLE,
         default=0.1,
-        text="A plant that does not answer for so long is a fault of its joints; one that hears "
-        "nothing of the control loop for so long, and three cycles, takes the power off",
+        text="Response timeout: without an answer of the plant its joints fault; without "
+        "commands for this time plus three cycles the plant disables the motors",
         unit="s",
         low=0.001,
         high=60.0,
@@ -105,8 +104,8 @@ NODE = (
         name="plant_process",
         kind=Kind.BOOL,
         default=True,
-        text="That plant runs in a process of its own, which takes the power off also when the "
-        "board's is stopped, hangs or ends; false: in a thread of the board's",
+        text="Run the plant in a separate process, which disables the motors also when the "
+        "board's process stops, hangs or ends; false: in a thread of the board's",
     ),
     Parameter(
         name="state_rate",
@@ -140,7 +139,7 @@ NODE = (
         name="niceness",
         kind=Kind.INTEGER,
         default=-20,
-        text="Niceness of the node where it is granted, as to root; not at real_time_factor 0",
+        text="Niceness of the node, where permitted (root); not at real_time_factor 0",
         low=-20,
         high=19,
     ),
@@ -160,7 +159,7 @@ NODE = (
         name="lifecycle",
         kind=Kind.BOOL,
         default=False,
-        text="Be a managed node: its transitions configure the board and allow power",
+        text="Managed node: its transitions configure the board and enable power",
     ),
     Parameter(
         name="autostart",
@@ -191,7 +190,7 @@ NODE = (
         name="yarp_msgs_name",
         kind=Kind.STRING,
         default="~",
-        text="What YARP's topics and services are below, as msgs_name there; empty: offer none",
+        text="Namespace of YARP's topics and services, msgs_name in YARP; empty: none",
         pattern=rf"(?=.{{0,200}}$)({ROS_NAME})?",
         form="a ROS name such as /icub/left_arm, or '~' for the node's own",
     ),
@@ -199,7 +198,7 @@ NODE = (
 
 
 def rows_of(made: type) -> Iterator[Parameter]:
-    """The parameters of a configuration and of its parts; defaults as YAML has them."""
+    """The parameters of a configuration and of its parts; defaults as in YAML."""
     for row in parameters_of(made):
         yield replace(row, default=None if row.derived else _plain(row.default))
     for part in parts_of(made):
@@ -220,12 +219,12 @@ def rows_of(made: type) -> Iterator[Parameter]:
 
 
 def _full(bound: Bound, part: str) -> Bound:
-    """A bound with the full name of the parameter that it is."""
+    """A bound, with the full name where it is a parameter."""
     return f"{part}.{bound}" if isinstance(bound, str) and "." not in bound else bound
 
 
 def _plain(value: Any) -> Any:
-    """A default as a parameter file has it: modes by their codes, lists."""
+    """A default as in a parameter file: codes for modes, lists for tuples."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     return value.code if isinstance(value, Vocab) else value
@@ -234,7 +233,7 @@ def _plain(value: Any) -> Any:
 BOARD = (*NODE, *rows_of(BoardConfig), *rows_of(SimulationConfig))
 JOINT = (*rows_of(JointConfig), *rows_of(JointSimulation))
 BOARD_BY_NAME = {row.name: row for row in BOARD}
-#: Of a robot of several parts: what belongs to each part, and what its own node shows.
+#: Robots of several parts: parameters of each part, and of the robot's own node.
 PART_ONLY = ("allow_partial_joints_goal", "constraints.")
 PART_ROWS = tuple(r for r in BOARD if r.name.startswith(("joints", "calibration_", *PART_ONLY)))
 ROBOT_ROWS = tuple(row for row in BOARD if not row.name.startswith(PART_ONLY))
@@ -242,7 +241,7 @@ JOINT_BY_NAME = {row.name: row for row in JOINT}
 
 
 def find_row(name: str, joints: Iterable[str]) -> Parameter | None:
-    """The row of a full parameter name, None where there is none."""
+    """The row of a full parameter name; None if unknown."""
     if name in BOARD_BY_NAME:
         return BOARD_BY_NAME[name]
     if (row := pose_row(name, joints)) is not None:

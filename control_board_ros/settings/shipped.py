@@ -11,12 +11,12 @@ from ..text import nearest
 from .yaml_tree import SettingsError, shown
 
 PACKAGE = "control_board_ros"
-#: Files beside them that are for other programs.
+#: Files for other programs in the same folder.
 OTHERS = {"diagnostics"}
 
 
 def config_folders() -> list[Path]:
-    """Where configurations are: beside the sources, else where ROS or pip installed them."""
+    """Folders of configurations: beside the sources, else as installed by ROS or pip."""
     checkout = Path(__file__).resolve().parents[2]
     folders = [checkout / "config"] if (checkout / "package.xml").is_file() else []
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
@@ -25,10 +25,10 @@ def config_folders() -> list[Path]:
 
 
 def find_config(name: str) -> Path:
-    """The shipped configuration of that name, for example ``iiwa``.
+    """The path of a shipped configuration, for example ``iiwa``.
 
     Raises:
-        SettingsError: there is none; the message names those there are.
+        SettingsError: unknown name; the message lists the known ones.
     """
     folders = config_folders()
     known: dict[str, Path] = {}

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The poses that a user saves, in a file of the user's: one file per robot.
+"""Poses saved by the user, one file per robot.
 
 ``$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml``, ``~/.config`` where that is not set::
 
     ready: {speed: 0.3, positions: {shoulder: 0.5, elbow: 1.2}}
 
-The file is read anew each time, since boards of one robot share it, and replaced whole.
+Boards of one robot share the file: it is read at each use and replaced as a whole.
 """
 
 from __future__ import annotations
@@ -28,39 +28,32 @@ from .params_file import SIZE_CAP
 from .yaml_tree import Leaf, SettingsError, parse_yaml, shown
 from .yaml_tree import Mapping as Tree
 
-#: So many poses are enough for anybody; more would not be read again.
+#: Maximum number of poses in a file.
 MOST = 100
-#: How often a save asks for the file's lock, and s between: saving takes a few ms, and whoever
-#: saves keeps all other services waiting.
+#: Attempts to lock the file, and s between them: saving takes a few ms and blocks all other
+#: services.
 TRIES, PAUSE = 10, 0.005
 HEAD = "# Poses of {robot}, saved by ~/save_pose and `cbctl pose save`; rad, rad/s; m, m/s.\n"
 FORM = "write NAME: {speed: 0.0, positions: {joint: 0.5}}"
 
 
 def pose_file(robot: str) -> Path:
-    """The file of a robot's user poses."""
     base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
     stem = re.sub(r"[^A-Za-z0-9_.-]", "_", robot).strip(".") or "robot"
     return Path(base) / "control_board_ros" / "poses" / f"{stem}.yaml"
 
 
 class UserPoses:
-    """The poses of a user for one robot.
-
-    Args:
-        robot: its name.
-
-    Attributes: path (of the file, which need not exist).
-    """
+    """The poses of a user for one robot; attribute ``path``: their file, which may not exist."""
 
     def __init__(self, robot: str) -> None:
         self.robot, self.path = robot, pose_file(robot)
 
     def read(self) -> dict[str, Pose]:
-        """All poses by name, in the order of the file; none where there is no file.
+        """All poses by name, in file order; empty without a file.
 
         Raises:
-            RequestError: the file cannot be read or is no such file; one line.
+            RequestError: the file is unreadable or invalid; one line.
         """
         try:
             with self.path.open("rb") as file:
@@ -79,14 +72,14 @@ class UserPoses:
             raise RequestError(str(error)) from None
 
     def save(self, pose: Pose, names: Collection[str] = ()) -> dict[str, Pose]:
-        """Add a pose, or replace one; all poses.
+        """Add or replace a pose; returns all poses.
 
         Args:
             pose: of some joints of a board.
-            names: of all joints of that board; what the pose says of others stays.
+            names: all joints of that board; the pose's positions of other joints remain.
 
         Raises:
-            RequestError: the file cannot be read or written, or is full; nothing has changed.
+            RequestError: the file cannot be read or written, or is full; it remains unchanged.
         """
         try:
             with self._locked():
@@ -105,11 +98,7 @@ class UserPoses:
 
     @contextlib.contextmanager
     def _locked(self) -> Iterator[None]:
-        """Keep other processes from saving meanwhile.
-
-        Raises:
-            RequestError: another one saves for longer than anybody should wait.
-        """
+        """Lock the file against other processes; raises RequestError after TRIES attempts."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         path = self.path.parent / f".{self.path.name}.lock"
         with path.open("w") as lock:
@@ -127,7 +116,7 @@ class UserPoses:
             yield
 
     def _write(self, text: str) -> None:
-        """Replace the file at once: a reader sees the old one or the new one."""
+        """Replace the file atomically."""
         handle, name = tempfile.mkstemp(dir=self.path.parent, prefix=".", suffix=".yaml")
         try:
             with os.fdopen(handle, "w", encoding="utf-8") as file:
@@ -141,7 +130,6 @@ class UserPoses:
 
 
 def text_of(robot: str, poses: Mapping[str, Pose]) -> str:
-    """The file that holds some poses."""
     tree = {
         pose.name: {
             "speed": pose.speed,
@@ -153,10 +141,10 @@ def text_of(robot: str, poses: Mapping[str, Pose]) -> str:
 
 
 def poses_in(text: str, source: str) -> dict[str, Pose]:
-    """The poses that a text has.
+    """Parse the poses of a file's text.
 
     Raises:
-        SettingsError: it is none of ours; one line with the line's number.
+        SettingsError: invalid; one line with the line number.
     """
     tree = parse_yaml(text, source)
     if tree is None:
@@ -186,11 +174,7 @@ def poses_in(text: str, source: str) -> dict[str, Pose]:
 
 
 def number(node: Any, name: str, source: str) -> float:
-    """A finite number of the file.
-
-    Raises:
-        SettingsError: it is none.
-    """
+    """A finite number of the file; raises SettingsError for anything else."""
     value = getattr(node, "value", None)
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
         raise SettingsError(f"{source}:{node.line}: {name}: {shown(value)} is no number")

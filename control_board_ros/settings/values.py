@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One given value checked against its row of the schema."""
+"""Checks of a value against its row of the schema."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .params_file import Entry, SettingsError, shown
 
 
 def convert(row: Parameter, name: str, entry: Entry) -> Any:
-    """The value in its parameter's type: whole numbers become floats where those are meant.
+    """The value in its parameter's type; integers become floats where required.
 
     Raises:
         SettingsError: wrong type, out of range, or not among the choices.
@@ -53,7 +53,7 @@ def _number(row: Parameter, value: Any) -> float | None:
 
 
 def _choice(row: Parameter, value: Any) -> str | None:
-    """A text; of modes the code, also for a long name, in any case."""
+    """A choice; modes by code or long name, case-insensitive, as the code."""
     if not isinstance(value, str) or "\0" in value:
         return None
     if not row.choices:

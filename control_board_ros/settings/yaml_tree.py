@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plain YAML with line numbers: no tags, no anchors, no aliases, bounded in every way."""
+"""Plain YAML with line numbers: no tags, no anchors, no aliases, bounded in size."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False,
 
 
 class SettingsError(OneLineError):
-    """A setting that cannot be used; one line: where, name, value, what is allowed."""
+    """An invalid setting; one line: location, name, value, what is allowed."""
 
 
 @dataclass(slots=True)
@@ -44,13 +44,13 @@ class Leaf:
 
 
 def shown(value: Any) -> str:
-    """A value as an error message shows it: short and on one line."""
+    """A value for error messages: short, on one line."""
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "…" + text[-1]
 
 
 def parse_yaml(text: str, source: str) -> Mapping | Leaf | None:
-    """The one document of a YAML text; None where it is empty.
+    """The single document of a YAML text; None if empty.
 
     Raises:
         SettingsError: not YAML, or more than plain YAML; one line with the line number.
@@ -75,8 +75,8 @@ def parse_yaml(text: str, source: str) -> Mapping | Leaf | None:
 class _Builder:
     """Builds mappings and values from parser events; recursion ends at DEPTH_CAP.
 
-    Events, not PyYAML's compose(): that resolves aliases unseen, has no end of its depth, and its
-    nodes do not tell a tag that was written from one that was found (decision 29).
+    PyYAML's compose() resolves aliases silently, has no depth limit, and its nodes do not
+    distinguish explicit tags from resolved ones (decision 29).
     """
 
     def __init__(self, source: str, events: Iterator[Any]) -> None:
@@ -98,7 +98,7 @@ class _Builder:
         return root
 
     def _node(self, event: Any, depth: int) -> Mapping | Leaf:
-        """What begins with an event; it lies in so many mappings and lists."""
+        """The node that begins with an event, nested ``depth`` deep."""
         self._check(event, depth)
         line = event.start_mark.line + 1
         if isinstance(event, yaml.ScalarEvent):
@@ -129,7 +129,7 @@ class _Builder:
         return items
 
     def _check(self, event: Any, depth: int) -> None:
-        """Refuse what is more than plain YAML of a bounded size."""
+        """Reject anything beyond plain YAML of bounded size."""
         if isinstance(event, yaml.AliasEvent) or event.anchor:
             raise self.fail(event, "anchors (&) and aliases (*) are not allowed; write it out")
         self.count += 1
@@ -158,7 +158,7 @@ class _Builder:
 
 
 def _uniform(values: list[Any]) -> list[Any]:
-    """Whole numbers among others with a point count as floats, as a list has one type."""
+    """Convert integers to floats in lists that have floats: a list has one type."""
     if any(isinstance(value, float) for value in values):
         return [float(value) if type(value) is int else value for value in values]
     return values

@@ -23,7 +23,7 @@ DEFAULT_PHYSICS = PYBULLET if sys.version_info < (3, 12) else MUJOCO
 
 @configuration
 class MotorModel:
-    """What the name plate of a motor and its gearbox does not say."""
+    """Properties of a motor and its gearbox beyond the name plate."""
 
     coulomb: float = parameter(
         "Dry friction at the joint",
@@ -40,21 +40,25 @@ class MotorModel:
         derived="URDF, or limits",
     )
     inertia: float = parameter(
-        "Of the rotor, on the motor's side: gear_ratio² of it adds to the joint",
+        "Rotor inertia on the motor side; gear_ratio² times this adds to the joint",
         "kg·m²",
         default=0.0,
         low=0.0,
         derived="load, torque",
     )
     thermal_resistance: float = parameter(
-        "Winding to ambient",
+        "Thermal resistance from winding to ambient",
         "K/W",
         default=1.0,
         above=0.0,
         derived="nominal current 20 K below limits.temperature",
     )
     thermal_capacitance: float = parameter(
-        "Of the winding", "J/K", default=100.0, above=0.0, derived="120 s / thermal_resistance"
+        "Thermal capacitance of the winding",
+        "J/K",
+        default=100.0,
+        above=0.0,
+        derived="120 s / thermal_resistance",
     )
 
 
@@ -65,7 +69,7 @@ class Encoder:
     resolution: float = parameter(
         "Step of the reading; 0: none", "rad or m", default=0.0, low=0.0, high=1.0
     )
-    zero: float = parameter("Added to the reading", "rad or m", default=0.0)
+    zero: float = parameter("Offset added to the reading", "rad or m", default=0.0)
     motor: bool = parameter("The motor's shaft has an encoder, too", default=True)
 
 
@@ -113,7 +117,7 @@ class JointSimulation:
         "Pose at start and after ~/reset", "rad or m", default=0.0, derived="limits"
     )
     inertia: float = parameter(
-        "What the joint moves, about; of the ideal body only, the URDF knows its own",
+        "Approximate inertia moved by the joint; ideal body only",
         "kg·m² or kg",
         default=1.0,
         above=0.0,
@@ -149,7 +153,7 @@ class SimulationConfig:
         high=1000.0,
     )
     physics_rate: float = parameter(
-        "Physics steps; a whole multiple of control_rate",
+        "Rate of physics steps; a whole multiple of control_rate",
         "Hz",
         default=1000.0,
         low=10.0,
@@ -157,7 +161,7 @@ class SimulationConfig:
         derived="control_rate: its first multiple from 1000",
     )
     physics: str = parameter(
-        "What moves the joints; ideal: each by itself, without gravity",
+        "Physics engine; ideal: independent joints without gravity",
         default=DEFAULT_PHYSICS,
         choices=PHYSICS,
         derived="Python: pybullet up to 3.11, mujoco from 3.12",
