@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dynamics of a robot as the board knows them: its URDF as a ``core.dynamics.ArmModel``."""
+"""Dynamics of a robot for the board: its URDF as a ``core.dynamics.ArmModel``."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ BASE = -1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motors:
-    """What the URDF does not say of the joints of a board.
+    """Motor data of a board's joints, not part of the URDF.
 
-    Attributes: rotors (J N² by joint, kg·m²; kg where it slides), coulomb and viscous (friction
-    by joint, N·m and N·m·s/rad), in_links (rotors turn with their whole link, as pybullet has
-    them; see ``rotor``), else each acts on its own joint only.
+    Attributes: rotors (J N² by joint, kg·m²; kg for sliding joints), coulomb and viscous (friction
+    by joint, N·m and N·m·s/rad), in_links (rotors turn with their whole link, as in pybullet;
+    see ``rotor``; otherwise each acts on its own joint only).
     """
 
     rotors: Mapping[str, float]
@@ -47,8 +47,8 @@ def arm_model(
         urdf: The robot.
         names: The joints, in the board's order.
         motors: Of the same joints.
-        standing: Where other joints stand, rad or m; those not named at zero. Followers stand
-            where their leaders' positions put them.
+        standing: Positions of other joints, rad or m; default zero. Followers are placed by their
+            leaders.
         gravity: In world axes, m/s².
     """
     tree = urdf.tree
@@ -58,7 +58,7 @@ def arm_model(
             mimic.follower, mimic.multiplier * places.get(mimic.leader, 0.0) + mimic.offset
         )
     index = {name: j for j, name in enumerate(names)}
-    # Of each link: the joint that moves it, and its frame in that joint's axes.
+    # Per link: the joint that moves it, and its frame in that joint's axes.
     frames: dict[str, tuple[int, Array, Array]] = {tree.base: (BASE, np.zeros(3), np.eye(3))}
     placed: dict[int, tuple[int, Array, Array]] = {}
     axes: dict[str, Array] = {}
@@ -121,7 +121,7 @@ def _link(
 def _moved(
     tree: Tree, joint: ET.Element, position: Array, rotation: Array, place: float
 ) -> tuple[Array, Array]:
-    """The frame beyond a joint that stands at a place."""
+    """The frame beyond a joint at position ``place``."""
     axis = axis_of(joint)
     if tree.slides(joint):
         return position + rotation @ axis * place, rotation

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Several robots as one description: side by side on the world, or one on a link of another."""
+"""Several robots as one description, each fixed to the world or to a link of another."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ Vector = tuple[float, float, float]
 class Piece:
     """One of the robots.
 
-    Attributes: robot (as in the parameter of this name), prefix (put before the names of its
-    links and joints), on (the link that carries it, with that one's prefix), xyz (m) and rpy
-    (rad) of its base link in the axes of that link.
+    Attributes: robot (as the parameter), prefix (of the names of its links and joints), on (the
+    supporting link, with that robot's prefix), xyz (m) and rpy (rad) of its base link in the axes
+    of that link.
     """
 
     robot: str
@@ -35,7 +35,7 @@ class Piece:
 
 
 def assemble(name: str, pieces: Sequence[Piece], load: Callable[[str], Urdf]) -> Urdf:
-    """One description of all pieces, each fixed to the link that carries it.
+    """One description of all pieces, each fixed to its supporting link.
 
     Raises:
         UrdfError: a piece cannot be loaded, or two links or joints have the same name.
@@ -57,7 +57,7 @@ def assemble(name: str, pieces: Sequence[Piece], load: Callable[[str], Urdf]) ->
 
 
 def renamed(element: ET.Element, prefix: str) -> ET.Element:
-    """A copy with a prefix before the names of links and joints; materials keep theirs."""
+    """A copy with prefixed names of links and joints; material names are unchanged."""
     made = copy.deepcopy(element)
     if made.tag in ("link", "joint"):
         made.set("name", prefix + made.get("name", ""))

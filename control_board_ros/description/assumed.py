@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was assumed where a URDF and its parameters say nothing, told at start."""
+"""Assumptions where URDF and parameters give no value, reported at start."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-#: Parameters whose absence means that a whole part of the joint is derived.
+#: Parameters whose absence implies that a whole part of the joint is derived.
 PARTS = {"motor.torque_constant": "motors", "position_pid.kp": "gains"}
 SHOWN = 6
 
 
 class Assumed:
-    """Collects assumptions, joints with the same one together."""
+    """Collects assumptions, grouped by kind."""
 
     def __init__(self) -> None:
         self._count = 0
@@ -20,19 +20,19 @@ class Assumed:
         self._warnings: dict[tuple[str, str], list[str]] = {}
 
     def count(self, joint: str, given: Mapping[str, Any]) -> None:
-        """Note which parts of a joint no parameter gives."""
+        """Record the parts of a joint without parameters."""
         self._count += 1
         for key, part in PARTS.items():
             if key not in given:
                 self._parts.setdefault(part, []).append(joint)
 
     def warn(self, joint: str, value: str, what: str, advice: str) -> None:
-        """Note a value that a user should know of: ``<joint> <value>, ...: <what>; <advice>``."""
+        """Record a value to report: ``<joint> <value>, ...: <what>; <advice>``."""
         self._warnings.setdefault((what, advice), []).append(f"{joint} {value}")
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One line about what is derived as a whole; none where parameters give all."""
+        """One line about parts derived as a whole; empty where parameters give all."""
         if not self._parts:
             return ()
         parts = ", ".join(
@@ -46,7 +46,7 @@ class Assumed:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One line for each kind of value that was assumed against, or without, the URDF."""
+        """One line per kind of value assumed against, or without, the URDF."""
         return tuple(
             f"{what}: {_shown(joints)}; {advice}"
             for (what, advice), joints in self._warnings.items()

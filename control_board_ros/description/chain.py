@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One limb cut out of a whole robot."""
+"""Extraction of one limb from a robot."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from .urdf_xml import UrdfError
 
 
 def cut(tree: Tree, base: str, tip: str) -> Tree:
-    """Keep the chain from base to tip and the masses that hang rigidly on it.
+    """Keep the chain from base to tip and the masses fixed to it.
 
-    The base link keeps its pose in the robot with all joints at zero: gravity pulls the limb as
-    it would there. The robot's own base link stays as a bare frame for it to hang on.
+    The base link keeps its pose in the robot with all joints at zero, so that gravity acts as in
+    the whole robot. The robot's own base link remains as a bare frame that supports it.
 
     Raises:
-        UrdfError: a link is not there, or base is not an ancestor of tip.
+        UrdfError: a link is missing, or base is not an ancestor of tip.
     """
     chain = _chain(tree, base, tip)
     kept = {base}
@@ -70,7 +70,7 @@ def _pose(tree: Tree, link: str) -> tuple[Array, Array]:
 
 
 def _hang(tree: Tree, base: str, position: Array, rotation: Array) -> None:
-    """Put the robot's base link back, bare, and fix the chain's base to it."""
+    """Restore the robot's base link, bare, and fix the chain's base to it."""
     tree.root.insert(0, ET.Element("link", name=tree.base))
     mount = ET.SubElement(tree.root, "joint", name=f"{base}_mount", type="fixed")
     ET.SubElement(mount, "parent", link=tree.base)

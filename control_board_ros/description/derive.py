@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters of a joint that are not given: derived from the URDF.
+"""Derivation of missing joint parameters from the URDF.
 
-Good enough to hold and move any sane robot; a tuned robot has its own YAML. A joint is sized
-by what hangs on it: the inertia and the gravity torque of its worst pose (see ``loads``); its
-motor by what it must give (see ``derive_motor``), its gains by what moves (``derive_gains``).
+Sufficient to hold and move common robots; a tuned robot has its own YAML. Joints are sized by
+their loads: inertia and gravity torque of the worst pose (see ``loads``); motors by the required
+torque (see ``derive_motor``), gains by the moved inertia (see ``derive_gains``).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from .derive_motor import current_loop, electrical, friction, limits, rotor, the
 from .loads import MotorLoad, loads
 from .urdf import Urdf, UrdfJoint
 
-UNBOUNDED = 1e6  # rad, where a continuous joint's travel ends
-LEAST_INERTIA = 1e-4  # kg·m² or kg; less is the URDF's idea of nothing
-#: Part of what torque and inertia allow that the acceleration limit takes.
+UNBOUNDED = 1e6  # rad, travel of a continuous joint
+LEAST_INERTIA = 1e-4  # kg·m² or kg; smaller values are placeholders
+#: Acceleration limit, as a share of what torque and inertia allow.
 ACCELERATION_SHARE = 0.8
 
 
@@ -31,16 +31,16 @@ def complete(
     gravity: tuple[float, float, float],
     control_rate: float,
 ) -> Assumed:
-    """Add what is missing to the parameters of all joints of a board, in place.
+    """Complete the parameters of all joints of a board, in place.
 
     Args:
-        values: Parameters by schema name, for each joint; those given stay as they are.
+        values: Parameters by schema name, for each joint; given ones are unchanged.
         urdf: The robot.
         gravity: In world axes, m/s².
         control_rate: Hz.
 
     Returns:
-        What was assumed, for people.
+        The assumptions.
     """
     joints = {joint.name: joint for joint in urdf.joints}
     assumed = Assumed()
@@ -75,7 +75,7 @@ def complete(
 
 
 def _moved(values: dict[str, Any], moved: MotorLoad, gravity: float) -> None:
-    """What the motor moves, rotors included, and how fast it can; gravity: torque, N·m."""
+    """Moved inertia, rotors included, and acceleration; gravity: torque, N·m."""
     give = values.setdefault
     give("inertia_min", max(moved.inertia_min, LEAST_INERTIA))
     give("inertia_mean", max(moved.inertia_mean, values["inertia_min"]))
@@ -86,7 +86,7 @@ def _moved(values: dict[str, Any], moved: MotorLoad, gravity: float) -> None:
 
 
 def _start_values(values: dict[str, Any], kind: JointKind) -> None:
-    """Speeds at start, home and the calibration's way there."""
+    """Initial speeds, home, and the calibration's start."""
     give = values.setdefault
     slow = kind.choose(10.0 * DEGREE, 0.05)
     give("reference_speed", min(slow, 0.5 * values["limits.velocity"]))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gains that fit a joint, where none are given.
+"""Derivation of missing gains of a joint.
 
-With the least inertia J that the motor feels and the greatest J_M, the torque limit τ and the
-control period T, with the delay of a drive that leaves the position loop to the board::
+With the least inertia J felt by the motor and the greatest J_M, the torque limit τ and the control
+period T, including the delay of a drive that leaves the position loop to the board::
 
     C  = min(600, 0.6/T)                1/s, crossover of the velocity loop at J: hold, winding
                                         and filter leave it a phase margin of some 40 degrees
@@ -11,10 +11,10 @@ control period T, with the delay of a drive that leaves the position loop to the
     kp = min(kd C/8, kd²/1.5 J_M, τ/x)  damped at J_M, too; the torque limit is worth an error x
     kd = min(C J, 2.2 √(kp J_M))
     ki = kp · min(C/20, 0.22 kd/J_M)
-    k  ≤ kp/4                           springs that the torque loop follows with its own lag
+    k  ≤ kp/4                           stiffness limit from the torque loop's lag
     d  = 2 ζ √(k J_M)                   released, a joint overshoots by no more than a tenth
 
-The shipped robots use the same: a gain in a parameter file is an exception with a reason.
+The shipped robots use these gains; a gain in a parameter file is an exception with a reason.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from ..core.terms.set_points import CLOSE_POSITION
 
 MAX_CROSSOVER = 600.0  # 1/s
 CROSSOVER_PHASE = 0.6  # rad
-LEAST_ERROR = 8e-3  # rad, error that the torque limit is worth at least
+LEAST_ERROR = 8e-3  # rad, least error at which the torque limit is reached
 LEAST_SLIDE_ERROR = 2e-3  # m, likewise
-START_STIFFNESS_SHARE = 0.2  # stiffness at start, of the greatest
-MAX_STIFFNESS_SHARE = 0.25  # greatest stiffness, of the position loop's
+START_STIFFNESS_SHARE = 0.2  # initial stiffness, share of the greatest
+MAX_STIFFNESS_SHARE = 0.25  # greatest stiffness, share of the position loop's
 
 
 def gains(values: dict[str, Any], period: float, kind: JointKind) -> None:
-    """Add the gains that are missing to the parameters of one joint, in place."""
+    """Complete the gains of one joint, in place."""
 
     def give(name: str, value: float) -> float:
         given: float = values.setdefault(name, float(f"{value:.3g}"))

@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A motor that fits its joint, where none is given.
+"""Derivation of missing motor parameters of a joint.
 
 With the joint's torque limit T, speed limit v, gravity torque g, and the supply U::
 
-    Ke v = e U                 back-EMF at the speed limit (e = 0.4; less where it must be)
+    Ke v = e U                 back-EMF at the speed limit (e = 0.4; less where necessary)
     R T/kt = (1 − e) U         the torque limit is reached up to the speed limit
     L = 1.5 ms · R             electrical time constant of servo motors of this size
     peak = 1.05 (U + Ke v)/R   a motor reversed at full speed is no overcurrent, a short is
     nominal = max(0.6 T, 1.2 g)/kt, at most T/kt: holds the stretched arm continuously
     J N² = max(½ mean load, T · 1 ms², 4 h drag), drag = Ke kt/R + viscous
 
-The rotor is matched to its load, so that the inertia seen varies little with the pose, and is
-not lighter than motors of such a torque are (the shipped robots have 2 to 3 ms² of T). The last
-bound keeps the back-EMF stable in a physics step h. All quantities on the joint's side, with kt
-in N·m/A there; N and m/s where it slides.
+The rotor is matched to its load, so that the felt inertia varies little with the pose, with the
+least inertia of motors of this torque (the shipped robots have 2 to 3 ms² of T). The last bound
+keeps the back-EMF stable in a physics step h. All quantities on the joint side, with kt in N·m/A;
+N and m/s for sliding joints.
 """
 
 from __future__ import annotations
@@ -28,28 +28,28 @@ from .urdf import UrdfJoint
 MAX_VELOCITY = 20.0  # rad/s or m/s; more in a URDF is a placeholder
 DEFAULT_VELOCITY, DEFAULT_SLIDE_VELOCITY = math.pi, 0.5  # rad/s and m/s
 SUSPECT_EFFORT = 1000.0  # N·m or N; more in a URDF may be a placeholder
-ABSURD_RATIO = 100.0  # times what the load needs: then it is one
-ACCELERATION_RATE = 10.0  # 1/s: acceleration wanted, in speed limits per second
+ABSURD_RATIO = 100.0  # times the required torque: treated as a placeholder
+ACCELERATION_RATE = 10.0  # 1/s: target acceleration, in speed limits per second
 EMF_SHARE = 0.4
 NOMINAL_SHARE = 0.6
 ELECTRICAL_TIME = 1.5e-3  # s
 ROTOR_SHARE = 0.5
 ROTOR_PER_TORQUE = 1e-3  # s²
-STEP = 1e-3  # s, the longest physics step that is derived
+STEP = 1e-3  # s, the longest derived physics step
 TEMPERATURE_MARGIN = 20.0  # K below the temperature limit, at the nominal current
 THERMAL_TIME = 120.0  # s
 MAX_CURRENT_GAIN = 3.0  # gain of the current loop, of the resistance
 FRICTION_SHARE = 0.01
-MOST_LOST = 0.8  # of the torque limit, in friction at full speed, without a warning
+MOST_LOST = 0.8  # largest friction at full speed without a warning, of the torque limit
 
 
 def required_torque(load: Load, velocity: float) -> float:
-    """Torque (force) that holds a load and accelerates it and a rotor of half its inertia."""
+    """Torque (force) to hold a load and accelerate it with a rotor of half its inertia."""
     return load.gravity + ACCELERATION_RATE * velocity * (1.0 + ROTOR_SHARE) * load.inertia_max
 
 
 def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
-    """Speed and torque limit: the URDF's, where it gives sane ones."""
+    """Speed and torque limit: the URDF's where plausible."""
     name, kind = joint.name, joint.kind
     speed_unit, unit = f"{kind.unit}/s", kind.force_unit
     if "limits.velocity" not in values:
@@ -111,7 +111,7 @@ def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
     velocity, torque = values["limits.velocity"], values["limits.torque"]
     supply, gear = values["motor.supply_voltage"], values["motor.gear_ratio"]
     share = EMF_SHARE
-    if joint.kind.slides:  # no rotor inertia bears the back-EMF there
+    if joint.kind.slides:  # no rotor inertia to stabilise the back-EMF
         bearable = load.inertia_min * velocity / (4.0 * STEP * torque)
         share = min(share, bearable / (1.0 + bearable))
     emf = give("motor.torque_constant", share * supply / (velocity * gear)) * gear
@@ -131,11 +131,11 @@ def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
 
 
 def current_loop(values: dict[str, Any], period: float) -> None:
-    """Gains of the inner loop (P10) that fit the control period T.
+    """Gains of the inner loop (P10) for the control period T.
 
     The loop gives V = R i_ref + Ke ω and corrects by a PI. A winding settles by a = exp(−T R/L)
-    in a period, so kp = R a/(1 − a) would reach i_ref in one; half of it is taken. The integral
-    makes up for a wrong R in 20 periods or 20 ms.
+    in a period: kp = R a/(1 − a) would reach i_ref in one; half of it is used. The integral
+    compensates a wrong R in 20 periods or 20 ms.
     """
     resistance = values["motor.resistance"]
     left = math.exp(-period * resistance / values["motor.inductance"])
@@ -146,7 +146,7 @@ def current_loop(values: dict[str, Any], period: float) -> None:
 
 
 def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
-    """The rotor's inertia; none where it slides: the physics has no place for it."""
+    """The rotor's inertia; none for sliding joints, which the physics does not support."""
     if joint.kind.slides:
         values.setdefault("motor.inertia", 0.0)
         return
@@ -161,7 +161,7 @@ def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
 
 
 def thermal(values: dict[str, Any], name: str, assumed: Assumed) -> None:
-    """A winding that carries the nominal current continuously, and settles within minutes."""
+    """A winding rated for continuous nominal current, with a time constant of minutes."""
     give = values.setdefault
     limit, ambient = values["limits.temperature"], values["motor.ambient"]
     power = values["motor.resistance"] * values["limits.nominal_current"] ** 2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the frame of each link lies in the frame of the link that carries it, as tf2 has it.
+"""Pose of each link's frame in its parent link's frame, as in tf2.
 
 With the position q of a joint, its origin p₀ and rotation r₀ (a unit quaternion), and its axis a::
 
@@ -8,7 +8,7 @@ With the position q of a joint, its origin p₀ and rotation r₀ (a unit quater
     slides:  p = p₀ + q R(r₀) a,  r = r₀
     follows: as these, with q = multiplier · q_leader + offset
 
-r₀ and r₀ ⊗ (a, 0) are constants, so that a few operations serve all joints at once.
+r₀ and r₀ ⊗ (a, 0) are constants; all joints are computed at once.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ POSE = 7
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """The frame of link ``child`` in the frame of link ``parent``, which carries it."""
+    """The frame of link ``child`` in the frame of link ``parent``."""
 
     parent: str
     child: str
@@ -43,9 +43,9 @@ class Frames:
         urdf: the robot.
         names: joints whose positions are given, in this order.
 
-    Attributes: moving (edges whose pose depends on the positions), standing (all others: fixed
-    joints, and joints that nothing moves, which stand at zero), standing_poses (shape
-    (len(standing), 7); see POSE).
+    Attributes: moving (edges with poses that depend on the positions), standing (all others:
+    fixed joints, and undriven joints at zero), standing_poses (shape (len(standing), 7); see
+    POSE).
     """
 
     def __init__(self, urdf: Urdf, names: Sequence[str]) -> None:
@@ -69,7 +69,7 @@ class Frames:
         self._multiplier = np.array([lead.multiplier for lead in leads])
         self._offset = np.array([lead.offset for lead in leads])
         slides = np.array([Tree.slides(joint) for joint in moving])
-        #: q/2 of the joints that turn, 0 of those that slide.
+        #: q/2 of turning joints, 0 of sliding ones.
         self._half = np.where(slides, 0.0, 0.5)
         origins = np.array([_origin(joint) for joint in moving]).reshape(-1, POSE)
         self._position, self._rotation = origins[:, :3], origins[:, 3:]
@@ -98,13 +98,12 @@ def _edge(joint: ET.Element) -> Edge:
 
 
 def _itself(joint: ET.Element) -> Mimic:
-    """A joint that follows none, as one that follows itself."""
+    """An independent joint, expressed as a follower of itself."""
     name = joint.get("name", "")
     return Mimic(name, name, 1.0, 0.0)
 
 
 def _origin(joint: ET.Element) -> Array:
-    """The pose of a joint at zero."""
     origin = joint.find("origin")
     return np.concatenate(
         [numbers_of(origin, "xyz"), quaternion_of_rpy(numbers_of(origin, "rpy"))]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Geometry of URDF elements: numbers, origins, axes, inertia tensors and rotations.
 
-The elements are checked already (see ``urdf_xml``): their numbers are numbers, axes are not zero.
+The elements were checked before (see ``urdf_xml``): valid numbers, nonzero axes.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ ZEROS = (0.0, 0.0, 0.0)
 
 
 def numbers_of(element: ET.Element | None, key: str, default: tuple[float, ...] = ZEROS) -> Array:
-    """The numbers of an attribute, as many as it has; the default where it is missing."""
+    """The numbers of an attribute, of any count; the default if missing."""
     text = None if element is None else element.get(key)
     return np.array(default if text is None else [float(word) for word in text.split()])
 
 
 def as_text(numbers: Array) -> str:
-    """Numbers as the value of an attribute, without loss."""
+    """Numbers as an attribute's value, exact."""
     return " ".join(map(repr, numbers.tolist()))
 
 
@@ -33,7 +33,6 @@ def origin_of(element: ET.Element) -> tuple[Array, Array]:
 
 
 def set_origin(element: ET.Element, position: Array, rotation: Array) -> None:
-    """Set the <origin> of an element; see ``origin_of``."""
     origin = element.find("origin")
     if origin is None:
         origin = ET.SubElement(element, "origin")
@@ -86,7 +85,7 @@ def quaternion_of_rpy(angles: Array) -> Array:
 
 
 def rpy_of_rotation(rotation: Array) -> Array:
-    """Roll, pitch and yaw, shape (3,), rad, of a rotation matrix: undoes rotation_of_rpy."""
+    """Roll, pitch and yaw, shape (3,), rad, of a rotation matrix: inverse of rotation_of_rpy."""
     across = np.hypot(rotation[0, 0], rotation[1, 0])
     pitch = np.arctan2(-rotation[2, 0], across)
     if across < 1e-9:  # pitch at a right angle: roll and yaw turn about the same axis

@@ -7,8 +7,8 @@ moment h = Σ m c and the inertia tensor about the origin I = Σ R I_c Rᵀ + m 
     M_jj  = aᵀ I a − 2 (h·p) + 2 (a·h)(a·p) + M (p·p − (a·p)²)     kg·m²  (prismatic: M, kg)
     τ_j   = a · ((h − M p) × g)                                     N·m    (prismatic: M a·g, N)
 
-M_jj is the diagonal of the joint-space inertia matrix: what the motor accelerates while the
-other joints stand still (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6: composite
+M_jj is the diagonal of the joint-space inertia matrix: the inertia accelerated by the motor with
+the other joints at rest (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 6: composite
 rigid bodies). Beside it, the momentum of the bodies beyond joint k, moving at unit speed about
 its axis, gives M_jk at each joint j on the way to the base::
 
@@ -50,7 +50,7 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class MovedJoint:
-    """A joint and what it moves, in P poses.
+    """A joint and its moved bodies, in P poses.
 
     Attributes: name, slides (prismatic), axis and point (a and p, shape (P, 3)), inner (index of
     the next such joint towards the base, or NONE), body (all links beyond it).
@@ -71,13 +71,13 @@ def moved_joints(
 
     Args:
         tree: The robot.
-        positions: Of the joints that move, shape (P,) each, rad or m; the others stand at zero.
-        driven: Names of the joints asked for; each one moves.
+        positions: Of movable joints, shape (P,) each, rad or m; default zero.
+        driven: Names of the requested joints, all movable.
     """
     poses = len(next(iter(positions.values())))
     frames = {tree.base: (np.zeros((poses, 3)), np.broadcast_to(np.eye(3), (poses, 3, 3)))}
     bodies = {tree.base: _body(tree.links[tree.base], *frames[tree.base])}
-    inner = {tree.base: NONE}  # index of the driven joint that a link hangs on
+    inner = {tree.base: NONE}  # index of the driven joint that supports a link
     placed: list[tuple[ET.Element, Array, Array, int]] = []  # joint, axis, point, inner
     joints = list(tree.walk(tree.base))
     for joint in joints:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each joint of a robot moves: inertia and gravity torque over sampled poses.
+"""Load of each joint of a robot: inertia and gravity torque over sampled poses.
 
-Inertia matrix M and gravity torques are those of ``kinematics``. 1/(M⁻¹)_jj is what a motor feels
-while the other joints give way: less than M_jj, the more they are coupled. Joints that follow the
-joint do not load it, as in the physics, unless they lie beyond it.
+Inertia matrix M and gravity torques are those of ``kinematics``. 1/(M⁻¹)_jj is the inertia felt by
+a motor with the other joints free: the stronger the coupling, the smaller it is than M_jj.
+Followers of the joint do not load it, as in the physics, unless they lie beyond it.
 
-A rotor behind a gear adds J N² at its own joint. The simulation gives it to the child link's
+A rotor behind a gear adds J N² at its own joint. The simulation adds it to the child link's
 tensor (see ``rotor``): a rotor k adds J N² (a_k · a_i) (a_k · a_j) to M_ij of the joints i and j
 from the base up to its own.
 """
@@ -24,11 +24,11 @@ from .urdf import Urdf
 
 EARTH = (0.0, 0.0, -9.81)
 POSES = 128
-#: Sampled travel of a sliding joint whose limits are placeholders, m.
+#: Sampled travel of a sliding joint with placeholder limits, m.
 REACH = 10.0
 
-#: Robots of more joints are looked at in every FEWER-th pose where matrices are inverted, and
-#: what is added to their diagonals, kg·m²: links may be without mass.
+#: Robots of more joints invert matrices in every FEWER-th pose only, with this added to the
+#: diagonals, kg·m²: links may have no mass.
 MANY, FEWER, TINY = 32, 8, 1e-9
 
 Range = tuple[float, float]
@@ -36,9 +36,9 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What a joint moves without its rotor: least, mean and greatest over the poses.
+    """Load of a joint without its rotor: least, mean and greatest over the poses.
 
-    Attributes: inertia_min, inertia_mean, inertia_max (kg·m²; kg where it slides), gravity
+    Attributes: inertia_min, inertia_mean, inertia_max (kg·m²; kg for sliding joints), gravity
     (greatest torque, N·m; force, N).
     """
 
@@ -50,10 +50,10 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class MotorLoad:
-    """The inertia that a motor moves, rotors included, kg·m²; kg where the joint slides.
+    """The inertia moved by a motor, rotors included, kg·m²; kg for sliding joints.
 
-    Attributes: inertia_min (over the poses, with the other joints free to give way), inertia_mean
-    and inertia_max (middle and greatest, with the other joints standing).
+    Attributes: inertia_min (over the poses, with the other joints free), inertia_mean and
+    inertia_max (middle and greatest, with the other joints at rest).
     """
 
     inertia_min: float
@@ -75,7 +75,6 @@ class Loads:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the joints."""
         return tuple(joint.name for joint in self.joints)
 
     @property
@@ -94,10 +93,10 @@ class Loads:
         }
 
     def with_rotors(self, reflected: Mapping[str, float]) -> dict[str, MotorLoad]:
-        """The inertia that each motor moves, rotors included.
+        """The inertia moved by each motor, rotors included.
 
         Args:
-            reflected: J N² by joint name, kg·m² (kg where it slides); missing ones have none.
+            reflected: J N² by joint name, kg·m² (kg where it slides); default none.
         """
         matrix = self.matrix.copy()
         for k, joint in enumerate(self.joints):
@@ -133,8 +132,8 @@ def loads(
 
     Args:
         urdf: The robot.
-        limits: Lower and upper limit of each joint of the board, rad or m; the others stand at
-            zero. None: all independent joints, within the URDF's limits.
+        limits: Lower and upper limit of each joint of the board, rad or m; others are at zero.
+            None: all independent joints, within the URDF's limits.
         gravity: In world axes, m/s².
     """
     if limits is None:
@@ -149,11 +148,11 @@ def loads(
 
 
 def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
-    """Positions of the joints that move, followers too, shape (P,) each: always the same ones.
+    """Positions of movable joints, including followers, shape (P,) each; deterministic.
 
-    The first pose has every joint as near to zero as it may be. Half of the others are uniform
-    within the limits; in the other half each joint is at one of its limits or next to zero,
-    where arms are stretched out.
+    The first pose has every joint as near to zero as permitted. Half of the others are uniform
+    within the limits; in the other half each joint is at a limit or next to zero, where arms are
+    stretched out.
     """
     half = POSES // 2
     found: dict[str, Array] = {}
@@ -161,7 +160,7 @@ def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
         if joint.name not in limits:
             continue
         spread = evenly_spread(1 + len(found), POSES)
-        low, high = sorted(limits[joint.name])  # wrong ones are refused later, with their place
+        low, high = sorted(limits[joint.name])  # invalid ones are rejected later
         if joint.kind.slides:
             low, high = max(low, min(-REACH, high)), min(high, max(REACH, low))
         elif high - low > 2.0 * math.pi:
@@ -180,8 +179,8 @@ def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
 def evenly_spread(dimension: int, count: int) -> Array:
     """frac(k √p), k = 1 … count, with the prime p of the dimension; in [0, 1), shape (count,).
 
-    Kronecker's sequence: together its dimensions fill the unit cube more evenly than random
-    numbers do, and numpy's generators would take 7 MB that nothing else needs.
+    Kronecker's sequence: its dimensions fill the unit cube more evenly than random numbers, and
+    numpy's generators would need 7 MB for this alone.
     """
     prime, found = 2, 1
     while found < dimension:

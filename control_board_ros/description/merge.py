@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Links on fixed joints, merged into the links that carry them: physics pays for every link.
+"""Links on fixed joints, merged into their supporting links: each link costs physics time.
 
 Mass m, centre of mass c and inertia tensor I about it of two links in the axes of one::
 
     m = m1 + m2,  c = (m1 c1 + m2 c2)/m,  I = Σ I_k + m_k (d_k·d_k E − d_k d_kᵀ),  d_k = c_k − c
 
-Robots have many frames without mass (sensors, tools): of the 213 joints of an iCub, 32 move.
-pybullet's own flag for it would take the moments that make room for rotors (see ``rotor``) for
-true ones.
+Many robots have frames without mass (sensors, tools): of the 213 joints of an iCub, 32 move.
+pybullet's own flag would merge the placeholder moments of rotors (see ``rotor``).
 """
 
 from __future__ import annotations

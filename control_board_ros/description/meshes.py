@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the meshes of a URDF lie, and where they may lie.
+"""Resolution of mesh paths of a URDF, within allowed folders.
 
-A URDF names files that the simulation then opens, so a path counts only below a few roots: the
-URDF's own folder (or its ROS package), the shares of ROS packages, pybullet_data and
-icub-models. Everything else is refused.
+The simulation opens the files named by a URDF, so only paths below a few roots are accepted: the
+URDF's own folder (or its ROS package), the shares of ROS packages, pybullet_data and icub-models.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from urllib.parse import unquote
 
 
 class MeshPathError(ValueError):
-    """A mesh path that is not allowed; one line without the URDF's name."""
+    """A disallowed mesh path; one line without the URDF's name."""
 
 
 def package_folder(module: str) -> Path | None:
-    """The folder of an installed Python package, found without importing it."""
+    """The folder of an installed Python package, without importing it."""
     spec = find_spec(module)
     if spec is None or not spec.submodule_search_locations:
         return None
@@ -28,14 +27,14 @@ def package_folder(module: str) -> Path | None:
 
 
 def share_folders() -> list[Path]:
-    """The share folders of ROS prefixes and of this environment, where packages install to."""
+    """The share folders of ROS prefixes and of this environment."""
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     shares = [Path(prefix) / "share" for prefix in [*prefixes, sys.prefix] if prefix]
     return list(dict.fromkeys(share for share in shares if share.is_dir()))
 
 
 def source_package(folder: Path) -> Path | None:
-    """The ROS package that holds this folder: the nearest one upwards with a package.xml."""
+    """The ROS package of this folder: the nearest parent with a package.xml."""
     for candidate in (folder, *folder.parents):
         if (candidate / "package.xml").is_file():
             return candidate
@@ -43,10 +42,7 @@ def source_package(folder: Path) -> Path | None:
 
 
 def mesh_url(path: Path) -> str:
-    """The URL of a mesh: ``package://`` where a ROS package that is installed holds it.
-
-    That is found on another host, too, where the package is installed.
-    """
+    """The URL of a mesh: ``package://`` for installed ROS packages, valid on other hosts too."""
     for share in share_folders():
         if not path.is_relative_to(share):
             continue
@@ -66,8 +62,8 @@ class MeshFinder:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         package = source_package(folder)
-        # What a user put beside the URDF must truly lie there; an installed share may be made
-        # of links into a workspace (colcon build --symlink-install).
+        # Files beside the URDF must really be there; an installed share may be links into
+        # a workspace (colcon build --symlink-install).
         self.own = [folder] + ([package] if package else [])
         self.installed = share_folders()
         data = package_folder("pybullet_data")
@@ -75,7 +71,7 @@ class MeshFinder:
             self.installed.append(data)
 
     def find(self, name: str) -> Path | None:
-        """The file of a mesh path as a URDF gives it; None where there is no such file.
+        """The file of a mesh path of a URDF; None if it does not exist.
 
         Raises:
             MeshPathError: the path is a URL, or leads out of the allowed folders.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robots that ``robot`` can name, and any other one by the path of its URDF."""
+"""Named robots, and others by the path of their URDF."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from .meshes import package_folder, share_folders
 from .urdf import Urdf, UrdfError, load
 from .xacro_file import split_arguments
 
-#: Descriptions of our own, with plain shapes.
+#: Shipped descriptions, with plain shapes.
 SHIPPED = Path(__file__).with_name("shipped")
 
 
 def _pybullet_data(relative: str, shipped: str) -> Path:
-    """A file of pybullet_data, which comes with pybullet; else the same arm in plain shapes."""
+    """A file of pybullet_data if installed; otherwise the same arm in plain shapes."""
     folder = package_folder("pybullet_data")
     return SHIPPED / shipped if folder is None else folder / relative
 
 
 def _icub_models(relative: str) -> Path:
-    """A file of icub-models: a share folder of this environment or of a ROS prefix."""
+    """A file of icub-models: in a share folder."""
     for share in share_folders():
         path = share / "iCub" / relative
         if path.is_file():
@@ -40,7 +40,7 @@ def _icub_models(relative: str) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class NamedRobot:
-    """A robot known by name: where its URDF is, and the chain (base link, tip link) to keep."""
+    """A named robot: location of its URDF, and the chain (base link, tip link) to keep."""
 
     path: Callable[[], Path]
     chain: tuple[str, str] | None = None
@@ -52,12 +52,12 @@ ROBOTS = {
     "iiwa": NamedRobot(partial(_pybullet_data, "kuka_iiwa/model.urdf", "iiwa.urdf")),
     "panda": NamedRobot(partial(_pybullet_data, "franka_panda/panda.urdf", "panda.urdf")),
     "icub": NamedRobot(_ICUB),
-    # The rest of the robot holds links without an inertia, and a board drives one arm.
+    # The rest of the robot has links without inertia.
     "icub_left_arm": NamedRobot(_ICUB, ("chest", "l_hand")),
     "icub_right_arm": NamedRobot(_ICUB, ("chest", "r_hand")),
 }
 
-#: Robots of several parts that are made of others.
+#: Robots assembled from others.
 ASSEMBLIES = {
     "panda_pair": (
         Piece("panda", "left_", xyz=(0.0, 0.0, 0.0)),
@@ -77,8 +77,8 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
     Args:
         robot: One of NAMES, or a path; that of a xacro file may have arguments after it, as
             in ``arm.urdf.xacro side:=left``.
-        folder: What a relative path is relative to besides the working directory (the folder
-            of the configuration file that gave it).
+        folder: Base folder of relative paths besides the working directory (that of the
+            configuration file).
 
     Raises:
         UrdfError: no such robot, or a description that cannot be used; one line.
@@ -98,7 +98,7 @@ def load_robot(robot: str, folder: Path | None = None) -> Urdf:
 
 
 def located(robot: str, folder: Path | None = None) -> str:
-    """The same robot for a reader in any folder: its path, if it is one, in full."""
+    """The same robot, with a path made absolute."""
     name, arguments = split_arguments(robot)
     if robot in NAMES or not looks_like_path(name):
         return robot
@@ -106,12 +106,12 @@ def located(robot: str, folder: Path | None = None) -> str:
 
 
 def _find(name: str, folder: Path | None) -> Path:
-    """A path as it is, or where there is no such file, beside the file that gave it."""
-    path = Path(os.path.expanduser(name))  # as it is where there is no such user
+    """A path relative to the working directory, or else to ``folder``."""
+    path = Path(os.path.expanduser(name))  # unchanged for unknown users
     beside = folder / path if folder is not None else path
     return beside if not path.is_file() and beside.is_file() else path
 
 
 def looks_like_path(robot: str) -> bool:
-    """Whether ``robot`` is meant as a path and not as a name."""
+    """Whether ``robot`` is a path, not a name."""
     return "/" in robot or robot.lower().endswith((".urdf", ".xml", ".xacro"))

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rotor inertia in a robot description.
+"""Rotor inertia in a robot description, for pybullet.
 
-A rotor of inertia J behind a gear of ratio N weighs J N² at its joint. The physics integrates
+A rotor of inertia J behind a gear of ratio N adds J N² at its joint. The physics integrates
 it with the rest when it is part of the child link's inertia tensor about the joint axis a::
 
     I' = I + J N² a aᵀ
 
-It turns with the whole link then, so joints further in feel it too, as far as their axes are
-parallel; a real rotor, at right angles to nothing but its own bearing, adds N times less there.
+It then turns with the whole link, so inner joints feel it as far as their axes are parallel; a
+real rotor adds N times less there.
 
 Such a tensor is not that of a rigid body (one moment may exceed the sum of the others), and
-pybullet replaces what it finds impossible by zero. So the description gets the principal axes
-of I' with a harmless moment on them, and the true moments are set in the physics afterwards.
+pybullet replaces invalid ones by zero. So the description gets the principal axes of I' with
+valid moments, and the true moments are set in the physics afterwards.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ HARMLESS = 1e-3
 
 
 def add_rotor_inertia(tree: Tree, reflected: Mapping[str, float]) -> Moments:
-    """Give the links behind these joints room for the inertia of their rotors.
+    """Prepare the child links of these joints for the inertia of their rotors.
 
     Args:
         tree: The robot; its links get the principal axes of the new inertia tensors.
-        reflected: J N² by joint name, kg·m²; zeros are left out.
+        reflected: J N² by joint name, kg·m²; zeros are ignored.
 
     Returns:
         For each changed link its three principal moments, kg·m².
 
     Raises:
-        ConfigError: a prismatic joint has rotor inertia: a mass that resists along the axis
-            only cannot be given to a link.
+        ConfigError: a prismatic joint has rotor inertia, which acts along its axis only and
+            cannot be part of a link.
     """
     moments: Moments = {}
     for name, inertia in reflected.items():
@@ -63,7 +63,7 @@ def add_rotor_inertia(tree: Tree, reflected: Mapping[str, float]) -> Moments:
 
 
 def _set_principal_axes(link: ET.Element, axes: Array) -> None:
-    """Turn the inertial frame of a link to these axes, with a harmless moment on each."""
+    """Set the inertial frame of a link to these axes, with a valid moment on each."""
     inertial = link.find("inertial")
     if inertial is None:
         inertial = ET.SubElement(link, "inertial")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robot descriptions: read safely, checked, cut to a chain, made ready for the simulation.
+"""Robot descriptions: read safely, checked, cut to a chain, prepared for the simulation.
 
-A URDF is somebody else's file. It is read with a size cap, without DTD and entities, its
-meshes only from allowed folders (see :mod:`.meshes`), and checked whole, so that pybullet,
-which reports errors to a terminal or not at all, meets only what it can load.
+A URDF is untrusted input. It is read with a size cap, without DTD and entities, with meshes from
+allowed folders only (see :mod:`.meshes`), and checked completely: pybullet gets only loadable
+files, as it reports errors to a terminal or not at all.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class Mimic:
 
 @dataclass(frozen=True, slots=True)
 class UrdfJoint:
-    """A joint that moves, as its URDF says.
+    """A movable joint of a URDF.
 
     Attributes: kind (``revolute``, ``continuous`` or ``prismatic``), lower and upper (rad or m;
-    None for continuous), effort (N·m or N) and velocity (rad/s or m/s; None where the URDF
-    gives none above zero), damping (N·m·s/rad or N·s/m) and friction (N·m or N; None where it
-    gives none above zero), mimic (None: an independent joint).
+    None for continuous), effort (N·m or N) and velocity (rad/s or m/s; None where it
+    gives none above zero), damping (N·m·s/rad or N·s/m) and friction (N·m or N), likewise,
+    mimic (None: an independent joint).
     """
 
     name: str
@@ -67,8 +67,8 @@ class Urdf:
     """A checked robot description.
 
     Attributes: name, source (the file), text (mesh paths are absolute), tree (the same, parsed;
-    to be read only: ``tree.copy()`` may be changed), joints (all that move, from the base
-    outwards), warnings (one line each).
+    read-only, modify ``tree.copy()``), joints (all movable ones, from the base outwards), warnings
+    (one line each).
     """
 
     name: str
@@ -80,16 +80,16 @@ class Urdf:
 
     @property
     def independent(self) -> tuple[str, ...]:
-        """Names of the joints that can be driven: all that move and do not mimic."""
+        """Names of the joints that can be driven: movable and not followers."""
         return tuple(joint.name for joint in self.joints if joint.mimic is None)
 
     @property
     def mimics(self) -> dict[str, Mimic]:
-        """The joints that follow others, by the follower's name."""
+        """The followers' leaders, by the follower's name."""
         return {joint.name: joint.mimic for joint in self.joints if joint.mimic is not None}
 
     def with_prefix(self, prefix: str) -> Urdf:
-        """The same robot with a prefix before the name of every joint."""
+        """The same robot with prefixed joint names."""
         if not prefix:
             return self
         root = copy.deepcopy(self.tree.root)
@@ -101,7 +101,7 @@ class Urdf:
 
     @property
     def description(self) -> str:
-        """The text for ``robot_description``: mesh paths as URLs, as RViz wants them."""
+        """The text for ``robot_description``: mesh paths as URLs, for RViz."""
         root = copy.deepcopy(self.tree.root)
         for mesh in root.iter("mesh"):
             mesh.set("filename", mesh_url(Path(mesh.get("filename", ""))))
@@ -113,8 +113,8 @@ def load(path: Path, chain: tuple[str, str] | None = None, arguments: Sequence[s
 
     Args:
         path: The file.
-        chain: Base link and tip link; what does not hang rigidly on the links between them
-            is cut away. None keeps everything.
+        chain: Base link and tip link; removes links not fixed to the links between them. None
+            keeps everything.
         arguments: Of a xacro file, ``name:=value`` each.
 
     Raises:
@@ -139,7 +139,7 @@ def load(path: Path, chain: tuple[str, str] | None = None, arguments: Sequence[s
 
 
 def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None = None) -> Urdf:
-    """As :func:`load`, from the bytes of a file that lies in the given folder."""
+    """As :func:`load`, from the bytes of a file in ``folder``."""
     root = parse_xml(data, source)
     if root.tag != "robot":
         raise UrdfError(f"{source}: the root is <{root.tag[:40]}>; a URDF's is <robot>")
@@ -160,11 +160,7 @@ def parse(data: bytes, source: str, folder: Path, chain: tuple[str, str] | None 
 
 
 def of_tree(name: str, tree: Tree, warnings: Sequence[str] = ()) -> Urdf:
-    """The robot of a tree that is checked and prepared.
-
-    Raises:
-        UrdfError: a joint cannot be used.
-    """
+    """The robot of a checked and prepared tree; raises UrdfError for an unusable joint."""
     ET.indent(tree.root)
     text = ET.tostring(tree.root, encoding="unicode")
     joints = tuple(_joint(element, tree.source) for element in tree.moving())
@@ -180,11 +176,11 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
         )
     if not numbers_of(element.find("axis"), "xyz", (1.0, 0.0, 0.0)).any():
         raise UrdfError(f"{source}: joint {name!r}: its <axis> is zero; give it a direction")
-    told = joint_of(element)
+    limits = joint_of(element)
     bounded = kind != "continuous"
     unlimited = element.find("limit") is None
-    if bounded and (unlimited or not told.lower < told.upper):
-        found = "no <limit>" if unlimited else f"lower {told.lower:g}, upper {told.upper:g}"
+    if bounded and (unlimited or not limits.lower < limits.upper):
+        found = "no <limit>" if unlimited else f"lower {limits.lower:g}, upper {limits.upper:g}"
         raise UrdfError(
             f"{source}: joint {name!r} has {found}; give it <limit lower=… upper=…> with "
             "lower < upper, or make it continuous"
@@ -194,10 +190,10 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
         kind=JointKind(kind),
         parent=Tree.parent(element),
         child=Tree.child(element),
-        lower=told.lower if bounded else None,
-        upper=told.upper if bounded else None,
-        effort=told.effort if (told.effort or 0.0) > 0.0 else None,
-        velocity=told.velocity if (told.velocity or 0.0) > 0.0 else None,
+        lower=limits.lower if bounded else None,
+        upper=limits.upper if bounded else None,
+        effort=limits.effort if (limits.effort or 0.0) > 0.0 else None,
+        velocity=limits.velocity if (limits.velocity or 0.0) > 0.0 else None,
         mimic=_mimic(name, element),
         damping=_dynamics(element, "damping"),
         friction=_dynamics(element, "friction"),
@@ -205,7 +201,7 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
 
 
 def _dynamics(element: ET.Element, key: str) -> float | None:
-    """Damping or friction of <dynamics>; zeros are what exporters write for not known."""
+    """Damping or friction of <dynamics>; exporters write zero for unknown values."""
     dynamics = element.find("dynamics")
     value = 0.0 if dynamics is None else float(dynamics.get(key, "0"))
     return value if value > 0.0 else None
@@ -234,7 +230,7 @@ def _check_mimics(joints: tuple[UrdfJoint, ...], source: str) -> None:
 
 
 def _place_meshes(root: ET.Element, source: str, finder: MeshFinder) -> list[str]:
-    """Make mesh paths absolute; drop the shapes whose mesh is not there, with a warning."""
+    """Make mesh paths absolute; drop shapes with missing meshes, with a warning."""
     warnings = []
     for link in root.findall("link"):
         for shape in [*link.findall("visual"), *link.findall("collision")]:

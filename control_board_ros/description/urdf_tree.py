@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot as a tree: one base link, every other link on exactly one joint, no loops."""
+"""A robot as a tree: one base link, one parent joint per other link, no loops."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Tree:
     """The links and joints of a robot.
 
     Attributes: root (the <robot> element), source (the file, for messages), links and joints
-    (elements by name), base (name of the base link), parent_joint (the joint that a link hangs
-    on, by link), children (the joints that hang on a link, in the order of the file, by link).
+    (elements by name), base (name of the base link), parent_joint (by child link), children
+    (joints of a parent link, in file order, by link).
 
     Raises:
         UrdfError: links and joints do not form a tree, or a name is not usable.
@@ -68,11 +68,11 @@ class Tree:
         return link
 
     def copy(self) -> Tree:
-        """A tree of its own, to be changed."""
+        """A modifiable copy."""
         return Tree(copy.deepcopy(self.root), self.source)
 
     def attach(self, joint: ET.Element, link: str) -> None:
-        """Let another link carry a joint."""
+        """Change the parent link of a joint."""
         self.children[self.parent(joint)].remove(joint)
         self.children[link].append(joint)
         element = joint.find("parent")
@@ -81,21 +81,18 @@ class Tree:
 
     @staticmethod
     def parent(joint: ET.Element) -> str:
-        """The link that carries a joint."""
         return _end(joint, "parent")
 
     @staticmethod
     def child(joint: ET.Element) -> str:
-        """The link that a joint moves."""
         return _end(joint, "child")
 
     @staticmethod
     def slides(joint: ET.Element) -> bool:
-        """Whether a joint is prismatic."""
         return joint.get("type") == "prismatic"
 
     def walk(self, link: str) -> Iterator[ET.Element]:
-        """The joints beyond a link, depth first, in the order of the file."""
+        """The joints beyond a link, depth first, in file order."""
         stack = list(reversed(self.children[link]))
         while stack:
             joint = stack.pop()
@@ -103,11 +100,11 @@ class Tree:
             stack += reversed(self.children[self.child(joint)])
 
     def moving(self) -> list[ET.Element]:
-        """The joints that are not fixed, from the base outwards."""
+        """The movable joints, from the base outwards."""
         return [joint for joint in self.walk(self.base) if joint.get("type") != "fixed"]
 
     def has_mass(self, link: str) -> bool:
-        """Whether a link, or one fixed to it, has an inertial element."""
+        """Whether a link, or one fixed to it, has an <inertial>."""
         stack = [link]
         while stack:
             link = stack.pop()
@@ -118,10 +115,10 @@ class Tree:
         return False
 
     def add_masses(self) -> list[str]:
-        """Give links without <inertial> next to no mass; pybullet would give them 1 kg each.
+        """Give links without <inertial> a negligible mass; pybullet assumes 1 kg.
 
         Returns:
-            A warning for each joint that would move no mass at all: its link gets 1 kg.
+            A warning for each joint without any moved mass: its link gets 1 kg.
         """
         warnings = []
         for name, link in self.links.items():
@@ -146,7 +143,7 @@ def _end(joint: ET.Element, tag: str) -> str:
 
 
 def _not_usable(name: str) -> str | None:
-    """Why a name cannot be one of a link or a joint; None where it can."""
+    """Why a name is invalid for a link or joint; None if valid."""
     if not name:
         return "it is empty or missing"
     if len(name) > LONGEST_NAME:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The XML of a robot description that is loaded: its numbers checked, nothing left for xacro."""
+"""Checks of a robot description's XML: valid numbers, no unexpanded xacro."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ SIZE_CAP = urdf_xml.SIZE_CAP
 
 
 class UrdfError(OneLineError):
-    """A robot description that cannot be used; one line: file, what, the next step."""
+    """An unusable robot description; one line: file, problem, next step."""
 
 
-#: Attributes that are numbers, by element, and how many each holds.
+#: Numeric attributes by element, with their count of numbers.
 NUMBERS = {
     "origin": {"xyz": 3, "rpy": 3},
     "axis": {"xyz": 3},
@@ -31,13 +31,13 @@ NUMBERS = {
     "cylinder": {"radius": 1, "length": 1},
     "color": {"rgba": 4},
 }
-#: Those of them that cannot be below zero, but by rounding: exporters write -5e-20 kg·m².
+#: Nonnegative ones, within rounding: exporters write -5e-20 kg·m².
 ROUNDING = 1e-12
 POSITIVE = {("mass", "value"), ("inertia", "ixx"), ("inertia", "iyy"), ("inertia", "izz")}
 
 
 def check_numbers(root: ET.Element, source: str) -> None:
-    """Raise UrdfError where an attribute that is to be numbers is not, or is not finite."""
+    """Raise UrdfError for a numeric attribute that is not finite numbers."""
     for owner in root:
         for element in owner.iter():
             for attribute, count in NUMBERS.get(element.tag, {}).items():
@@ -65,7 +65,7 @@ def _are_numbers(text: str, count: int, low: float) -> bool:
 
 
 def check_expanded(data: bytes, root: ET.Element, source: str) -> None:
-    """Raise UrdfError where something is left that xacro is to replace."""
+    """Raise UrdfError for unexpanded xacro."""
     if not any(mark in data for mark in (b"<xacro:", b"${", b"$(")):
         return
     for element in root.iter():
@@ -81,7 +81,7 @@ def check_expanded(data: bytes, root: ET.Element, source: str) -> None:
 
 
 def parse_xml(data: bytes, source: str) -> ET.Element:
-    """As :func:`control_board_ros.urdf_xml.parse_xml`; UrdfError where it is not within bounds."""
+    """As :func:`control_board_ros.urdf_xml.parse_xml`; UrdfError outside its bounds."""
     try:
         return urdf_xml.parse_xml(data, source)
     except urdf_xml.XmlError as error:

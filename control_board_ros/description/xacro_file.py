@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""xacro files, expanded to a URDF by the package ``xacro``, in a process of its own.
+"""Expansion of xacro files to a URDF by the package ``xacro``, in a separate process.
 
-A xacro file is a program that reads other files: take it from people you trust.
+A xacro file is a program that reads other files: use only trusted ones.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from pathlib import Path
 from ..text import nearest
 from .urdf_xml import UrdfError
 
-#: A path, and arguments as the command xacro takes them.
+#: A path, and arguments as of the command xacro.
 WITH_ARGUMENTS = re.compile(r"(.*?\.xacro)(\s.*)?", re.IGNORECASE | re.DOTALL)
-#: xacro takes arguments that no file asks for and says nothing. This is its command, which ends
-#: with UNKNOWN where one was never asked for, and tells the names that were.
+#: xacro silently accepts unknown arguments. This is its command, which exits with UNKNOWN for
+#: one that no file requests, and lists the known ones.
 MAIN = """
 import sys, xacro
 
@@ -46,21 +46,20 @@ TIMEOUT = 60.0  # s; a macro can include itself
 
 
 def split_arguments(robot: str) -> tuple[str, tuple[str, ...]]:
-    """Path and arguments of ``arm.urdf.xacro side:=left``; a path without is one as it is."""
+    """Path and arguments of ``arm.urdf.xacro side:=left``."""
     match = WITH_ARGUMENTS.fullmatch(robot)
     return (match[1], tuple((match[2] or "").split())) if match else (robot, ())
 
 
 def is_xacro(path: Path) -> bool:
-    """Whether a file is to be expanded."""
     return path.suffix.lower() == ".xacro"
 
 
 def expand(path: Path, arguments: Sequence[str] = ()) -> bytes:
-    """The URDF that a xacro file makes.
+    """The URDF of a xacro file.
 
     Raises:
-        UrdfError: the package xacro is not installed, or does not take the file.
+        UrdfError: the package xacro is not installed, or rejects the file.
     """
     for argument in arguments:
         if ":=" not in argument:
@@ -86,7 +85,7 @@ def expand(path: Path, arguments: Sequence[str] = ()) -> bytes:
 
 
 def unknown_argument(arguments: Sequence[str], known: Sequence[str]) -> str:
-    """What is wrong with the first argument that the file does not ask for."""
+    """Error text for the first argument unknown to the file."""
     given = [argument.partition(":=")[0] for argument in arguments]
     name = next(one for one in given if one not in known)
     hint = nearest(name, known)
