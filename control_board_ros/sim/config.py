@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The configuration of a simulated plant: frozen, checked when made, like ``core.config``.
 
-What the board must know of a motor (resistance, gear ratio, ...) stands in the board's own
-``Motor``; here stands what only nature knows: friction, rotor inertia, heat, encoder errors.
+The board's ``Motor`` holds the motor data known to the board (resistance, gear ratio, ...); this
+module holds the rest: friction, rotor inertia, heat, encoder errors.
 Units: rad, rad/s, N·m, kg·m², K, °C, W, J, s; m, N and kg for prismatic joints.
 """
 
@@ -139,7 +139,7 @@ class SimulationConfig:
 
     Attributes:
         joints: Of the board, in its order.
-        urdf: The robot; None for the ideal body, whatever ``physics`` says.
+        urdf: The robot; None selects the ideal body regardless of ``physics``.
     """
 
     joints: tuple[JointSimulation, ...]
@@ -183,12 +183,10 @@ class SimulationConfig:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Joint names in the board's order."""
         return tuple(joint.name for joint in self.joints)
 
     @property
     def physics_step(self) -> float:
-        """The physics step, s."""
         return 1.0 / self.physics_rate
 
     def steps_per_cycle(self, control_rate: float) -> int:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors of the simulated plant, each one line for people."""
+"""Errors of the simulated plant, one line each."""
 
 from __future__ import annotations
 
 
 class PlantError(RuntimeError):
-    """The plant cannot be made or used as asked; says what to do."""
+    """The plant cannot be created or used as requested; includes the next step."""
 
 
 class PlantGone(PlantError):  # noqa: N818 - a state of the world, not a mistake
-    """The physics server is gone: its window was closed or the connection was cut."""
+    """The physics server is gone: its window was closed or the connection lost."""

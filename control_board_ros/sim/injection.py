@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Faults of the simulated hardware: what the sensors then say (SPEC F).
+"""Faults of the simulated hardware, visible in its sensors (SPEC F).
 
-Faults go into the plant, never into the board's state: the board's checks must find them. A fault
-that is not persistent lasts until they can have: for some readings where one is enough, else
-until the board takes the power off the joint.
+Faults enter the plant, never the board's state: the board's checks must detect them. A transient
+fault lasts until detectable: some readings where one suffices, otherwise until the board disables
+the joint.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from ..core.config.config import JointConfig, Limits
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import Array, Row
 
-#: The least that a passing fault lasts, s; in whole readings, one at least.
+#: Minimum duration of a transient fault, s; rounded to readings, at least one.
 TRANSIENT = 0.02
-#: The least that a passing silence lasts, s; longer where the board waits longer for a sample.
+#: Minimum duration of a transient sensor timeout, s; longer for longer timeouts of the board.
 SILENCE = 0.1
-#: The jump of a spike, rad or m, on top of what the joint could never do in a cycle.
+#: Jump of a spike, rad or m, beyond the impossible motion per cycle.
 SPIKE = 0.5
 DIVERGED = "diverged"
 
-#: Sensors that fall silent, and the timeout after which the board calls it a fault.
+#: Sensors that can stop sampling, and the board's timeout for the fault.
 SILENT = {"encoder": "encoder", "torque_sensor": "torque_sensor"}
-#: Faults that show only while the motor drives: in an unpowered joint they wait.
+#: Faults that appear only in driven joints: pending in an unpowered one.
 TRAVEL = frozenset({"encoder_frozen", "encoder_reversed"})
 
 
 @dataclass(slots=True)
 class Injection:
-    """A fault at work.
+    """An active fault.
 
     Attributes: joint (index), limits (of that joint), start and end (control cycles; the fault
-    acts on readings of start ≤ cycle < end, and on as the kind says), sample (that joint's rows at
-    the start), driven (whether its bridge has been on since).
+    acts on readings of start ≤ cycle < end, and longer by kind), sample (the joint's rows at the
+    start), driven (whether its bridge has been on since).
     """
 
     joint: int
@@ -49,7 +49,7 @@ class Injection:
     driven: bool
 
     def hold(self, values: Array, *rows: Row) -> None:
-        """Keep these rows at their sample from the start."""
+        """Hold these rows at their initial sample."""
         for row in rows:
             values[row, self.joint] = self.sample[row]
 
@@ -100,12 +100,12 @@ def _external(fault: Injection, values: Array, _cycle: int, _period: float) -> N
 
 
 def _nothing(fault: Injection, values: Array, _cycle: int, _period: float) -> None:
-    """No reading is wrong: the plant itself puts it into the physics."""
+    """No false reading: applied by the plant to the physics."""
 
 
-#: What each kind of fault does to the readings.
+#: Effect of each kind of fault on the readings.
 KINDS: dict[str, Corruption] = {
-    "overcurrent": _overcurrent,  # shorted bridge: far above peak, whatever the PWM
+    "overcurrent": _overcurrent,  # shorted bridge: far above peak at any PWM
     "encoder": _silent,  # no samples: the last one ages
     "encoder_nan": _nan,  # samples that are not numbers
     "encoder_frozen": _frozen,  # fresh samples that never change
@@ -124,7 +124,7 @@ BRAKES = ("brake_stuck", "brake_worn")
 
 
 class Injector:
-    """The faults at work on a plant; ``active`` is false while there are none."""
+    """The active faults of a plant; ``active``: whether there are any."""
 
     def __init__(self, joints: Sequence[JointConfig], period: float) -> None:
         self._joints, self._period = tuple(joints), period
@@ -133,11 +133,8 @@ class Injector:
         self.active = False
 
     def check(self, joint: int, kind: str) -> None:
-        """A joint can have a fault.
-
-        Raises:
-            ValueError: the kind is unknown, or the joint has no such sensor.
-        """
+        """Check that a joint can have a fault; raises ValueError: unknown kind, or no such
+        sensor."""
         config = self._joints[joint]
         if kind not in KINDS and kind not in BRAKES:
             known = ", ".join((*KINDS, *BRAKES))
@@ -148,14 +145,14 @@ class Injector:
             raise ValueError(f"{config.name} has no brake to break; choose another fault")
 
     def add(self, joint: int, kind: str, persistent: bool, cycle: int, truth: Array) -> None:
-        """Let a fault begin with the reading of this cycle.
+        """Start a fault with the reading of this cycle.
 
         Args:
             joint: Index of the joint.
             kind: One of KINDS.
-            persistent: Until cleared; otherwise until the board can have found it.
+            persistent: Until cleared; otherwise until detectable by the board.
             cycle: The present control cycle.
-            truth: True readings of now, shape (ROWS, n).
+            truth: True readings of this cycle, shape (ROWS, n).
 
         Raises:
             ValueError: see :meth:`check`.
@@ -173,7 +170,7 @@ class Injector:
         self.active = True
 
     def _least(self, kind: str, joint: JointConfig) -> int:
-        """Readings that a passing fault lasts at least."""
+        """Minimum duration of a transient fault, in readings."""
         if kind == "encoder_spike":
             return 1
         seconds = TRANSIENT
@@ -182,19 +179,19 @@ class Injector:
         return max(1, math.ceil(seconds / self._period - 1e-9))
 
     def switch(self, powered: Array) -> None:
-        """Take note of which bridges are on, shape (n,), 1.0 or 0.0."""
+        """Record the state of the bridges, shape (n,), 1.0 or 0.0."""
         self._powered = powered > 0.0
         for fault in self._faults.values():
             fault.driven |= bool(self._powered[fault.joint])
 
     def clear(self, joints: Sequence[int] | None = None) -> None:
-        """Remove the faults of some joints, or (None) every one."""
+        """Remove the faults of some joints, or of all (None)."""
         kept = {} if joints is None else self._faults
         self._faults = {key: fault for key, fault in kept.items() if key[0] not in (joints or ())}
         self.active = bool(self._faults)
 
     def corrupt(self, values: Array, cycle: int) -> None:
-        """Make the readings of this cycle, shape (ROWS, n), what the broken sensors say."""
+        """Apply the active faults to the readings of this cycle, shape (ROWS, n)."""
         for key, fault in list(self._faults.items()):
             if cycle >= fault.end and not self._unfound(key[1], fault):
                 del self._faults[key]
@@ -203,7 +200,7 @@ class Injector:
         self.active = bool(self._faults)
 
     def _unfound(self, kind: str, fault: Injection) -> bool:
-        """Whether the board cannot have found a fault yet: it takes the power off when it has."""
+        """Whether the board has not detected a fault yet: it disables the joint when it has."""
         if kind in TRAVEL:
             return not fault.driven or bool(self._powered[fault.joint])
         return kind in SILENT and bool(self._powered[fault.joint])

@@ -2,19 +2,19 @@
 """DC motors with gearboxes: the constants of their equations, which are in ``drive``.
 
 The slip speed eps makes Coulomb friction a steep viscous one near standstill. An explicit
-integration of an inertia M is stable, and never pushes a joint past standstill, while
+integration of an inertia M is stable, and never reverses a joint, while
 h · coulomb/eps ≤ M; eps = max(0.001 rad/s, 2 h · coulomb/M) keeps a factor of two. M is the
-reflected rotor inertia, a lower bound of what the joint moves, or the ideal body's inertia
-where the rotor has none. Back-EMF must fit the step too: h (Ke kt N η/R + viscous) < M.
+reflected rotor inertia, a lower bound of the moved inertia, or the ideal body's inertia where the
+rotor has none. Back-EMF must fit the step too: h (Ke kt N η/R + viscous) < M.
 
 A small part of the Coulomb friction lies beyond the torque sensors: see ``stiction``.
 
 The winding warms by R i² through its thermal resistance and capacitance, first order, solved
-exactly over 50 ms at a time for the current at their end: windings take minutes.
+exactly over 50 ms at a time for the current at their end: windings have time constants of minutes.
 
-A brake acts on the rotor, so that a torque sensor feels the load that it holds. Closed it is a
-bristle as that of stiction, as stiff as the integration bears: with a = σ h²/M and b = c h/M it is
-stable for a + 2 b < 4.
+A brake acts on the rotor, so that a torque sensor measures the load that it holds. A closed brake
+is a bristle as of stiction, at the stability limit of the integration: with a = σ h²/M and b =
+c h/M it is stable for a + 2 b < 4.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ class Motors:
     """The motors of a plant.
 
     Attributes:
-        state: What the body refreshes after each step: position and velocity, shape (2, n).
+        state: Position and velocity, refreshed by the body after each step, shape (2, n).
         position, velocity, current, pwm: shape (n,); rad, rad/s, A, percent.
         torque: From the gearbox to the link in the last step, shape (n,), N·m, as sensed.
-        applied: What the link gets of it, less its bearing's stiction, shape (n,), N·m.
+        applied: The same less the bearing's stiction, shape (n,), N·m.
         temperature: Of the windings, shape (n,), °C.
         heat_cycles: Control cycles between two calls of ``warm``.
-        has_brakes: Whether some joint has one.
-        acted: Sum of the PWM of the steps, shape (n,), for who sets it to 0, percent.
-        step: Lets one physics step pass at the present state, PWM and current.
+        has_brakes: Whether any joint has one.
+        acted: Sum of the PWM of the steps, shape (n,), percent; reset to 0 by its reader.
+        step: Advances one physics step at the present state, PWM and current.
         follow: Gives the drives set-points whose loops they close themselves.
     """
 
@@ -111,19 +111,19 @@ class Motors:
             drive.slip_torque = torque * (WORN if j in worn else 1.0)
 
     def warm(self) -> None:
-        """Let heat_cycles control periods pass for the windings at the present current."""
+        """Advance the winding temperatures by heat_cycles control periods at the present current."""
         target = self._ambient + self._warming * self.current**2
         self.temperature += self._cooling * (target - self.temperature)
 
     def de_energise(self) -> None:
-        """No current, no torque, no bristle deflected."""
+        """Set current, torque and bristle deflection to zero."""
         for drive in self._drives:
             drive.current = drive.bristle_torque = drive.clutch_torque = 0.0
         for row in (self.current, self.torque, self.applied):
             row.fill(0.0)
 
     def reset(self) -> None:
-        """No current, cold windings."""
+        """Set currents to zero and windings to ambient temperature."""
         self.de_energise()
         self.temperature[:] = self._ambient
 
@@ -133,8 +133,8 @@ def make_drive(joint: JointConfig, own: JointSimulation, inertia: float, step: f
 
     Args:
         joint: Its configuration.
-        own: What its motor's name plate does not say.
-        inertia: What the joint moves at least, kg·m².
+        own: Its properties beyond the name plate.
+        inertia: Minimum moved inertia, kg·m².
         step: The physics step h, s.
     """
     plate, model = joint.motor, own.motor
@@ -197,7 +197,7 @@ def loop_constants(
 
 
 def reflected_inertia(board: BoardConfig, simulation: SimulationConfig) -> Array:
-    """Inertia of the rotors seen at the joints, J N², shape (n,), kg·m²."""
+    """Rotor inertia at the joints, J N², shape (n,), kg·m²."""
     return np.array(
         [
             model.motor.inertia * joint.motor.gear_ratio**2
@@ -207,6 +207,6 @@ def reflected_inertia(board: BoardConfig, simulation: SimulationConfig) -> Array
 
 
 def smoothing_inertia(board: BoardConfig, simulation: SimulationConfig) -> Array:
-    """Inertia that each joint moves at least, for the choice of eps, shape (n,), kg·m²."""
+    """Minimum moved inertia per joint, for the choice of eps, shape (n,), kg·m²."""
     reflected = reflected_inertia(board, simulation)
     return np.where(reflected > 0.0, reflected, [joint.inertia for joint in simulation.joints])

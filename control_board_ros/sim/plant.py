@@ -2,7 +2,7 @@
 """The simulated plant: motors, sensors and a body, behind ``core.measurement.Plant``.
 
     plant = SimulatedPlant(board_config, simulation_config)
-    measurement = plant.read()     # readings of now; does not let time pass
+    measurement = plant.read()     # present readings; time does not advance
     plant.write(actuation)         # one control period passes
     plant.push("elbow", 5.0)       # external torque, N·m, until it is set to 0
     plant.inject("elbow", "encoder", persistent=True)   # see injection.KINDS
@@ -11,11 +11,11 @@
     plant.time, plant.body         # s of simulated time; the body: ideal, in pybullet or in MuJoCo
     plant.close()
 
-Without a URDF the body is an IdealBody (numpy), with one what ``physics`` says. ``read`` and
-``write`` raise PlantGone when the physics server is gone.
+Without a URDF the body is an IdealBody (numpy), with one that of ``physics``. ``read`` and
+``write`` raise PlantGone after the loss of the physics server.
 
-The numbers of a diverged simulation never reach the board: the body goes back to the last good
-pose, at most 0.05 s old, and every joint raises the alarm DIVERGED in that one reading.
+Numbers of a diverged simulation never reach the board: the body returns to the last valid pose, at
+most 0.05 s old, and every joint raises the alarm DIVERGED in that reading.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from .sensors import Sensors, Shafts
 
 __all__ = ["Body", "PlantError", "PlantGone", "SimulatedPlant"]
 
-#: How to get an engine, or to do without it.
+#: Installation of each engine, and alternatives.
 WAYS_OUT = {
     PYBULLET: "pip install 'control_board_ros[pybullet]' (from Python 3.12 on it is compiled, ten "
     "minutes), or use physics:=mujoco",
@@ -61,20 +61,16 @@ class Body(Protocol):
         ...
 
     def restore(self, state: Array) -> None:
-        """Take over positions and velocities, shape (2, n), also after a divergence."""
+        """Set positions and velocities, shape (2, n), also after a divergence."""
         ...
 
     def close(self) -> None:
-        """Release what the body holds; safe to call twice."""
+        """Release the body; safe to call twice."""
         ...
 
 
 def make_body(board: BoardConfig, simulation: SimulationConfig) -> Body:
-    """The body that the configuration asks for; an engine starts only where it is used.
-
-    Raises:
-        PlantError: its engine is not installed.
-    """
+    """The configured body; imports its engine. Raises PlantError where it is not installed."""
     engine = simulation.physics
     if simulation.urdf is None or engine == IDEAL:
         return IdealBody(board, simulation)
@@ -90,11 +86,11 @@ def make_body(board: BoardConfig, simulation: SimulationConfig) -> Body:
 
 
 class SimulatedPlant:
-    """A robot that is not there; see the module's text for its use.
+    """A simulated robot; see the module for its use.
 
     Raises:
         ConfigError: the simulation does not fit the board.
-        PlantError: the body cannot be made (no such URDF, no display, ...).
+        PlantError: the body cannot be created (no such URDF, no display, ...).
     """
 
     def __init__(
@@ -135,7 +131,7 @@ class SimulatedPlant:
         return self._cycle / self._rate
 
     def read(self) -> Measurement:
-        """The readings of now; the array is reused."""
+        """The present readings; the array is reused."""
         values = self._sensors.values
         if self._faults.active:
             values = values.copy()
@@ -147,7 +143,7 @@ class SimulatedPlant:
         )
 
     def write(self, actuation: Actuation) -> None:
-        """Apply the actuation and let one control period pass.
+        """Apply the actuation and advance one control period.
 
         Raises:
             PlantGone: the physics server is gone.
@@ -185,7 +181,7 @@ class SimulatedPlant:
         self._shafts.sample()
 
     def push(self, joint: int | str, torque: float) -> None:
-        """Push a joint from outside with a torque, N·m, until it is set to 0.
+        """Apply an external torque, N·m, to a joint until set to 0.
 
         Raises:
             ValueError: unknown joint, or a torque that is not finite.
@@ -198,11 +194,11 @@ class SimulatedPlant:
     def inject(
         self, joints: int | str | Sequence[int | str], kind: str, persistent: bool = False
     ) -> None:
-        """Break something: one of ``injection.KINDS``, until it is found or until it is cleared.
+        """Inject a fault of ``injection.KINDS``, until detected or (persistent) cleared.
 
         Raises:
-            ValueError: unknown joint or kind, or no such sensor; the message says what is allowed,
-                and nothing is broken.
+            ValueError: unknown joint or kind, or no such sensor; the message lists what is
+            allowed,     and no fault is injected.
         """
         one = isinstance(joints, str) or not isinstance(joints, Sequence)
         chosen = cast("Sequence[int | str]", [joints] if one else joints)
@@ -213,11 +209,11 @@ class SimulatedPlant:
             self._faults.add(index, kind, persistent, self._cycle, self._sensors.values)
 
     def clear_injected(self, joints: Sequence[int | str] | None = None) -> None:
-        """Remove the injected faults of some joints, or (None) every one."""
+        """Remove the injected faults of some joints, or of all (None)."""
         self._faults.clear(None if joints is None else [self._index(joint) for joint in joints])
 
     def reset(self) -> None:
-        """Back to the home pose at rest, with cold motors, whole and not pushed; time goes on."""
+        """Return to home at rest: cold motors, no faults, no external torque; time continues."""
         self._faults.clear()
         self._external.fill(0.0)
         self._pushed = False
@@ -250,7 +246,7 @@ class SimulatedPlant:
         return self._total
 
     def _update_slow_states(self) -> None:
-        """What need not be done in every cycle: warm the windings, remember a good pose."""
+        """Updates below the cycle rate: winding temperatures, last valid pose."""
         self._motors.warm()
         self._sensors.sample_temperature()
         self._last_good[...] = self._motors.state

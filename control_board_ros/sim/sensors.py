@@ -38,7 +38,7 @@ class Shafts:
 
 
 class Sensors:
-    """What undamaged sensors say.
+    """Readings of faultless sensors.
 
     Attributes:
         values: Readings, shape (ROWS, n), reused from sample to sample.
@@ -62,9 +62,9 @@ class Sensors:
         ).sample
 
     def sample_temperature(self) -> None:
-        """Read the windings."""
+        """Sample the winding temperatures."""
         self.values[Row.TEMPERATURE] = self._motors.temperature
 
     def alarm(self, code: FaultCode | None) -> None:
-        """Raise an alarm of the hardware on every joint, or none."""
+        """Set a hardware alarm on every joint, or clear it (None)."""
         self._alarm.fill(0.0 if code is None else 1.0 + code)

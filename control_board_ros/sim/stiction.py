@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stiction of a joint's bearing: the friction beyond the torque sensor that holds it at rest.
 
-Most of a joint's Coulomb friction is the gearbox's (see ``motor``), before the torque sensor: a
-torque loop makes up for it. The bearing has a little of it, beyond: a bristle that bends until it
-slips (Dahl, 1968; with damping as LuGre has it), so that a joint that is nearly balanced does not
-creep. Its equations are in ``drive``; these are their constants.
+Most of a joint's Coulomb friction is the gearbox's (see ``motor``), before the torque sensor and
+compensated by a torque loop. The bearing has a small part beyond: a bristle that bends until it
+slips (Dahl, 1968; damped as in LuGre), so that a nearly balanced joint does not creep. Its
+equations are in ``drive``; these are their constants.
 
 B = min(0.02 % of the torque limit, 10 % of coulomb), σ = B/z with the deflection z at which it
 slips. z and the damping c keep the explicit integration stable at the least inertia M, and c damps
@@ -32,7 +32,7 @@ def bristle_constants(
     Args:
         joint: Its configuration.
         model: Of its motor and gearbox.
-        inertia: The least that the joint moves, kg·m².
+        inertia: Minimum moved inertia, kg·m².
         step: The physics step h, s.
     """
     torque = min(TORQUE_SHARE * joint.limits.torque, COULOMB_SHARE * model.coulomb)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The arm in pybullet.
 
-pybullet's own joint motors and dampers are off: every torque comes from our motors. Hard stops
-are the board's hard limits (the URDF's, unless the configuration narrows them); they are hard
-and without bounce. Each body is a physics server of its own. Shapes, which may be large meshes,
-are loaded where something needs them: for a window at once, collision shapes with the first
-obstacle, visual ones with the first picture.
+pybullet's own joint motors and dampers are off: every torque comes from our motors. Hard stops are
+the board's hard limits (the URDF's, unless narrowed by the configuration), rigid and without
+bounce. Each body is a separate physics server. Shapes, possibly large meshes, are loaded when
+needed: for a window at once, collision shapes with the first obstacle, visual ones with the first
+picture.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from .world import Box, bullet, connect, load
 
 MOVING = (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC)
 FOLLOWING_FORCE = 1e4
-#: pybullet neither reads nor drives the joints of a larger robot.
+#: Maximum number of joints that pybullet reads and drives.
 MOST_JOINTS = 127
 
 
@@ -39,7 +39,7 @@ class BulletBody:
 
     Raises:
         ConfigError: there is no URDF, or it lacks a joint of the board.
-        PlantError: the URDF cannot be loaded, or a window is asked for without a display.
+        PlantError: the URDF cannot be loaded, or a window is requested without a display.
     """
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
@@ -57,7 +57,7 @@ class BulletBody:
         self._saved = bullet.saveState(physicsClientId=self._client)
 
     def _load(self, *, shapes: bool) -> None:
-        """Put the robot into the world, with its shapes or without."""
+        """Load the robot into the world, with or without shapes."""
         self._solid = shapes
         text, gui = self._model.text(shapes=shapes), self._simulation.gui
         self._body = load(self._client, text, self._simulation, visuals=gui)
@@ -77,7 +77,7 @@ class BulletBody:
         )
 
     def _load_shapes(self) -> None:
-        """Make the robot one that touches; it goes on as it moves."""
+        """Reload the robot with collision shapes, in its current state of motion."""
         before, client, moving = self._body, self._client, [*self._joints, *self._following]
         states = bullet.getJointStates(before, moving, client)
         place = bullet.getBasePositionAndOrientation(before, client)
@@ -111,9 +111,9 @@ class BulletBody:
             self._gone()
 
     def restore(self, state: Array) -> None:
-        """Take over positions and velocities, shape (2, n), also after a divergence.
+        """Set positions and velocities, shape (2, n), also after a divergence.
 
-        pybullet keeps a NaN for good unless a saved state is restored first.
+        pybullet keeps a NaN unless a saved state is restored first.
         """
         try:
             bullet.restoreState(self._saved, physicsClientId=self._client)
@@ -139,7 +139,7 @@ class BulletBody:
     def add_obstacle(
         self, centre: tuple[float, float, float], half_extents: tuple[float, float, float]
     ) -> int:
-        """Put a fixed box into the world, m; returns its number for remove_obstacle."""
+        """Add a fixed box to the world, m; returns its number for remove_obstacle."""
         if not self._solid:
             self._load_shapes()
         box = Box(centre, half_extents)
@@ -149,13 +149,13 @@ class BulletBody:
         return obstacle
 
     def remove_obstacle(self, obstacle: int) -> None:
-        """Take a box out of the world again."""
+        """Remove a box from the world."""
         del self._boxes[obstacle]
         bullet.removeBody(obstacle, physicsClientId=self._client)
         self._save()
 
     def link_position(self, joint: int) -> tuple[float, float, float]:
-        """Where the link behind a joint of the board has its origin, m, in world axes."""
+        """Origin of the child link of a joint, m, in world axes."""
         x, y, z = bullet.getLinkState(
             self._body,
             self._joints[joint],
@@ -165,7 +165,7 @@ class BulletBody:
         return x, y, z
 
     def mimic_positions(self) -> dict[str, float]:
-        """Positions of the joints that follow others, by name, rad or m."""
+        """Positions of the followers, by name, rad or m."""
         states = bullet.getJointStates(self._body, self._following, self._client) or ()
         return {name: state[0] for name, state in zip(self._followers.joints, states, strict=True)}
 
@@ -189,7 +189,7 @@ class BulletBody:
         raise PlantGone("the physics server is gone; start the board anew") from None
 
     def _find_joints(self, moments: Moments) -> dict[str, int]:
-        """Indices of the joints that move; sets the dynamics of every link on the way."""
+        """Indices of the movable joints; also sets the dynamics of every link."""
         joints = {}
         if (count := bullet.getNumJoints(self._body, self._client)) > MOST_JOINTS:
             raise PlantError(
@@ -235,7 +235,7 @@ class BulletBody:
             )
 
     def _drive_followers(self) -> None:
-        """One way, every step: a follower tracks its leader, which does not feel it."""
+        """Per step: followers track their leaders, without feedback to them."""
         positions, velocities = self._followers.targets(self._state)
         bullet.setJointMotorControlArray(
             self._body,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of the arm, drawn without a display.
+"""Pictures of the arm, rendered without a display.
 
-The physics itself loads no visual shapes (they cost seconds and most of the memory), so the
-camera keeps a second world with visual shapes and no physics, and poses the robot there.
+The physics loads no visual shapes (they cost seconds and most of the memory): the camera poses the
+robot in a second world with visual shapes and no physics.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Camera:
         return np.asarray(pixels, dtype=np.uint8).reshape(height, width, 4)[:, :, :3].copy()
 
     def close(self) -> None:
-        """Leave the world; safe to call twice."""
+        """Close the world; safe to call twice."""
         client, self._client = self._client, -1
         if client >= 0 and bullet.isConnected(client):
             bullet.disconnect(client)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Is there a display to open a window on? pybullet ends the process where there is none."""
+"""Check for a display: without one, pybullet ends the process."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from ..errors import PlantError
 
 
 def check_display() -> None:
-    """Raise PlantError unless an X display takes connections."""
+    """Raise PlantError unless an X display accepts connections."""
     name = os.environ.get("DISPLAY", "")
     if not name:
         raise PlantError("gui: no display (DISPLAY is not set); set gui to false or start X")
-    import ctypes.util  # heavy, and without a window not needed
+    import ctypes.util  # heavy, needed for a window only
 
     found = ctypes.util.find_library("X11")
     if found is None:

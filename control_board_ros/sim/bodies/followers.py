@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints that follow joints of the board: multiplier · leader + offset."""
+"""Followers of the board's joints: multiplier · leader + offset."""
 
 from __future__ import annotations
 
@@ -10,11 +10,7 @@ from ...description.urdf import Mimic
 
 
 class Followers:
-    """Where the followers belong; nothing here knows the physics.
-
-    Attributes:
-        joints: Their names.
-    """
+    """Targets of the followers, independent of the physics; attribute ``joints``: their names."""
 
     def __init__(self, mimics: Sequence[Mimic], board_names: Sequence[str]) -> None:
         self.joints = [mimic.follower for mimic in mimics]
@@ -23,7 +19,7 @@ class Followers:
         ]
 
     def targets(self, state: Array) -> tuple[list[float], list[float]]:
-        """Their positions and velocities for those of the board's joints, shape (2, n)."""
+        """Target positions and velocities for a state of the board's joints, shape (2, n)."""
         positions, velocities = state.tolist()
         return (
             [multiplier * positions[j] + offset for j, multiplier, offset in self._followed],

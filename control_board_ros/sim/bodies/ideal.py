@@ -14,9 +14,9 @@ from ..motor import reflected_inertia
 
 
 class IdealBody:
-    """Joints that do not feel each other; semi-implicit Euler, exact at constant torque in dq.
+    """Independent joints; semi-implicit Euler, exact at constant torque in dq.
 
-    A joint that meets a hard stop stays there with zero velocity until it is driven away.
+    At a hard stop a joint has zero velocity until driven away.
     """
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
@@ -48,8 +48,8 @@ class IdealBody:
         return math.isfinite(position.dot(position))
 
     def restore(self, state: Array) -> None:
-        """Take over positions and velocities, shape (2, n)."""
+        """Set positions and velocities, shape (2, n)."""
         self._state[:] = state
 
     def close(self) -> None:
-        """Holds nothing to release."""
+        """Nothing to release."""

@@ -2,8 +2,8 @@
 """The arm in MuJoCo.
 
 The same masses, joints and hard stops as in pybullet, and the same integration: dq += h M⁻¹ (τ −
-c), q += h dq. Torques enter as ``qfrc_applied``. Shapes are loaded where something asks for
-them: collision shapes with the first obstacle, visual ones with the first picture.
+c), q += h dq. Torques enter as ``qfrc_applied``. Shapes are loaded when needed: collision shapes
+with the first obstacle, visual ones with the first picture.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
 def _let_pass(_warning: str) -> None:
-    """MuJoCo would write its warnings into a file of the working folder; the plant tells them."""
+    """Suppress MuJoCo's warning file in the working folder; the plant reports warnings."""
 
 
 class MujocoBody:
-    """A robot in a world of its own; see ``plant.Body``.
+    """A robot in a separate world; see ``plant.Body``.
 
     Raises:
         ConfigError: there is no URDF, or it lacks a joint of the board.
@@ -72,7 +72,7 @@ class MujocoBody:
         return self._refresh()
 
     def restore(self, state: Array) -> None:
-        """Take over positions and velocities, shape (2, n), also after a divergence.
+        """Set positions and velocities, shape (2, n), also after a divergence.
 
         Raises:
             PlantGone: the body is closed.
@@ -86,33 +86,33 @@ class MujocoBody:
         self._positions[self._following], self._velocities[self._driven] = positions, velocities
 
     def close(self) -> None:
-        """Let go of the model; safe to call twice."""
+        """Release the model; safe to call twice."""
         self._advance = self._gone
         self._camera = None
 
     def add_obstacle(
         self, centre: tuple[float, float, float], half_extents: tuple[float, float, float]
     ) -> int:
-        """Put a fixed box into the world, m; returns its number for remove_obstacle."""
+        """Add a fixed box to the world, m; returns its number for remove_obstacle."""
         self._boxes_ever += 1
         self._boxes[self._boxes_ever] = (centre, half_extents)
         self._change_boxes()
         return self._boxes_ever
 
     def remove_obstacle(self, obstacle: int) -> None:
-        """Take a box out of the world again."""
+        """Remove a box from the world."""
         del self._boxes[obstacle]
         self._change_boxes()
 
     def link_position(self, joint: int) -> tuple[float, float, float]:
-        """Where the link behind a joint of the board has its origin, m, in world axes."""
+        """Origin of the child link of a joint, m, in world axes."""
         mujoco.mj_kinematics(self._model, self._data)
         name = self._board.names[joint]
         x, y, z = self._data.xpos[self._model.joint(name).bodyid[0]].tolist()
         return x, y, z
 
     def mimic_positions(self) -> dict[str, float]:
-        """Positions of the joints that follow others, by name, rad or m."""
+        """Positions of the followers, by name, rad or m."""
         found = self._positions[self._following].tolist()
         return dict(zip(self._followers.joints, found, strict=True))
 
@@ -123,20 +123,20 @@ class MujocoBody:
         return self._camera.picture(self._positions, list(self._boxes.values()), width, height)
 
     def _change_boxes(self) -> None:
-        """Make the world anew; what moves goes on as it did."""
+        """Rebuild the world, in its current state of motion."""
         before = self._data
         self._load()
         self._data.qpos[:], self._data.qvel[:] = before.qpos, before.qvel
 
     def _load(self) -> None:
-        """Make the world with its obstacles."""
+        """Build the world with its obstacles."""
         shapes = "collision" if self._boxes else ""
         builder = Builder(self._fitted, self._board, self._simulation, shapes)
         for box in self._boxes.values():
             builder.add_box(*box)
         self._model = model = builder.build()
         self._data = data = mujoco.MjData(model)
-        # Views of MuJoCo's own arrays: made once, for each look at an attribute makes one anew.
+        # Views of MuJoCo's arrays: each attribute access would create one.
         self._positions, self._velocities = data.qpos, data.qvel
         self._force = data.qfrc_applied
         names, joints = self._board.names, self._followers.joints
@@ -152,9 +152,9 @@ class MujocoBody:
         return math.isfinite(position.dot(position))
 
     def _drive_followers(self) -> None:
-        """One way, every step: a follower tracks its leader, which does not feel it.
+        """Per step: followers track their leaders, without feedback to them.
 
-        a = (v + e/h − v_f)/h: the leader's speed and what removes the error e in one step.
+        a = (v + e/h − v_f)/h: the leader's speed plus removal of the error e in one step.
         """
         positions, velocities = self._followers.targets(self._state)
         for k, (coordinate, dof) in enumerate(zip(self._following, self._driven, strict=True)):
@@ -167,7 +167,7 @@ class MujocoBody:
 
 
 def _as_slice(indices: list[int]) -> Indices:
-    """Indices as a slice where they count up by one: a view instead of a copy."""
+    """Indices as a slice if consecutive: a view instead of a copy."""
     first = int(indices[0])
     if [int(index) for index in indices] == list(range(first, first + len(indices))):
         return slice(first, first + len(indices))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of the arm in MuJoCo, drawn by rays: no display, no graphics driver.
+"""Pictures of the arm in MuJoCo, by ray casting: no display, no graphics driver.
 
-A world of its own holds the visual shapes and no physics. One ray goes through each pixel; what
-it meets is as bright as its surface is turned to the light, I = 0.35 + 0.65 max(n·l, 0).
+A separate world holds the visual shapes and no physics. One ray per pixel; the brightness of its
+hit depends on the surface normal, I = 0.35 + 0.65 max(n·l, 0).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RayCamera:
     def picture(
         self, positions: Array, boxes: list[Box], width: int, height: int
     ) -> NDArray[np.uint8]:
-        """The whole robot with its coordinates at these values, and obstacles.
+        """The robot at these coordinates, and obstacles.
 
         Returns:
             RGB, shape (height, width, 3).

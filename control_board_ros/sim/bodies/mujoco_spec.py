@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot as a specification of MuJoCo: bodies, joints, and shapes where they are asked for.
+"""A robot as a specification of MuJoCo: bodies, joints, and shapes on request.
 
-Link for link the description that pybullet loads. What differs, and why:
+Link for link the description that pybullet loads. Differences:
 
-* the rotor of inertia J behind a gear of ratio N is an armature: J N² on its own joint and on no
-  other (pybullet gets it as part of the link's tensor, see ``description.rotor``);
-* a follower is driven, and its leader does not feel it: see ``FOLLOWER_ARMATURE``;
-* MuJoCo's hard stops are springs and dampers: here as stiff as its solver allows, and damped to
-  do what pybullet's do.
+* the rotor of inertia J behind a gear of ratio N is an armature: J N² on its own joint only
+  (pybullet gets it as part of the link's tensor, see ``description.rotor``);
+* a follower is driven, without feedback to its leader: see ``FOLLOWER_ARMATURE``;
+* MuJoCo's hard stops are springs and dampers: here with its solver's maximum stiffness, damped to
+  match pybullet's.
 """
 
 from __future__ import annotations
@@ -28,28 +28,28 @@ from ..errors import PlantError
 from .obj_mesh import read_obj
 from .prepare import Fitted
 
-#: kg·m² or kg on each follower: with it the force A·a accelerates the joint by a, whatever else
-#: acts on it, and the links that carry it feel it as it truly moves. Lost to rounding: 1e-10.
+#: kg·m² or kg on each follower: the force A·a then accelerates the joint by a despite other loads,
+#: and the supporting links feel its motion. Rounding error: 1e-10.
 FOLLOWER_ARMATURE = 1e6
-#: Time constant of stops and contacts in physics steps; MuJoCo allows no less. One step takes the
-#: speed into the stop away.
+#: Time constant of stops and contacts in physics steps, the minimum of MuJoCo. One step removes
+#: the speed into the stop.
 STIFFEST = 2.0
-#: Their damping ratio: a step takes back 0.25/ζ² = 0.2 of how far they are passed, as in pybullet.
+#: Their damping ratio: a step removes 0.25/ζ² = 0.2 of the penetration, as in pybullet.
 DAMPING_RATIO = 1.25**0.5
-#: The greatest impedance that MuJoCo allows: a stop yields by 1e-4 of what it is pressed with.
+#: MuJoCo's maximum impedance: a stop yields by 1e-4 of the load.
 HARDEST = 0.9999
-#: Moment, kg·m², while the model is compiled; the true ones are set afterwards.
+#: Moment, kg·m², while the model is compiled; replaced afterwards.
 HARMLESS = 1e-3
 GREY = (0.75, 0.75, 0.78, 1.0)
-#: Files that MuJoCo reads; shapes of others are left out.
+#: File types supported by MuJoCo; shapes of others are omitted.
 MESHES = (".obj", ".stl")
-#: Before the names of links: MuJoCo has a "world" of its own.
+#: Prefix of link names: MuJoCo reserves "world".
 LINK = "link "
 UNSCALED = (1.0, 1.0, 1.0)
 
 
 class Builder:
-    """Makes the specification of a fitted robot.
+    """Builds the specification of a fitted robot.
 
     Args:
         fitted: The robot.
@@ -58,7 +58,7 @@ class Builder:
         shapes: ``collision``, ``visual``, or empty for masses and joints alone.
 
     Attributes:
-        spec: The specification; more may be added to it before it is compiled.
+        spec: The specification; can be extended before compilation.
     """
 
     def __init__(
@@ -85,11 +85,8 @@ class Builder:
         self._add_beyond(base, self._tree)
 
     def build(self) -> Any:
-        """The model.
-
-        Raises:
-            PlantError: MuJoCo refuses it; one line with what MuJoCo said.
-        """
+        """Compile the model; raises PlantError, one line with MuJoCo's message, where MuJoCo
+        rejects it."""
         try:
             model = self.spec.compile()
         except ValueError as error:
@@ -103,7 +100,7 @@ class Builder:
         return model
 
     def add_box(self, centre: tuple[float, ...], half_extents: tuple[float, ...]) -> None:
-        """A fixed box, m, that the robot's collision shapes meet."""
+        """Add a fixed box, m, that collides with the robot."""
         self._add_geom(
             self.spec.worldbody,
             "collision",
@@ -116,7 +113,7 @@ class Builder:
         )
 
     def _add_beyond(self, base: Any, tree: Tree) -> None:
-        """Every joint and the link behind it, from the base outwards."""
+        """Add every joint and its child link, from the base outwards."""
         bodies = {tree.base: base}
         for joint in tree.walk(tree.base):
             child = tree.child(joint)
@@ -162,7 +159,7 @@ class Builder:
             made.solimp_limit = [HARDEST, HARDEST, 1e-3, 0.5, 2.0]
 
     def _add_shape(self, body: Any, shape: ET.Element) -> None:
-        """A <visual> or <collision>; one that MuJoCo cannot read is left out."""
+        """Add a <visual> or <collision>; omitted if MuJoCo cannot read it."""
         position, rotation = origin_of(shape)
         geometry = self._geometry(shape)
         if geometry is not None:
@@ -188,7 +185,7 @@ class Builder:
         return None
 
     def _mesh(self, element: ET.Element) -> str:
-        """The name of a mesh, loaded once for each file and scale.
+        """The name of a mesh, loaded once per file and scale.
 
         Raises:
             PlantError: the file cannot be read.
@@ -231,7 +228,7 @@ def quaternion(rotation: Array) -> Array:
 
 
 def _colours(root: ET.Element) -> dict[str, tuple[float, ...]]:
-    """Colours by name, wherever the description gives them: RGBA from 0 to 1."""
+    """Colours of the description by name: RGBA from 0 to 1."""
     found = {}
     for material in root.iter("material"):
         colour = numbers_of(material.find("color"), "rgba", ())

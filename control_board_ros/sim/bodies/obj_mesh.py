@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Wavefront OBJ files: all their objects as one mesh of triangles.
+"""Wavefront OBJ files: all objects as one triangle mesh.
 
-MuJoCo's own reader takes the first object of a file for the whole.
+MuJoCo's own reader loads only the first object of a file.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from ...core.terms.measurement import Array
 def read_obj(path: Path) -> tuple[Array, NDArray[np.int32]]:
     """Vertices, shape (v, 3), and triangles, shape (t, 3): indices of vertices.
 
-    A face of more corners becomes a fan of triangles. Indices count from 1, negative ones from
+    A face with more corners becomes a fan of triangles. Indices count from 1, negative ones from
     the last vertex before the face.
 
     Raises:
-        ValueError: the file has no face, or one that names a vertex that is not there.
+        ValueError: the file has no face, or refers to an unknown vertex.
     """
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []

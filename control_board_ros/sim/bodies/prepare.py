@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot description made ready for one board: what is driven, what follows, what is fixed."""
+"""A robot description prepared for a board: driven joints, followers, fixed joints."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ SHAPES = ("visual", "collision")
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """A robot with the joints of its board and their followers, and without fixed ones.
+    """A robot with the joints of its board and their followers, without fixed ones.
 
-    Attributes: tree (to be changed by its owner), mimics (joints that follow a joint of the
-    board), rotors (inertia of the rotors seen at the joints, by joint, kg·m²).
+    Attributes: tree (modifiable by its owner), mimics (followers of the board's joints), rotors
+    (rotor inertia at the joints, by joint, kg·m²).
     """
 
     tree: Tree
@@ -33,10 +33,10 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """What pybullet loads.
+    """The description loaded by pybullet.
 
-    Attributes: root (of the URDF), mimics (joints that follow a joint of the board), moments
-    (inertia to set afterwards, by link, kg·m²; see ``rotor``).
+    Attributes: root (of the URDF), mimics (followers of the board's joints), moments (inertia to
+    set afterwards, by link, kg·m²; see ``rotor``).
     """
 
     root: ET.Element
@@ -44,7 +44,7 @@ class Model:
     moments: Moments
 
     def text(self, *, shapes: bool) -> str:
-        """The URDF with its shapes, which may be large meshes, or with masses and joints only."""
+        """The URDF with its shapes, possibly large meshes, or with masses and joints only."""
         if shapes:
             return ET.tostring(self.root, encoding="unicode")
         links = [(link, list(link)) for link in self.root.iter("link")]
@@ -59,9 +59,8 @@ class Model:
 def fit(board: BoardConfig, simulation: SimulationConfig) -> Fitted:
     """Fit the robot of a simulation to its board.
 
-    Joints that neither the board drives nor follow one that it drives become fixed, and links
-    on fixed joints part of the links that carry them. A joint that the board drives itself
-    follows none.
+    Joints that are neither driven nor followers of driven ones become fixed, and links on fixed
+    joints are merged. A follower that the board drives itself becomes independent.
 
     Raises:
         ConfigError: there is no description, or it lacks a joint of the board.
@@ -89,7 +88,7 @@ def fit(board: BoardConfig, simulation: SimulationConfig) -> Fitted:
 
 
 def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
-    """A robot fitted to its board, as pybullet takes it.
+    """A robot fitted to its board, for pybullet.
 
     Raises:
         ConfigError: there is no description, or it does not fit the board.

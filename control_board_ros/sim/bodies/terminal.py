@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps what C libraries print away from the user's terminal."""
+"""Captures the output of C libraries."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from typing import BinaryIO
 
 
 def file_in_memory(name: str) -> BinaryIO:
-    """A file without a folder; others open it as ``/proc/self/fd/`` and its number."""
+    """A file in memory, opened by others as ``/proc/self/fd/<number>``."""
     return os.fdopen(os.memfd_create(name), "w+b")
 
 
 @contextmanager
 def captured_output() -> Iterator[Callable[[], list[str]]]:
-    """Catch all that this process prints, below Python too, while the context lasts.
+    """Capture all output of this process in this context, including that of C libraries.
 
     Yields:
-        A function that returns the lines caught so far; show them where something failed.
+        A function that returns the lines captured so far, to show on failure.
     """
     library = ctypes.CDLL(None)
     with file_in_memory("output") as file:
@@ -42,7 +42,7 @@ def captured_output() -> Iterator[Callable[[], list[str]]]:
         for descriptor in (1, 2):
             try:
                 saved[descriptor] = os.dup(descriptor)
-            except OSError:  # this process has no such output
+            except OSError:  # output not open
                 continue
             os.dup2(file.fileno(), descriptor)
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world of pybullet: a physics server of its own, boxes in it, and the robot loaded into it.
+"""A world of pybullet: a physics server with boxes and the robot.
 
 The only file that imports pybullet; ``bullet`` and ``camera`` use it.
 """
@@ -21,13 +21,13 @@ __all__ = ["Box", "bullet", "connect", "load"]
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A fixed box: centre and half its edges, m, along the world's axes."""
+    """A fixed box: centre and half extents, m, along the world's axes."""
 
     centre: tuple[float, float, float]
     half_extents: tuple[float, float, float]
 
     def put(self, client: int) -> int:
-        """Put it into a world; the number of its body."""
+        """Add it to a world; returns its body number."""
         shape = bullet.createCollisionShape(
             bullet.GEOM_BOX, halfExtents=self.half_extents, physicsClientId=client
         )
@@ -38,10 +38,10 @@ class Box:
 
 
 def connect(*, gui: bool) -> int:
-    """Start a physics server; its number.
+    """Start a physics server; returns its number.
 
     Raises:
-        PlantError: a window is asked for and there is no display, or no server starts.
+        PlantError: a window is requested without a display, or no server starts.
     """
     if gui:
         check_display()
@@ -55,17 +55,17 @@ def connect(*, gui: bool) -> int:
 
 
 def load(client: int, text: str, simulation: SimulationConfig, *, visuals: bool) -> int:
-    """Load a prepared description into an empty world; the number of the body.
+    """Load a prepared description into an empty world; returns its body number.
 
     Raises:
-        PlantError: pybullet refuses it; one line with what pybullet said.
+        PlantError: pybullet rejects it; one line with pybullet's message.
     """
     bullet.setGravity(*simulation.gravity, physicsClientId=client)
     bullet.setPhysicsEngineParameter(
         fixedTimeStep=simulation.physics_step,
         numSubSteps=0,
         enableFileCaching=0,
-        useSplitImpulse=0,  # else a stop met at speed is never fully restored
+        useSplitImpulse=0,  # otherwise a stop hit at speed is never fully restored
         deterministicOverlappingPairs=1,
         physicsClientId=client,
     )
