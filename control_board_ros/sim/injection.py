@@ -134,7 +134,8 @@ class Injector:
 
     def check(self, joint: int, kind: str) -> None:
         """Check that a joint can have a fault; raises ValueError: unknown kind, or no such
-        sensor."""
+        sensor.
+        """
         config = self._joints[joint]
         if kind not in KINDS and kind not in BRAKES:
             known = ", ".join((*KINDS, *BRAKES))

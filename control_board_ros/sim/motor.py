@@ -111,7 +111,7 @@ class Motors:
             drive.slip_torque = torque * (WORN if j in worn else 1.0)
 
     def warm(self) -> None:
-        """Advance the winding temperatures by heat_cycles control periods at the present current."""
+        """Advance the winding temperatures by heat_cycles control periods."""
         target = self._ambient + self._warming * self.current**2
         self.temperature += self._cooling * (target - self.temperature)
 

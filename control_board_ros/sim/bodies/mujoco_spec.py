@@ -86,7 +86,8 @@ class Builder:
 
     def build(self) -> Any:
         """Compile the model; raises PlantError, one line with MuJoCo's message, where MuJoCo
-        rejects it."""
+        rejects it.
+        """
         try:
             model = self.spec.compile()
         except ValueError as error:
