@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording as it is written: MCAP files in a folder, with the metadata.yaml of rosbag2."""
+"""Writing a recording: MCAP files in a folder, with the metadata.yaml of rosbag2."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from .errors import RecordingError, library
 from .metadata import VERSION, Part, metadata, offered
 from .topics import Topic
 
-#: Bytes that stay free on the disk, for the index of the file that is open, and for others.
+#: Bytes kept free on the disk, for the index of the open file and other programs.
 RESERVE = 64_000_000
-#: Bytes written between two looks at what is free; and what a message takes beside its data.
+#: Bytes written between checks of free space; overhead of a message, bytes.
 LOOK_EVERY, OVERHEAD = 1_000_000, 31
 
 
 class Bag:
-    """Writes messages into a new folder; a file is closed and the next begun at a limit.
+    """Writes messages into a new folder; starts a new file at a limit.
 
-    Every file begins with the last message of each latched topic, so that each can be read alone.
+    Every file begins with the last message of each latched topic: each is readable alone.
 
     Args:
-        folder: That is made.
+        folder: To create.
         split_size: Bytes of a file; None: without limit.
         split_time: Seconds of a file; None: without limit.
         custom: Texts for ``custom_data`` of the metadata.
         reserve: Bytes to leave free on the disk.
 
     Raises:
-        RecordingError: The folder exists or cannot be made, or rosbags is missing.
+        RecordingError: The folder exists or cannot be created, or rosbags is missing.
     """
 
     def __init__(
@@ -71,20 +71,19 @@ class Bag:
 
     @property
     def size(self) -> int:
-        """Bytes of messages so far."""
         return sum(part.size for part in self.parts)
 
     def begin(self, latched: Mapping[Topic, bytes]) -> None:
-        """Take the latched messages that the first file begins with."""
+        """Set the latched messages at the start of the first file."""
         self._latched.update(latched)
 
     def write(self, topic: Topic, stamp: int, data: bytes) -> None:
         """Add a message.
 
         Args:
-            topic: Where it was heard.
-            stamp: When, ns.
-            data: As it came, CDR.
+            topic: Of the message.
+            stamp: Time of reception, ns.
+            data: CDR.
 
         Raises:
             RecordingError: The disk is full.
@@ -96,14 +95,14 @@ class Bag:
         if self._writer is None:
             self._begin_part(stamp)
             if topic.latched:
-                return  # written with the others
+                return  # written with the latched ones
         self._add(topic, stamp, data)
 
     def close(self) -> None:
         """Finish the last file and the metadata.
 
         Raises:
-            RecordingError: The disk is full; what is there remains.
+            RecordingError: The disk is full; written data remain.
         """
         if self._writer is not None:
             self._end_part()
@@ -185,7 +184,7 @@ class Bag:
 
     @contextlib.contextmanager
     def _telling(self) -> Any:
-        """An error of the disk as one of the recording."""
+        """Convert errors of the disk to RecordingError."""
         try:
             yield
         except OSError as error:

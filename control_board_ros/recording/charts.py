@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the charts of a report show; ``drawing`` and ``png`` draw them."""
+"""Contents of a report's charts; drawn by ``drawing`` and ``png``."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from .reading import BoardRecording
 
 Bools = NDArray[np.bool_]
 
-#: Values from here on are no joint's, in whatever unit: no chart is stretched to them.
+#: Implausible values in any unit, which do not extend a chart's axis.
 BEYOND = 1e30
-#: The colours of the control modes, light enough to stand behind text.
+#: The colours of the control modes, light enough as a background of text.
 MODE_COLOURS = {
     "idl": "#f2d64b",
     "pos": "#5dbb63",
@@ -43,7 +43,7 @@ MODE_NAMES = {mode.code: mode.name for mode in STATES}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:
-    """A line: label, x and y (shape (n,)), kind (its look: ``measured``, ``reference``, …)."""
+    """A line: label, x and y (shape (n,)), kind (style: ``measured``, ``reference``, …)."""
 
     label: str
     x: Floats
@@ -60,12 +60,12 @@ class Chart:
         unit: Of its values.
         traces: The lines.
         limits: Values drawn as dashed lines.
-        spans: Parts of x in a colour behind the lines: from, to, colour.
-        marks: Places on x with a name.
+        spans: Background colours: from x, to x, colour.
+        marks: Named positions on x.
         x_unit: Of x.
         logarithmic: Whether x is.
-        least: Height that the axis shows at least, in its unit.
-        show_limits: Whether the axis reaches to the limits, however small the values are.
+        least: Minimum height of the axis, in its unit.
+        show_limits: Whether the axis always includes the limits.
     """
 
     title: str
@@ -85,7 +85,7 @@ class Chart:
         return (low, high) if high > low else (low, low + 1.0)
 
     def y_range(self) -> tuple[float, float]:
-        """From the least to the greatest value, with some air; of what any joint could have."""
+        """Range of the plausible values, with a margin."""
         values = [trace.y[np.abs(trace.y) < BEYOND] for trace in self.traces]
         known = np.concatenate([v for v in values if v.size] or [np.zeros(1)])
         if self.show_limits and self.limits:
@@ -162,12 +162,12 @@ def tracking_charts(
 
 
 def within(limit: float) -> str:
-    """A limit, for the title of a chart whose axis may not reach it."""
+    """A limit, for a chart's title."""
     return f" (limits ±{limit:.3g})" if math.isfinite(limit) else ""
 
 
 def in_modes(recording: BoardRecording, joint: str, codes: Container[str]) -> Bools:
-    """Whether the joint is in one of the modes, of each state."""
+    """Whether the joint is in one of the modes, per state."""
     inside = np.zeros(recording.time.shape, dtype=bool)
     for begin, end, code in recording.control_modes(joint):
         if code in codes:
@@ -176,7 +176,7 @@ def in_modes(recording: BoardRecording, joint: str, codes: Container[str]) -> Bo
 
 
 def compliant(recording: BoardRecording, joint: str) -> Bools:
-    """Whether the joint is COMPLIANT, of each state."""
+    """Whether the joint is COMPLIANT, per state."""
     inside = np.zeros(recording.time.shape, dtype=bool)
     for modes in recording.modes:
         later = recording.time >= modes.time
@@ -204,7 +204,7 @@ def bode_charts(response: Response) -> list[Chart]:
 
 
 def step_chart(recording: BoardRecording, move: Move, kind: JointKind) -> Chart:
-    """One step from close by, with the band in which it has settled."""
+    """One step in detail, with its settling band."""
     time = recording.time
     low, high = np.searchsorted(time, (move.begin - 0.05, move.until))
     chosen = slice(int(low), int(high))

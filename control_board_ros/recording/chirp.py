@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sweep through frequencies, as the points of a trajectory that a joint can follow safely."""
+"""A frequency sweep as trajectory points within a joint's limits."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 
 from control_board_ros.protocols import Floats
 
-#: Part of the joint's limits of speed and acceleration that a sweep uses.
+#: Share of the joint's limits of speed and acceleration used by a sweep.
 SHARE = 0.4
-#: Points in a period, and at least in a second.
+#: Points per period, and minimum per second.
 PER_PERIOD, PER_SECOND = 16, 20
-#: Part of the time in which the amplitude rises from 0 and falls to 0 at the ends.
+#: Share of the time for the rise from and the fall to zero amplitude.
 FADE = 0.03
-#: Points that a board takes at most.
+#: Maximum number of points of a board's trajectory.
 MOST_POINTS = 10_000
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sweep:
-    """Times (s), offsets from where the joint is (rad) and velocities (rad/s), shape (m,) each."""
+    """Times (s), offsets from the present position (rad), velocities (rad/s), shape (m,) each."""
 
     times: Floats
     offsets: Floats
@@ -41,12 +41,12 @@ def sweep(
         low: First frequency, Hz.
         high: Last frequency, Hz.
         seconds: T.
-        amplitude: Greatest one, rad.
+        amplitude: Maximum amplitude, rad.
         speed: The joint's limit, rad/s.
         acceleration: The joint's limit, rad/s².
 
     Raises:
-        ValueError: it needs more points than a board takes; one line.
+        ValueError: more points than permitted; one line.
     """
     rate = math.log(high / low) / seconds
     times = times_of(low, rate, seconds)
@@ -71,7 +71,7 @@ def sweep(
 
 
 def times_of(low: float, rate: float, seconds: float) -> Floats:
-    """Times with so many points in a period, wherever in the sweep."""
+    """Times with a constant number of points per period."""
     times, t = [], 0.0
     while t < seconds:
         times.append(t)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message definitions and type hashes, as rosbag2 keeps them beside the messages."""
+"""Message definitions and type hashes, as stored by rosbag2."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ament_index_python.packages import get_package_share_directory
 
 from .errors import RecordingError
 
-#: Types of fields that need no definition.
+#: Field types without a definition.
 INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 BASE = {"bool", "byte", "char", "float32", "float64", "string", "wstring"} | INTEGERS
-#: What a field's type may end with: ``[]``, ``[3]``, ``[<=3]``, ``<=3``.
+#: Suffixes of a field's type: ``[]``, ``[3]``, ``[<=3]``, ``<=3``.
 BOUNDS = re.compile(r"(<=\d+)?(\[(<=)?\d*\])?$")
 SEPARATOR = "=" * 80
 
@@ -32,7 +32,7 @@ class Definition:
 
 @cache
 def definition(type_name: str) -> Definition:
-    """The definition of ``package/msg/Name``, from the files that its package installs.
+    """The definition of ``package/msg/Name``, from its package's files.
 
     Raises:
         RecordingError: the package has no such file.
@@ -44,13 +44,12 @@ def definition(type_name: str) -> Definition:
 
 
 def share_file(type_name: str, suffix: str) -> Path:
-    """Where a package installs a file of an interface."""
     package, kind, name = type_name.split("/")
     return Path(get_package_share_directory(package), kind, name).with_suffix(suffix)
 
 
 def type_hash(type_name: str) -> str:
-    """The hash of a type that its package was built with: ``RIHS01_…``."""
+    """The hash of a type in its package: ``RIHS01_…``."""
     described = json.loads(share_file(type_name, ".json").read_text("utf-8"))
     hashes = {entry["type_name"]: entry["hash_string"] for entry in described["type_hashes"]}
     found: str = hashes[type_name]
@@ -75,7 +74,6 @@ def whole_text(type_name: str) -> str:
 
 
 def referred(type_name: str, text: str) -> Iterator[str]:
-    """Full names of the types of a definition's fields."""
     for line in text.splitlines():
         words = line.partition("#")[0].split()
         if not words:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Charts and timelines of a report: uPlot draws the charts (report.js), HTML is the timeline.
 
-A page has the library, the script and the data in it, and its policy lets it load nothing and run
-no other script, whatever the names in a recording are.
+A page contains the library, the script and the data; its policy permits no loading and no other
+script, whatever names a recording has.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ HERE = Path(__file__).parent
 UPLOT = HERE.parent / "panel" / "page" / "vendor"
 #: Height of a chart, px.
 HEIGHT = 170
-#: Columns that a line is thinned to: of each its least and greatest value.
+#: Columns of a thinned line: minimum and maximum of each are kept.
 COLUMNS = 700
 
 
 def head() -> str:
-    """The look of a page, for its <head>, and what it may do: nothing but run its one script."""
+    """Style and policy of a page, for its <head>: only its own script may run."""
     style = "".join(
         path.read_text("utf-8") for path in (UPLOT / "uPlot.min.css", HERE / "report.css")
     )
@@ -45,7 +45,6 @@ def head() -> str:
 
 
 def foot() -> str:
-    """The script of a page, for the end of its <body>."""
     return f"<script>{_script()}</script>"
 
 
@@ -55,7 +54,7 @@ def _script() -> str:
 
 
 def draw(chart: Chart, height: int = HEIGHT) -> str:
-    """A chart: its title, and what the script draws it from."""
+    """A chart: title, and data for the script."""
     x, rows = thin(*table(chart), *chart.x_range())
     data = {
         "label": chart.title,
@@ -80,7 +79,7 @@ def draw(chart: Chart, height: int = HEIGHT) -> str:
 
 
 def _numbers(values: Floats) -> list[float | None]:
-    """Values with seven digits; None where one is not known."""
+    """Values with seven digits; None where not finite."""
     return [float(f"{v:.7g}") if math.isfinite(v) else None for v in values.tolist()]
 
 
@@ -97,7 +96,7 @@ def table(chart: Chart) -> tuple[Floats, Floats]:
 
 
 def thin(x: Floats, rows: Floats, low: float, high: float) -> tuple[Floats, Floats]:
-    """Fewer points that look the same: the extremes of each row in each column of x."""
+    """Reduce points without visible change: the extremes of each row per column of x."""
     if x.size <= 2 * COLUMNS:
         return x, rows
     column = np.clip(((x - low) / (high - low) * COLUMNS).astype(int), 0, COLUMNS - 1)
@@ -151,7 +150,6 @@ def timeline(recording: BoardRecording, shorts: Sequence[str]) -> str:
 def compliant_spans(
     recording: BoardRecording, joint: str, end: float
 ) -> Iterator[tuple[float, float]]:
-    """When a joint was COMPLIANT: from, to."""
     ends = [modes.time for modes in recording.modes[1:]] + [end]
     for modes, stop in zip(recording.modes, ends, strict=True):
         if modes.interaction.get(joint) == "comp":

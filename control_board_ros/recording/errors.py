@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes wrong with recordings."""
+"""Errors of recordings."""
 
 from __future__ import annotations
 
@@ -8,15 +8,11 @@ from typing import Any
 
 
 class RecordingError(Exception):
-    """One line: what does not work, and what to do."""
+    """One line: cause and next step."""
 
 
 def library(name: str) -> Any:
-    """A module of the extra ``record``.
-
-    Raises:
-        RecordingError: it is not installed.
-    """
+    """Import a module of the extra ``record``; raises RecordingError where it is not installed."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:

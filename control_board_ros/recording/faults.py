@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which faults are new in the messages of boards."""
+"""Detection of new faults in the messages of boards."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from .topics import Topic
 
 
 class NewFaults:
-    """Says of a message what joint has a fault that it did not have in the message before."""
+    """Reports faults in a message that were not in the previous one."""
 
     def __init__(self) -> None:
         self._known: dict[Topic, set[Any]] = {}
         self._below = FAULTS.of("")
 
     def __call__(self, topic: Topic, data: bytes) -> str:
-        """``joint: text`` of the new faults; empty where there is none."""
+        """``joint: text`` of the new faults; empty without new faults."""
         if topic.type != FAULTS.type or not topic.name.endswith(self._below):
             return ""
         message = deserialize_message(data, FAULTS.load())

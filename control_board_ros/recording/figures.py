@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Figures of motions: pure functions of arrays.
 
-Times are s, frequencies Hz. Values have any one unit: rad, m, N·m. Definitions of step figures and
-bandwidth are those of python-control, which a test holds them against.
+Times are s, frequencies Hz. Values have any one unit: rad, m, N·m. Step figures and bandwidth are
+defined as in python-control, verified by a test.
 """
 
 from __future__ import annotations
@@ -17,28 +17,28 @@ from control_board_ros.protocols import Floats
 
 Spectrum = NDArray[np.complex128]
 
-#: Shares of the step between which the rise is timed, and within which it has settled.
+#: Shares of the step: start and end of the rise, settling band.
 RISE = (0.1, 0.9)
 SETTLED = 0.02
-#: s for which a lag is looked for, behind the reference and ahead of it.
+#: Range of lags searched, ± s.
 LONGEST_LAG, LONGEST_LEAD = 0.5, 0.1
-#: Part of the limit from which on an output counts as saturated.
+#: Share of the limit from which an output counts as saturated.
 SATURATED = 0.995
 #: A gain of −3 dB.
 HALF_POWER = 10.0**-0.15
-#: Least lines of the spectrum that a point of a frequency response is averaged over.
+#: Minimum spectral lines averaged per point of a frequency response.
 LEAST_LINES = 3
 
 
 @dataclass(frozen=True, slots=True)
 class StepFigures:
-    """How a value goes from one level to another; NaN where it never does.
+    """Figures of a step; NaN where not reached.
 
     Attributes:
         rise: From 10 to 90 % of the step, s.
-        settling: From the start until it stays within 2 % of the step around the end, s.
+        settling: From the start until within 2 % of the step around the end, s.
         overshoot: Beyond the end, in % of the step.
-        peak: The furthest value in the direction of the step.
+        peak: Extreme value in the direction of the step.
         delay: From the start to 50 % of the step, s.
     """
 
@@ -51,7 +51,7 @@ class StepFigures:
 
 @dataclass(frozen=True, slots=True)
 class TrackingFigures:
-    """How a value follows a reference: rms and peak of the error, lag (s; behind is above 0)."""
+    """Tracking of a reference: rms and peak of the error, lag (s; positive: behind)."""
 
     rms: float
     peak: float
@@ -63,7 +63,7 @@ class Response:
     """A frequency response, arrays of shape (m,).
 
     Attributes: frequency (Hz), gain (output over input), phase (degrees, continuous), coherence
-    (0 to 1: which part of the output the input explains).
+    (0 to 1: share of the output explained by the input).
     """
 
     frequency: Floats
@@ -94,7 +94,7 @@ def step_figures(time: Floats, value: Floats, start: float, end: float) -> StepF
 
 
 def first_above(time: Floats, y: Floats, level: float) -> float:
-    """When a value first reaches a level, interpolated; NaN where it does not."""
+    """Time at which a value first reaches a level, interpolated; NaN if never."""
     above = np.flatnonzero(y >= level)
     if not above.size:
         return math.nan
@@ -103,7 +103,7 @@ def first_above(time: Floats, y: Floats, level: float) -> float:
 
 
 def settling_time(time: Floats, error: Floats, width: float) -> float:
-    """From the first time until the error stays below a width; NaN where it does not."""
+    """Time until the error stays below a width; NaN if never."""
     outside = np.flatnonzero(error >= width)
     if not outside.size:
         return 0.0
@@ -112,7 +112,7 @@ def settling_time(time: Floats, error: Floats, width: float) -> float:
 
 
 def crossing(time: Floats, y: Floats, k: int, level: float) -> float:
-    """When y crosses a level between the samples k − 1 and k."""
+    """Time at which y crosses a level between the samples k − 1 and k."""
     share = (level - y[k - 1]) / (y[k] - y[k - 1])
     return float(time[k - 1] + share * (time[k] - time[k - 1]))
 
@@ -127,12 +127,12 @@ def tracking_figures(time: Floats, reference: Floats, value: Floats) -> Tracking
 
 
 def mean_over_time(time: Floats, value: Floats) -> float:
-    """∫ value dt / T, by trapezoids: samples need not be equally far apart."""
+    """∫ value dt / T, by trapezoids; the spacing may vary."""
     return float(np.trapezoid(value, time) / (time[-1] - time[0]))
 
 
 def lag(time: Floats, reference: Floats, value: Floats) -> float:
-    """The time τ for which value(t) is nearest to reference(t − τ), s; NaN where nothing moves."""
+    """The time τ for which value(t) is nearest to reference(t − τ), s; NaN without motion."""
     t, (r, y) = evenly(time, reference, value)
     if t.size < 8 or np.ptp(r) == 0.0:
         return math.nan
@@ -156,7 +156,7 @@ def mismatch(reference: Floats, value: Floats, shift: int) -> float:
 
 
 def vertex(three: Floats) -> float:
-    """Where the parabola through (−1, a), (0, b), (1, c) is least, from −1 to 1."""
+    """Position of the minimum of the parabola through (−1, a), (0, b), (1, c), from −1 to 1."""
     a, b, c = (float(x) for x in three)
     curvature = a - 2.0 * b + c
     return 0.0 if curvature <= 0.0 else 0.5 * (a - c) / curvature
@@ -188,11 +188,11 @@ def frequency_response(
 
     Args:
         time: Shape (n,).
-        reference: What was asked for, shape (n,).
-        value: What was measured, shape (n,).
+        reference: Reference, shape (n,).
+        value: Measured value, shape (n,).
         low: Lowest frequency of the response, Hz.
-        high: Highest, Hz; at most half the sampling frequency counts.
-        points: Bands at most, equally wide on a logarithmic axis.
+        high: Highest, Hz; at most half the sampling frequency.
+        points: Maximum number of bands, of equal width on a logarithmic axis.
     """
     t, (r, y) = evenly(time, reference, value)
     period = float(t[1] - t[0])
@@ -218,12 +218,12 @@ def frequency_response(
 
 
 def level(signal: Floats) -> Floats:
-    """A signal without the line from its first to its last value: it begins and ends at 0."""
+    """A signal minus the line from its first to its last value."""
     return signal - np.linspace(signal[0], signal[-1], signal.size)
 
 
 def band(lines: Floats, r: Spectrum, y: Spectrum) -> tuple[complex, complex, complex]:
-    """Mean frequency (weighed by what was excited), response and coherence of a band."""
+    """Mean frequency (weighted by excitation), response and coherence of a band."""
     power_r, power_y = np.sum(np.abs(r) ** 2), np.sum(np.abs(y) ** 2)
     cross = np.sum(y * np.conj(r))
     frequency = np.sum(lines * np.abs(r) ** 2) / power_r
@@ -232,7 +232,7 @@ def band(lines: Floats, r: Spectrum, y: Spectrum) -> tuple[complex, complex, com
 
 
 def bandwidth(response: Response) -> float:
-    """The first frequency where the gain is 3 dB below 1, Hz; NaN where it is not reached."""
+    """The first frequency where the gain is 3 dB below 1, Hz; NaN if not reached."""
     below = np.flatnonzero(response.gain < HALF_POWER)
     if not below.size or below[0] == 0:
         return math.nan

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Boards that fall silent while they are recorded: when to look for them anew, and what to note.
+"""Connection losses during a recording: time of reconnection, record of the gap.
 
-A middleware forgets a participant that it does not hear for its lease, and one that is held up or
-cut off in one direction may not be told of it. So who hears nothing makes itself known anew.
+A middleware drops a participant not received for its lease, and may not notify one that is paused
+or cut off in one direction. So a receiver without messages reconnects.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from dataclasses import dataclass
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-#: s without a message of a board after which it is silent, and periods of its state at least.
+#: s without a message until a board is silent, and minimum periods of its state.
 PATIENCE, PERIODS = 5.0, 3.0
-#: s between two times of looking for it anew, at first and at most.
+#: s between reconnections, initially and at most.
 SOONEST, LATEST = 5.0, 10.0
 
 
 @dataclass(slots=True)
-class Hearing:
-    """A board: patience (s), last (when it was heard: s, monotonic), stamp (the same, ns of the
-    system's clock), due (when to look for it anew, s), pause (s until the next time), silent.
+class _Reception:
+    """A board: patience (s), last (reception: s, monotonic), stamp (the same, ns of the system's
+    clock), due (next reconnection, s), pause (s between reconnections), silent.
     """
 
     patience: float
@@ -35,7 +35,7 @@ class Hearing:
 
 
 class Gaps:
-    """Notices which boards are silent.
+    """Detects silent boards.
 
     Args:
         rates: Of the states of each board, Hz.
@@ -45,39 +45,39 @@ class Gaps:
 
     def __init__(self, rates: Mapping[str, float], now: float, stamp: int) -> None:
         self._boards = {
-            board: Hearing(max(PATIENCE, PERIODS / rate if rate > 0.0 else 0.0), now, stamp)
+            board: _Reception(max(PATIENCE, PERIODS / rate if rate > 0.0 else 0.0), now, stamp)
             for board, rate in rates.items()
         }
 
     @property
     def silent(self) -> list[str]:
-        """The boards that are silent now."""
-        return [board for board, hearing in self._boards.items() if hearing.silent]
+        """The silent boards."""
+        return [board for board, reception in self._boards.items() if reception.silent]
 
-    def heard(self, board: str, now: float, stamp: int) -> bytes:
-        """A message of a board came; where it was silent the gap that ends, of GAPS, as CDR."""
-        hearing = self._boards[board]
-        before, was_silent = hearing.stamp, hearing.silent
-        hearing.last, hearing.stamp = now, stamp
+    def received(self, board: str, now: float, stamp: int) -> bytes:
+        """Record a message of a board; returns the gap that it ends, of GAPS, as CDR."""
+        reception = self._boards[board]
+        before, was_silent = reception.stamp, reception.silent
+        reception.last, reception.stamp = now, stamp
         if not was_silent:
             return b""
-        hearing.silent, hearing.pause = False, SOONEST
+        reception.silent, reception.pause = False, SOONEST
         return gap(before, stamp)
 
     def look(self, now: float) -> bool:
-        """Whether a silent board is to be looked for anew now; less often each time."""
+        """Whether to reconnect to a silent board now, at growing intervals."""
         due = False
-        for hearing in self._boards.values():
-            if not hearing.silent and now - hearing.last >= hearing.patience:
-                hearing.silent, hearing.due = True, now
-            if hearing.silent and now >= hearing.due:
-                hearing.due = now + hearing.pause
-                hearing.pause = min(2.0 * hearing.pause, LATEST)
+        for reception in self._boards.values():
+            if not reception.silent and now - reception.last >= reception.patience:
+                reception.silent, reception.due = True, now
+            if reception.silent and now >= reception.due:
+                reception.due = now + reception.pause
+                reception.pause = min(2.0 * reception.pause, LATEST)
                 due = True
         return due
 
     def running(self, stamp: int) -> dict[str, bytes]:
-        """Gaps of boards that are silent to the end, by board."""
+        """Gaps of boards silent at the end, by board."""
         return {board: gap(self._boards[board].stamp, stamp) for board in self.silent}
 
 

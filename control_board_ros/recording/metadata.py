@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What rosbag2 writes beside the messages: metadata.yaml, and the QoS of each topic."""
+"""Metadata of rosbag2: metadata.yaml, and the QoS of each topic."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from .definitions import definition
 from .errors import library
 from .topics import Topic
 
-#: The newest metadata of rosbag2 in ROS 2 Jazzy.
+#: Metadata version of rosbag2 in ROS 2 Jazzy.
 VERSION = 9
-#: A duration without end, as rmw has it.
+#: An infinite duration of rmw.
 FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 
@@ -35,7 +35,7 @@ class Part:
 
 
 def metadata(parts: list[Part], custom: Mapping[str, str]) -> dict[str, Any]:
-    """What rosbag2 of ROS 2 Jazzy writes of a recording, in its order."""
+    """The metadata of a recording as rosbag2 of ROS 2 Jazzy writes it, in its order."""
     first = min((part.first for part in parts), default=time.time_ns())
     last = max((part.last for part in parts), default=first)
     counts: dict[Topic, int] = {}
@@ -79,7 +79,7 @@ def metadata(parts: list[Part], custom: Mapping[str, str]) -> dict[str, Any]:
 
 
 def qos_of(topic: Topic) -> dict[str, Any]:
-    """The QoS of a topic in the words of rosbag2."""
+    """The QoS of a topic in the terms of rosbag2."""
     return {
         "history": "keep_last",
         "depth": 1 if topic.latched else 10,
@@ -94,7 +94,7 @@ def qos_of(topic: Topic) -> dict[str, Any]:
 
 
 def offered(topic: Topic) -> Any:
-    """The same for the library, which keeps it in the MCAP files too."""
+    """The same for the library, which also stores it in the MCAP files."""
     kinds, words = library("rosbags.interfaces"), qos_of(topic)
     forever = kinds.QosTime(**FOREVER)
     return kinds.Qos(

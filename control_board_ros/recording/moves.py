@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The moves in a recording: a joint's position reference goes somewhere, and the joint follows."""
+"""The moves in a recording: changes of a joint's position reference, and its response."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from .figures import (
 )
 from .reading import BoardRecording
 
-#: Modes in which a position reference is followed.
+#: Modes with a position reference.
 FOLLOWING = frozenset(mode.code for mode in STOPPABLE)
-#: What a reference must travel to count, rad and m.
+#: Minimum travel of a reference, rad and m.
 LEAST, LEAST_SLIDING = 2e-3, 2e-4
-#: s without change between two moves; and s after its end for which a move is looked at.
+#: s without change between two moves; s evaluated after the end of a move.
 PAUSE, AFTER = 0.1, 2.0
-#: Share of what follows the end over which the steady-state error is taken.
+#: Share of the time after the end for the steady-state error.
 STEADY = 0.25
-#: A move's travel beyond which it went forth and back: as a multiple of its distance.
+#: Travel of a move, in multiples of its distance, from which it counts as to and fro.
 THERE_AND_BACK = 1.5
 
 
@@ -41,12 +41,12 @@ class Move:
     Attributes:
         joint: Its name.
         mode: The control mode, code.
-        begin: When the reference began to change, s.
-        end: When it came to rest, s.
-        until: Up to when it was looked at, s.
+        begin: Start of the reference's change, s.
+        end: End of the reference's change, s.
+        until: End of the evaluation, s.
         start: Reference before, rad or m.
         target: Reference in the end, rad or m.
-        step: Rise, settling, overshoot; None where the reference went forth and back.
+        step: Rise, settling, overshoot; None for a move to and fro.
         tracking: Error and lag.
         steady_error: Reference minus position at the end, rad or m.
         saturated: Time at the limit of the output or the torque, s.
@@ -79,10 +79,10 @@ def moves_of(recording: BoardRecording, joint: str, kind: JointKind) -> list[Mov
 def changes(
     recording: BoardRecording, joint: str, within: tuple[float, float], least: float
 ) -> Iterator[tuple[int, int, int]]:
-    """Samples of each change of the reference: first (at rest), last, and the end of looking."""
+    """Samples of each change of the reference: first (at rest), last, end of the evaluation."""
     time, reference = recording.time, recording.signal("position_reference", joint)
     low, high = np.searchsorted(time, within)
-    # The first sample of a mode may still be of the one before.
+    # The first sample of a mode may belong to the previous one.
     moving = low + 1 + np.flatnonzero(np.diff(reference[low + 1 : high]) != 0.0)
     if not moving.size:
         return
@@ -100,7 +100,6 @@ def changes(
 def move(
     recording: BoardRecording, joint: str, mode: str, first: int, last: int, stop: int
 ) -> Move:
-    """A move with its figures."""
     chosen = slice(first, stop + 1)
     time = recording.time[chosen]
     reference = recording.signal("position_reference", joint)[chosen]
@@ -126,7 +125,7 @@ def move(
 
 
 def steady_error(time: Floats, error: Floats) -> float:
-    """The mean error over a time; the last one where that is a single sample."""
+    """The mean error over a time; the last error for a single sample."""
     return mean_over_time(time, error) if time.size > 1 else float(error[-1])
 
 

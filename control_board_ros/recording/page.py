@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A report: one HTML file that needs nothing else."""
+"""A report as one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -24,16 +24,15 @@ from .errors import RecordingError
 from .moves import Move, moves_of
 from .reading import BoardRecording, kinds_of
 
-#: Steps that are drawn for themselves, per joint.
+#: Maximum number of steps drawn individually per joint.
 STEPS_SHOWN = 4
-#: Moves listed, per board, before the table says how many more there are.
+#: Maximum number of moves listed per board.
 MOVES_SHOWN = 200
-#: Lines of the log that are shown.
+#: Maximum number of log lines.
 LINES_SHOWN = 100
 
 
 def joint_charts(recording: BoardRecording) -> list[JointCharts]:
-    """The charts of every joint."""
     kinds = kinds_of(recording.urdf, recording.names)
     found = []
     for joint in recording.names:
@@ -45,7 +44,7 @@ def joint_charts(recording: BoardRecording) -> list[JointCharts]:
 
 
 def short_names(names: Sequence[str]) -> list[str]:
-    """The names without the words that all of them begin with; two words stay."""
+    """The names without their common leading words; at least two words remain."""
     words = [name.split("_") for name in names]
     same = 0
     while all(len(w) > same + 2 and w[same] == words[0][same] for w in words):
@@ -59,7 +58,7 @@ def page(source: str, recordings: Sequence[BoardRecording], extra: str = "") -> 
     Args:
         source: Where the recording is.
         recordings: Its boards.
-        extra: A section of its own, before the others.
+        extra: An additional section before the others.
     """
     boards = "".join(board_section(recording) for recording in recordings)
     note = (
@@ -72,7 +71,7 @@ def page(source: str, recordings: Sequence[BoardRecording], extra: str = "") -> 
 
 
 def document(title: str, body: str, note: str) -> str:
-    """An HTML file around sections, with a note below them."""
+    """An HTML file of sections with a note below."""
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -83,7 +82,7 @@ def document(title: str, body: str, note: str) -> str:
 
 
 def board_section(recording: BoardRecording) -> str:
-    """What there is to say of a board."""
+    """The section of a board."""
     joints = joint_charts(recording)
     moves = sorted((m for j in joints for m in j.moves), key=lambda m: (m.begin, m.joint))
     kinds = {j.joint: j.kind for j in joints}
@@ -119,7 +118,7 @@ def board_section(recording: BoardRecording) -> str:
 
 
 def tiles(recording: BoardRecording, moves: Sequence[Move]) -> str:
-    """The figures at a glance."""
+    """The key figures."""
     count, span = len(recording.time), float(recording.time[-1])
     rate = (count - 1) / span if span > 0.0 else 0.0
     ignored = int((recording.rejected[-1] - recording.rejected[0]).sum())
@@ -142,12 +141,10 @@ def tiles(recording: BoardRecording, moves: Sequence[Move]) -> str:
 
 
 def tile(name: str, value: str, kind: str = "") -> str:
-    """A figure with its name."""
     return f'<div class="tile {kind}"><span>{escape(name)}</span>{escape(value)}</div>'
 
 
 def mode_legend(recording: BoardRecording) -> str:
-    """The colours in the timeline."""
     used = {code for joint in recording.names for _, _, code in recording.control_modes(joint)}
     keys = [
         f'<span class="key"><i style="background:{colour}"></i>{MODE_NAMES[code]}</span>'
@@ -158,7 +155,6 @@ def mode_legend(recording: BoardRecording) -> str:
 
 
 def fault_table(recording: BoardRecording) -> str:
-    """The faults, with their end."""
     if not recording.faults:
         return ""
     rows = [
@@ -175,7 +171,7 @@ def fault_table(recording: BoardRecording) -> str:
 
 
 def note_table(recording: BoardRecording) -> str:
-    """What the operator has noted."""
+    """The operator's notes."""
     if not recording.notes:
         return ""
     rows = [[f"{note.time:.3f}", note.text] for note in recording.notes]
@@ -183,15 +179,15 @@ def note_table(recording: BoardRecording) -> str:
 
 
 def gap_table(recording: BoardRecording) -> str:
-    """When the board was not heard."""
+    """Gaps without messages of the board."""
     if not recording.gaps:
         return ""
     rows = [[f"{gap.time:.3f}", f"{gap.until - gap.time:.2f}"] for gap in recording.gaps]
-    return "<h3>Gaps: the board was not heard</h3>" + table(["at, s", "for, s"], rows)
+    return "<h3>Gaps: no messages from the board</h3>" + table(["at, s", "for, s"], rows)
 
 
 def request_table(recording: BoardRecording) -> str:
-    """What the board was asked."""
+    """The requests to the board."""
     if not recording.requests:
         return ""
     rows = [[f"{one.time:.3f}", one.text] for one in recording.requests[:LINES_SHOWN]]
@@ -205,7 +201,7 @@ def request_table(recording: BoardRecording) -> str:
 
 
 def log_table(recording: BoardRecording) -> str:
-    """What the board warned of."""
+    """The board's warnings."""
     if not recording.log:
         return ""
     rows = [[f"{line.time:.3f}", line.text] for line in recording.log[:LINES_SHOWN]]
@@ -220,7 +216,7 @@ def log_table(recording: BoardRecording) -> str:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A figure with at most so many decimals; a dash where there is none."""
+    """A figure with at most ``digits`` decimals; a dash for NaN."""
     if not math.isfinite(value):
         return "–"
     size = math.floor(math.log10(abs(value))) if value else 0
@@ -229,7 +225,6 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def move_table(moves: Sequence[Move], kinds: dict[str, JointKind], shorts: dict[str, str]) -> str:
-    """Every move with its figures."""
     heads = [
         "at, s", "joint", "mode", "from", "to", "takes, s", "rise, s", "settling, s",
         "overshoot, %", "steady error", "RMS error", "peak error", "lag, ms", "saturated, s",
@@ -263,14 +258,14 @@ def move_row(move: Move, kind: JointKind, short: str) -> list[str]:
 
 
 def difference(value: float, kind: JointKind) -> str:
-    """A difference of positions, with more digits than a position has: 0.0004°; 0.012 mm."""
+    """A difference of positions, with more digits than a position: 0.0004°; 0.012 mm."""
     if not math.isfinite(value):
         return "–"
     return number(kind.shown_factor * value, 4) + kind.choose("°", " mm")
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]], text: int = 0) -> str:
-    """A table; columns from ``text`` on are left-aligned where it is given."""
+    """A table; columns from ``text`` on are left-aligned (0: none)."""
     head = "".join(f"<th>{escape(name)}</th>" for name in heads)
     kind = ' class="text"' if text else ""
     body = "".join(
@@ -280,7 +275,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[str]], text: int = 0) ->
 
 
 def summary(joint: JointCharts) -> str:
-    """A joint in half a line."""
+    """Summary of a joint, half a line."""
     if not joint.moves:
         return '<span class="quiet">no moves</span>'
     worst = max(joint.moves, key=lambda m: m.tracking.rms)
@@ -290,11 +285,7 @@ def summary(joint: JointCharts) -> str:
 
 
 def write_page(path: Path, text: str) -> None:
-    """Write a report.
-
-    Raises:
-        RecordingError: it cannot be written.
-    """
+    """Write a report; raises RecordingError where it cannot be written."""
     try:
         path.write_text(text, "utf-8")
     except OSError as error:
@@ -302,7 +293,7 @@ def write_page(path: Path, text: str) -> None:
 
 
 def chart_section(title: str, facts: Sequence[tuple[str, str]], charts: Sequence[Chart]) -> str:
-    """A section of its own: figures, and charts."""
+    """A separate section: figures and charts."""
     shown = "".join(tile(name, value) for name, value in facts)
     drawn = "".join(draw(chart, 240) for chart in charts)
     return f'<h2>{escape(title)}</h2><div class="tiles">{shown}</div>{drawn}'

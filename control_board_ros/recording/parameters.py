@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameters of a board as one message, kept up to date while it is recorded."""
+"""The parameters of a board as one message, updated during the recording."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from control_board_ros.client.parameters import typed
 from .topics import PARAMETERS, topic_of
 from .wire import serialize
 
-#: Parameters asked for at once.
+#: Parameters per request.
 BUNCH = 500
 
 
@@ -32,7 +32,7 @@ class Parameters:
 
     @classmethod
     def read(cls, client: ControlBoardClient) -> Parameters:
-        """Those in force now."""
+        """The parameters in force."""
         names = client.list_parameters()
         values: dict[str, Any] = {}
         for k in range(0, len(names), BUNCH):
@@ -40,18 +40,17 @@ class Parameters:
         return cls(client.board_name, {n: v for n, v in values.items() if v is not None})
 
     def message(self) -> bytes:
-        """The message."""
         event = ParameterEvent(node=self.board)
         event.new_parameters = [Parameter(name=n, value=v) for n, v in self._values.items()]
         return serialize(event, PARAMETERS.type)
 
     def number(self, name: str) -> float:
-        """The value of a parameter that is a number; 0 of one that the board does not tell."""
+        """The value of a numeric parameter; 0 if unknown."""
         value = self._values.get(name)
         return float(value.double_value) if value is not None else 0.0
 
     def change(self, data: bytes) -> bool:
-        """Take over what an event on ``/parameter_events`` says of this board; whether it did."""
+        """Apply an event of ``/parameter_events``; returns whether it concerns this board."""
         event = deserialize_message(data, ParameterEvent)
         if event.node != self.board:
             return False

@@ -44,7 +44,6 @@ def write_png(path: Path, title: str, charts: Sequence[Chart]) -> None:
 
 
 def draw(chart: Chart, axes: Any) -> None:
-    """One chart."""
     for trace in chart.traces:
         axes.plot(
             trace.x,

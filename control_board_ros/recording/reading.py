@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording read back as arrays; needs the library rosbags, and no ROS."""
+"""Loading a recording as arrays; requires the library rosbags, not ROS."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from control_board_ros.urdf_xml import heard_joints
 from .errors import RecordingError, library
 from .topics import GAPS, PARAMETERS, ROSOUT
 
-#: The fields of a state that are numbers per joint, with their unit for rotating joints.
+#: Numeric fields of a state per joint, with their unit for rotating joints.
 SIGNALS = {
     "position": "rad",
     "velocity": "rad/s",
@@ -40,7 +40,7 @@ SIGNALS = {
     "current": "A",
     "temperature": "°C",
 }
-#: The value of a parameter, by its type in rcl_interfaces/msg/ParameterType.
+#: Field of a parameter's value, by rcl_interfaces/msg/ParameterType.
 VALUE_FIELDS = {
     1: "bool_value",
     2: "integer_value",
@@ -51,13 +51,13 @@ VALUE_FIELDS = {
     8: "double_array_value",
     9: "string_array_value",
 }
-#: rcl_interfaces/msg/Log: a warning, and worse.
+#: rcl_interfaces/msg/Log: warnings and above.
 WARNING = 30
 
 
 @dataclass(frozen=True, slots=True)
 class Modes:
-    """The modes from a time on: time (s), control and interaction (codes by joint)."""
+    """Modes since a time: time (s), control and interaction (codes by joint)."""
 
     time: float
     control: dict[str, str]
@@ -87,7 +87,7 @@ class LogLine:
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A request to the board that was answered: time (s) of the answer, and what it says."""
+    """An answered request to the board: time (s) and content of the answer."""
 
     time: float
     name: str
@@ -99,7 +99,7 @@ class Request:
 
     @property
     def text(self) -> str:
-        """In one line: what was asked, of which joints, and what became of it."""
+        """One line: request, joints, outcome."""
         fields = self.request if self.request != "{}" else ""
         asked = " ".join(filter(None, [self.name, ", ".join(self.joints), fields]))
         end = self.event if self.success or self.event != "answered" else "failed"
@@ -108,7 +108,7 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What an operator has noted: time (s), text."""
+    """A note of the operator: time (s), text."""
 
     time: float
     text: str
@@ -116,20 +116,19 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """A time without the board: from, until (s); it was not heard in between."""
+    """A gap without messages of the board: from, until (s)."""
 
     time: float
     until: float
 
     @property
     def text(self) -> str:
-        """In words."""
-        return f"nothing heard for {self.until - self.time:.1f} s"
+        return f"no messages for {self.until - self.time:.1f} s"
 
 
 @dataclass(slots=True)
 class BoardRecording:
-    """What a recording holds of one board. Times are s from its first state.
+    """The recording of one board. Times are s from its first state.
 
     Attributes:
         board: Absolute name of its node.
@@ -139,14 +138,14 @@ class BoardRecording:
         signals: By the names of SIGNALS, shape (n, joints).
         motion_done: Shape (n, joints).
         rejected: Commands ignored, shape (n, joints).
-        modes: In order; the first from before the first state on.
+        modes: In order; the first precedes the first state.
         faults: In order.
-        gaps: When the board was not heard.
+        gaps: Without messages of the board.
         requests: Services called and goals, in the order of their answers.
         log: Warnings and errors.
         notes: Of the operator.
-        parameters: As they were last.
-        urdf: The robot description; empty where there is none.
+        parameters: Last values.
+        urdf: The robot description; empty if missing.
     """
 
     board: str
@@ -166,16 +165,15 @@ class BoardRecording:
     urdf: str = ""
 
     def signal(self, name: str, joint: str) -> Floats:
-        """A signal of a joint, shape (n,)."""
         return self.signals[name][:, self.names.index(joint)]
 
     def parameter(self, joint: str, name: str, default: float = np.nan) -> float:
-        """A number among the parameters of a joint."""
+        """A numeric parameter of a joint."""
         value = self.parameters.get(f"{joint}.{name}", default)
         return float(value) if isinstance(value, int | float) else default
 
     def control_modes(self, joint: str) -> list[tuple[float, float, str]]:
-        """The control modes of a joint: from, until (s), code; none where no modes were heard."""
+        """The control modes of a joint: from, until (s), code; empty without modes."""
         return self._spans([(max(m.time, 0.0), m.control.get(joint, "")) for m in self.modes])
 
     def interaction_modes(self, joint: str) -> list[tuple[float, float, str]]:
@@ -183,7 +181,7 @@ class BoardRecording:
         return self._spans([(max(m.time, 0.0), m.interaction.get(joint, "")) for m in self.modes])
 
     def _spans(self, marks: list[tuple[float, str]]) -> list[tuple[float, float, str]]:
-        """What is so from, until (s): each change once."""
+        """Intervals from, until (s), of marks; each change once."""
         merged = [m for k, m in enumerate(marks) if k == 0 or m[1] != marks[k - 1][1]]
         end = float(self.time[-1]) if self.time.size else 0.0
         ends = [mark[0] for mark in merged[1:]] + [end] if merged else []
@@ -191,10 +189,10 @@ class BoardRecording:
 
 
 def read(path: Path) -> list[BoardRecording]:
-    """The boards of a recording: a folder with metadata.yaml, or one MCAP file.
+    """Load the boards of a recording: a folder with metadata.yaml, or one MCAP file.
 
     Raises:
-        RecordingError: there is no recording, it cannot be read, or no board is in it.
+        RecordingError: no recording, unreadable, or without a board.
     """
     highlevel = library("rosbags.highlevel")
     if not path.exists():
@@ -224,7 +222,7 @@ def read_boards(reader: Any) -> Iterator[BoardRecording]:
 
 
 def messages(reader: Any, topic: str) -> Iterator[tuple[float, Any]]:
-    """The messages of a topic, with the time at which they were heard, s."""
+    """The messages of a topic, with their time of reception, s."""
     wanted = [c for c in reader.connections if c.topic == topic]
     if wanted:
         for connection, stamp, raw in reader.messages(connections=wanted):
@@ -237,7 +235,7 @@ def stamp_of(stamp: Any) -> float:
 
 
 def read_board(reader: Any, board: str) -> BoardRecording | None:
-    """What a recording holds of a board; None where it has no state of it."""
+    """Load the recording of a board; None without states."""
     states = [message for _, message in messages(reader, STATE.of(board))]
     if not states:
         return None
@@ -272,7 +270,6 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
 
 
 def parameters_in(message: Any) -> dict[str, Any]:
-    """Values by name."""
     return {
         p.name: getattr(p.value, VALUE_FIELDS[p.value.type])
         for p in message.new_parameters
@@ -281,7 +278,7 @@ def parameters_in(message: Any) -> dict[str, Any]:
 
 
 def read_modes(reader: Any, recording: BoardRecording) -> list[Modes]:
-    """The changes of modes, each once: files that follow repeat the last one."""
+    """The changes of modes, each once: later files repeat the last one."""
     found: list[Modes] = []
     for _, message in messages(reader, MODES.of(recording.board)):
         names = clean_names(message.names)
@@ -294,7 +291,6 @@ def read_modes(reader: Any, recording: BoardRecording) -> list[Modes]:
 
 
 def read_faults(reader: Any, recording: BoardRecording) -> list[Fault]:
-    """The faults, each with its end."""
     running: dict[tuple[Any, ...], Fault] = {}
     over: list[Fault] = []
     for _, message in messages(reader, FAULTS.of(recording.board)):
@@ -310,31 +306,31 @@ def read_faults(reader: Any, recording: BoardRecording) -> list[Fault]:
 
 
 def read_gaps(reader: Any, recording: BoardRecording) -> list[Gap]:
-    """When the board was not heard, by its own stamps.
+    """Gaps without messages of the board, in its own time.
 
-    The recorder's clock is not the board's: what lies between is that of the first state.
+    Converted from the recorder's clock by the first state.
     """
     found: list[Gap] = []
-    told = [json.loads(message.data) for _, message in messages(reader, GAPS.of(recording.board))]
-    if not told:
+    gaps = [json.loads(message.data) for _, message in messages(reader, GAPS.of(recording.board))]
+    if not gaps:
         return found
-    heard, _ = next(messages(reader, STATE.of(recording.board)))
-    for times in told:
-        found.append(Gap(float(times["begin"]) - heard, float(times["end"]) - heard))
+    received, _ = next(messages(reader, STATE.of(recording.board)))
+    for times in gaps:
+        found.append(Gap(float(times["begin"]) - received, float(times["end"]) - received))
     return found
 
 
 def read_notes(reader: Any, recording: BoardRecording) -> list[Note]:
-    """What was noted, by the board's stamps: notes have none, so what counts is when they came."""
+    """Notes in the board's time: they have no stamp, so the time of reception counts."""
     found = [(at, message) for at, message in messages(reader, NOTES.of(recording.board))]
     if not found:
         return []
-    heard, _ = next(messages(reader, STATE.of(recording.board)))
-    return [Note(at - heard, clean(message.data)) for at, message in found]
+    received, _ = next(messages(reader, STATE.of(recording.board)))
+    return [Note(at - received, clean(message.data)) for at, message in found]
 
 
 def read_requests(reader: Any, recording: BoardRecording) -> list[Request]:
-    """What the board was asked while the recording ran."""
+    """Requests to the board during the recording."""
     return [
         Request(
             stamp_of(message.header.stamp) - recording.start,
@@ -350,7 +346,7 @@ def read_requests(reader: Any, recording: BoardRecording) -> list[Request]:
 
 
 def read_log(reader: Any, recording: BoardRecording) -> list[LogLine]:
-    """Warnings and errors of the log while the recording ran."""
+    """Warnings and errors of the log during the recording."""
     node = recording.board.strip("/").replace("/", ".")
     return [
         LogLine(
@@ -365,6 +361,6 @@ def read_log(reader: Any, recording: BoardRecording) -> list[LogLine]:
 
 
 def kinds_of(urdf: str, names: tuple[str, ...]) -> Mapping[str, JointKind]:
-    """The kinds of joints; REVOLUTE of those that the URDF does not tell."""
+    """The kinds of joints; REVOLUTE if not in the URDF."""
     joints = heard_joints(urdf)
     return {name: JointKind.of(joints[name].kind if name in joints else None) for name in names}

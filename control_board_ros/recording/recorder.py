@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Hears the topics of boards as they are on the wire, and keeps them."""
+"""Records the serialized topics of boards."""
 
 from __future__ import annotations
 
@@ -31,37 +31,37 @@ from .topics import (
     topics_of,
 )
 
-#: s that latched topics have to come first.
+#: s to wait for latched topics.
 PATIENCE = 2.0
 
 _numbers = itertools.count(1)
 
 
 class Sink(Protocol):
-    """What takes the messages: a bag, or a black box."""
+    """Destination of the messages: a bag or a black box."""
 
     def begin(self, latched: Mapping[Topic, bytes]) -> None:
-        """Take what latched topics had before anything else."""
+        """Set the initial messages of latched topics."""
 
     def write(self, topic: Topic, stamp: int, data: bytes) -> None:
-        """Take a message (CDR) that was heard at a time, ns."""
+        """Add a message (CDR) received at ``stamp``, ns."""
 
     def close(self) -> None:
         """Finish."""
 
 
 class Recorder:
-    """Records boards from when it is made until ``close``.
+    """Records boards from creation until ``close``.
 
     Args:
-        context: Of rclpy, in which it makes a node of its own.
+        context: Of rclpy, for the recorder's own node.
         parameters: Those of each board.
-        sink: Takes the messages.
+        sink: Destination of the messages.
 
     Attributes:
-        ended: Why nothing is recorded any more; empty while all is well.
-        counts: Messages heard by topic.
-        dropped: Messages of boards that were published and did not come.
+        ended: Reason for the end; empty while recording.
+        counts: Messages received by topic.
+        dropped: Messages of boards published and not received.
         skipped: Topics whose type is not installed here.
     """
 
@@ -89,7 +89,7 @@ class Recorder:
         self._listen()
 
     def _listen(self) -> None:
-        """Subscribe to all topics, and hear them in a thread."""
+        """Subscribe to all topics; a thread receives them."""
         self._subscriptions = [
             self._node.create_subscription(
                 kind, topic.name, partial(self._hear, topic), qos(topic), raw=True
@@ -99,29 +99,29 @@ class Recorder:
         self._thread = ExecutorThread(self._node, self._report)
 
     def look(self) -> None:
-        """Look for boards that are silent, in a participant of its own; to be called now and then.
+        """Reconnect to silent boards, with a new participant; to be called periodically.
 
-        One that has been forgotten by the other side, or has forgotten it, is a stranger to
-        nobody then. A gap that ends is written into the recording.
+        A new participant is discovered even where either side has dropped the old one. The end of
+        a gap is recorded.
         """
         if self.ended or not self._gaps.look(time.monotonic()):
             return
         self._thread.close()
         context = Context()
         context.init(args=[], domain_id=self._context.get_domain_id())
-        self._let_go()
+        self._release()
         self._context, self._own_context = context, True
         self._node = node_of(context)
         self._listen()
 
-    def _let_go(self) -> None:
-        """End the node, and the participant where it is the recorder's own."""
+    def _release(self) -> None:
+        """Destroy the node, and the participant if owned by the recorder."""
         self._node.destroy_node()
         if self._own_context:
             self._context.try_shutdown()
 
     def await_first(self, name: str, patience: float) -> bool:
-        """Wait until a topic is heard; false when nothing of it comes for so many s."""
+        """Wait for a message of a topic; false after ``patience`` s without one."""
         until = time.monotonic() + patience
         while not any(topic.name == name for topic in list(self.counts)):
             if self.ended or time.monotonic() > until:
@@ -130,31 +130,31 @@ class Recorder:
         return True
 
     def board_is_gone(self) -> bool:
-        """Whether none of the boards publishes its modes any more, nor was silent before.
+        """Whether no board publishes its modes any more, none of them silent before.
 
-        One that ends says so at once; of one that is cut off nothing is heard for a while, and
-        then the middleware forgets it: that one is looked for.
+        A board that ends is undiscovered at once; one that is cut off is first silent, until the
+        middleware drops it: reconnection applies.
         """
         if self._gaps.silent:
             return False
         return not any(self._node.count_publishers(MODES.of(board)) for board in self._boards)
 
     def close(self) -> None:
-        """End, and finish what was recorded; why that did not work is in ``ended``.
+        """End, and complete the recording; the reason for a failure is in ``ended``.
 
-        What had come by now is taken first, topic by topic: on a busy machine, states at 500 Hz
-        may wait for seconds while what comes once a second does not.
+        Messages received so far are processed first, topic by topic: on a busy machine, states at
+        500 Hz may be queued for seconds.
         """
         now = time.time_ns()
         self._thread.close()
-        with contextlib.suppress(*GONE):  # the context was shut down: nothing is left to take
+        with contextlib.suppress(*GONE):  # the context was shut down: nothing is left
             for subscription in self._subscriptions:
                 self._take_rest(subscription, now)
-        self._let_go()
+        self._release()
         self._guard(self._finish)
 
     def _take_rest(self, subscription: Any, until: int) -> None:
-        """Hear what came of a subscription until a time, ns, and still waits in it."""
+        """Process the queued messages of a subscription up to a time, ns."""
         while not self.ended:
             with subscription.handle:
                 taken = subscription.handle.take_message(subscription.msg_type, True)
@@ -169,13 +169,13 @@ class Recorder:
         self.counts[topic] = self.counts.get(topic, 0) + 1
         if topic.board:
             self._count_dropped(topic, info.get("publication_sequence_number"))
-            if ended := self._gaps.heard(topic.board, time.monotonic(), stamp):
+            if ended := self._gaps.received(topic.board, time.monotonic(), stamp):
                 self._guard(partial(self._take, topic_of(GAPS, topic.board), stamp, ended))
         if not self.ended:
             self._guard(partial(self._take, topic, stamp, bytes(data)))
 
     def _count_dropped(self, topic: Topic, number: int | None) -> None:
-        if number is None:  # a middleware that does not number messages
+        if number is None:  # middleware without sequence numbers
             return
         before = self._sequence.get(topic)
         if before is not None and number > before + 1:
@@ -183,7 +183,7 @@ class Recorder:
         self._sequence[topic] = number
 
     def _take(self, topic: Topic, stamp: int, data: bytes) -> None:
-        """Give a message to the sink, the latched ones first."""
+        """Pass a message to the sink, latched ones first."""
         if self._begun:
             self._sink.write(topic, stamp, data)
             if topic.name == PARAMETER_EVENTS.name:
@@ -228,7 +228,6 @@ class Recorder:
 
 
 def node_of(context: Context) -> Node:
-    """A node that only listens."""
     return Node(
         f"_recorder_{next(_numbers)}",
         context=context,
@@ -248,7 +247,7 @@ def load(topic: Topic) -> Any:
 
 
 def qos(topic: Topic) -> QoSProfile:
-    """How to subscribe: as published, with room for what comes while the disk is slow."""
+    """QoS of a subscription: as published, with a queue for slow disks."""
     return QoSProfile(
         depth=DEPTH,
         reliability=ReliabilityPolicy.RELIABLE

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The last seconds of a board in memory, written when a fault happens: the black box."""
+"""The black box: the last seconds of a board in memory, written on a fault."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pathlib import Path
 from .bag import Bag
 from .topics import Topic
 
-#: Bytes that a ring holds at most, however long it is.
+#: Maximum bytes of a ring, of any duration.
 MOST = 512_000_000
 
-#: From a topic and a message, why to keep what led to it; empty where there is no reason.
+#: Reason to write the recording, from a topic and a message; empty without reason.
 Trigger = Callable[[Topic, bytes], str]
 
 
@@ -22,11 +22,10 @@ class Ring:
     """The messages of the last seconds.
 
     Args:
-        seconds: How far back.
-        most: Bytes at most.
+        seconds: Duration.
+        most: Maximum bytes.
 
-    Attributes: before (of latched topics, the message in force as the ring begins), size (bytes
-    held).
+    Attributes: before (last message of each latched topic before the ring), size (bytes).
     """
 
     def __init__(self, seconds: float, most: int = MOST) -> None:
@@ -39,7 +38,7 @@ class Ring:
         return len(self._held)
 
     def write(self, topic: Topic, stamp: int, data: bytes) -> None:
-        """Keep a message, and let go of those that are too old."""
+        """Keep a message, and drop expired ones."""
         self._held.append((topic, stamp, data))
         self.size += len(data)
         while stamp - self._held[0][1] > self._span or self.size > self._most:
@@ -51,7 +50,7 @@ class Ring:
                 return
 
     def save(self, bag: Bag) -> None:
-        """Write what is held into a bag, and close it."""
+        """Write the messages into a bag, and close it."""
         bag.begin(self.before)
         for message in self._held:
             bag.write(*message)
@@ -59,16 +58,16 @@ class Ring:
 
 
 class BlackBox:
-    """Keeps the last seconds, and writes them into a new folder some seconds after a fault.
+    """Keeps the last seconds, and writes them into a new folder after a fault.
 
     Args:
-        folder: In which the recordings are made.
-        seconds: How far back.
-        after: Seconds to go on after a fault.
-        trigger: Says why to write.
-        make: A bag in a new folder.
+        folder: Of the recordings.
+        seconds: Duration before a fault.
+        after: Duration after a fault.
+        trigger: Detects the reason to write.
+        make: Creates a bag in a new folder.
 
-    Attributes: saved (recordings, with why), size (bytes held).
+    Attributes: saved (recordings, with reason), size (bytes).
     """
 
     def __init__(
@@ -81,13 +80,12 @@ class BlackBox:
     ) -> None:
         self._folder, self._after, self._trigger, self._make = folder, after, trigger, make
         self._ring = Ring(seconds + after)
-        self._due = 0  # ns; when the recording is to be written; 0: no fault
+        self._due = 0  # time to write the recording, ns; 0: no fault
         self._why = ""
         self.saved: list[tuple[Path, str]] = []
 
     @property
     def messages(self) -> int:
-        """Messages held."""
         return len(self._ring)
 
     @property
@@ -95,16 +93,14 @@ class BlackBox:
         return self._ring.size
 
     def begin(self, latched: Mapping[Topic, bytes]) -> None:
-        """Take the latched messages in force; a fault among them is no new one."""
+        """Set the latched messages; faults among them are not new."""
         for topic, data in latched.items():
             self._trigger(topic, data)
         self._ring.before.update(latched)
 
     def write(self, topic: Topic, stamp: int, data: bytes) -> None:
-        """Keep a message; where a fault is old enough by now, write the recording.
-
-        Raises:
-            RecordingError: it cannot be written.
+        """Keep a message, or write the recording ``after`` s past a fault; raises
+        RecordingError.
         """
         self._ring.write(topic, stamp, data)
         why = self._trigger(topic, data)
@@ -114,24 +110,20 @@ class BlackBox:
             self.save(self._why)
 
     def save(self, why: str) -> None:
-        """Write what is held now.
-
-        Raises:
-            RecordingError: it cannot be written.
-        """
+        """Write the messages in memory; raises RecordingError where this fails."""
         self._due = 0
         path = free_name(self._folder, time.strftime("%Y%m%d-%H%M%S"))
         self._ring.save(self._make(path, why))
         self.saved.append((path, why))
 
     def close(self) -> None:
-        """Write what a fault asked for and is not written yet."""
+        """Write a pending recording."""
         if self._due:
             self.save(self._why)
 
 
 def free_name(folder: Path, name: str) -> Path:
-    """A path in a folder that is not there yet: the name, or with a number behind."""
+    """An unused path in a folder: the name, with a number if necessary."""
     path, number = folder / name, 2
     while path.exists():
         path, number = folder / f"{name}_{number}", number + 1

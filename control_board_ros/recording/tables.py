@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings as CSV: for spreadsheets, and programs without ROS."""
+"""Recordings as CSV: for spreadsheets and programs without ROS."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from .reading import SIGNALS, BoardRecording, read
 
 
 def write_csv(folder: Path) -> list[Path]:
-    """Write ``state.csv`` and ``events.csv`` into a recording's folder, for each board; the files.
+    """Write ``state.csv`` and ``events.csv`` into a recording's folder, per board.
 
     Raises:
-        RecordingError: the recording cannot be read, or the tables not be written.
+        RecordingError: the recording is unreadable, or the tables cannot be written.
     """
     recordings = read(folder)
     files = []

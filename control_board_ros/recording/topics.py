@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is recorded of boards: every topic of the interface, parameters, and the log."""
+"""Recorded topics: every topic of the interface, parameters, and the log."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from typing import Any
 
 from control_board_ros.interface import COMMAND_TOPICS, NOTES, PUBLISHED, Endpoint, QoS, topic
 
-#: The parameters of a board with all their values, in the recording only: at its beginning, in
-#: every file of it, and after every change.
+#: The parameters of a board with all values, in the recording only: at the beginning of every file
+#: and after every change.
 PARAMETERS = topic(
     "~/recorded_parameters", "rcl_interfaces/msg/ParameterEvent", QoS(depth=1, latched=True), ""
 )
-#: A board that was not heard for a while, in the recording only: JSON with begin and end, s of the
+#: A gap without messages of a board, in the recording only: JSON with begin and end, s of the
 #: recorder's clock.
 GAPS = topic("~/recorded_gaps", "std_msgs/msg/String", QoS(depth=100), "")
-#: Every node's log, with the warnings of commands that a board ignores, and changed parameters.
+#: Log and changed parameters of all nodes.
 ROSOUT = topic("/rosout", "rcl_interfaces/msg/Log", QoS(depth=1000), "")
 PARAMETER_EVENTS = topic(
     "/parameter_events", "rcl_interfaces/msg/ParameterEvent", QoS(depth=1000), ""
 )
-#: How the types of YARP's commands begin.
+#: Prefix of the types of YARP's commands.
 OF_YARP = "yarp_control_msgs/msg/"
-#: With a depth that outlasts a slow disk for seconds.
+#: Depth for seconds of a slow disk.
 DEPTH = 1000
 
 
@@ -32,8 +32,8 @@ DEPTH = 1000
 class Topic:
     """A topic in a recording.
 
-    Attributes: name (absolute), type (``package/msg/Name``), reliable, latched, board (whose it
-    is; empty where several nodes publish).
+    Attributes: name (absolute), type (``package/msg/Name``), reliable, latched, board (publisher
+    or receiver; empty for several nodes).
     """
 
     name: str
@@ -47,15 +47,15 @@ def topic_of(endpoint: Endpoint, board: str) -> Topic:
     """The topic of an endpoint of a board, by its absolute name."""
     shared = endpoint.name.startswith("/") or endpoint.kind == "command"
     qos = endpoint.qos
-    state = qos.latched and qos.depth == 1  # a history of events is heard from now on
+    state = qos.latched and qos.depth == 1  # a history of events starts at the subscription
     return Topic(endpoint.of(board), endpoint.type, qos.reliable, state, "" if shared else board)
 
 
 def topics_of(boards: Iterable[str]) -> list[Topic]:
-    """What boards publish and listen to, and what all nodes share, each once."""
+    """Topics of boards and topics shared by all nodes, each once."""
     found: dict[str, Topic] = {}
     for board in boards:
-        notes = replace(topic_of(NOTES, board), board="")  # of whoever publishes them
+        notes = replace(topic_of(NOTES, board), board="")  # of any publisher
         found[notes.name] = notes
         for endpoint in (*PUBLISHED, *COMMAND_TOPICS, ROSOUT, PARAMETER_EVENTS):
             topic = topic_of(endpoint, board)
@@ -66,19 +66,19 @@ def topics_of(boards: Iterable[str]) -> list[Topic]:
 
 
 def topics_for_yarp(node: Any, boards: Iterable[str]) -> list[Topic]:
-    """The commands that boards hear from YARP's clients, by any name (``yarp_msgs_name``).
+    """The command topics for YARP's clients, of any name (``yarp_msgs_name``).
 
     Args:
-        node: That knows the boards' nodes.
+        node: That has discovered the boards' nodes.
         boards: Their full names.
     """
     found = []
     nodes = set(node.get_node_names_and_namespaces())
     for board in boards:
         namespace, _, name = board.rpartition("/")
-        if (name, namespace or "/") not in nodes:  # it is about to go, or to be seen
+        if (name, namespace or "/") not in nodes:  # not discovered
             continue
-        heard = node.get_subscriber_names_and_types_by_node(name, namespace or "/")
-        for heard_name, types in heard:
-            found += [Topic(heard_name, kind) for kind in types if kind.startswith(OF_YARP)]
+        subscribed = node.get_subscriber_names_and_types_by_node(name, namespace or "/")
+        for name_there, types in subscribed:
+            found += [Topic(name_there, kind) for kind in types if kind.startswith(OF_YARP)]
     return found

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of our own as they would be on the wire."""
+"""Serialization of messages."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from rclpy.serialization import serialize_message
 from .definitions import definition
 from .errors import library
 
-#: Bytes in front of a message in CDR.
+#: Bytes of the CDR header.
 HEADER = 4
 
 
 def serialize(message: Any, type_name: str) -> bytes:
-    """A message as CDR, without what rmw leaves behind its end.
+    """A message as CDR, without the padding of rmw.
 
-    rmw's estimate of the size is too large for nested sequences, and readers of recordings take
-    what is left over for a broken message.
+    rmw overestimates the size of nested sequences, and readers of recordings reject the rest as
+    a broken message.
     """
     data = bytes(serialize_message(message))
     store = store_of(type_name)
@@ -30,7 +30,7 @@ def serialize(message: Any, type_name: str) -> bytes:
 
 @cache
 def store_of(type_name: str) -> Any:
-    """The library's knowledge of a type and those it refers to."""
+    """The library's type store of a type and those it refers to."""
     types = library("rosbags.typesys")
     store = types.get_typestore(types.Stores.EMPTY)
     store.register(types.get_types_from_msg(definition(type_name).text, type_name))

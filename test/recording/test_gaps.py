@@ -45,14 +45,14 @@ def test_a_silent_board_is_looked_for_less_and_less_often() -> None:
 
 def test_a_gap_has_begin_and_end_and_is_told_once() -> None:
     found = Gaps({BOARD: 100.0, "/other": 100.0}, 0.0, 0)
-    assert found.heard(BOARD, 1.0, 1_000_000_000) == b""
+    assert found.received(BOARD, 1.0, 1_000_000_000) == b""
     assert not found.look(4.9)
-    found.heard("/other", 4.0, 4_000_000_000)
+    found.received("/other", 4.0, 4_000_000_000)
     assert found.look(6.0)
     assert found.silent == [BOARD]
     assert times(found.running(7_000_000_000)[BOARD]) == {"begin": 1.0, "end": 7.0}
-    assert times(found.heard(BOARD, 8.0, 8_000_000_000)) == {"begin": 1.0, "end": 8.0}
-    assert found.heard(BOARD, 8.1, 8_100_000_000) == b""
+    assert times(found.received(BOARD, 8.0, 8_000_000_000)) == {"begin": 1.0, "end": 8.0}
+    assert found.received(BOARD, 8.1, 8_100_000_000) == b""
     assert found.silent == []
     assert found.look(8.1 + PATIENCE)
     assert not found.look(8.1 + PATIENCE + 1.0)
@@ -120,9 +120,9 @@ def test_a_recorder_hears_the_board_again(monkeypatch: pytest.MonkeyPatch, tmp_p
     (found,) = read(tmp_path / "bag")
     (gap,) = found.gaps
     assert 0.5 < gap.until - gap.time < 60.0
-    assert "Gaps: the board was not heard" in page("bag", [found])
+    assert "Gaps: no messages from the board" in page("bag", [found])
     write_csv(tmp_path / "bag")
-    assert ",gap,nothing heard for" in (tmp_path / "bag" / "events.csv").read_text("utf-8")
+    assert ",gap,no messages for" in (tmp_path / "bag" / "events.csv").read_text("utf-8")
 
 
 @pytest.mark.ros
