@@ -17,24 +17,24 @@ from . import security
 from .hub import Hub
 from .server import make_app
 
-#: s that open connections have at the end.
+#: s for open connections to close at the end.
 GOODBYE = 2
 EVERYWHERE = ("0.0.0.0", "::")
 
 
 class CannotListen(OSError):  # noqa: N818
-    """The address or the port cannot be had; one line: which, why, what to do."""
+    """The address or the port is not available; one line: which, why, next step."""
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens; port 0 takes a free one.
+    """A listening socket; port 0 selects a free one.
 
     Raises:
-        CannotListen: somebody else has it, or the host has no such address.
+        CannotListen: in use, or not an address of the host.
     """
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        # With its protocol named, asyncio sends small messages at once (TCP_NODELAY).
+        # With an explicit protocol asyncio sets TCP_NODELAY.
         listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((host, port))
@@ -48,7 +48,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def addresses(host: str, port: int, token: str) -> list[str]:
-    """The addresses to open, with the token; of this machine's network where all listen."""
+    """The addresses to open, with the token; the network address where listening on all."""
     hosts = ["127.0.0.1", *own_addresses()] if host in EVERYWHERE else [host]
     return [
         f"http://{f'[{name}]' if ':' in name else name}:{port}/?token={token}" for name in hosts
@@ -56,10 +56,10 @@ def addresses(host: str, port: int, token: str) -> list[str]:
 
 
 def own_addresses() -> list[str]:
-    """The address of this machine on its network, if it is on one; nothing is sent."""
+    """The network address of this machine, if any; sends nothing."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.connect(("192.0.2.1", 9))  # an address of nobody's
+            probe.connect(("192.0.2.1", 9))  # a documentation address
         except OSError:
             return []
         address = str(probe.getsockname()[0])
@@ -67,7 +67,7 @@ def own_addresses() -> list[str]:
 
 
 def own_names(host: str) -> frozenset[str]:
-    """Names under which browsers may ask for this machine."""
+    """Accepted host names of this machine."""
     names = {host, socket.gethostname(), socket.getfqdn(), f"{socket.gethostname()}.local"}
     return frozenset(name.lower() for name in names)
 
@@ -84,21 +84,21 @@ def run(
     announce: Callable[[list[str]], None],
     report: Callable[[str], None],
 ) -> None:
-    """Serve until a signal ends it.
+    """Serve until a signal.
 
     Args:
-        node: that the panel hears and asks with; nobody spins it.
+        node: of the panel; not spun.
         host: address to listen on.
-        port: to listen on; 0: a free one.
-        read_only: nobody may operate.
-        answer_timeout: s that a board has to answer.
-        takeover: s that the operator has to answer who asks to take over.
-        recordings: folder that recordings go into, each into its own.
-        announce: called with the addresses to open, before the first is served.
-        report: called with lines for the log.
+        port: port to listen on; 0: a free one.
+        read_only: operation disabled.
+        answer_timeout: timeout of a board's answer, s.
+        takeover: timeout of the operator's answer to a takeover request, s.
+        recordings: folder of the recordings' folders.
+        announce: called with the addresses to open, before serving.
+        report: called with log lines.
 
     Raises:
-        CannotListen: the address cannot be had.
+        CannotListen: the address is not available.
     """
     listening = listen(host, port)
     try:
@@ -121,7 +121,7 @@ def run(
 
 
 def config_of(app: Any) -> uvicorn.Config:
-    """How the server runs: bounded in every direction, silent, uncompressed."""
+    """The server's configuration: bounded sizes and rates, silent, uncompressed."""
     logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
     return uvicorn.Config(
         app,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A board of the domain as the panel knows it: what it says, and the client that asks it."""
+"""A board of the domain: its latest messages and its client."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from control_board_ros.text import clean, clean_name, clean_names
 from . import robot
 from .listening import Newest
 
-#: s within which what comes back over ROS is taken for what the panel has sent itself.
+#: s within which messages received over ROS are matched with the panel's own.
 OWN = 2.0
-#: s without a state of a board that is watched, after which it is listened for anew.
+#: s without a state of a watched board before its subscriptions are renewed.
 SILENCE = 5.0
 
 
@@ -46,12 +46,12 @@ class Board:
     Args:
         node: the panel's.
         name: full name of the board's node.
-        number: of the board, as frames and meshes bear it.
+        number: of the board, in frames and mesh addresses.
         answer_timeout: s to wait for an answer.
 
-    Attributes: name, number, client, state (heard while somebody watches; else None), robot (its
-    description), info (for the page; empty until it is known), modes and faults (for the page),
-    measured (a program of the panel's own commands it).
+    Attributes: name, number, client, state (subscribed while watched, else None), robot (its
+    description), info (for the page; empty until known), modes and faults (for the page), measured
+    (a program of the panel commands it).
     """
 
     def __init__(self, node: Node, name: str, number: int, answer_timeout: float) -> None:
@@ -75,35 +75,35 @@ class Board:
             topic: Newest(node, topic, name) for topic in COMMAND_TOPICS if topic is not HEARTBEAT
         }
         self._requests = Newest(node, REQUEST_LOG, name)
-        self._requests_known = False  # the first one heard may be an old one
+        self._requests_known = False  # the first one may be old
         self._sent = deque[tuple[float, Endpoint, tuple[str, ...], tuple[float, ...]]](maxlen=256)
         self._asked = -math.inf
 
     def close(self) -> None:
-        """Let go of it."""
+        """Destroy its subscriptions and its client."""
         self.watch(on=False)
-        for heard in (self._modes, self._faults, self._description):
-            heard.close()
-        for heard in (*self._commands.values(), self._requests):
-            heard.close()
+        for topic in (self._modes, self._faults, self._description):
+            topic.close()
+        for topic in (*self._commands.values(), self._requests):
+            topic.close()
         if self._notes is not None:
             self._node.destroy_publisher(self._notes)
         self.client.close()
 
     def is_recorded(self) -> bool:
-        """Whether a recorder hears what is noted of it."""
+        """Whether a recorder subscribes to its notes."""
         if self._notes is None:
             self._notes = self._node.create_publisher(NOTES.load(), NOTES.of(self.name), 10)
         return bool(self._notes.get_subscription_count())
 
     def note(self, text: str) -> bool:
-        """Write into the recordings of it; false where there are none."""
+        """Publish a note to its recordings; false without a recording."""
         if recorded := self.is_recorded():
             self._notes.publish(NOTES.load()(data=text))
         return recorded
 
     def watch(self, *, on: bool) -> None:
-        """Hear its state from now on, or no more: a hundred messages a second cost something."""
+        """Subscribe to its state, or unsubscribe: 100 messages/s have a cost."""
         if on and self.state is None:
             self.state = Newest(self._node, STATE, self.name)
         elif not on and self.state is not None:
@@ -112,29 +112,29 @@ class Board:
 
     @property
     def space(self) -> str:
-        """The namespace of its node, which the parts of a robot share."""
+        """The namespace of its node, shared by the parts of a robot."""
         return self.name.rpartition("/")[0]
 
     def repeats(self, other: Board) -> bool:
-        """Whether it shows another board's joints among its own: it is the robot of a part."""
+        """Whether it includes another board's joints: it is the robot of a part."""
         own, others = set(self.names), set(other.names)
         return self.space == other.space and bool(others) and others < own
 
     @property
     def names(self) -> list[str]:
-        """Its joints, in its order; none before it was heard."""
+        """Its joints, in board order; empty before the first message."""
         names: list[str] = self.modes.get("names", [])
         return names
 
     def hear(self) -> dict[str, Any]:
-        """What is new since the last call, for the page, by kind."""
-        if self.state is not None and time.monotonic() - self.state.heard >= SILENCE:
+        """News since the last call, for the page, by kind."""
+        if self.state is not None and time.monotonic() - self.state.last >= SILENCE:
             self._renew()
         news: dict[str, Any] = {}
         if (modes := self._modes.take_read()) is not None:
-            heard = shown_modes(modes)
-            changes = self._changes(heard)
-            news["modes"] = self.modes = heard
+            shown = shown_modes(modes)
+            changes = self._changes(shown)
+            news["modes"] = self.modes = shown
             if changes and time.monotonic() - self._asked > OWN:
                 news["elsewhere"] = changes
         if (faults := self._faults.take_read()) is not None:
@@ -146,14 +146,14 @@ class Board:
         return news
 
     def _renew(self) -> None:
-        """Hear the board by new subscriptions: the old ones hear it no more."""
-        heard = (self.state, self._modes, self._faults, self._description)
-        for one in (*heard, *self._commands.values(), self._requests):
+        """Renew the subscriptions, after the old ones receive nothing any more."""
+        topics = (self.state, self._modes, self._faults, self._description)
+        for one in (*topics, *self._commands.values(), self._requests):
             if one is not None:
                 one.renew()
 
     def _changes(self, modes: dict[str, Any]) -> str:
-        """Which joints changed their control mode, and to what."""
+        """Text of the joints' changes of control mode."""
         before = dict(zip(self.names, self.modes.get("control", ()), strict=True))
         now = zip(modes["names"], modes["control"], strict=True)
         changed = [(name, mode) for name, mode in now if before.get(name, mode) != mode]
@@ -161,15 +161,15 @@ class Board:
         return ", ".join(words) + (f" and {len(changed) - 3} more" if len(changed) > 3 else "")
 
     def overhear(self) -> list[str]:
-        """What other programs command, in words: the newest on each topic."""
+        """Texts of other programs' commands: the newest on each topic."""
         found: list[str] = []
         if self.measured:
             self.asking()
-        for topic, heard in self._commands.items():
-            raw = heard.take()
+        for topic, newest in self._commands.items():
+            raw = newest.take()
             if raw is None:
                 continue
-            message = heard.read()
+            message = newest.read()
             names, values = tuple(names_of(message)), first_values(message)
             if not self.measured and not self._was_sent(topic, names, values):
                 found.append(f"{topic.short}: {in_words(names, values)}")
@@ -179,7 +179,7 @@ class Board:
         return found
 
     def _asked_elsewhere(self, asked: Any) -> list[str]:
-        """A request of another program in words; nothing where it is the panel's own."""
+        """Text of another program's request; empty for the panel's own."""
         names, values, what = tuple(names_of(asked)), tuple[float, ...](), asked.name
         try:
             fields = json.loads(asked.request)
@@ -187,7 +187,7 @@ class Board:
                 what = f"{fields['kind']}"
                 values = tuple(float(value) for value in fields["values"])
         except (TypeError, ValueError, KeyError, RecursionError):
-            return [f"{clean(asked.name)}, with fields that are not to be read"]
+            return [f"{clean(asked.name)}, with unreadable fields"]
         topic = next((t for t in COMMAND_TOPICS if t.short == f"command/{what}"), None)
         if topic is not None and self._was_sent(topic, names, values):
             return []
@@ -196,11 +196,11 @@ class Board:
         return [f"{clean(what)}: {in_words(names, values)}"]
 
     def asking(self) -> None:
-        """The panel itself asks for something: changes of modes that follow are its own."""
+        """Mark following mode changes as the panel's own."""
         self._asked = time.monotonic()
 
     def sending(self, topic: Endpoint, names: Sequence[str], values: Sequence[float]) -> None:
-        """The panel itself sends a command."""
+        """Mark a command as the panel's own."""
         many = tuple(values) * (len(names) if len(values) == 1 else 1)
         self._sent.append((time.monotonic(), topic, tuple(names), many))
 
@@ -213,7 +213,7 @@ class Board:
         )
 
     async def ask_info(self) -> None:
-        """Ask what the page draws: limits, modes there are, greatest impedance.
+        """Request data for the page: limits, available modes, greatest impedance.
 
         Raises:
             BoardError: the board does not answer.
@@ -234,7 +234,7 @@ class Board:
         }
 
     async def _limits(self, names: list[str]) -> dict[str, list[float | None]]:
-        """The limits in force, by kind; of a board that does not tell, what its URDF says."""
+        """The limits in force, by kind; those of the URDF if the board does not answer."""
         try:
             values = await self.client.aio.get_parameters(limit_parameters(names))
             known = limits_of(names, values.values())
@@ -244,7 +244,7 @@ class Board:
         return {field: [finite(getattr(row, field)) for row in rows] for field in FIELDS}
 
     async def ask_targets(self) -> bool:
-        """Ask for the targets of moves; whether they are new.
+        """Request the targets of moves; returns whether they are new.
 
         Raises:
             BoardError: the board does not answer.
@@ -254,14 +254,14 @@ class Board:
         return changed
 
     def torque_reference(self, joint: str) -> float | None:
-        """The torque in force for a joint, N·m; None where its state is not heard."""
+        """The torque in force for a joint, N·m; None without its state."""
         state = None if self.state is None else self.state.take_read() or self.state.read()
         torques = dict(zip(state.names, state.torque_reference, strict=False)) if state else {}
         return finite(torques.get(joint))
 
 
 def finite(value: Any) -> float | None:
-    """A number as JSON has it: None where it is infinite or none."""
+    """A number for JSON; None where not finite."""
     return float(value) if value is not None and math.isfinite(value) else None
 
 
@@ -269,7 +269,7 @@ def shown_modes(message: Any) -> dict[str, Any]:
     """A JointModes message for the page.
 
     Raises:
-        RequestError: it is none of a board.
+        RequestError: it is invalid.
     """
     return {
         "names": list(joint_names(message.names)),
@@ -282,7 +282,7 @@ def fitting(message: Any, field: str) -> Any:
     """A field with one entry per name.
 
     Raises:
-        RequestError: it has another number of them.
+        RequestError: another number of entries.
     """
     values, count = getattr(message, field), len(message.names)
     if len(values) != count:
@@ -301,7 +301,7 @@ def shown_fault(fault: Any) -> dict[str, Any]:
 
 
 def names_of(message: Any) -> Sequence[str]:
-    """The joints that a command names; none: all of them."""
+    """The joints of a command; empty: all."""
     fields = (getattr(message, field, ()) for field in ("names", "joint_names", "name"))
     names: Sequence[str] = next(filter(None, fields), ())
     return names
@@ -317,7 +317,7 @@ def first_values(message: Any) -> tuple[float, ...]:
 
 
 def in_words(names: Sequence[str], values: Sequence[float]) -> str:
-    """References for people, in the board's units; the first three."""
+    """Text of references, in the board's units; the first three."""
     if not names:
         return "all joints"
     shown = clean_names(names)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One browser that is connected: what waits to be sent to it, and what it has under way."""
+"""A connected browser: its outgoing queue and active requests."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import Any
 
 from .security import BURST, RATE, TokenBucket
 
-#: Texts that may wait for a browser; one that reads so slowly is let go.
+#: Maximum queued texts of a browser; a slower one is disconnected.
 MAX_WAITING = 500
-#: Requests of one browser that may be under way.
+#: Maximum active requests of a browser.
 MAX_RUNNING = 50
 
 
@@ -22,10 +22,10 @@ class Browser:
 
     Args:
         number: of the connection.
-        name: for people: where it is.
+        name: for display: device and address.
 
-    Attributes: number, name, watched (names of boards whose frames it gets), running (its
-    requests under way, by their id), bucket (bounds its rate), lost (it reads too slowly).
+    Attributes: number, name, watched (names of boards whose frames it receives), running (its
+    active requests, by id), bucket (limits its rate), lost (it reads too slowly).
     """
 
     def __init__(self, number: int, name: str) -> None:
@@ -39,22 +39,20 @@ class Browser:
         self._news = asyncio.Event()
 
     def tell(self, what: str, /, **fields: Any) -> None:
-        """Send it a message."""
         self.tell_text(json.dumps({"is": what} | fields, ensure_ascii=False, allow_nan=False))
 
     def tell_text(self, text: str) -> None:
-        """Send it a message that is text already."""
         self.lost = self.lost or len(self._texts) >= MAX_WAITING
         self._texts.append(text)
         self._news.set()
 
     def show(self, board: int, frame: bytes) -> None:
-        """Send it a board's frame; one of the same board that still waits is older, and goes."""
+        """Queue a board's frame, in place of an older one of the same board."""
         self._frames[board] = frame
         self._news.set()
 
     async def write(self, websocket: Any) -> None:
-        """Send what waits, for ever; frames give way to texts, and go in one message.
+        """Send the queues forever: texts first, then frames in one message.
 
         Raises:
             ConnectionError: it reads too slowly.

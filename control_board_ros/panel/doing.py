@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What each request does: one function per row, on the client of the board."""
+"""Execution of requests: one function each, on the board's client."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from .boards import Board, finite
 from .lines import HELD
 
 Given = Mapping[str, Any]
-#: Called with how far a long request is: a share from 0 to 1, and words.
+#: Called with the progress of a long request: from 0 to 1, and text.
 Progress = Callable[[float, str], None]
 CONTROLLERS = ("position", "direct", "torque", "current")
 
 
-#: What to do next, by the code of a reply, in the words of the page.
+#: Next step by reply code, in the page's terms.
 ADVICE = {
     "in_fault": "clear the fault",
     "uncalibrated": "calibrate it in its details",
@@ -35,7 +35,7 @@ FRAME = ("position", "position_reference", "torque", "torque_reference", "curren
 MOST_OF_FRAME = 500
 
 
-def told(reply: Reply) -> dict[str, Any]:
+def shown(reply: Reply) -> dict[str, Any]:
     """A reply for the page."""
     answers = {name: str(answer) for name, answer in zip(reply.joints, reply.answers, strict=True)}
     steps = [ADVICE[code] for code in dict.fromkeys(reply.codes) if code in ADVICE]
@@ -44,14 +44,14 @@ def told(reply: Reply) -> dict[str, Any]:
 
 
 async def mode(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    return told(await board.client.aio.set_control_mode(given["joints"] or None, given["mode"]))
+    return shown(await board.client.aio.set_control_mode(given["joints"] or None, given["mode"]))
 
 
 async def recover(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    """Back to the modes before a fault; the answer has the times to wait, s."""
+    """Return to the modes before a fault; the answer has the times to wait, s."""
     partial = given.get("partial", False)
     reply = await board.client.aio.recover(given["joints"] or None, partial)
-    return told(reply) | {"waits": dict(zip(reply.joints, reply.waits, strict=False))}
+    return shown(reply) | {"waits": dict(zip(reply.joints, reply.waits, strict=False))}
 
 
 async def frame(board: Board, given: Given, _: Progress) -> dict[str, Any]:
@@ -68,29 +68,29 @@ async def frame(board: Board, given: Given, _: Progress) -> dict[str, Any]:
 
 async def interaction(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     aio = board.client.aio
-    return told(await aio.set_interaction_mode(given["joints"] or None, given["mode"]))
+    return shown(await aio.set_interaction_mode(given["joints"] or None, given["mode"]))
 
 
 async def position(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     names, targets = given["joints"] or board.names, given["positions"]
     board.sending(POSITION_COMMAND, names, targets)
-    return told(await board.client.aio.position_move(names, *one_or_many(given)))
+    return shown(await board.client.aio.position_move(names, *one_or_many(given)))
 
 
 async def direct(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     names, targets = given["joints"] or board.names, given["positions"]
     board.sending(POSITION_DIRECT_COMMAND, names, targets)
-    return told(await board.client.aio.set_position(names, *one_or_many(given), answered=True))
+    return shown(await board.client.aio.set_position(names, *one_or_many(given), answered=True))
 
 
 async def targets(board: Board, _given: Given, _: Progress) -> dict[str, Any]:
-    """Where the moves go that are under way, whoever commanded them."""
+    """Targets of all active moves."""
     await board.ask_targets()
     return {"ok": True, "message": "", "targets": board.targets}
 
 
 async def move(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
-    """A move that is waited for; cancelled, it stops the joints."""
+    """A move with its end awaited; cancelling it stops the joints."""
     whole = 0.0
 
     def feedback(sent: Any) -> None:
@@ -100,17 +100,17 @@ async def move(board: Board, given: Given, progress: Progress) -> dict[str, Any]
         progress(1.0 - left / whole if whole > 0.0 else 1.0, f"{left:.1f} s")
 
     move = partial(board.client.aio.move, feedback=feedback)
-    return told(await move(given["joints"] or board.names, *one_or_many(given)))
+    return shown(await move(given["joints"] or board.names, *one_or_many(given)))
 
 
 def one_or_many(given: Given) -> list[Any]:
-    """Positions, and speeds where there are any; one of a kind goes to every joint."""
+    """Positions, and speeds if given; a single value applies to every joint."""
     values = [given["positions"], *([given["speeds"]] if given.get("speeds") else [])]
     return [value[0] if len(value) == 1 else value for value in values]
 
 
 async def send_held(board: Board, kind: str, joint: str, value: float) -> Reply:
-    """Send what a control that is held asks for."""
+    """Send the reference of a held control."""
     topic, _, _, method = HELD[kind]
     board.sending(topic, [joint], [value])
     reply: Reply = await getattr(board.client.aio, method)(joint, value, answered=True)
@@ -118,25 +118,25 @@ async def send_held(board: Board, kind: str, joint: str, value: float) -> Reply:
 
 
 async def stop(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    return told(await board.client.aio.stop(given.get("joints") or None))
+    return shown(await board.client.aio.stop(given.get("joints") or None))
 
 
 async def impedance(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     stiffness, damping = given.get("stiffness"), given.get("damping")
     aio = board.client.aio
-    return told(await aio.set_impedance(given["joints"] or None, stiffness, damping))
+    return shown(await aio.set_impedance(given["joints"] or None, stiffness, damping))
 
 
 async def speed(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     speeds, accelerations = given.get("speed"), given.get("acceleration")
     aio = board.client.aio
-    return told(await aio.set_reference_speed(given["joints"] or None, speeds, accelerations))
+    return shown(await aio.set_reference_speed(given["joints"] or None, speeds, accelerations))
 
 
 async def gains(board: Board, given: Given, _: Progress) -> dict[str, Any]:
     front = f"{given['joint']}.{given['controller']}_pid"
     values = {f"{front}.{gain}": value for gain, value in given["gains"].items()}
-    return told(await board.client.aio.set_parameters(values))
+    return shown(await board.client.aio.set_parameters(values))
 
 
 async def calibrate(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
@@ -144,15 +144,15 @@ async def calibrate(board: Board, given: Given, progress: Progress) -> dict[str,
         progress(float(sent.progress.mean()) if len(sent.progress) else 0.0, sent.phase)
 
     joints = given["joints"] or None
-    return told(await board.client.aio.calibrate(joints, wait=True, feedback=feedback))
+    return shown(await board.client.aio.calibrate(joints, wait=True, feedback=feedback))
 
 
 async def configure(board: Board, _: Given, __: Progress) -> dict[str, Any]:
-    return told(await board.client.aio.configure())
+    return shown(await board.client.aio.configure())
 
 
 async def poses(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    """The names of all poses; of one that is named, its joints and positions, too."""
+    """The names of all poses; for a given one also joints and positions."""
     aio = board.client.aio
     found: dict[str, Any] = {"ok": True, "message": "", "poses": await aio.list_poses()}
     if "pose" in given:
@@ -162,7 +162,7 @@ async def poses(board: Board, given: Given, _: Progress) -> dict[str, Any]:
 
 
 async def pose(board: Board, given: Given, progress: Progress) -> dict[str, Any]:
-    """Going to a pose; cancelled, it stops the joints."""
+    """A move to a pose; cancelling it stops the joints."""
     farthest = 0.0
 
     def feedback(sent: Any) -> None:
@@ -172,18 +172,18 @@ async def pose(board: Board, given: Given, progress: Progress) -> dict[str, Any]
         progress(1.0 - left / farthest if farthest > 0.0 else 1.0, given["pose"])
 
     aio = board.client.aio
-    return told(await aio.go_to_pose(given["pose"], given.get("speed"), feedback=feedback))
+    return shown(await aio.go_to_pose(given["pose"], given.get("speed"), feedback=feedback))
 
 
 async def save_pose(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    """Save the joints as they are."""
+    """Save the present positions."""
     aio = board.client.aio
-    answer = told(await aio.save_pose(given["pose"], speed=given.get("speed", 0.0)))
+    answer = shown(await aio.save_pose(given["pose"], speed=given.get("speed", 0.0)))
     return answer | {"poses": await aio.list_poses()} if answer["ok"] else answer
 
 
 async def details(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    """What the page shows of one joint beside its state: impedance, speeds, gains."""
+    """Details of a joint beside its state: impedance, speeds, gains."""
     aio, joint = board.client.aio, given["joint"]
     stiffness, damping = await aio.get_impedance(joint)
     found: dict[str, Any] = {
@@ -206,7 +206,7 @@ async def details(board: Board, given: Given, _: Progress) -> dict[str, Any]:
 
 Doer = Callable[[Board, Given, Progress], Awaitable[dict[str, Any]]]
 
-#: What goes to one board; the rest is the hub's own.
+#: Requests to one board; the others are handled by the hub.
 DOERS: dict[str, Doer] = {
     "mode": mode,
     "recover": recover,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""References that act while somebody holds a control: dead man. Pure; time is given.
+"""References active while a control is held (dead man's switch). Pure; time is an argument.
 
-A browser says again and again that the control is still held. When it says so no more, lets go
-or is gone, the joint gets what it had before: no velocity, no output, or the torque that held it.
+A browser confirms a held control periodically. On release, timeout or disconnection the joint
+returns to rest: no velocity, no output, or the holding torque.
 """
 
 from __future__ import annotations
@@ -10,16 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-#: s after which a control that was not confirmed counts as let go.
+#: s without confirmation after which a control counts as released.
 PATIENCE = 0.3
 
 
 @dataclass(slots=True)
 class Hold:
-    """One control that is held.
+    """A held control.
 
-    Attributes: browser, board, joint, kind (of the reference), value, rest (what it gets in the
-    end), until (s).
+    Attributes: browser, board, joint, kind (of the reference), value, rest (reference after
+    release), until (s).
     """
 
     browser: int
@@ -32,7 +32,7 @@ class Hold:
 
 
 class Holds:
-    """All controls that are held now."""
+    """All held controls."""
 
     def __init__(self) -> None:
         self._held: dict[tuple[str, str], Hold] = {}
@@ -44,28 +44,27 @@ class Holds:
         return iter(list(self._held.values()))
 
     def get(self, board: str, joint: str) -> Hold | None:
-        """What is held of a joint."""
         return self._held.get((board, joint))
 
     def hold(self, hold: Hold, now: float) -> None:
-        """A control is held, or still held; a later one of the same joint takes its place."""
+        """Add or confirm a held control; a later one of the same joint replaces it."""
         hold.until = now + PATIENCE
         self._held[hold.board, hold.joint] = hold
 
     def release(self, board: str, joint: str) -> Hold | None:
-        """A control was let go; what it was, or None where it was not held."""
+        """Remove a released control and return it; None if not held."""
         return self._held.pop((board, joint), None)
 
     def expired(self, now: float) -> list[Hold]:
-        """Those that nobody confirmed in time; they are held no more."""
+        """Remove and return expired controls."""
         return self._drop([hold for hold in self if now >= hold.until])
 
     def of_browser(self, browser: int) -> list[Hold]:
-        """Those of a browser that is gone or operates no more; they are held no more."""
+        """Remove and return the controls of a browser that left or no longer operates."""
         return self._drop([hold for hold in self if hold.browser == browser])
 
     def everything(self) -> list[Hold]:
-        """All of them; they are held no more."""
+        """Remove and return all controls."""
         return self._drop(list(self))
 
     def _drop(self, holds: list[Hold]) -> list[Hold]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What all browsers share: the boards, the operator, and what is under way."""
+"""State shared by all browsers: boards, operator, active requests."""
 
 from __future__ import annotations
 
@@ -29,32 +29,32 @@ from .operators import LOOK_ROUND, Operators, Topic
 from .recordings import Recordings
 from .requests import KINDS, BadRequest, Request, parse
 
-#: Frames a second of a few joints, and of many.
+#: Frames per second for few and for many joints.
 FAST, SLOW, MANY = 60.0, 30.0, 16
-#: s between looks at modes and faults, at other programs' commands, at targets, at the graph.
+#: s between updates of modes and faults, other programs' commands, targets, the graph.
 HEAR, OVERHEAR, TARGETS, DISCOVER = 0.05, 0.5, 1.0, 1.0
-#: s between questions for the limits of a board.
+#: s between requests for the limits of a board.
 INFO = 30.0
 
 
-#: Entries of the log that somebody who comes sees.
+#: Log entries sent to a new browser.
 HISTORY = 500
-#: Complaints that are known not to be new.
+#: Reported problems that are remembered.
 COMPLAINTS = 100
 
 
 class Hub:
-    """Boards on one side, browsers on the other.
+    """Connects boards and browsers.
 
     Args:
-        node: the panel's node; nobody spins it.
-        read_only: nobody may operate.
-        answer_timeout: s that a board has to answer.
-        report: called with a line for the log of the program.
-        topic: where panels of the domain say who operates; None: that of ROS.
-        look_round: s to look for other panels first.
-        answer_time: s that the operator has to answer who asks to take over.
-        recordings: where recordings go; None: ``recordings`` in the working directory.
+        node: the panel's node; not spun.
+        read_only: operation disabled.
+        answer_timeout: timeout of a board's answer, s.
+        report: called with log lines.
+        topic: topic of the domain's panels about their operators; None: that of ROS.
+        look_round: s of initial discovery of other panels.
+        answer_time: timeout of the operator's answer to a takeover request, s.
+        recordings: folder of recordings; None: ``recordings`` in the working directory.
 
     Attributes: boards (by name), browsers (by number), read_only, operating, operators,
     recordings.
@@ -89,14 +89,14 @@ class Hub:
         self._numbers, self._board_numbers = itertools.count(1), itertools.count()
         self._asked: dict[str, float] = {}
         self._known = set[str]()
-        self._heard = 0.0
+        self._polled = 0.0
         self._complaints = set[str]()
         self._history = deque[dict[str, Any]](maxlen=HISTORY)
 
     # Browsers
 
     def enter(self, name: str) -> Browser:
-        """A browser comes; the first one operates, where anybody may."""
+        """Add a browser; the first one operates, if permitted."""
         browser = Browser(next(self._numbers), name)
         self.browsers[browser.number] = browser
         browser.tell("hello", you=browser.number, read_only=self.read_only)
@@ -109,31 +109,29 @@ class Hub:
         return browser
 
     async def leave(self, browser: Browser) -> None:
-        """A browser is gone: what it held stops, what it had begun is cancelled."""
+        """Remove a browser: release its controls and cancel its requests."""
         self.browsers.pop(browser.number, None)
         for task in browser.running.values():
             task.cancel()
         self._watch()
-        await self.operating.let_go(self.operating.holds.of_browser(browser.number))
+        await self.operating.release(self.operating.holds.of_browser(browser.number))
         self.operators.leave(browser)
 
     def tell_all(self, what: str, /, **fields: Any) -> None:
-        """Send a message to every browser."""
         text = json.dumps({"is": what, **fields}, ensure_ascii=False, allow_nan=False)
         for browser in self.browsers.values():
             browser.tell_text(text)
 
     def tell_boards(self) -> None:
-        """Tell which boards there are."""
+        """Send the list of boards."""
         shown = [{"name": b.name, "number": b.number} for b in self.boards.values()]
         self.tell_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
 
     def tell_recordings(self) -> None:
-        """Tell what is recorded, and which reports there are."""
         self.tell_all("recordings", **self.recordings.shown())
 
     def log(self, who: str, what: str, **more: Any) -> None:
-        """Tell everybody what was done, also those who come later; at is in s since 1970."""
+        """Log an action for all browsers, also later ones; at is in s since 1970."""
         entry = {"at": time.time(), "who": who, "what": what} | more
         self._history.append(entry)
         self.tell_all("log", **entry)
@@ -145,7 +143,7 @@ class Hub:
         browser.tell("targets", board=board.name, targets=board.targets)
 
     def receive(self, browser: Browser, message: str) -> None:
-        """Take a message of a browser, and answer it."""
+        """Process a message of a browser."""
         if not browser.bucket.take(time.monotonic()):
             browser.lost = True
             browser.tell("error", message="too many messages; connection closed")
@@ -166,16 +164,12 @@ class Hub:
             self.operating.start(browser, request)
 
     def _check(self, browser: Browser, request: Request) -> None:
-        """Refuse what this browser may not ask for.
-
-        Raises:
-            BadRequest: and why.
-        """
+        """Check the permission of a browser; raises BadRequest with the reason."""
         commands = KINDS[request.do].commands
         if self.read_only and (commands or request.do in ("operate", "hand_over")):
             raise BadRequest("the panel is read-only; start it without --read-only", request.id)
         stops = request.do == "stop" or (request.do == "estop" and request.given["on"])
-        if commands and not stops:  # who watches may stop, too
+        if commands and not stops:  # watchers may stop as well
             self.operators.check(browser, request)
         if request.board and request.board not in self.boards:
             raise BadRequest(f"no board {request.board}; it may have ended", request.id)
@@ -183,7 +177,7 @@ class Hub:
     # Loops
 
     async def run(self) -> None:
-        """Serve for ever."""
+        """Run forever."""
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._every(lambda: 1.0 / self._rate(), self._look))
@@ -198,18 +192,18 @@ class Hub:
                 board.close()
 
     async def _every(self, period: Callable[[], float], look: Callable[[], Any]) -> None:
-        """Call again and again; what one board does wrong is reported and ends nothing."""
+        """Call periodically; errors of a board are reported and end nothing."""
         due = time.monotonic()
         while True:
             try:
                 await look()
-            except Exception as error:  # noqa: BLE001  (whoever speaks ROS can send nonsense)
+            except Exception as error:  # noqa: BLE001  (messages may be invalid)
                 self._complain(f"{type(error).__name__}: {error}")
             due = max(due + period(), time.monotonic())
             await asyncio.sleep(due - time.monotonic())
 
     def _complain(self, text: str) -> None:
-        """Report it, unless it was reported already."""
+        """Report a problem once."""
         if text not in self._complaints:
             if len(self._complaints) >= COMPLAINTS:
                 self._complaints.clear()
@@ -220,7 +214,7 @@ class Hub:
         return {name for browser in self.browsers.values() for name in browser.watched}
 
     def _watch(self) -> None:
-        """Hear the state of the boards that somebody watches, and of no others."""
+        """Subscribe to the states of watched boards only."""
         watched = self._watched()
         for board in self.boards.values():
             board.watch(on=board.name in watched)
@@ -233,14 +227,14 @@ class Hub:
         return FAST if joints <= MANY else SLOW
 
     async def _look(self) -> None:
-        """Send frames; at every few of them pass on what else is new: one waking for both."""
+        """Send frames, and other news every few frames: one timer for both."""
         self._frames()
-        if time.monotonic() - self._heard >= HEAR:
-            self._heard = time.monotonic()
+        if time.monotonic() - self._polled >= HEAR:
+            self._polled = time.monotonic()
             self._hear()
 
     def _frames(self) -> None:
-        """Send the newest state of each board that somebody watches: number, length, message."""
+        """Send the newest state of each watched board: number, length, message."""
         for board in self.boards.values():
             raw = None if board.state is None else board.state.take()
             if raw is not None:
@@ -252,11 +246,11 @@ class Hub:
                         browser.show(board.number, frame)
 
     def _hear(self) -> None:
-        """Pass on modes, faults and descriptions, and who operates."""
+        """Forward modes, faults, descriptions, and the operator."""
         for board in list(self.boards.values()):
             try:
                 news = board.hear()
-            except Exception as error:  # noqa: BLE001  (whoever speaks ROS can send nonsense)
+            except Exception as error:  # noqa: BLE001  (messages may be invalid)
                 self._complain(f"{board.name}: {type(error).__name__}: {error}")
                 continue
             for what in ("modes", "faults"):
@@ -269,18 +263,18 @@ class Hub:
         self.operators.look()
 
     async def _overhear(self) -> None:
-        """Tell what other programs command."""
+        """Forward other programs' commands."""
         for board in list(self.boards.values()):
             try:
-                heard = board.overhear()
+                commands = board.overhear()
             except Exception as error:  # noqa: BLE001  (as above)
                 self._complain(f"{board.name}: {type(error).__name__}: {error}")
                 continue
-            for words in heard:
+            for words in commands:
                 self.log("another program", f"{board.name} {words}", board=board.name)
 
     async def _targets(self) -> None:
-        """Ask boards that are watched for their targets, and now and then for their limits."""
+        """Request the targets of watched boards, and less often their limits."""
         await asyncio.gather(*(self._ask(board) for board in list(self.boards.values())))
 
     async def _ask(self, board: Board) -> None:
@@ -297,15 +291,14 @@ class Hub:
                 self.tell_targets(board)
         except (BoardError, RequestError) as error:
             self._complain(f"{board.name}: {error}")
-        except Exception as error:  # noqa: BLE001  (whoever speaks ROS can send nonsense)
+        except Exception as error:  # noqa: BLE001  (messages may be invalid)
             self._complain(f"{board.name}: {type(error).__name__}: {error}")
 
     def tell_targets(self, board: Board) -> None:
-        """Tell where the joints of a board are going."""
         self.tell_all("targets", board=board.name, targets=board.targets)
 
     async def _discover(self) -> None:
-        """Find new boards, forget those that are gone."""
+        """Discover new boards, remove those that ended."""
         found = set(self._discovery.boards())
         for name in found - set(self.boards):
             self.boards[name] = Board(

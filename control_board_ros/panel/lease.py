@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who operates: one browser at a time holds the lease, the others watch. Pure; time is given.
+"""The lease: one browser at a time operates, the others watch. Pure; time is an argument.
 
-A browser is a number; another panel of the domain, whose browsers are its own affair, a name.
+A browser is a number; another panel of the domain, with all its browsers, a name.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-#: s that the operator has to answer who wants to take over; then silence means yes.
+#: s for the operator's answer to a takeover request; then the lease passes.
 ANSWER_TIME = 10.0
 
 Who = int | str
@@ -17,10 +17,10 @@ Who = int | str
 
 @dataclass(slots=True)
 class Lease:
-    """The operator, and who asks to take over.
+    """The operator and a takeover request.
 
-    Attributes: holder (None: nobody), asking (None: nobody), until (s, when silence means yes;
-    where another panel holds the lease, that panel counts), answer_time (s).
+    Attributes: holder (None: nobody), asking (None: nobody), until (s, end of the answer time;
+    counted by the panel that holds the lease), answer_time (s).
     """
 
     holder: Who | None = None
@@ -29,10 +29,10 @@ class Lease:
     answer_time: float = ANSWER_TIME
 
     def ask(self, who: Who, now: float) -> str:
-        """Somebody wants to operate.
+        """Request the lease.
 
         Returns:
-            Empty when granted; else what to wait for, or why not.
+            Empty if granted; else the reason or next step.
         """
         if self.holder in (None, who):
             self.give_to(who)
@@ -45,7 +45,7 @@ class Lease:
         return f"the operator is asked; without an answer you operate in {self.answer_time:g} s"
 
     def answer(self, who: int, *, yes: bool) -> Who | None:
-        """The operator's answer; who asked, or None where it is nobody's to give."""
+        """Apply the operator's answer; returns who asked, None if not applicable."""
         if who != self.holder or self.asking is None:
             return None
         asked = self.asking
@@ -53,14 +53,14 @@ class Lease:
         return asked
 
     def tick(self, now: float) -> bool:
-        """Whether silence has handed the lease over."""
+        """Whether the answer time has passed the lease on."""
         if self.asking is None or now < self.until:
             return False
         self.give_to(self.asking)
         return True
 
     def leave(self, who: Who) -> bool:
-        """Somebody is gone, or steps back; whether that changes anything."""
+        """Remove a participant; returns whether the lease changes."""
         if who == self.asking:
             self.give_to(self.holder)
             return True
@@ -70,5 +70,5 @@ class Lease:
         return True
 
     def give_to(self, who: Who | None) -> None:
-        """Somebody holds the lease from now on; nobody asks."""
+        """Assign the lease and clear the request."""
         self.holder, self.asking, self.until = who, None, math.inf

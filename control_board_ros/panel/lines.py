@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests as lines to copy: for cbctl, for ros2, and for Python. Pure."""
+"""Requests as lines for cbctl, ros2 and Python. Pure."""
 
 from __future__ import annotations
 
@@ -46,19 +46,18 @@ HELD: dict[str, tuple[Endpoint, str, str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class Lines:
-    """The same request for three worlds; empty where one of them has no word for it."""
+    """A request in three forms; empty where a form does not support it."""
 
     cbctl: str = ""
     ros2: str = ""
     python: str = ""
 
     def shown(self) -> dict[str, str]:
-        """For the page."""
         return {"cbctl": self.cbctl, "ros2": self.ros2, "python": self.python}
 
 
 def lines_of(request: Request) -> Lines:
-    """The lines of a request; none of one that changes nothing."""
+    """The lines of a request; empty for one that changes nothing."""
     given, board = request.given, request.board
     joints = list(given.get("joints", ()))
     write = WRITERS.get(request.do)
@@ -66,38 +65,33 @@ def lines_of(request: Request) -> Lines:
 
 
 def cbctl(board: str, *words: str) -> str:
-    """A line of cbctl for a board."""
     option = [] if board == "/control_board" else ["--board", board]
     return shlex.join(["cbctl", *option, *words])
 
 
 def called(board: str, service: Endpoint, request: Mapping[str, Any]) -> str:
-    """A line of ros2 that calls a service."""
     return f"ros2 service call {shlex.quote(service.of(board))} {service.type} {quoted(request)}"
 
 
 def published(board: str, topic: Endpoint, message: Mapping[str, Any], how: str = "--once") -> str:
-    """A line of ros2 that publishes."""
     return f"ros2 topic pub {how} {shlex.quote(topic.of(board))} {topic.type} {quoted(message)}"
 
 
 def sent(board: str, action: Endpoint, goal: Mapping[str, Any]) -> str:
-    """A line of ros2 that sends a goal."""
     return f"ros2 action send_goal {shlex.quote(action.of(board))} {action.type} {quoted(goal)}"
 
 
 def quoted(fields: Mapping[str, Any]) -> str:
-    """Fields as a word of the shell; JSON is YAML, too."""
+    """Fields as a shell word; JSON is valid YAML."""
     return shlex.quote(json.dumps(dict(fields), ensure_ascii=False))
 
 
 def python(method: str, *values: Any) -> str:
-    """A call of the client."""
     return f"board.{method}({', '.join(map(literal, values))})"
 
 
 def literal(value: Any) -> str:
-    """A value in Python; an empty list of joints is all of them."""
+    """A Python literal; an empty list of joints means all."""
     if isinstance(value, list):
         return "None" if not value else repr(value[0] if len(value) == 1 else value)
     return repr(value)
@@ -270,7 +264,7 @@ def of_configure(board: str, *_: Any) -> Lines:
 
 
 def of_measure(verb: str, option: str, size: str) -> Callable[..., Lines]:
-    """Writes the line of a step or a chirp, which cbctl alone has."""
+    """The line of a step or chirp, for cbctl only."""
 
     def write(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
         options = [f"{option}={given[size]:.6g}"] if size in given else []
@@ -280,7 +274,7 @@ def of_measure(verb: str, option: str, size: str) -> Callable[..., Lines]:
 
 
 def pairs(joints: list[str], values: list[float]) -> list[str]:
-    """``JOINT=VALUE`` words; one value goes to every joint."""
+    """``JOINT=VALUE`` words; a single value applies to every joint."""
     each = values * len(joints) if len(values) == 1 else values
     return [f"{name}={value:.6g}" for name, value in zip(joints, each, strict=False)]
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subscriptions that are looked at when their content is wanted.
+"""Subscriptions polled on demand.
 
-A board publishes its state a hundred times a second and more; a screen shows sixty. So nobody is
-called for every message: the middleware keeps the newest, and the panel takes it when it draws.
-The state goes on to the browser as it came (CDR), which costs this process nothing.
+A board publishes its state at 100 Hz and more, a screen shows 60: the middleware keeps the newest
+message, and the panel reads it per frame. The state is forwarded to the browser serialized (CDR),
+at no cost.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from std_msgs.msg import String
 
 from control_board_ros.interface import Endpoint
 
-#: What panels say of their operators; between panels only, so no board's and in no interface.
+#: The panels' operators; used between panels only, not part of a board's interface.
 OPERATOR = "/control_board_panel/operator"
 
 
 class Newest:
-    """The newest message of a topic, as it came over the wire.
+    """The newest message of a topic, serialized.
 
     Args:
-        node: whose subscription it is.
+        node: of the subscription.
         topic: of the board.
         board: full name of its node.
 
-    Attributes: raw (the message last taken), heard (when, s of ``time.monotonic``, or since when
-    it is listened for).
+    Attributes: raw (the last message), last (its reception or, before it, the start of the
+    subscription, s of ``time.monotonic``).
     """
 
     def __init__(self, node: Node, topic: Endpoint, board: str) -> None:
@@ -47,55 +47,52 @@ class Newest:
             node.create_subscription, self._kind, topic.of(board), ignore, qos, raw=True
         )
         self._subscription = self._make()
-        self.heard = time.monotonic()
+        self.last = time.monotonic()
         self.raw: bytes | None = None
 
     def take(self) -> bytes | None:
-        """The newest message since the last call; None where there is none."""
+        """The newest message since the last call; None without one."""
         handle, raw = self._subscription.handle, None
         with handle:
             while (taken := handle.take_message(self._kind, True)) is not None:
                 raw = taken[0]
         if raw is not None:
-            self.raw, self.heard = raw, time.monotonic()
+            self.raw, self.last = raw, time.monotonic()
         return raw
 
     def renew(self) -> None:
-        """Hear it by a new subscription."""
+        """Renew the subscription."""
         self.close()
         self._subscription = self._make()
-        self.heard = time.monotonic()
+        self.last = time.monotonic()
 
     def read(self) -> Any:
-        """The message last taken; None where there was none yet."""
+        """The last message; None before the first."""
         return None if self.raw is None else deserialize_message(self.raw, self._kind)
 
     def take_read(self) -> Any:
-        """The newest message since the last call, read; None where there is none."""
+        """The newest message since the last call, read; None without one."""
         return None if self.take() is None else self.read()
 
     def close(self) -> None:
-        """Hear it no more."""
         self._node.destroy_subscription(self._subscription)
 
 
 def ignore(_: Any) -> None:
-    """What a subscription is made with that no executor serves."""
+    """Callback of subscriptions without an executor."""
 
 
 class OperatorTopic:
-    """Where the panels of a domain say who operates: latched, so that a new one knows at once."""
+    """The topic of the panels' operators: latched, for new panels."""
 
     def __init__(self, node: Node) -> None:
         self._handle = node.create_subscription(String, OPERATOR, ignore, latched(50)).handle
         self._publisher = node.create_publisher(String, OPERATOR, latched(1))
 
     def send(self, text: str) -> None:
-        """Say it to all panels."""
         self._publisher.publish(String(data=text))
 
     def take(self) -> list[str]:
-        """What was said since the last call."""
         said = []
         with self._handle:
             while (taken := self._handle.take_message(String, False)) is not None:
@@ -104,7 +101,7 @@ class OperatorTopic:
 
 
 def latched(depth: int) -> QoSProfile:
-    """Reliable; who comes late gets the last message of each."""
+    """Reliable; late subscribers receive the last message of each publisher."""
     return QoSProfile(
         depth=depth,
         reliability=ReliabilityPolicy.RELIABLE,

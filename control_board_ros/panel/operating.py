@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the operator does: requests to boards, controls that are held, and STOP."""
+"""Operation: requests to boards, held controls, STOP."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from .requests import KINDS, Request
 if TYPE_CHECKING:
     from .hub import Hub
 
-#: s between two sendings of a reference that is held.
+#: s between repetitions of a held reference.
 REPEAT = 0.04
-#: Requests that move joints: STOP cancels those that are under way.
+#: Requests that move joints: STOP cancels active ones.
 LASTING = ("position", "direct", "move", "calibrate", "pose", "step", "chirp")
-#: Modes in which the board's own stop does nothing: STOP makes these joints hold their position.
+#: Modes without an effect of the board's stop: STOP makes these joints hold their position.
 UNHELD = frozenset(mode.code for mode in NOT_HOLDING)
-#: Modes in which a joint follows positions: the board's own stop acts.
+#: Modes with a position reference: the board's stop acts.
 HELD = frozenset(mode.code for mode in STOPPABLE)
 
 
@@ -41,12 +41,12 @@ class Operating:
         self._hub = hub
         self.holds = Holds()
         self._holding = asyncio.Event()
-        self._letting_go: set[asyncio.Task[None]] = set()
-        #: Held references of a board go out one after the other: the last word is to let go.
+        self._releasing: set[asyncio.Task[None]] = set()
+        #: Serialises the held references of a board: a release is the last one.
         self._in_order = defaultdict[str, asyncio.Lock](asyncio.Lock)
 
     def start(self, browser: Browser, request: Request) -> None:
-        """Run a request; its answer goes to the browser, its line to all."""
+        """Run a request; the answer goes to the browser, the line to all."""
         if request.id in browser.running or len(browser.running) >= MAX_RUNNING:
             text = "too many requests under way, or two of one id; wait for answers"
             browser.tell("answer", id=request.id, ok=False, message=text)
@@ -80,13 +80,12 @@ class Operating:
             )
 
     def _lines(self, request: Request) -> Lines:
-        """The lines of a request; of STOP, one for each board."""
         if request.board:
             return lines_of(request)
         if request.do not in ("stop", "estop"):
             return Lines()
         boards = list(self._hub.boards.values())
-        if request.do == "estop":  # a robot's stop is that of its parts
+        if request.do == "estop":  # a robot's stop includes its parts
             boards = [b for b in boards if not any(other.repeats(b) for other in boards)]
         each = [lines_of(replace(request, board=board.name)) for board in boards]
         return Lines(
@@ -99,7 +98,7 @@ class Operating:
         if not request.board:
             return await self._do_for_all(browser, request)
         board = self._hub.boards[request.board]
-        for other in self._hub.boards.values():  # a robot's board shows what its parts do
+        for other in self._hub.boards.values():  # a robot's board includes its parts
             if other.space == board.space and KINDS[request.do].commands:
                 other.asking()
         own = {"hold": self._hold, "release": self._release, "stop": self._stop_some}
@@ -116,7 +115,7 @@ class Operating:
         return answer
 
     async def _do_for_all(self, browser: Browser, request: Request) -> dict[str, Any]:
-        """What names no board, or several."""
+        """Requests to no board, or to several."""
         recordings, given = self._hub.recordings, request.given
         if request.do == "stop":
             return await self._stop_everything()
@@ -135,14 +134,14 @@ class Operating:
 
     async def _release(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
         hold = self.holds.release(board.name, request.given["joint"])
-        await self.let_go([hold] if hold else [])
+        await self.release([hold] if hold else [])
         return {"ok": True, "message": "", "quiet": True}
 
     async def _stop_some(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
         return await self._stop(board, request.given.get("joints") or board.names)
 
     async def _measure(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
-        """A step or a chirp, by a program beside the panel: what it commands is no news."""
+        """A step or chirp by a separate program, whose commands are not reported as foreign."""
         given, do = request.given, request.do
         if given["joint"] not in board.names or given["joint"].startswith("-"):
             return {"ok": False, "message": f"{board.name} has no joint {given['joint']}"}
@@ -157,7 +156,7 @@ class Operating:
             board.measured = False
 
     async def _hold(self, browser: Browser, board: Board, request: Request) -> dict[str, Any]:
-        """A control is held: send its value at once; the loop repeats it."""
+        """Send the value of a held control at once; the loop repeats it."""
         joint, kind, value = (request.given[key] for key in ("joint", "kind", "value"))
         held = self.holds.get(board.name, joint)
         fresh = held is None or held.kind != kind
@@ -175,10 +174,10 @@ class Operating:
             reply = await doing.send_held(board, kind, joint, value)
         if not reply:
             self.holds.release(board.name, joint)
-        return doing.told(reply) | {"quiet": not fresh}
+        return doing.shown(reply) | {"quiet": not fresh}
 
     def _torque_reference(self, board: Board, joint: str) -> float | None:
-        """The torque in force, from the board's own state, or from that of its whole robot."""
+        """The torque in force, from the board's state or that of its robot."""
         for other in (board, *self._hub.boards.values()):
             if other.space == board.space:
                 torque = other.torque_reference(joint)
@@ -186,8 +185,8 @@ class Operating:
                     return torque
         return None
 
-    async def let_go(self, holds: list[Hold]) -> None:
-        """Give joints what they had before."""
+    async def release(self, holds: list[Hold]) -> None:
+        """Send the rest references of released controls."""
         for hold in holds:
             board = self._hub.boards.get(hold.board)
             if board is not None:
@@ -198,35 +197,35 @@ class Operating:
                     self._hub.log("", f"{hold.board}: {error}")
 
     def dismiss(self, number: int) -> None:
-        """Somebody operates no more: what he held is let go, what he had begun is cancelled."""
+        """Release a former operator's controls and cancel its requests."""
         holds = self.holds.of_browser(number)
-        task = asyncio.get_running_loop().create_task(self.let_go(holds))
-        self._letting_go.add(task)  # else nobody keeps it from the garbage collector
-        task.add_done_callback(self._letting_go.discard)
+        task = asyncio.get_running_loop().create_task(self.release(holds))
+        self._releasing.add(task)  # keeps it from the garbage collector
+        task.add_done_callback(self._releasing.discard)
         browser = self._hub.browsers.get(number)
         for task in list(browser.running.values()) if browser is not None else ():
             task.cancel()
 
     async def run(self) -> None:
-        """Repeat what is held, and let go of what nobody confirms; in the end of everything."""
+        """Repeat held references, release expired ones; at the end release all."""
         try:
             while True:
                 if not self.holds:
                     self._holding.clear()
                     await self._holding.wait()
-                await self.let_go(self.holds.expired(time.monotonic()))
+                await self.release(self.holds.expired(time.monotonic()))
                 for hold in self.holds:
                     board = self._hub.boards.get(hold.board)
                     if board is not None:
                         await self._repeat(board, hold)
                 await asyncio.sleep(REPEAT)
         finally:
-            await self.let_go(self.holds.everything())
+            await self.release(self.holds.everything())
 
     async def _repeat(self, board: Board, hold: Hold) -> None:
         try:
             async with self._in_order[board.name]:
-                if self.holds.get(hold.board, hold.joint) is not hold:  # let go meanwhile
+                if self.holds.get(hold.board, hold.joint) is not hold:  # released meanwhile
                     return
                 reply = await doing.send_held(board, hold.kind, hold.joint, hold.value)
         except (BoardError, RequestError):
@@ -235,7 +234,7 @@ class Operating:
             self.holds.release(hold.board, hold.joint)
 
     async def _emergency_stop(self, on: bool) -> dict[str, Any]:
-        """Take the power of every joint of every board, or release the stop; a robot once."""
+        """Disable every joint of every board, or release the stop; once per robot."""
         if on:
             self.holds.everything()
             self._end_what_lasts()
@@ -257,7 +256,7 @@ class Operating:
                     task.cancel()
 
     async def _stop_everything(self) -> dict[str, Any]:
-        """STOP: let go of every control, cancel what lasts, stop every joint of every board."""
+        """STOP: release every control, cancel active requests, stop every joint of every board."""
         held = self.holds.everything()
         self._end_what_lasts()
         boards = list(self._hub.boards.values())
@@ -268,7 +267,7 @@ class Operating:
         return summed(boards, answers)
 
     async def _stop(self, board: Board, names: list[str]) -> dict[str, Any]:
-        """Stop joints of a board; those under torque or output hold their position from now on."""
+        """Stop joints of a board; those in torque or output modes then hold their position."""
         board.asking()
         dropped = [self.holds.release(board.name, name) for name in names]
         modes = dict(zip(board.names, board.modes.get("control", ()), strict=True))
@@ -276,36 +275,36 @@ class Operating:
         moving = [name for name in names if modes.get(name) in HELD]
         aio, answers = board.client.aio, []
         if moving:
-            answers.append(doing.told(await aio.stop(moving)))
+            answers.append(doing.shown(await aio.stop(moving)))
         if unheld:
             held = [holding_mode(board, name) for name in unheld]
-            answers.append(doing.told(await aio.set_control_mode(unheld, held)))
+            answers.append(doing.shown(await aio.set_control_mode(unheld, held)))
         await self._stop_late([hold for hold in dropped if hold is not None])
         message = "; ".join(answer["message"] for answer in answers if answer["message"])
         return {"ok": all(answer["ok"] for answer in answers), "message": message}
 
     async def _stop_late(self, held: list[Hold]) -> None:
-        """End velocities that were on their way to the board when it was stopped."""
-        await self.let_go([hold for hold in held if hold.kind == "velocity"])
+        """Stop velocities that were in transit when the board was stopped."""
+        await self.release([hold for hold in held if hold.kind == "velocity"])
 
 
 def holding_mode(board: Board, name: str) -> str:
-    """The mode in which a joint keeps its position; without one, that without power."""
+    """The mode that holds a joint's position; IDLE if there is none."""
     available = dict(zip(board.names, board.info.get("control", ()), strict=False))
     moves = MOVES.code
     return moves if moves in available.get(name, (moves,)) else UNPOWERED.code
 
 
 def summed(boards: Sequence[Board], answers: Sequence[Any]) -> dict[str, Any]:
-    """The answers of several boards as one; each a reply, an answer for the page, or an error."""
-    told, ok = [], True
+    """Combine the answers of several boards: replies, answers for the page, or errors."""
+    messages, ok = [], True
     for board, answer in zip(boards, answers, strict=True):
         if isinstance(answer, asyncio.CancelledError):
             raise answer
         shown: dict[str, Any] = {"ok": False, "message": str(answer)}
         if not isinstance(answer, BaseException):
-            shown = answer if isinstance(answer, dict) else doing.told(answer)
+            shown = answer if isinstance(answer, dict) else doing.shown(answer)
         ok = ok and bool(shown["ok"])
         if shown["message"]:
-            told.append(f"{board.name}: {shown['message']}")
-    return {"ok": ok, "message": "; ".join(told)}
+            messages.append(f"{board.name}: {shown['message']}")
+    return {"ok": ok, "message": "; ".join(messages)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who operates, of all browsers of all panels of the domain; and what follows from a change."""
+"""The operator among all browsers of all panels of the domain, and the effects of a change."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ from .requests import BadRequest, Request
 if TYPE_CHECKING:
     from .hub import Hub
 
-#: s after its start in which a panel looks for others, before anybody may operate.
+#: s of initial discovery of other panels, without operation.
 LOOK_ROUND = 1.5
 NOBODY = "you only watch; ask to operate first"
 
 
 class Topic(Protocol):
-    """Where panels say what is so with them."""
+    """The topic of the panels' beats."""
 
     def send(self, text: str) -> None:
-        """Say it."""
+        """Send to all panels."""
 
     def take(self) -> list[str]:
-        """What was said since the last call."""
+        """Messages since the last call."""
 
 
 class Operators:
-    """The lease, shared with the other panels.
+    """The lease, shared among panels.
 
     Args:
-        hub: whose browsers they are.
-        topic: where panels say what is so with them.
-        look_round: s to look for other panels first.
-        answer_time: s that the operator has to answer who asks to take over.
-        dismiss: called with the number of a browser that operates no more.
+        hub: of the browsers.
+        topic: of the panels' beats.
+        look_round: s of initial discovery of other panels.
+        answer_time: timeout of the operator's answer to a takeover request, s.
+        dismiss: called with the number of a former operator.
     """
 
     def __init__(
@@ -57,25 +57,22 @@ class Operators:
         self._panels = Panels(uuid.uuid4().hex, self.lease, now)
         self._ready, self._open = now + look_round, False
         self._holder: Who | None = None
-        self._told: dict[str, object] = {}
+        self._sent: dict[str, object] = {}
         self._beat, self._said = Beat(panel=self._panels.name), 0.0
 
     def enter(self, browser: Browser) -> None:
-        """A browser comes; it operates where nobody does, and anybody may."""
+        """Add a browser; it operates if permitted and nobody else does."""
         if self._open and self.lease.holder is None and not self._hub.read_only:
             self.lease.ask(browser.number, time.monotonic())
         self.changed()
 
     def leave(self, browser: Browser) -> None:
-        """A browser is gone."""
         self.lease.leave(browser.number)
         self.changed()
 
     def check(self, browser: Browser, request: Request) -> None:
-        """Refuse a command of one who does not operate.
-
-        Raises:
-            BadRequest: and why.
+        """Reject a command of a browser that does not operate; raises BadRequest with the
+        reason.
         """
         if self.lease.holder != browser.number:
             raise BadRequest(NOBODY, request.id)
@@ -83,7 +80,7 @@ class Operators:
             raise BadRequest("the panel stood still for a while; try again", request.id)
 
     def settle(self, browser: Browser, request: Request) -> None:
-        """A browser asks to operate, answers who asks, or steps back."""
+        """Process a request for, an answer about, or a return of the lease."""
         now, ok, message = time.monotonic(), True, ""
         if request.do == "operate" and self.lease.holder is None and not self._open:
             ok, message = False, "the panel looks for other panels first; ask again in 2 s"
@@ -110,7 +107,7 @@ class Operators:
             self._hub.browsers[number].tell("notice", message=f"{who} keeps operating")
 
     def look(self) -> None:
-        """Hear the other panels, let time pass, say what is so: many times a second."""
+        """Process other panels' beats, advance time, send beats; called frequently."""
         now = time.monotonic()
         for text in self._topic.take():
             if (beat := Beat.read(text)) is not None:
@@ -124,7 +121,7 @@ class Operators:
         self.changed()
 
     def changed(self) -> None:
-        """Something may have changed: settle it with the others, tell everybody, let go."""
+        """Apply changes: settle with other panels, inform browsers, dismiss former operators."""
         now = time.monotonic()
         holder = self.lease.holder
         who = self._panels.who(holder) if isinstance(holder, str) else ""
@@ -134,7 +131,7 @@ class Operators:
         before, self._holder = self._holder, self.lease.holder
         if isinstance(before, int) and before != self._holder:
             self._dismiss(before)
-        if self._shown() != self._told:
+        if self._shown() != self._sent:
             self.tell()
         self._say(now)
 
@@ -148,9 +145,9 @@ class Operators:
             self._topic.send(self._beat.text())
 
     def tell(self) -> None:
-        """Tell all browsers who operates, who watches, and who asks to take over."""
-        self._told = self._shown()
-        self._hub.tell_all("operator", **self._told)
+        """Send operator, watchers and takeover requests to all browsers."""
+        self._sent = self._shown()
+        self._hub.tell_all("operator", **self._sent)
 
     def _shown(self) -> dict[str, object]:
         names: dict[Who, str] = {b.number: b.name for b in self._hub.browsers.values()}
@@ -165,6 +162,6 @@ class Operators:
         }
 
     def close(self) -> None:
-        """The panel ends: nobody operates here any more."""
+        """End operation at this panel."""
         self.lease.give_to(None)
         self.changed()

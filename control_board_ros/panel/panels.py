@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which panel of the domain holds the lease. Pure; time is given.
+"""The panel of the domain that holds the lease. Pure; time is an argument.
 
-Every panel says twice a second, and at each change, what is so with it: a beat. The claim of the
-greatest term counts, of the greater name where terms are equal, so that all panels agree once
-they have heard each other. Who has not been heard for EXPIRY holds nothing, and nor does a panel
-that could not say a beat for so long itself.
+Every panel sends a beat twice a second and at each change. The claim of the greatest term counts,
+at equal terms that of the greater name: all panels agree after an exchange. A panel not received
+for EXPIRY, or unable to send a beat for that time, holds nothing.
 """
 
 from __future__ import annotations
@@ -14,19 +13,19 @@ from dataclasses import asdict, dataclass, fields
 
 from .lease import Lease
 
-#: s between beats, s after which a panel that says none is gone, s that a handing over may take.
+#: s between beats, s until a silent panel counts as gone, s for a handover.
 PERIOD, EXPIRY, HANDOVER = 0.5, 5.0, 2.0
 MAX_BEAT, MAX_TERM = 2000, 2**52
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beat:
-    """What a panel says.
+    """A panel's message.
 
-    Attributes: panel (its name, of its own making), who (operates there, or asks to; for people),
-    holder (the panel that holds the lease as far as this one may say: itself, the one it hands
-    over to, or empty), term (of that claim), wish (number of its wish to take over; 0: none),
-    refused (panel, and number of the wish, that its operator has refused).
+    Attributes: panel (its own name), who (operator or applicant there, for display), holder
+    (holder of the lease as far as this panel decides: itself, the panel of a handover, or empty),
+    term (of that claim), wish (number of its takeover request; 0: none), refused (panel and number
+    of the request that its operator has refused).
     """
 
     panel: str
@@ -37,12 +36,11 @@ class Beat:
     refused: str = ""
 
     def text(self) -> str:
-        """For the wire."""
         return json.dumps(asdict(self), ensure_ascii=False)
 
     @classmethod
     def read(cls, text: str) -> Beat | None:
-        """The beat in a text; None where it is none: anybody can publish."""
+        """Parse a beat; None if invalid: anybody can publish."""
         if len(text) > MAX_BEAT:
             return None
         try:
@@ -63,8 +61,8 @@ class Panels:
     """This panel among the others.
 
     Args:
-        name: of this panel, unlike any other's.
-        lease: of this panel; other panels are in it by their names.
+        name: unique name of this panel.
+        lease: of this panel; names stand for other panels.
         now: s.
     """
 
@@ -72,36 +70,36 @@ class Panels:
         self.name, self._lease = name, lease
         self._others: dict[str, tuple[Beat, float]] = {}
         self._claim, self._term, self._claimed = "", 0, 0.0
-        self._top = 0  # of all terms, also of panels that are gone: they may come back
+        self._top = 0  # greatest term, including that of panels that may return
         self._wish, self._wisher = 0, 0
         self._refused = ""
         self._beaten = self._sure_from = now
         self._alone = True
 
     def hear(self, beat: Beat, now: float) -> None:
-        """Another panel has said something."""
+        """Process another panel's beat."""
         if beat.panel != self.name:
             self._others[beat.panel] = (beat, now)
             self._top = max(self._top, beat.term)
 
     def is_sure(self, now: float) -> bool:
-        """Whether nobody can have taken this panel for gone, and the lease with it."""
+        """Whether no other panel can have expired this one."""
         if self._alone:
             return True
         return now - self._beaten < EXPIRY and now >= self._sure_from
 
     def who(self, panel: str) -> str:
-        """Who operates or asks at another panel."""
+        """Operator or applicant at another panel."""
         return self._others[panel][0].who if panel in self._others else "somebody"
 
     def said(self, now: float) -> None:
-        """This panel says a beat."""
-        if now - self._beaten >= EXPIRY:  # it stood still: first hear what has come meanwhile
+        """Record a beat of this panel."""
+        if now - self._beaten >= EXPIRY:  # it was blocked: process received beats first
             self._sure_from = now + PERIOD
         self._beaten = now
 
     def beat(self, who: str) -> Beat:
-        """What to say now, and who operates here, or asks to."""
+        """The present beat; ``who``: operator or applicant here."""
         holder, term = (self._claim, self._term) if self._claim else ("", 0)
         wish = self._wish if self._wisher else 0
         return Beat(
@@ -109,10 +107,10 @@ class Panels:
         )
 
     def settle(self, now: float) -> int | None:
-        """Bring the lease and what others say together.
+        """Reconcile the lease with other panels.
 
         Returns:
-            The browser whose wish to take over another panel has refused, if one has.
+            The browser whose takeover request was refused by another panel, if any.
         """
         if self._others:
             self._alone = False
@@ -135,13 +133,13 @@ class Panels:
         return max(claims, key=lambda beat: (beat.term, beat.panel), default=None)
 
     def _note_own(self, now: float) -> None:
-        """What the lease of this panel has become: a claim, a handing over, or none of both."""
+        """Apply a change of this panel's lease: a claim, a handover, or neither."""
         holder, best = self._lease.holder, self._best()
         top = max(self._term, self._top)
         if isinstance(holder, int):
             if self._claim == self.name:
                 return
-            if best is not None and best.holder != self.name:  # somebody was faster
+            if best is not None and best.holder != self.name:  # another panel was faster
                 self._lease.give_to(best.holder)
             else:
                 self._claim, self._term = self.name, top + 1
@@ -151,7 +149,7 @@ class Panels:
             self._claim = ""
 
     def _follow(self, best: Beat | None) -> None:
-        """Another panel holds the lease, or nobody."""
+        """Apply that another panel holds the lease, or nobody."""
         lease = self._lease
         holder = best.holder if best is not None else self._claim
         if best is not None and holder == self.name:  # handed over to us
@@ -164,7 +162,7 @@ class Panels:
             lease.leave(lease.holder)
 
     def _take_wishes(self, now: float) -> None:
-        """Others wish to take over from us, or do so no more."""
+        """Process takeover requests of other panels and their withdrawal."""
         lease = self._lease
         for panel, (beat, _) in sorted(self._others.items()):
             if beat.wish and lease.asking is None and self._refused != f"{panel} {beat.wish}":
@@ -177,11 +175,11 @@ class Panels:
         return self._others[panel][0].wish if panel in self._others else 0
 
     def refuse(self, panel: str) -> None:
-        """The operator keeps operating: say so to the panel that has asked."""
+        """Refuse the request of a panel."""
         self._refused = f"{panel} {self._wish_of(panel)}"
 
     def _note_wish(self) -> int | None:
-        """Whether somebody of ours wishes to take over; who was refused."""
+        """Update the request of this panel; returns the refused browser."""
         lease = self._lease
         wisher = lease.asking if isinstance(lease.holder, str) else None
         if not isinstance(wisher, int):

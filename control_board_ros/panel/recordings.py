@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings, reports and measurements of the panel: ``cbctl`` in processes of its own.
+"""Recordings, reports and measurements of the panel: by ``cbctl`` in separate processes.
 
-What writes files and draws reports takes no time from the loops that repeat what is held.
+Files and reports do not delay the loops of held controls.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 CBCTL = (sys.executable, "-m", "control_board_ros.cli")
-#: s between looks whether a recording hears its boards; s that one may take to end.
+#: s between checks that a recording receives its boards; s for its end.
 LOOK, ENDS = 0.1, 60.0
-#: What a report may do: draw itself. It has no origin, and so no cookie of the panel's.
+#: Policy of a report: no origin, and thus no cookie of the panel.
 REPORT_POLICY = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'; "
@@ -29,15 +29,15 @@ Answer = dict[str, Any]
 
 
 class Recordings:
-    """What this panel records.
+    """The recordings of this panel.
 
     Args:
-        folder: where recordings go, each into a folder of its own; made with the first.
-        changed: called when there is something new to tell.
+        folder: of the recordings' folders; created with the first.
+        changed: called on changes.
 
-    Attributes: reports (names of folders below, newest first), running (folder of the recording
-    that runs, or None), boards (what it records), since (s since 1970), busy (what the button
-    says while a recording begins, or its report is made).
+    Attributes: reports (names of folders below, newest first), running (folder of the active
+    recording, or None), boards (recorded), since (s since 1970), busy (label of the button while a
+    recording starts, or its report is written).
     """
 
     def __init__(self, folder: Path, changed: Callable[[], None]) -> None:
@@ -50,7 +50,6 @@ class Recordings:
         self.busy = ""
 
     def shown(self) -> Answer:
-        """For the page."""
         return {
             "running": self.running.name if self.running else "",
             "boards": self.boards,
@@ -61,19 +60,19 @@ class Recordings:
         }
 
     def report(self, name: str) -> Path | None:
-        """The file of a report; None where there is none of this name."""
+        """The file of a report; None if unknown."""
         return self._folder / name / "report.html" if name in self.reports else None
 
     def note(self, text: str, known: Mapping[str, Any]) -> Answer:
-        """Write a note into what runs, for each of its boards."""
+        """Publish a note to the active recording, for each of its boards."""
         noted = [board for name, board in known.items() if name in self.boards]
-        told = [board.note(text) for board in noted]
-        if self.running is None or not any(told):
+        noticed = [board.note(text) for board in noted]
+        if self.running is None or not any(noticed):
             return refused("no recording is running; start one first")
         return {"ok": True, "message": "noted"}
 
     async def begin(self, boards: list[str], known: Mapping[str, Any]) -> Answer:
-        """Record boards, of those that are known, from now on: once all of them are heard."""
+        """Start a recording of known boards; returns once all are received."""
         unknown = [name for name in boards if name not in known]
         if unknown or not boards:
             return refused(f"no board {', '.join(unknown) or 'was named'}")
@@ -96,7 +95,7 @@ class Recordings:
             self._say("")
 
     async def end(self) -> Answer:
-        """End the recording, and make its report."""
+        """End the recording and write its report."""
         folder, process = self.running, self._process
         if folder is None or process is None:
             return refused("no recording is running")
@@ -114,7 +113,7 @@ class Recordings:
         return {"ok": True, "message": "", "report": folder.name}
 
     async def measure(self, board: str, verb: str, joint: str, *options: str) -> Answer:
-        """A step or a chirp; cancelled, the joint stops at once."""
+        """A step or chirp; cancelling it stops the joint at once."""
         folder = self._new(f"{verb}_{joint}")
         words = (*of_boards([board]), verb, joint, *options, "-o", str(folder))
         process = await start(*words)
@@ -129,7 +128,7 @@ class Recordings:
         return {"ok": True, "message": "", "report": folder.name}
 
     async def close(self) -> None:
-        """The panel ends: what is recorded is kept."""
+        """End; recordings are kept."""
         if self._process is not None and self._process.returncode is None:
             await interrupted(self._process)
 
@@ -147,12 +146,12 @@ class Recordings:
 
 
 def refused(why: str) -> Answer:
-    """An answer that says why not."""
+    """A refusal with its reason."""
     return {"ok": False, "message": why}
 
 
 def of_boards(boards: list[str]) -> list[str]:
-    """The option of cbctl for boards: one, or all of a robot."""
+    """Option of cbctl for boards: one, or all of a robot."""
     if len(boards) == 1:
         return ["--board", boards[0]]
     spaces = {board.rpartition("/")[0] for board in boards}
@@ -160,7 +159,6 @@ def of_boards(boards: list[str]) -> list[str]:
 
 
 async def start(*words: str) -> asyncio.subprocess.Process:
-    """Start cbctl."""
     pipe = asyncio.subprocess.PIPE
     return await asyncio.create_subprocess_exec(
         *CBCTL, *words, stdin=asyncio.subprocess.DEVNULL, stdout=pipe, stderr=pipe
@@ -168,14 +166,14 @@ async def start(*words: str) -> asyncio.subprocess.Process:
 
 
 async def last_words(process: asyncio.subprocess.Process) -> str:
-    """Wait for its end; the last line that it wrote, of errors where there is one."""
+    """Wait for its end; returns its last line, of stderr if any."""
     out, err = await process.communicate()
     lines = (err.decode(errors="replace") or out.decode(errors="replace")).splitlines()
     return lines[-1] if lines else f"cbctl ended with code {process.returncode}"
 
 
 async def interrupted(process: asyncio.subprocess.Process) -> str:
-    """End it as Ctrl-C does; what it said, where it did not end well."""
+    """Interrupt it; returns its message on failure."""
     if process.returncode is None:
         process.send_signal(signal.SIGINT)
     try:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a browser may ask for: one row per request, and the check of what it sends. Pure.
+"""The requests of browsers: one row each, and their validation. Pure.
 
 A message is ``{"id": 7, "do": "position", "board": "/control_board", "joints": ["a"], …}``. The
-numbers themselves are the board's to judge; here only their form is checked.
+board validates the numbers; only their form is checked here.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ MAX_TEXT = 200
 
 
 class BadRequest(ValueError):  # noqa: N818  (HTTP's word)
-    """A message that is no request; one line for its sender.
+    """An invalid request; one line for its sender.
 
-    Attributes: id (of the request; None where it cannot be read).
+    Attributes: id (of the request; None if unreadable).
     """
 
     def __init__(self, text: str, id_: int | None = None) -> None:
@@ -30,7 +30,7 @@ class BadRequest(ValueError):  # noqa: N818  (HTTP's word)
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """A request of a browser: its number, what to do, for which board, and the rest."""
+    """A request of a browser: id, verb, board, fields."""
 
     id: int
     do: str
@@ -40,10 +40,10 @@ class Request:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """What a request takes.
+    """Definition of a request.
 
-    Attributes: needed and optional (field -> check), commands (whether it may change something:
-    then only the operator may, and nobody in read-only mode), to_all (no board need be named).
+    Attributes: needed and optional (field -> check), commands (may change something: operator
+    only, never in read-only mode), to_all (no board required).
     """
 
     needed: Mapping[str, Callable[[Any], Any]]
@@ -53,49 +53,45 @@ class Kind:
 
 
 def text(value: Any) -> str:
-    """A text that is not too long."""
+    """A text of limited length."""
     if not isinstance(value, str) or not 0 < len(value) <= MAX_TEXT:
         raise ValueError(f"a text of 1 to {MAX_TEXT} characters")
     return value
 
 
 def names(value: Any) -> list[str]:
-    """Names of joints; none means all."""
+    """Names of joints; empty means all."""
     if not isinstance(value, list) or len(value) > MAX_NAMES:
         raise ValueError(f"a list of at most {MAX_NAMES} names")
     return [text(entry) for entry in value]
 
 
 def number(value: Any) -> float:
-    """A finite number."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ValueError("a finite number")
     return float(value)
 
 
 def numbers(value: Any) -> list[float]:
-    """Numbers, one for each joint."""
+    """Numbers, one per joint."""
     if not isinstance(value, list) or not 0 < len(value) <= MAX_NAMES:
         raise ValueError(f"a list of 1 to {MAX_NAMES} numbers")
     return [number(entry) for entry in value]
 
 
 def gains(value: Any) -> dict[str, float]:
-    """Gains by name."""
     if not isinstance(value, dict) or not 0 < len(value) <= 10:
         raise ValueError("an object of 1 to 10 gains")
     return {text(key): number(entry) for key, entry in value.items()}
 
 
 def flag(value: Any) -> bool:
-    """True or false."""
     if not isinstance(value, bool):
         raise ValueError("true or false")
     return value
 
 
 def one_of(*words: str) -> Callable[[Any], str]:
-    """One of some words."""
 
     def check(value: Any) -> str:
         if value not in words:
@@ -109,7 +105,7 @@ HOLDS = ("velocity", "torque", "output", "veldirect", "current")
 JOINTS = {"joints": names}
 
 KINDS: dict[str, Kind] = {
-    # What watchers may do
+    # For watchers
     "watch": Kind({"boards": names}, {}, commands=False, to_all=True),
     "details": Kind({"joint": text}, {}, commands=False),
     "frame": Kind({"joint": text}, {}, commands=False),
@@ -118,7 +114,7 @@ KINDS: dict[str, Kind] = {
     "operate": Kind({}, {}, commands=False, to_all=True),
     "hand_over": Kind({"yes": flag}, {}, commands=False, to_all=True),
     "step_back": Kind({}, {}, commands=False, to_all=True),
-    # What the operator may do
+    # For the operator
     "stop": Kind({}, JOINTS, to_all=True),
     "estop": Kind({"on": flag}, {}, to_all=True),
     "recover": Kind(JOINTS, {"partial": flag}),
@@ -145,11 +141,7 @@ KINDS: dict[str, Kind] = {
 
 
 def parse(message: str) -> Request:
-    """The request in a message.
-
-    Raises:
-        BadRequest: it is none.
-    """
+    """The request in a message; raises BadRequest where it is invalid."""
     try:
         fields = json.loads(message)
     except (ValueError, RecursionError):
@@ -170,10 +162,10 @@ def parse(message: str) -> Request:
 
 
 def checked(do: str, kind: Kind, fields: dict[str, Any], id_: int) -> dict[str, Any]:
-    """The fields of a request, each of its form.
+    """Validate the fields of a request.
 
     Raises:
-        BadRequest: one is missing, of another form, or unknown.
+        BadRequest: a field is missing, invalid, or unknown.
     """
     given = {}
     for name, check in {**kind.needed, **kind.optional}.items():

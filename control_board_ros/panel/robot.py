@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robot as the page draws it: kinds of joints, and the meshes that the description names.
+"""The robot for the page: kinds of joints, and meshes of the description.
 
-A browser asks for a mesh by its number in the description, never by a path. What a description
-may name is bounded, too, for whoever speaks ROS can publish one: files of meshes only.
+A browser requests a mesh by its number in the description, never by a path. Only mesh files are
+served, since any ROS node can publish a description.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 
 from control_board_ros.urdf_xml import XmlError, heard, joints_in
 
-#: What the page can draw, and how a browser is to take it.
+#: Supported mesh types and their media types.
 MEDIA = {
     ".stl": "model/stl",
     ".obj": "text/plain; charset=utf-8",
@@ -28,10 +28,10 @@ MAX_MESHES = 1000
 
 @dataclass(frozen=True, slots=True)
 class Robot:
-    """What a description says.
+    """The content of a description.
 
     Attributes: kinds (``revolute``, ``prismatic``, … by joint), stops (hard, rad or m; infinite
-    where there are none), urdf (with meshes by number), meshes (their files).
+    if missing), urdf (with meshes by number), meshes (their files).
     """
 
     kinds: dict[str, str]
@@ -44,11 +44,11 @@ NO_ROBOT = Robot({}, {}, "", ())
 
 
 def read(urdf: str, prefix: str) -> Robot:
-    """Read a description; one that cannot be read gives NO_ROBOT.
+    """Read a description; NO_ROBOT if invalid.
 
     Args:
         urdf: the description.
-        prefix: of the address of each mesh; its number and ending follow.
+        prefix: of the mesh addresses, before number and suffix.
     """
     try:
         root = heard(urdf)
@@ -59,7 +59,7 @@ def read(urdf: str, prefix: str) -> Robot:
     stops = {name: (joint.lower, joint.upper) for name, joint in joints.items()}
     numbers: dict[Path, int] = {}
     for link in root.iter("link"):
-        for collision in link.findall("collision"):  # nobody sees it
+        for collision in link.findall("collision"):  # invisible
             link.remove(collision)
     for mesh in root.iter("mesh"):
         path = mesh_file(mesh.get("filename", ""))
@@ -72,9 +72,9 @@ def read(urdf: str, prefix: str) -> Robot:
 
 
 def mesh_file(name: str) -> Path | None:
-    """The file that a ``package://`` or ``file://`` address means; None where it is no mesh here.
+    """The file of a ``package://`` or ``file://`` address; None if not a mesh here.
 
-    What counts is where the file truly lies: a link of a mesh's name leads to no other file.
+    The resolved path counts: links named like a mesh do not lead to other files.
     """
     scheme, mark, rest = name.partition("://")
     if not mark or "\0" in name or scheme not in ("package", "file"):
@@ -98,6 +98,6 @@ def mesh_file(name: str) -> Path | None:
 
 
 def share_folders() -> list[Path]:
-    """Where ROS packages install to."""
+    """Share folders of ROS packages."""
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     return [Path(prefix) / "share" for prefix in [*prefixes, sys.prefix] if prefix]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may come in: token, Host, Origin, sizes and rates. Pure functions, and no ROS."""
+"""Access control: token, Host, Origin, sizes and rates. Pure functions, no ROS."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import urlsplit
 
-#: Bytes of a message of a browser, and of all the header lines of a request.
+#: Maximum bytes of a browser's message, and of a request's headers.
 MAX_MESSAGE = 16 * 1024
-#: Messages a second of one browser in the long run, and at once.
+#: Messages of a browser: mean rate, 1/s, and burst.
 RATE, BURST = 80.0, 160.0
-#: Browsers at a time.
+#: Maximum number of browsers.
 MAX_BROWSERS = 16
 
-#: What every answer says: nothing of others runs in the page, and the page runs in no other.
+#: Headers of every answer: no foreign content in the page, no embedding of the page.
 HEADERS = {
     "Cache-Control": "no-cache",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -29,17 +29,17 @@ HEADERS = {
 
 
 def new_token() -> str:
-    """A token that nobody guesses: 192 bits."""
+    """A random token of 192 bits."""
     return secrets.token_urlsafe(24)
 
 
 def cookie_name(port: int) -> str:
-    """Browsers keep cookies by host, not by port: two panels on one host need two names."""
+    """The cookie's name per port: browsers separate cookies by host, not by port."""
     return f"control_board_panel_{port}"
 
 
 def is_token(given: str | None, token: str) -> bool:
-    """Whether it is the token; takes as long for every wrong one."""
+    """Whether it is the token, compared in constant time."""
     return given is not None and hmac.compare_digest(given.encode(), token.encode())
 
 
@@ -55,12 +55,12 @@ def cookie_of(header: str | None, name: str) -> str | None:
 
 
 def host_name(host: str) -> str | None:
-    """The name in a Host header, without its port; None where it is no such header."""
+    """The name in a Host header, without its port; None if invalid."""
     try:
         parts = urlsplit(f"//{host}")
         if parts.username is not None or parts.path or parts.query or parts.fragment:
             return None
-        _ = parts.port  # raises where it is no number
+        _ = parts.port  # raises if not a number
     except ValueError:
         return None
     return parts.hostname
@@ -69,8 +69,8 @@ def host_name(host: str) -> str | None:
 def allowed_host(host: str | None, names: frozenset[str]) -> bool:
     """Whether a Host header names this machine.
 
-    A foreign page can make a name of its own point here (DNS rebinding), and the browser then
-    takes us for that page's server. It cannot do so with an address, nor with names of ours.
+    A foreign page can map its own name to this address (DNS rebinding); the browser then treats
+    this server as that page's. This fails for addresses and for this machine's own names.
 
     Args:
         host: the header.
@@ -89,7 +89,7 @@ def allowed_host(host: str | None, names: frozenset[str]) -> bool:
 
 
 def same_origin(origin: str | None, host: str | None) -> bool:
-    """Whether a page that opens a WebSocket is our own: every browser says where it is from."""
+    """Whether a WebSocket is opened by the panel's own page, by its Origin."""
     if not origin or not host:
         return False
     scheme, mark, rest = origin.partition("://")
@@ -98,9 +98,9 @@ def same_origin(origin: str | None, host: str | None) -> bool:
 
 @dataclass(slots=True)
 class TokenBucket:
-    """Lets through ``burst`` at once, and ``rate`` a second in the long run.
+    """Permits bursts of ``burst`` and a mean rate of ``rate``, 1/s.
 
-    Attributes: rate (1/s), burst, level (what is left), at (s, of the last look).
+    Attributes: rate (1/s), burst, level (remaining), at (s, last update).
     """
 
     rate: float
@@ -110,11 +110,10 @@ class TokenBucket:
 
     @classmethod
     def full(cls, rate: float, burst: float, now: float) -> TokenBucket:
-        """A bucket from which nothing was taken."""
         return cls(rate, burst, burst, now)
 
     def take(self, now: float) -> bool:
-        """Whether one more may pass at this time, s."""
+        """Whether one more is permitted at time ``now``, s."""
         self.level = min(self.level + (now - self.at) * self.rate, self.burst)
         self.at = now
         if self.level < 1.0:

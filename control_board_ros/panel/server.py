@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The web server: the page, the robot's description and meshes, and one WebSocket per browser.
 
-Everything but the first page needs the cookie, which the address with the token sets.
+All but the first page requires the cookie, set by the address with the token.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ TOKEN_WANTED = (
     "This panel opens with the address that cbctl panel printed, with its token. "
     "Was it started anew? Then its token is new, too.\n"
 )
-#: What a WebSocket is closed with: "policy violation", and "try again later".
+#: Close codes of WebSockets: "policy violation", "try again later".
 REFUSED, FULL = 1008, 1013
 
 Scope = dict[str, Any]
@@ -45,10 +45,10 @@ App = Callable[[Any, Any, Any], Awaitable[None]]
 
 
 class Guard:
-    """Lets in who has the token, from pages of our own, under names of this machine.
+    """Admits requests with the token, from the panel's own pages, to this machine's names.
 
     Args:
-        app: what it guards.
+        app: the guarded application.
         token: in the address, and in the cookie.
         cookie: its name.
         names: of this machine.
@@ -79,7 +79,7 @@ class Guard:
             await refusal(scope, receive, self._with_headers(send))
 
     def _refusal(self, connection: HTTPConnection) -> tuple[int, str]:
-        """The status and the reason to refuse a request with; 0 where it may pass."""
+        """Status and reason to refuse a request; 0 if permitted."""
         headers = connection.headers
         host = headers.get("host")
         if not security.allowed_host(host, self._names):
@@ -90,7 +90,7 @@ class Guard:
         elif connection.scope["method"] not in ("GET", "HEAD"):
             return 405, "Only GET.\n"
         given = security.cookie_of(headers.get("cookie"), self._cookie)
-        if connection.url.path == "/":  # the cookie may be that of a panel before
+        if connection.url.path == "/":  # the cookie may be of an earlier panel
             given = connection.query_params.get("token", given)
         return (0, "") if security.is_token(given, self._token) else (403, TOKEN_WANTED)
 
@@ -98,7 +98,7 @@ class Guard:
         async def send_with_headers(message: dict[str, Any]) -> None:
             if message["type"] == "http.response.start":
                 given = list(message.get("headers", ()))
-                own = {name for name, _ in given}  # a report has a policy of its own
+                own = {name for name, _ in given}  # a report has its own policy
                 message["headers"] = given + [h for h in self._headers if h[0] not in own]
             await send(message)
 
@@ -106,7 +106,7 @@ class Guard:
 
 
 def policy_of(page: str) -> str:
-    """A Content-Security-Policy: our own files, and the import map of the page by its hash."""
+    """A Content-Security-Policy: own files only, and the page's import map by hash."""
     (imports,) = re.findall(r'<script type="importmap">(.*?)</script>', page, re.DOTALL)
     digest = base64.b64encode(hashlib.sha256(imports.encode()).digest()).decode()
     return (
@@ -122,11 +122,11 @@ def make_app(
     """The application.
 
     Args:
-        hub: what browsers share.
-        token: that they need.
-        port: that the server listens on; names the cookie.
+        hub: shared by the browsers.
+        token: required token.
+        port: of the server; part of the cookie's name.
         names: of this machine, beside localhost.
-        report: called with a line for the log of the program.
+        report: called with log lines.
     """
     index = (PAGE / "index.html").read_text("utf-8")
     files = {
@@ -195,7 +195,7 @@ def make_app(
 
 
 def report_of(hub: Hub) -> Callable[[Request], Awaitable[Response]]:
-    """Serves reports of the panel's recordings, which may do less than its page."""
+    """Serves reports of the panel's recordings, with a stricter policy than its page."""
 
     async def serve_report(request: Request) -> Response:
         path = hub.recordings.report(request.path_params["name"])
@@ -208,18 +208,17 @@ def report_of(hub: Hub) -> Callable[[Request], Awaitable[Response]]:
 
 
 def by_number(hub: Hub, number: int) -> Any:
-    """The board of a number, or None."""
     return next((board for board in hub.boards.values() if board.number == number), None)
 
 
 def ended(task: asyncio.Task[None], report: Callable[[str], None]) -> None:
-    """Say why the hub has ended, where nobody ended it."""
+    """Report an unexpected end of the hub."""
     if not task.cancelled() and (error := task.exception()) is not None:
         report(f"the panel has an error and hears no more boards: {error!r}; start it anew")
 
 
 async def serve(hub: Hub, websocket: WebSocket) -> None:
-    """Serve one browser until it, or its connection, is gone."""
+    """Serve one browser until it disconnects."""
     browser = hub.enter(name_of(websocket))
     writing = asyncio.create_task(browser.write(websocket))
     reading = asyncio.create_task(read(hub, browser, websocket))
@@ -231,12 +230,12 @@ async def serve(hub: Hub, websocket: WebSocket) -> None:
         await asyncio.gather(writing, reading, return_exceptions=True)
         await hub.leave(browser)
     if browser.lost:
-        with contextlib.suppress(RuntimeError, WebSocketDisconnect):  # it is gone already
+        with contextlib.suppress(RuntimeError, WebSocketDisconnect):  # already disconnected
             await websocket.close(REFUSED, "too many messages, or read too slowly")
 
 
 async def read(hub: Hub, browser: Any, websocket: WebSocket) -> None:
-    """Take its messages until it is gone."""
+    """Process its messages until it disconnects."""
     with contextlib.suppress(WebSocketDisconnect):
         while not browser.lost:
             message = await websocket.receive()
@@ -246,7 +245,7 @@ async def read(hub: Hub, browser: Any, websocket: WebSocket) -> None:
 
 
 def name_of(websocket: WebSocket) -> str:
-    """A browser for people: its kind, and where it is."""
+    """A browser's name for display: kind, device, address."""
     agent = websocket.headers.get("user-agent", "")
     kinds = ("Firefox", "Edg", "Chrome", "Safari")
     kind = next((kind for kind in kinds if kind in agent), "browser").replace("Edg", "Edge")
