@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Integration tests against a real board, without launch files.
 
-A test starts the node as a process of its own, on a ROS domain of its own, and talks to it::
+A test starts the node in a separate process and ROS domain, and connects to it::
 
     from control_board_ros.client import ControlBoardClient
     from control_board_ros.testing import board_process, ros_node
@@ -12,14 +12,14 @@ A test starts the node as a process of its own, on a ROS domain of its own, and 
                 client = ControlBoardClient(node, board.name)
                 assert client.set_control_mode(None, "vel")
 
-With ``pytest -p control_board_ros.testing``, the fixture ``control_board`` gives the same (or
+With ``pytest -p control_board_ros.testing``, the fixture ``control_board`` provides the same (or
 ``from control_board_ros.testing import control_board, control_board_options``); override
 ``control_board_options`` to pass arguments of :func:`board_process`. The process is stopped with
-SIGTERM when the block ends and must then exit with code 0; what it printed stands in the error
-when a test fails.
+SIGTERM at the end of the block and must exit with code 0; its output is part of the error of a
+failed test.
 
-Domains: each board takes a free one of 40 to 99 (``CONTROL_BOARD_TEST_DOMAINS=30-39`` chooses
-others) and holds a lock file as long as it runs, so that pytest-xdist workers never meet.
+Domains: each board uses a free one of 40 to 99 (``CONTROL_BOARD_TEST_DOMAINS=30-39`` selects
+others) and holds a lock file while it runs, so that pytest-xdist workers never share one.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""ROS domains of their own, and the environment of a process that lives on one."""
+"""Exclusive ROS domains, and the environment of a process on one."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from .shared_memory import sweep
 
 BOOTSTRAP_FLAG = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
-#: Those that a participant looks for on its own host: more cannot find each other there.
+#: Participants per host and domain that discover each other.
 PARTICIPANTS = 32
 
 
 def child_environment(domain: int) -> dict[str, str]:
-    """The environment for a process on this domain that discovers this host only.
+    """The environment of a process on this domain with discovery limited to this host.
 
-    The ROS wheels start Python anew with LD_LIBRARY_PATH set, and leave a flag that it is done.
-    A child of another virtual environment must not inherit either: both go, and the child's own
-    wheels set them again. A sourced ROS 2 has no such flag and keeps its paths.
+    The ROS wheels restart Python with LD_LIBRARY_PATH set, and leave a flag. A child of another
+    virtual environment must not inherit either: both are removed, and the child's own wheels set
+    them again. A sourced ROS 2 has no such flag and keeps its paths.
     """
     environment = dict(os.environ)
     if environment.pop(BOOTSTRAP_FLAG, None):
@@ -46,14 +46,14 @@ def child_environment(domain: int) -> dict[str, str]:
 
 @contextlib.contextmanager
 def free_domain() -> Iterator[int]:
-    """A ROS_DOMAIN_ID that nobody on this host uses, locked until the block ends.
+    """A ROS_DOMAIN_ID unused on this host, locked until the end of the block.
 
     Raises:
-        AssertionError: all of them are taken.
+        AssertionError: all are in use.
     """
     first, last = map(int, os.environ.get("CONTROL_BOARD_TEST_DOMAINS", "40-99").split("-"))
     domains = list(range(first, last + 1))
-    random.shuffle(domains)  # workers that start together seldom try the same
+    random.shuffle(domains)  # parallel workers seldom try the same
     folder = Path(tempfile.gettempdir())
     for domain in domains:
         path = folder / f"control_board_ros_domain_{domain}_{os.getuid()}.lock"
@@ -72,14 +72,14 @@ def free_domain() -> Iterator[int]:
                         sweep(domain)
                     return
             finally:
-                path.unlink()  # while it is locked: who waits for it makes another
+                path.unlink()  # while locked: waiting processes create another
     raise AssertionError(
         f"no free ROS domain in {first}-{last}; set CONTROL_BOARD_TEST_DOMAINS to a wider range"
     )
 
 
 def _is_there(path: Path, file: int) -> bool:
-    """Whether a path still names an open file; its last holder removes it."""
+    """Whether a path still names an open file; the last holder removes it."""
     try:
         return os.path.samestat(path.stat(), os.fstat(file))
     except FileNotFoundError:
@@ -89,7 +89,7 @@ def _is_there(path: Path, file: int) -> bool:
 def _in_use(domain: int) -> bool:
     """Whether a DDS participant of this host listens on one of the domain's first ports.
 
-    The first one has the first port, unless a killed one has left that port in shared memory.
+    The first participant has the first port, unless a killed one has left it in shared memory.
     """
     return any(_is_taken(7410 + 250 * domain + 2 * k) for k in range(PARTICIPANTS))
 

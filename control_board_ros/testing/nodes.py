@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nodes for tests, each with an rclpy context of its own."""
+"""Nodes for tests, each with its own rclpy context."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .domains import DISCOVERY
 def ros_node(
     domain: int, name: str = "test_node", *, namespace: str = "", spin: bool = True
 ) -> Iterator[Any]:
-    """A node on this domain, spinning in a thread of its own.
+    """A node on this domain, spinning in its own thread.
 
-    With ``spin=False`` nothing spins it. The rclpy context is its own too, so that many can be
-    used in one process, one after the other or at the same time.
+    With ``spin=False`` it is not spun. The rclpy context is separate: several can be used in one
+    process, sequentially or in parallel.
     """
     from rclpy.context import Context
     from rclpy.exceptions import InvalidHandle
@@ -29,7 +29,7 @@ def ros_node(
 
     announce_often()
     context = Context()
-    with _localhost_only():  # read once, when the context is made
+    with _localhost_only():  # read once, at the creation of the context
         context.init(args=[], domain_id=domain)
     node = Node(name, namespace=namespace or None, context=context, use_global_arguments=False)
     executor = SingleThreadedExecutor(context=context)
@@ -39,7 +39,7 @@ def ros_node(
     def run() -> None:
         with contextlib.suppress(ExternalShutdownException):
             while not ended.is_set():
-                with contextlib.suppress(InvalidHandle):  # destroyed by the test meanwhile
+                with contextlib.suppress(InvalidHandle):  # destroyed by the test
                     executor.spin_once()
 
     try:
@@ -51,7 +51,7 @@ def ros_node(
     finally:
         ended.set()
         if thread is not None:
-            executor.create_task(lambda: None)  # only work makes spin_once return
+            executor.create_task(lambda: None)  # spin_once returns only after work
             thread.join(timeout=5.0)
         executor.shutdown(timeout_sec=5.0)
         node.destroy_node()

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every plant of somebody else must do, as tests that its author runs::
+"""Contract of custom plants, as tests for their authors::
 
     from control_board_ros.testing.plants import plant_contract
 
     test_my_plant = plant_contract(lambda: MyPlant("can0"))
 
-pytest then runs one test per check. No check needs the hardware to move; each makes a plant of
-its own and closes it.
+pytest runs one test per check. No check requires the hardware to move; each creates and closes its
+own plant.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from ..plants.outputs import as_drives
 Make = Callable[[], RobotPlant | DrivePlant]
 Check = Callable[[Make], None]
 
-#: Percent: too little to move most joints, and enough to be told from nothing.
+#: Percent: too small to move most joints, yet distinguishable from zero.
 LITTLE = 1.0
-#: s that a drive may hear nothing.
+#: s without commands permitted for a drive.
 TIMEOUT = 0.1
 
 
 def plant_contract(make: Make) -> Callable[..., None]:
-    """A test of pytest, one case per check, for plants that ``make`` makes."""
+    """A test of pytest, one case per check, for plants created by ``make``."""
 
     @pytest.mark.parametrize("check", CHECKS, ids=[check.__name__ for check in CHECKS])
     def test_plant(check: Check) -> None:
@@ -57,7 +57,7 @@ def plant_contract(make: Make) -> Callable[..., None]:
 
 @contextlib.contextmanager
 def made(make: Make) -> Iterator[DrivePlant]:
-    """A plant that is not connected yet."""
+    """A plant that is not connected."""
     plant = as_drives(make())
     try:
         yield plant
@@ -67,21 +67,21 @@ def made(make: Make) -> Iterator[DrivePlant]:
 
 @contextlib.contextmanager
 def connected(make: Make) -> Iterator[tuple[DrivePlant, int]]:
-    """A plant that is connected, and how many joints it has."""
+    """A connected plant, and its number of joints."""
     with made(make) as plant:
         plant.connect(setup_for(plant))
         yield plant, len(plant.describe().joints)
 
 
 def setup_for(plant: DrivePlant) -> Setup:
-    """What a board asks of a plant."""
+    """A board's setup of a plant."""
     description = plant.describe()
     board = board_for(description)
     return Setup(period=board.period, timeout=TIMEOUT, joints=board.joints)
 
 
 def asked(kinds: Sequence[SetPoint], **values: Array) -> SetPoints:
-    """Set-points of joints; values by the names of ``Value``, shape (n,), else 0."""
+    """Set-points of joints; values by the names of ``Value``, shape (n,), default 0."""
     n = len(kinds)
     block = np.zeros((VALUES, n))
     for name, row in values.items():
@@ -91,7 +91,7 @@ def asked(kinds: Sequence[SetPoint], **values: Array) -> SetPoints:
 
 
 def it_describes_itself_before_it_is_connected(make: Make) -> None:
-    """Twice the same; each joint has a name of its own, some mode and some set-point."""
+    """Repeatable; each joint has a unique name, a mode and a set-point."""
     with made(make) as plant:
         found = plant.describe()
         assert isinstance(found, Description)
@@ -119,7 +119,7 @@ def it_reads_numbers_of_all_joints(make: Make) -> None:
 
 
 def it_has_the_sensors_that_it_says(make: Make) -> None:
-    """What a joint is described to measure is read."""
+    """Described measurements of a joint are read."""
     with connected(make) as (plant, n):
         joints, found = plant.describe().joints, plant.exchange(SetPoints.off(n))
         for has, read in (
@@ -133,7 +133,7 @@ def it_has_the_sensors_that_it_says(make: Make) -> None:
 
 
 def it_applies_nothing_without_power(make: Make) -> None:
-    """M10, N1: connecting gives no power, and outputs without it are not applied."""
+    """M10, N1: connecting does not enable motors, and outputs to disabled ones are not applied."""
     with connected(make) as (plant, n):
         switched = [joint.power_switch for joint in plant.describe().joints]
         found = plant.exchange(asked([SetPoint.OFF] * n, pwm=np.full(n, LITTLE)))
@@ -143,7 +143,7 @@ def it_applies_nothing_without_power(make: Make) -> None:
 
 
 def it_applies_at_most_what_is_asked(make: Make) -> None:
-    """With power, and never the other way; without it again, nothing."""
+    """Applied when enabled, never reversed; zero when disabled again."""
     with connected(make) as (plant, n):
         joints = plant.describe().joints
         kinds = [SetPoint.PWM if SetPoint.PWM in j.set_points else SetPoint.OFF for j in joints]
@@ -160,8 +160,8 @@ def it_applies_at_most_what_is_asked(make: Make) -> None:
             np.testing.assert_array_equal(np.asarray(found.applied)[switched], 0.0)
 
 
-def it_takes_each_set_point_that_it_says(make: Make) -> None:
-    """S1, S3: from without power and from each other kind, at rest where the joint is."""
+def it_accepts_each_described_set_point(make: Make) -> None:
+    """S1, S3: from disabled and from every other kind, at the joint's rest position."""
     with connected(make) as (plant, n):
         joints, found = plant.describe().joints, plant.exchange(SetPoints.off(n))
         for before in (SetPoint.OFF, *KINDS):
@@ -174,8 +174,8 @@ def it_takes_each_set_point_that_it_says(make: Make) -> None:
         plant.exchange(SetPoints.off(n))
 
 
-def it_may_be_told_twice(make: Make) -> None:
-    """No power where there is none, faults that are not there, a connection that stands."""
+def it_accepts_repeated_calls(make: Make) -> None:
+    """Disable when disabled, clear without faults, connect when connected."""
     with connected(make) as (plant, n):
         for joint in range(n):
             plant.exchange(SetPoints.off(n))
@@ -195,7 +195,7 @@ def it_closes_twice_and_without_a_connection(make: Make) -> None:
 
 
 def a_board_reads_it_without_an_alarm(make: Make) -> None:
-    """Behind the guard that the node puts around it, in its thread."""
+    """Behind the guard of the node, in its thread."""
     plant = make()
     guarded = GuardedPlant(plant, board_for(plant.describe()), timeout=60.0, first=60.0)
     n = len(plant.describe().joints)
@@ -217,15 +217,15 @@ CHECKS: tuple[Check, ...] = (
     it_has_the_sensors_that_it_says,
     it_applies_nothing_without_power,
     it_applies_at_most_what_is_asked,
-    it_takes_each_set_point_that_it_says,
-    it_may_be_told_twice,
+    it_accepts_each_described_set_point,
+    it_accepts_repeated_calls,
     it_closes_twice_and_without_a_connection,
     a_board_reads_it_without_an_alarm,
 )
 
 
 def board_for(description: Description) -> BoardConfig:
-    """A board that fits a plant; its numbers are those of no robot."""
+    """A board for a plant, with arbitrary numbers."""
     rate = min(description.rate or 500.0, 500.0)
     return BoardConfig(joints=tuple(map(_joint, description.joints)), control_rate=rate)
 

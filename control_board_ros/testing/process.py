@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board as a process of its own, for the length of a test."""
+"""A board in a separate process, for a test."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ..interface import GET_CONTROL_MODE, MODES, SET_CONTROL_MODE, Endpoint
 from .domains import child_environment, free_domain
 from .nodes import ros_node
 
-# s; guards against what hangs, on the busiest machine: 5 s and 2 s on one of its own.
+# s; timeouts for the busiest machine: 5 s and 2 s on an idle one.
 START_TIMEOUT, STOP_TIMEOUT = 120.0, 60.0
 
 
@@ -29,8 +29,8 @@ class BoardProcess:
     """A running board.
 
     Attributes: name (of the node, absolute: ``/control_board``), domain (its ROS_DOMAIN_ID),
-    process (the subprocess.Popen), environment (of the process; give it to other processes
-    that shall meet the board).
+    process (the subprocess.Popen), environment (of the process; for other processes that connect
+    to the board).
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class BoardProcess:
 
     @property
     def output(self) -> str:
-        """What the process has printed so far, standard output and error together."""
+        """The output of the process so far, stdout and stderr."""
         with self._printed:
             return "".join(self._lines)
 
@@ -84,7 +84,6 @@ class BoardProcess:
         return line
 
     def tail(self, lines: int = 40) -> str:
-        """The last lines printed, for an error message."""
         with self._printed:
             return "".join(self._lines[-lines:])
 
@@ -127,19 +126,19 @@ def board_process(
         name: Of the node.
         namespace: Of the node.
         robot: Of a robot of several parts, its ``robot_name``: what it yields has the name of
-            the robot's own node, ``/icub/robot``, and ``name`` is not used.
-        arguments: Further command-line arguments, as they stand.
+            the robot's own node, ``/icub/robot``, and ``name`` is unused.
+        arguments: Further command-line arguments, unchanged.
         env: Variables to set for the process, beside those of a test.
-        domain: ROS_DOMAIN_ID; None takes a free one.
-        command: What to run in place of the board, before the arguments (a node of your own).
+        domain: ROS_DOMAIN_ID; None: a free one.
+        command: Command in place of the board, before the arguments (a custom node).
         configured: Whether to wait until no joint is NOT_CONFIGURED; None: unless ``params``
-            holds ``autoconfigure: False`` or, of a managed node, ``autostart: False``.
+            has ``autoconfigure: False`` or, of a managed node, ``autostart: False``.
         start_timeout: s.
-        exit_code: What the process must return at the end.
+        exit_code: Required exit code.
 
     Raises:
         AssertionError: the board ended early, did not answer in time, or returned another
-            exit code; with what it printed.
+            exit code; with its output.
     """
     params = flatten(params or {})
     if configured is None:
@@ -171,7 +170,7 @@ def board_process(
 def ros_arguments(
     params: Mapping[str, Any], *, config: str | Path | None, namespace: str
 ) -> list[str]:
-    """What stands after --ros-args for parameters by their full names, a file, a namespace."""
+    """Arguments after --ros-args for parameters by their full names, a file, a namespace."""
     line = ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace else []
     if config is not None:
         line += ["--params-file", str(config)]
@@ -181,7 +180,7 @@ def ros_arguments(
 
 
 def _wait_until_ready(board: BoardProcess, configured: bool, timeout: float) -> None:
-    """Wait for the latched modes and the services; the graph of an own node tells."""
+    """Wait for the latched modes and the services, by the graph of a separate node."""
     ready = threading.Event()
 
     def on_modes(modes: Any) -> None:
@@ -217,11 +216,11 @@ def flatten(params: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def yaml_text(value: Any) -> str:
-    """A parameter value as YAML on one line, floats such that they stay floats."""
+    """A parameter value as YAML on one line, floats remain floats."""
     if isinstance(value, float):
         if not math.isfinite(value):
             return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
-        text = repr(value)  # YAML asks for a dot: 1e-05 would be a string
+        text = repr(value)  # YAML requires a dot: 1e-05 would be a string
         return text.replace("e", ".0e") if "e" in text and "." not in text else text
     if isinstance(value, (list, tuple)):
         return f"[{', '.join(map(yaml_text, value))}]"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What killed processes leave in shared memory: a process that ends by itself removes its own."""
+"""Removal of shared memory left behind by killed processes."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import os
 import time
 from pathlib import Path
 
-#: Where Fast DDS has its files: ``fastrtps_0a1b…``, ``fastrtps_port17411``, each with a lock
-#: beside it (``_el``) that its owner holds as long as it lives.
+#: Files of Fast DDS: ``fastrtps_0a1b…``, ``fastrtps_port17411``, each with a lock (``_el``) held
+#: by its owner.
 FOLDER = Path("/dev/shm")
-#: Age of a segment, s, from which on one that nobody holds is left behind, and not being made.
+#: Age of an unlocked segment, s, from which it counts as left behind.
 AGE = 10.0
-#: Ports of a domain: this many, from here on for domain 0.
+#: Number of ports per domain, and first port of domain 0.
 FIRST_PORT, PORTS = 7400, 250
 
 
 def sweep(domain: int, folder: Path = FOLDER) -> None:
-    """Remove the user's segments that nobody holds, and ports of this domain likewise.
+    """Remove the user's unlocked segments, and those of this domain's ports.
 
     Args:
-        domain: on which nobody talks any more.
-        folder: where the files are; one that is not there holds none.
+        domain: without active participants.
+        folder: of the files; may be missing.
     """
     first = FIRST_PORT + PORTS * domain
     ports = {f"fastrtps_port{number}" for number in range(first, first + PORTS)}
@@ -38,10 +38,10 @@ def sweep(domain: int, folder: Path = FOLDER) -> None:
 
 
 def _left_behind(path: Path, age: float) -> bool:
-    """Whether a file is ours, and older than so many s."""
+    """Whether a file belongs to this user and is older than ``age`` s."""
     try:
         found = path.stat()
-    except FileNotFoundError:  # its owner was quicker
+    except FileNotFoundError:  # removed by its owner
         return False
     return found.st_uid == os.getuid() and time.time() - found.st_mtime >= age
 

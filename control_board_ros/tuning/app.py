@@ -26,12 +26,12 @@ DONE, REFUSED, USAGE = 0, 1, 2
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Search, and write what was found; the exit code."""
+    """Search and write the result; returns the exit code."""
     parser = argparse.ArgumentParser(prog="cbctl tune", allow_abbrev=False)
     for names, options in OPTIONS:
         parser.add_argument(*names, **options)
     given = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, interrupt)  # as Ctrl-C: the processes end, too
+    signal.signal(signal.SIGTERM, interrupt)  # as Ctrl-C: also ends the processes
     try:
         tune(given)
     except (TuningError, SettingsError) as error:
@@ -44,12 +44,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def interrupt(*_: object) -> None:
-    """Handle a signal as Ctrl-C."""
     raise KeyboardInterrupt
 
 
 def say(text: str) -> None:
-    """A line for people."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -96,10 +94,10 @@ def tune(given: argparse.Namespace) -> None:
 
 
 def payload_of(text: str | None, settings: Settings) -> float:
-    """The payload asked for, or the usual one, kg.
+    """The requested payload, or the default one, kg.
 
     Raises:
-        TuningError: none.
+        TuningError: not a valid mass.
     """
     if text is None:
         return usual_payload(settings)
@@ -113,10 +111,10 @@ def payload_of(text: str | None, settings: Settings) -> float:
 
 
 def tasks_of(settings: Settings, joints: str | None) -> list[tuple[str, str]]:
-    """What is searched for: joint and stage.
+    """The searches: joint and stage.
 
     Raises:
-        TuningError: a joint that the robot does not have.
+        TuningError: unknown joint.
     """
     known = {joint.name: joint for joint in settings.board.joints}
     names = list(known) if joints is None else joints.split(",")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motions of one joint, played on the board without ROS with some gains."""
+"""Motions of one joint with given gains, on the board without ROS."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from ..simulation import Simulation
 from .scenes import Scene, simulation_of
 from .space import POSITION
 
-#: s of rest before, of a look after each motion, and for which a joint is pushed.
+#: s of rest before a motion, of evaluation after it, and of a push.
 REST, AFTER, PUSHED = 0.3, 0.4, 0.3
-#: Travel of a move (rad, m), of a step, and the part of the range that a move takes at most.
+#: Travel of a move (rad, m), of a step, and the maximum share of the range of a move.
 TRAVEL, TRAVEL_SLIDING, STEP, STEP_SLIDING, PART = 0.4, 0.1, 0.02, 0.002, 0.2
-#: Mean speed of a move and torque of a push, in parts of the limits.
+#: Mean speed of a move and torque of a push, as shares of the limits.
 SPEED, PUSH = 0.4, 0.1
 #: Cycles between two samples.
 EVERY = 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Take:
-    """What a joint did in one motion; arrays of shape (m,), time in s from its start.
+class Motion:
+    """One recorded motion of a joint; arrays of shape (m,), time in s from its start.
 
     Attributes: what (``move``, ``step``, ``push`` or ``release``), time, reference and position
     (rad), torque and torque_reference (N·m), output (%).
@@ -46,15 +46,15 @@ class Take:
 
 
 class Faulted(Exception):  # noqa: N818
-    """A joint faulted, or the plant is gone: gains that no robot should have."""
+    """A joint faulted, or the plant is gone: unusable gains."""
 
 
 class Bench:
-    """A robot in some scenes, whose joints are moved with other gains again and again.
+    """A robot in several scenes, for motions with varying gains.
 
     Args:
         settings: Of the robot.
-        scenes: Where to play; each has a simulation of its own.
+        scenes: Of the motions; each has a separate simulation.
     """
 
     def __init__(self, settings: Settings, scenes: Sequence[Scene]) -> None:
@@ -69,11 +69,11 @@ class Bench:
 
     def play(
         self, joint: str, stage: str, changes: Mapping[str, float], first: int | None = None
-    ) -> list[list[Take]]:
-        """The motions of a stage, in each scene, or in so many first ones.
+    ) -> list[list[Motion]]:
+        """The motions of a stage, in each scene, or in the ``first`` ones.
 
         Raises:
-            Faulted: a joint faulted on the way.
+            Faulted: a joint faulted.
         """
         board = with_gains(self._settings, changes)
         j = board.names.index(joint)
@@ -86,7 +86,7 @@ class Bench:
 
     def _play(
         self, simulation: Simulation, scene: Scene, config: BoardConfig, j: int, stage: str
-    ) -> list[Take]:
+    ) -> list[Motion]:
         stand = Stand(simulation, config, j)
         try:
             stand.start()
@@ -97,7 +97,7 @@ class Bench:
 
 
 class Stand:
-    """One joint of a simulation that is up, in its pose, with the gains to try."""
+    """One joint of a started simulation, in its pose, with the gains to test."""
 
     def __init__(self, simulation: Simulation, config: BoardConfig, j: int) -> None:
         assert isinstance(simulation.board, Board)  # made of one configuration, without parts
@@ -106,7 +106,7 @@ class Stand:
         self._whole = config
 
     def start(self) -> None:
-        """From power-on: every joint holds in POSITION, STIFF."""
+        """Start from power-on: every joint in POSITION, STIFF."""
         self.board.reconfigure(self._whole)
         self.simulation.plant.reset()
         self.board.power_cycle()
@@ -116,7 +116,7 @@ class Stand:
             self.board.set_impedance(k, own.stiffness, own.damping)
         self.board.set_interaction_mode(None, InteractionMode.STIFF)
         self.board.set_control_mode(None, ControlMode.POSITION)
-        self.take("rest", REST)
+        self.record("rest", REST)
 
     def mode(self, control: ControlMode, interaction: InteractionMode) -> None:
         """Set both modes of the joint."""
@@ -124,11 +124,11 @@ class Stand:
         self.board.set_control_mode(self.j, control)
 
     def push(self, torque: float) -> None:
-        """Push the joint from outside, N·m."""
+        """Apply an external torque to the joint, N·m."""
         self.simulation.plant.push(self.j, torque)
 
-    def take(self, what: str, seconds: float) -> Take:
-        """Let time pass, and keep what the joint does.
+    def record(self, what: str, seconds: float) -> Motion:
+        """Advance time and record the joint's motion.
 
         Raises:
             Faulted: a joint faulted.
@@ -148,41 +148,41 @@ class Stand:
         for fault in self.board.get_faults():
             if fault.active:
                 raise Faulted(f"{fault.name}: {fault.text}")
-        return Take(what, np.arange(1, count + 1) * EVERY / self._whole.control_rate, *rows)
+        return Motion(what, np.arange(1, count + 1) * EVERY / self._whole.control_rate, *rows)
 
 
-def position_motions(stand: Stand, start: float) -> list[Take]:
-    """A quick move, a step, a push: STIFF."""
+def position_motions(stand: Stand, start: float) -> list[Motion]:
+    """A fast move, a step, a push: STIFF."""
     step = stand.config.kind.choose(STEP, STEP_SLIDING)
-    takes = [move(stand, start, SPEED)]
+    motions = [move(stand, start, SPEED)]
     stand.mode(ControlMode.POSITION_DIRECT, InteractionMode.STIFF)
     place = float(stand.board.snapshot().position_reference[stand.j])
     way = 1.0 if place < stand.config.limits.upper - 2.0 * STEP else -1.0
     stand.board.set_position(stand.j, place + way * step)
-    takes.append(stand.take("step", AFTER))
+    motions.append(stand.record("step", AFTER))
     stand.push(PUSH * stand.config.limits.torque)
-    takes.append(stand.take("push", PUSHED))
+    motions.append(stand.record("push", PUSHED))
     stand.push(0.0)
-    return takes
+    return motions
 
 
-def compliant_motions(stand: Stand, start: float) -> list[Take]:
+def compliant_motions(stand: Stand, start: float) -> list[Motion]:
     """A push, its release, a slow move: COMPLIANT."""
     stand.mode(ControlMode.POSITION, InteractionMode.COMPLIANT)
-    stand.take("rest", REST)
+    stand.record("rest", REST)
     stand.push(PUSH * stand.config.limits.torque)
-    takes = [stand.take("push", PUSHED)]
+    motions = [stand.record("push", PUSHED)]
     stand.push(0.0)
-    return [*takes, stand.take("release", 2.0 * AFTER), move(stand, start, 0.5 * SPEED)]
+    return [*motions, stand.record("release", 2.0 * AFTER), move(stand, start, 0.5 * SPEED)]
 
 
-def move(stand: Stand, start: float, speed: float) -> Take:
+def move(stand: Stand, start: float, speed: float) -> Motion:
     """A minimum-jerk move away from the nearer limit."""
     limits, kind = stand.config.limits, stand.config.kind
     size = min(kind.choose(TRAVEL, TRAVEL_SLIDING), PART * (limits.upper - limits.lower))
     way = 1.0 if limits.upper - start > start - limits.lower else -1.0
     stand.board.position_move(stand.j, start + way * size, speed * limits.velocity)
-    return stand.take("move", float(stand.board.get_remaining_time(stand.j)[0]) + AFTER)
+    return stand.record("move", float(stand.board.get_remaining_time(stand.j)[0]) + AFTER)
 
 
 def with_gains(settings: Settings, changes: Mapping[str, float]) -> BoardConfig:
@@ -197,7 +197,7 @@ def with_gains(settings: Settings, changes: Mapping[str, float]) -> BoardConfig:
 
 
 def with_damping(board: BoardConfig, damping: Mapping[str, float]) -> BoardConfig:
-    """The same with other dampings, which a board takes by a request and not by a parameter."""
+    """The same with other dampings, set by a request, not by a parameter."""
     if not damping:
         return board
     joints = []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One number for some motions: the figures of reports, each over that of the gains of before."""
+"""Cost of motions: the figures of reports, each relative to that of the present gains."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..recording.figures import step_figures, tracking_figures
-from .bench import Take
+from .bench import Motion
 from .space import COMPLIANT, POSITION
 
-#: What each figure counts, by stage.
+#: Weight of each figure, by stage.
 WEIGHTS: Mapping[str, Mapping[str, float]] = {
     POSITION: {"tracking": 0.5, "push": 0.2, "settling": 0.2, "chatter": 0.1},
     COMPLIANT: {"torque": 0.5, "tracking": 0.2, "settling": 0.3},
 }
-#: What must not be worse than before, by stage; how much of it is not counted as worse.
+#: Figures not allowed to degrade, by stage; their tolerance.
 GUARDED: Mapping[str, Sequence[str]] = {POSITION: ("tracking",), COMPLIANT: ("torque", "tracking")}
 SLACK = 1.05
-#: Overshoot that costs nothing, %; and what one % beyond costs.
+#: Overshoot without cost, %; cost per % beyond.
 FREE_OVERSHOOT, PER_PERCENT = 10.0, 0.02
-#: A figure is no better than this, in its unit: below lies the resolution.
+#: Lower bound of each figure, in its unit: the resolution.
 FLOORS = {"tracking": 1e-6, "push": 1e-6, "settling": 0.01, "chatter": 0.05, "torque": 1e-3}
-#: A figure that is worse than before by more counts no more: one must not hide all others.
+#: Upper bound of the degradation of a figure, so that none dominates.
 WORST = 10.0
 #: The cost of gains with which a joint faults.
 FAULTED = 100.0
@@ -33,9 +33,9 @@ FAULTED = 100.0
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """Of the motions in one scene, by name; overshoot (%); whether the joint settled in time.
+    """Figures of the motions in one scene: values by name, overshoot (%), settled (in time).
 
-    Where it did not, ``settling`` is for how long it was looked at, and its settling time more.
+    Where not settled, ``settling`` is the evaluated time, a lower bound.
     """
 
     values: Mapping[str, float]
@@ -43,14 +43,14 @@ class Figures:
     settled: bool = True
 
 
-def figures(stage: str, takes: Sequence[Take]) -> Figures:
+def figures(stage: str, motions: Sequence[Motion]) -> Figures:
     """The figures of the motions of a stage.
 
     tracking: RMS error of the move (rad); push: RMS error while pushed (rad); settling: of the
     step, or of the release (s); chatter: RMS change of the output from sample to sample at rest,
     after the move (%); torque: RMS error of the torque loop (N·m).
     """
-    by_name = {take.what: take for take in takes}
+    by_name = {motion.what: motion for motion in motions}
     move = by_name["move"]
     found = {"tracking": tracking_figures(move.time, move.reference, move.position).rms}
     if stage == POSITION:
@@ -64,7 +64,7 @@ def figures(stage: str, takes: Sequence[Take]) -> Figures:
         found["chatter"] = float(np.sqrt(np.mean(np.diff(rest) ** 2)))
         return Figures(found, answer.overshoot, math.isfinite(answer.settling))
     release, push = by_name["release"], by_name["push"]
-    errors = [take.torque_reference - take.torque for take in takes]
+    errors = [motion.torque_reference - motion.torque for motion in motions]
     found["torque"] = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
     back = step_figures(
         release.time, release.position, float(push.position[-1]), float(release.reference[-1])
@@ -73,20 +73,20 @@ def figures(stage: str, takes: Sequence[Take]) -> Figures:
     return Figures(found, back.overshoot, math.isfinite(back.settling))
 
 
-def longest(settling: float, take: Take) -> float:
-    """The settling time; the whole one where it did not settle."""
-    return settling if math.isfinite(settling) else float(take.time[-1])
+def longest(settling: float, motion: Motion) -> float:
+    """The settling time; the evaluated time where not settled."""
+    return settling if math.isfinite(settling) else float(motion.time[-1])
 
 
 def cost(stage: str, found: Sequence[Figures], before: Sequence[Figures]) -> float:
-    """Mean over the scenes of Σ weight · figure/figure before + overshoot; 1 is as before.
+    """Mean over the scenes of Σ weight · figure/figure before + overshoot; 1: as before.
 
-    By what a guarded figure is worse, that counts once more.
+    The degradation of a guarded figure counts twice.
 
     Args:
-        stage: What was played.
+        stage: Of the motions.
         found: The figures of each scene.
-        before: Those with the gains of before.
+        before: Those with the present gains.
     """
     costs = []
     for now, then in zip(found, before, strict=True):

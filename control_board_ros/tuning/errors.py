@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What goes wrong with a search."""
+"""Errors of a search."""
 
 
 class TuningError(Exception):
-    """One line: what does not work, and what to do."""
+    """One line: cause and next step."""

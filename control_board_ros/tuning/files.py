@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a search leaves: a parameter file, and a report of before and after."""
+"""Results of a search: a parameter file, and a report of before and after."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from ..core.config.config import JointConfig
 from ..core.terms.joint_kind import JointKind
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, difference, document, number
-from .bench import Take
+from .bench import Motion
 from .cost import GUARDED, WEIGHTS, Figures
 from .errors import TuningError
 from .outcome import Outcome, mean
 from .search import Plan, settings_of
 from .space import POSITION
 
-#: What gains that a search found are to be taken for.
+#: Validity of the gains of a search.
 CAUTION = (
     "Tuned on a simulation with ideal sensors (the encoder's resolution, no noise, no delay) and "
     "the drives of its file: try each joint of a robot slowly first."
 )
-#: What the stages are called.
+#: Names of the stages.
 TITLES = {POSITION: "position", "compliant": "impedance and torque"}
-#: The figures as they are shown, with the factor to their unit.
+#: Displayed figures, with the factor to their unit.
 SHOWN = {
     "tracking": "RMS tracking error",
     "push": "RMS error under a push",
@@ -52,11 +52,7 @@ def parameters(outcomes: Sequence[Outcome], robot: str) -> dict[str, Any]:
 
 
 def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
-    """Write the parameter file, with the figures as comments.
-
-    Raises:
-        TuningError: it cannot be written.
-    """
+    """Write the parameter file, with the figures as comments; raises TuningError on failure."""
     lines = [
         f"# Gains found by cbctl tune (control_board_ros {__version__}) for {plan.robot}:",
         f"# {plan.trials} trials for each controller, payload up to {plan.payload:.3g} kg, "
@@ -75,13 +71,13 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
 
 
 def summary(outcomes: Sequence[Outcome], plan: Plan) -> list[str]:
-    """A line for each controller."""
+    """One line per controller."""
     units = kinds_of(plan.robot)
     return [line_of(outcome, units[outcome.joint]) for outcome in outcomes]
 
 
 def line_of(outcome: Outcome, kind: JointKind) -> str:
-    """What counts most, before and after, and where the gains are not those found, why."""
+    """The main figure before and after; the reason where the found gains are not used."""
     head = f"{outcome.joint}, {TITLES[outcome.stage]}: "
     if not outcome.changes:
         return f"{head}as before, {outcome.why}"
@@ -91,25 +87,24 @@ def line_of(outcome: Outcome, kind: JointKind) -> str:
     for name in ("tracking", "push") if outcome.stage == POSITION else ("torque", "tracking"):
         text = f"{SHOWN[name]} {before_and_after(outcome, name, kind, '->')}"
         if outcome.derived and not outcome.why:
-            text += f" (derived gains: {told(name, outcome.derived, kind)})"
+            text += f" (derived gains: {mean_text(name, outcome.derived, kind)})"
         texts.append(text)
     return head + ", ".join(texts)
 
 
 def before_and_after(outcome: Outcome, name: str, kind: JointKind, arrow: str) -> str:
     """A figure of both, with its unit."""
-    then, now = (told(name, found, kind) for found in (outcome.before, outcome.after))
+    then, now = (mean_text(name, found, kind) for found in (outcome.before, outcome.after))
     return f"{then} {arrow} {now}"
 
 
 def kinds_of(robot: str) -> Mapping[str, JointKind]:
-    """The kind of each joint."""
     joints: Sequence[JointConfig] = settings_of(robot).board.joints
     return {joint.name: joint.kind for joint in joints}
 
 
-def told(name: str, found: Sequence[Figures], kind: JointKind) -> str:
-    """The mean of a figure with its unit; a joint that did not settle has no settling time."""
+def mean_text(name: str, found: Sequence[Figures], kind: JointKind) -> str:
+    """The mean of a figure with its unit; a lower bound where not settled."""
     text, late = shown(name, mean(name, found), kind), sum(not one.settled for one in found)
     if name != "settling" or not late:
         return text
@@ -127,7 +122,7 @@ def shown(name: str, value: float, kind: JointKind) -> str:
 
 
 def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
-    """Write the report: figures of each controller before and after, and how its joint moved.
+    """Write the report: figures of each controller before and after, and the motions of its joint.
 
     Raises:
         TuningError: it cannot be written.
@@ -148,7 +143,6 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
 
 
 def section(outcome: Outcome, kind: JointKind) -> str:
-    """One controller."""
     facts = [
         (
             SHOWN[name],
@@ -166,7 +160,7 @@ def section(outcome: Outcome, kind: JointKind) -> str:
         return chart_section(f"{title}, as before", [("kept, because", outcome.why)], [])
     if outcome.derived:
         facts += [
-            (f"{SHOWN[name]}, derived gains", told(name, outcome.derived, kind))
+            (f"{SHOWN[name]}, derived gains", mean_text(name, outcome.derived, kind))
             for name in GUARDED[outcome.stage]
         ]
     if outcome.why:
@@ -177,8 +171,8 @@ def section(outcome: Outcome, kind: JointKind) -> str:
 def charts(outcome: Outcome, kind: JointKind) -> list[Chart]:
     """The motions of the first fresh scene, before and after."""
     found = []
-    then = {take.what: take for take in outcome.takes_before}
-    for now in outcome.takes_after:
+    then = {motion.what: motion for motion in outcome.motions_before}
+    for now in outcome.motions_after:
         old = then.get(now.what)
         if now.what == "step":
             traces = [end_trace("after", now, kind, "measured")]
@@ -202,11 +196,13 @@ def charts(outcome: Outcome, kind: JointKind) -> list[Chart]:
     return found
 
 
-def end_trace(label: str, take: Take, kind: JointKind, role: str) -> Trace:
-    """Position from where the reference ends."""
-    return Trace(label, take.time, kind.shown_factor * (take.position - take.reference[-1]), role)
+def end_trace(label: str, shown: Motion, kind: JointKind, role: str) -> Trace:
+    """Position relative to the end of the reference."""
+    return Trace(
+        label, shown.time, kind.shown_factor * (shown.position - shown.reference[-1]), role
+    )
 
 
-def error_trace(label: str, take: Take, kind: JointKind, role: str) -> Trace:
+def error_trace(label: str, shown: Motion, kind: JointKind, role: str) -> Trace:
     """Reference − position of a motion."""
-    return Trace(label, take.time, kind.shown_factor * (take.reference - take.position), role)
+    return Trace(label, shown.time, kind.shown_factor * (shown.reference - shown.position), role)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was found, held against the gains of before, in poses that the search did not see.
+"""Comparison of the found gains with the present ones, in poses not used in the search.
 
-A controller takes the gains found; or the derived ones, where these are better; or it stays as it
-was. Gains join those of the other joints one controller after the other: two joints that each do
-well alone may shake each other.
+A controller gets the found gains, the derived ones where these are better, or keeps its own. Gains
+are combined one controller after the other: joints that are well tuned alone may excite each
+other.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..settings.loading import Settings
-from .bench import Bench, Faulted, Take
+from .bench import Bench, Faulted, Motion
 from .cost import FAULTED, GUARDED, SLACK, WEIGHTS, Figures, cost, figures
 from .scenes import Scene, scenes
 from .search import Found, Plan, settings_of
@@ -24,9 +24,9 @@ from .space import space_of
 #: A controller: joint and stage. Parameters of the board, by name.
 Key = tuple[str, str]
 Changes = Mapping[str, float]
-#: A search must gain so much: less is left as it was.
+#: Minimum improvement by a search.
 LEAST_GAIN = 0.02
-#: The derived gains are those of before where they differ by no more.
+#: Relative difference below which derived gains equal the present ones.
 SAME = 0.01
 
 
@@ -35,9 +35,9 @@ class Outcome:
     """A controller of a joint before and after.
 
     Attributes: joint, stage, changes (parameters; empty: as before), before, derived and after
-    (figures, in each fresh scene; derived: empty where these gains are those of before),
-    takes_before and takes_after (the first fresh scene), cost (1: as before), why (the gains found
-    are not taken; empty where they are), trials.
+    (figures, in each fresh scene; derived: empty where equal to the present gains),
+    motions_before and motions_after (first fresh scene), cost (1: as before), why (reason not to
+    use the found gains; empty where used), trials.
     """
 
     joint: str
@@ -46,8 +46,8 @@ class Outcome:
     before: Sequence[Figures]
     derived: Sequence[Figures]
     after: Sequence[Figures]
-    takes_before: Sequence[Take]
-    takes_after: Sequence[Take]
+    motions_before: Sequence[Motion]
+    motions_after: Sequence[Motion]
     cost: float
     why: str
     trials: int
@@ -60,10 +60,10 @@ def mean(name: str, found: Sequence[Figures]) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Played:
-    """Motions in fresh scenes: figures of each, takes of the first; reason where it faulted."""
+    """Motions in fresh scenes: figures of each, motions of the first; reason of a fault."""
 
     figures: Sequence[Figures]
-    takes: Sequence[Take]
+    motions: Sequence[Motion]
     reason: str = ""
 
 
@@ -75,11 +75,11 @@ def measured(bench: Bench, fresh: Sequence[Scene], key: Key, changes: Changes) -
     except Faulted as error:
         nothing = {name: float("nan") for name in WEIGHTS[stage]}
         return Played([Figures(nothing, float("nan"))] * len(fresh), [], str(error))
-    return Played([figures(stage, takes) for takes in played], played[0])
+    return Played([figures(stage, motions) for motions in played], played[0])
 
 
 def objection(stage: str, before: Played, after: Played, least: float = LEAST_GAIN) -> str:
-    """Why gains are not taken; empty where they are: they gain so much, and spoil nothing."""
+    """Why gains are rejected; empty where they improve by ``least`` and degrade nothing."""
     if after.reason:
         return after.reason
     if before.reason:
@@ -91,7 +91,7 @@ def objection(stage: str, before: Played, after: Played, least: float = LEAST_GA
 
 
 def harm(stage: str, before: Played, after: Played) -> str:
-    """What is worse than before of that which must not be; empty where nothing is."""
+    """The first degraded guarded figure; empty if none."""
     if after.reason or before.reason:
         return "" if before.reason else after.reason
     for name in GUARDED[stage]:
@@ -101,7 +101,7 @@ def harm(stage: str, before: Played, after: Played) -> str:
 
 
 def judge(plan: Plan, found: Sequence[Found]) -> list[Outcome]:
-    """Keep what is better, alone and together with the rest; what is not stays as it was."""
+    """Accept gains that are better alone and combined; the others keep the present gains."""
     settings = settings_of(plan.robot)
     fresh = scenes(settings, plan.payload, plan.seed, fresh=True)
     bench = Bench(settings, fresh)
@@ -117,7 +117,7 @@ def judge(plan: Plan, found: Sequence[Found]) -> list[Outcome]:
 
 
 def derived_gains(settings: Settings, joint: str, stage: str) -> Changes:
-    """The gains that the URDF implies; empty where the joint has them."""
+    """The gains implied by the URDF; empty where the joint has them."""
     space = space_of(settings, joint, stage)
     if all(
         math.isclose(space.given[name], value, rel_tol=SAME)
@@ -132,7 +132,7 @@ def decide(
     derived: Mapping[Key, Changes],
     play: Callable[[Key, Changes], Played],
 ) -> list[Outcome]:
-    """Choose the gains of each controller, the best first, and look at all of them together."""
+    """Choose the gains of each controller, the best first, and evaluate their combination."""
     searches = {(f.joint, f.stage): f for f in found}
     before = {key: play(key, {}) for key in searches}
     plain = {key: play(key, changes) for key, changes in derived.items() if changes}
@@ -171,9 +171,9 @@ def settle(
     before: Mapping[Key, Played],
     play: Callable[[Key, Changes], Played],
 ) -> dict[Key, Played]:
-    """Take back gains until no controller is worse than before; how all of them move then.
+    """Revert gains until no controller is worse than before; returns the motions of all.
 
-    Where one suffers whose gains are as before, the least useful gains of another are taken back.
+    Where a controller with present gains degrades, the least useful gains of another revert.
     """
     while True:
         whole = together(chosen)
@@ -200,7 +200,7 @@ def outcome(
     after: Played,
     why: str,
 ) -> Outcome:
-    """The result of one search, as it stands in the end."""
+    """The final result of one search."""
     known = not (before.reason or after.reason)
     return Outcome(
         found.joint,
@@ -209,8 +209,8 @@ def outcome(
         before.figures,
         derived,
         after.figures,
-        before.takes,
-        after.takes,
+        before.motions,
+        after.motions,
         cost(found.stage, after.figures, before.figures) if known else FAULTED,
         why,
         found.trials,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where gains are tried: poses of the robot, with and without a payload."""
+"""Test scenes of gains: poses of the robot, with and without a payload."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ..description.urdf_tree import Tree
 from ..settings.loading import Settings
 from ..sim.config import SimulationConfig
 
-#: Part of the torque limits that a payload takes at most, where none is given.
+#: Maximum share of the torque limits for a default payload.
 PAYLOAD_SHARE = 0.1
 #: Least lever of a payload, m; gravity, m/s².
 LEAST_LEVER, GRAVITY = 0.1, 9.81
 #: Half an edge of the payload, a cube, m.
 HALF_EDGE = 0.04
-#: Part of each joint's range in which the poses lie, around its middle.
+#: Share of each joint's range for poses, around its middle.
 INNER = 0.5
 
 
@@ -38,7 +38,7 @@ class Scene:
 
 
 def scenes(settings: Settings, payload: float, seed: int, *, fresh: bool) -> list[Scene]:
-    """Home and two poses, one of them with the payload, to search in; or two fresh poses."""
+    """Home and two poses, one with the payload, for the search; or two fresh poses."""
     joints = settings.board.joints
     home = np.array([joint.home for joint in settings.simulation.joints])
     low = np.array([max(j.limits.lower, -math.pi) for j in joints])
@@ -55,7 +55,7 @@ def scenes(settings: Settings, payload: float, seed: int, *, fresh: bool) -> lis
 
 
 def simulation_of(settings: Settings, scene: Scene) -> SimulationConfig:
-    """The plant of a scene: it starts in the pose, and carries the payload."""
+    """The plant of a scene: starts in the pose with the payload."""
     whole = settings.simulation
     joints = tuple(
         replace(joint, home=float(place))
@@ -75,7 +75,7 @@ def last_link(urdf: Urdf, names: Sequence[str]) -> str:
 
 
 def with_payload(urdf: Urdf, names: Sequence[str], mass: float) -> Urdf:
-    """The robot with a cube of so many kg at its last link."""
+    """The robot with a cube of ``mass`` kg at its last link."""
     root = copy.deepcopy(urdf.tree.root)
     link = ET.SubElement(root, "link", name="_payload")
     inertial = ET.SubElement(link, "inertial")
@@ -91,7 +91,7 @@ def with_payload(urdf: Urdf, names: Sequence[str], mass: float) -> Urdf:
 
 
 def usual_payload(settings: Settings) -> float:
-    """The mass at the last link that takes no joint more than PAYLOAD_SHARE of its torque, kg."""
+    """The mass at the last link that loads no joint beyond PAYLOAD_SHARE of its torque, kg."""
     urdf = settings.simulation.urdf
     if urdf is None:
         return 0.0
@@ -108,6 +108,5 @@ def usual_payload(settings: Settings) -> float:
 
 
 def parent_of(joint: ET.Element) -> str:
-    """The link that a joint hangs on."""
     parent = joint.find("parent")
     return "" if parent is None else parent.get("link", "")

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The search itself: one Optuna study for each controller of each joint, in several processes.
 
-A study keeps its trials in a storage, a journal file or a database: who begins again goes on where
-it ended, and several processes or machines may share one.
+Trials are kept in a storage, a journal file or a database: an interrupted search continues, and
+several processes or machines may share one.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from .scenes import scenes
 from .space import Space, space_of
 from .storage import kept_in, optuna, storage_of
 
-#: Gains times this must do, too: a margin of 5 dB against what the simulation does not know; and
-#: what that counts.
+#: Factor of the gains for a second evaluation, a margin of 5 dB for unmodelled effects; its weight
+#: in the cost.
 MARGIN, MARGIN_SHARE = 1.8, 0.25
 
 
@@ -42,7 +42,7 @@ class Plan:
 
     @property
     def digest(self) -> str:
-        """What the trials of a study belong to."""
+        """Identifies the study of trials."""
         text = json.dumps([robot_digest(self.robot), self.payload, self.seed])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -59,7 +59,7 @@ class Found:
 
 
 def settings_of(robot: str) -> Settings:
-    """The robot, without calibrations: they take time and change no gains."""
+    """The robot, without calibrations: they cost time and do not affect gains."""
     settings = load(robot, {"gui": False})
     free = {f"{joint}.calibration.required": False for joint in settings.board.names}
     startup = {f"{joint}.startup_mode": "pos" for joint in settings.board.names}
@@ -68,7 +68,7 @@ def settings_of(robot: str) -> Settings:
 
 @cache
 def robot_digest(robot: str) -> str:
-    """All parameters of a robot in a few letters."""
+    """Digest of all parameters of a robot."""
     values = sorted((name, str(value)) for name, value in settings_of(robot).values.items())
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
@@ -79,32 +79,32 @@ def study_name(plan: Plan, joint: str, stage: str) -> str:
 
 @cache
 def bench_of(robot: str, payload: float, seed: int) -> Bench:
-    """The bench of this process, made once."""
+    """The bench of this process, created once."""
     settings = settings_of(robot)
     return Bench(settings, scenes(settings, payload, seed, fresh=False))
 
 
 @cache
 def space_in(robot: str, joint: str, stage: str) -> Space:
-    """What is varied, as this process knows the robot."""
+    """The search space, loaded once per process."""
     return space_of(settings_of(robot), joint, stage)
 
 
 def run(plan: Plan, joint: str, stage: str) -> Found:
-    """Search until the study has its trials; the best of them.
+    """Search until the study has its trials; returns the best.
 
     Raises:
-        TuningError: with the gains of before, the joint faults; or the storage fails.
+        TuningError: the joint faults with the present gains, or the storage fails.
     """
     with kept_in(plan.storage):
         return search(plan, space_in(plan.robot, joint, stage))
 
 
 def search(plan: Plan, space: Space) -> Found:
-    """The same for a space.
+    """Search in a space.
 
-    The gains of before and the derived ones are tried in any case: where the process that had one
-    of them died, by the one that ends the search.
+    The present and the derived gains are always tried: where the process of such a trial died, by
+    the one that ends the search.
     """
     library = optuna()
     study = library.create_study(
@@ -138,21 +138,21 @@ def search(plan: Plan, space: Space) -> Found:
 
 
 def untried(starts: Sequence[Mapping[str, float]], done: list[Any]) -> list[Mapping[str, float]]:
-    """What none of the finished trials had."""
+    """Starts not covered by finished trials."""
     return [start for start in starts if all(trial.params != start for trial in done)]
 
 
 def finished(study: Any) -> list[Any]:
-    """The trials that ended with a cost."""
+    """The completed trials."""
     complete = optuna().trial.TrialState.COMPLETE
     return [trial for trial in study.get_trials(deepcopy=False) if trial.state == complete]
 
 
 def base_figures(plan: Plan, space: Space) -> list[Figures]:
-    """The figures with the gains of before; where a joint faults with them, of the derived ones.
+    """The figures with the present gains; where a joint faults, with the derived ones.
 
     Raises:
-        TuningError: it faults with both.
+        TuningError: the joint faults with both.
     """
     bench, derived = (
         bench_of(plan.robot, plan.payload, plan.seed),
@@ -161,24 +161,24 @@ def base_figures(plan: Plan, space: Space) -> list[Figures]:
     for changes in ({}, space.changes(derived)):
         try:
             return [
-                figures(space.stage, takes)
-                for takes in bench.play(space.joint, space.stage, changes)
+                figures(space.stage, motions)
+                for motions in bench.play(space.joint, space.stage, changes)
             ]
         except Faulted as error:
             reason = str(error)
-    raise TuningError(f"{space.joint} cannot be moved with the gains it has: {reason}")
+    raise TuningError(f"{space.joint} cannot be moved with its present gains: {reason}")
 
 
 def value_of(
     plan: Plan, space: Space, exponents: Mapping[str, float], before: list[Figures]
 ) -> float:
-    """The cost of some gains, a quarter of it that of the same gains times MARGIN at home."""
+    """The cost of gains, a quarter of it with the same gains times MARGIN at home."""
     bench, stage = bench_of(plan.robot, plan.payload, plan.seed), space.stage
     harder = {name: exponent + math.log2(MARGIN) for name, exponent in exponents.items()}
     try:
         found = [
-            figures(stage, takes)
-            for takes in bench.play(space.joint, stage, space.changes(exponents))
+            figures(stage, motions)
+            for motions in bench.play(space.joint, stage, space.changes(exponents))
         ]
         (edge,) = bench.play(space.joint, stage, space.changes(harder), first=1)
     except Faulted:
@@ -188,7 +188,7 @@ def value_of(
 
 
 def run_all(plan: Plan, tasks: list[tuple[str, str]], jobs: int, tell: Any) -> list[Found]:
-    """Search for every joint and stage, in so many processes; ``tell`` hears what is found.
+    """Search for every joint and stage in ``jobs`` processes; ``tell`` receives each result.
 
     Raises:
         TuningError: a search cannot begin.

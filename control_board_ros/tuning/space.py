@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is varied: for each controller of a joint a few numbers, as powers of two of its gains.
+"""Search space: a few exponents per controller, as powers of two of its gains.
 
-A trial's numbers are exponents, 0 where a gain stays as derived: so one range fits every robot.
+Exponent 0 is the derived gain: one range fits every robot.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from ..settings.loading import Settings
 
 POSITION, COMPLIANT = STAGES = ("position", "compliant")
 
-#: Exponents by stage: name -> from, to. Upwards they keep near the derived gains, which leave a
-#: phase margin of 40 degrees and are worth the torque limit at a few mrad: beyond, a simulation is
-#: no proof.
+#: Exponents by stage: name -> from, to. Upwards they remain near the derived gains, which have a
+#: phase margin of 40 degrees and reach the torque limit at a few mrad: beyond, a simulation is no
+#: proof.
 RANGES: Mapping[str, Mapping[str, tuple[float, float]]] = {
     POSITION: {"kp": (-3.0, 1.0), "ki": (-4.0, 2.0), "kd": (-3.0, 1.0)},
     COMPLIANT: {"ki": (-4.0, 2.0), "damping": (-2.0, 2.0)},
 }
-#: Damping ratio of a position loop at the greatest inertia, at least: alone among joints that hold
-#: still a joint needs less, and two such joints shake each other.
+#: Minimum damping ratio of a position loop at the greatest inertia: a joint alone needs less, but
+#: two such joints excite each other.
 LEAST_DAMPING = 0.5
-#: The gains that a search for positions sets, in both modes that follow positions.
+#: The position gains set by a search, in both modes with position references.
 PIDS, GAINS = ("position_pid", "direct_pid"), ("kp", "ki", "kd")
-#: An exponent is a gain where the derived one is 0.
+#: Base of exponents where the derived gain is 0.
 LEAST = 1e-6
 
 
@@ -37,7 +37,7 @@ class Space:
     """The search for one controller of one joint.
 
     Attributes: joint, stage, derived (gains that exponents count from, by name), given (those of
-    the file), inertia (the greatest that the motor feels, kg·m² or kg).
+    the file), inertia (the greatest felt by the motor, kg·m² or kg).
     """
 
     joint: str
@@ -59,7 +59,7 @@ class Space:
         return named(self.joint, self.stage, values)
 
     def exponents(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The exponents nearest to some gains."""
+        """The exponents nearest to given gains."""
         return {
             name: min(max(math.log2(max(values[name], LEAST) / self.derived[name]), low), high)
             for name, (low, high) in self.ranges.items()
@@ -67,7 +67,7 @@ class Space:
 
 
 def named(joint: str, stage: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Gains by their parameters' full names, with four digits: as they are written."""
+    """Gains by their parameters' full names, with four digits, as written."""
     short = {name: float(f"{value:.4g}") for name, value in values.items()}
     if stage == POSITION:
         return {f"{joint}.{pid}.{name}": value for pid in PIDS for name, value in short.items()}
@@ -78,7 +78,7 @@ def named(joint: str, stage: str, values: Mapping[str, float]) -> dict[str, floa
 
 
 def space_of(settings: Settings, joint: str, stage: str) -> Space:
-    """The search for a joint, around the gains that its URDF and limits imply."""
+    """The search space of a joint, around the gains implied by its URDF and limits."""
     (config,) = [one for one in settings.board.joints if one.name == joint]
     given = gains_of(config, stage)
     own = {
@@ -103,7 +103,7 @@ TORQUE_KI = 30.0
 
 
 def gains_of(config: JointConfig, stage: str) -> dict[str, float]:
-    """The gains of a joint that a stage searches for."""
+    """The gains of a joint varied by a stage."""
     if stage == POSITION:
         return {name: getattr(config.position_pid, name) for name in GAINS}
     return {"ki": config.torque_pid.ki, "damping": config.impedance.damping}

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where trials are kept: a journal file, a database, or a database behind Optuna's gRPC proxy.
+"""Storages of trials: a journal file, a database, or a database behind Optuna's gRPC proxy.
 
-A process that dies leaves a trial that runs for ever. In a database each process gives signs of
-life: without one for a minute, its trial is given up, and the next process tries it again.
-Journals and proxies have none: what must be tried, a search looks after itself.
+A process that dies leaves an active trial. With a database each process sends heartbeats: after a
+minute without one, the trial is abandoned, and the next process repeats it. Journals and proxies
+have no heartbeats: a search itself repeats required trials.
 """
 
 from __future__ import annotations
@@ -19,20 +19,16 @@ from urllib.parse import urlsplit
 
 from .errors import TuningError
 
-#: s between signs of life of a process that uses a database, and until one without is given up.
+#: s between heartbeats of a process with a database, and until a trial without is abandoned.
 ALIVE, GIVEN_UP = 10, 60
-#: So often is a trial tried again whose process died: it may be the trial that ends processes.
+#: Maximum repetitions of a trial whose process died: the trial may be the cause.
 RETRIES = 2
 #: s to wait for a gRPC proxy.
 PROXY_TIMEOUT = 10.0
 
 
 def optuna() -> Any:
-    """The library, quiet.
-
-    Raises:
-        TuningError: it is not installed.
-    """
+    """Import the library, quiet; raises TuningError where it is not installed."""
     try:
         import optuna as library
     except ModuleNotFoundError as error:
@@ -46,7 +42,7 @@ def optuna() -> Any:
 
 @cache
 def storage_of(place: str) -> Any:
-    """A journal file; the database, or the proxy (``grpc://host:port``), of a URL: opened once.
+    """Open a journal file, or the database or proxy (``grpc://host:port``) of a URL, once.
 
     Raises:
         TuningError: it cannot be opened.
@@ -66,13 +62,13 @@ def storage_of(place: str) -> Any:
 
 
 def journal(path: str) -> Any:
-    """A file, which several processes may use where the file system locks files."""
+    """A journal file, shared by processes where the file system supports locks."""
     storages = optuna().storages
     return storages.JournalStorage(storages.journal.JournalFileBackend(path))
 
 
 def database(url: str) -> Any:
-    """A database, with its tables: where several processes make them at once, one of them does."""
+    """A database with its tables, created by one of several processes."""
     from sqlalchemy.exc import IntegrityError, ProgrammingError
 
     storages = optuna().storages
@@ -102,12 +98,12 @@ def proxy(url: str) -> Any:
 
 
 def shown(place: str) -> str:
-    """A storage as it may be printed: without its password."""
+    """A storage for display, without its password."""
     return re.sub(r"(://[^/@:]*):[^/@]*@", r"\1:***@", place)
 
 
 def reason(error: BaseException) -> str:
-    """What went wrong, in a line."""
+    """The cause of an error, one line."""
     details = getattr(error, "details", None)  # of gRPC
     text = details() if callable(details) else str(error)
     return (str(text).splitlines() or [type(error).__name__])[0]
@@ -115,11 +111,7 @@ def reason(error: BaseException) -> str:
 
 @contextmanager
 def kept_in(place: str) -> Iterator[None]:
-    """Use a storage: that it fails is said in a line.
-
-    Raises:
-        TuningError: it failed.
-    """
+    """Convert failures of a storage to TuningError."""
     try:
         yield
     except Exception as error:
@@ -133,9 +125,9 @@ def kept_in(place: str) -> Iterator[None]:
 
 
 def failure_in(error: BaseException) -> BaseException | None:
-    """The first failure of a storage that led to an error; None where none did.
+    """The first failure of a storage in an error's chain; None without one.
 
-    Optuna may raise another error while it handles one of its storage.
+    Optuna may raise another error while handling one of its storage.
     """
     kinds = failures()
     found: BaseException | None = None
@@ -147,7 +139,7 @@ def failure_in(error: BaseException) -> BaseException | None:
 
 
 def failures() -> tuple[type[BaseException], ...]:
-    """What storages raise when they fail."""
+    """Exceptions of failing storages."""
     from sqlalchemy.exc import SQLAlchemyError
 
     found = (optuna().exceptions.StorageInternalError, SQLAlchemyError, OSError)

@@ -19,9 +19,9 @@ import yaml
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.description.urdf import Urdf
 from control_board_ros.settings.loading import load
-from control_board_ros.tuning.bench import Bench, Faulted, Take, with_gains
+from control_board_ros.tuning.bench import Bench, Faulted, Motion, with_gains
 from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
-from control_board_ros.tuning.files import line_of, parameters, told, write_parameters
+from control_board_ros.tuning.files import line_of, mean_text, parameters, write_parameters
 from control_board_ros.tuning.outcome import Played, decide, judge, mean, objection
 from control_board_ros.tuning.scenes import scenes, usual_payload, with_payload
 from control_board_ros.tuning.search import Found, Plan, run, settings_of
@@ -107,11 +107,11 @@ def test_gains_of_a_trial_are_those_of_the_board(crane: str) -> None:
     assert board.joints[0].position_pid.kp == 300.0
 
 
-def take(what: str, error: float, count: int = 200) -> Take:
+def motion(what: str, error: float, count: int = 200) -> Motion:
     """A motion at rest, with a constant error."""
     time = np.arange(1, count + 1) * 2e-3
     zero = np.zeros(count)
-    return Take(what, time, zero + error, zero, zero, zero + error, zero)
+    return Motion(what, time, zero + error, zero, zero, zero + error, zero)
 
 
 def test_the_cost_of_the_same_figures_is_one() -> None:
@@ -127,11 +127,11 @@ def test_the_cost_counts_overshoot_beyond_a_tenth() -> None:
 
 
 def test_figures_of_motions() -> None:
-    found = figures(POSITION, [take("move", 0.1), take("step", 0.0), take("push", 0.2)])
+    found = figures(POSITION, [motion("move", 0.1), motion("step", 0.0), motion("push", 0.2)])
     assert found.values["tracking"] == pytest.approx(0.1)
     assert found.values["push"] == pytest.approx(0.2)
     assert found.values["chatter"] == 0.0
-    found = figures(COMPLIANT, [take("push", 0.3), take("release", 0.3), take("move", 0.3)])
+    found = figures(COMPLIANT, [motion("push", 0.3), motion("release", 0.3), motion("move", 0.3)])
     assert found.values["torque"] == pytest.approx(0.3)
 
 
@@ -146,10 +146,10 @@ def test_motions_repeat(bench: Bench) -> None:
 
 def test_gains_that_shake_cost_most(bench: Bench) -> None:
     """A thousand times the derivative gain is no motion that anybody wants."""
-    before = [figures(POSITION, takes) for takes in bench.play("lift", POSITION, {})]
+    before = [figures(POSITION, motions) for motions in bench.play("lift", POSITION, {})]
     wild = {"lift.position_pid.kd": 60e3, "lift.direct_pid.kd": 60e3}
     try:
-        after = [figures(POSITION, takes) for takes in bench.play("lift", POSITION, wild)]
+        after = [figures(POSITION, motions) for motions in bench.play("lift", POSITION, wild)]
     except Faulted:
         return
     assert cost(POSITION, after, before) > 1.0
@@ -201,7 +201,7 @@ def test_what_is_worse_is_not_taken(tmp_path: Path) -> None:
 
 
 def test_objections() -> None:
-    """No better, worse in what counts, faulted; a joint that faulted before takes what it gets."""
+    """No better, worse in what counts, faulted; a joint that faulted before accepts any gains."""
     good, bad = (Figures(dict.fromkeys(WEIGHTS[POSITION], v), 0.0) for v in (0.1, 1.0))
     mixed = Figures(dict(good.values) | {"tracking": 1.1, "push": 0.01}, 0.0)
     assert objection(POSITION, Played([bad], []), Played([good], [])) == ""
@@ -231,7 +231,7 @@ def test_gains_that_are_better_are_taken() -> None:
 
 
 def test_gains_that_do_not_go_together_are_not_taken_together() -> None:
-    """The better search stays; what it shakes is left as it was, and told why."""
+    """The better search stays; what it shakes keeps its gains, with the reason."""
 
     def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
         return played(5.0 if {"a", "b"} <= gains.keys() else 0.5 if key[0] in gains else 1.0)
@@ -335,23 +335,24 @@ def test_what_is_refused(
 
 def test_a_window_s_length_is_no_settling_time(tmp_path: Path) -> None:
     """Report and file say that a joint did not settle, and on what the gains were tuned."""
-    slow = figures(POSITION, [take("move", 0.1), creeping(), take("push", 0.2)])
+    slow = figures(POSITION, [motion("move", 0.1), creeping(), motion("push", 0.2)])
     assert not slow.settled
     assert slow.values["settling"] == pytest.approx(0.4)
     quick = Figures({**slow.values, "settling": 0.2}, 0.0)
     unit = JointKind.REVOLUTE
     assert (
-        told("settling", [slow, quick], unit) == "more than 0.300 s (not settled in 1 of 2 poses)"
+        mean_text("settling", [slow, quick], unit)
+        == "more than 0.300 s (not settled in 1 of 2 poses)"
     )
-    assert told("settling", [quick], unit) == "0.200 s"
-    assert "settled" not in told("tracking", [slow], unit)
+    assert mean_text("settling", [quick], unit) == "0.200 s"
+    assert "settled" not in mean_text("tracking", [slow], unit)
     path = tmp_path / "tuned.yaml"
     write_parameters(path, [], Plan("iiwa", 0.5, 6, 1, ""))
     head = " ".join(line.strip("# ") for line in path.read_text("utf-8").splitlines())
     assert "Tuned on a simulation with ideal sensors" in head
 
 
-def creeping() -> Take:
+def creeping() -> Motion:
     """A step that is still on its way at the end."""
-    made = take("step", 0.0)
+    made = motion("step", 0.0)
     return replace(made, reference=np.ones(200), position=np.linspace(0.0, 0.9, 200))
