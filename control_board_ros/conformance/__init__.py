@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rules of a control board that can be seen from outside, tried on any board over ROS.
+"""The externally visible rules of a control board, tested on any board over ROS.
 
-A rule is a function that tries something on a :class:`Bench` and returns its evidence, or raises
+A rule is a function that tests a :class:`Bench` and returns its evidence, or raises
 NotHeld or NotTestable::
 
     @rule("M10", "IDLE is unpowered")
@@ -11,9 +11,9 @@ NotHeld or NotTestable::
         expect(not any(outputs), f"{max(outputs, key=abs):.3g} % in IDLE")
         return f"0 % in {len(outputs)} states"
 
-Nothing here knows how the board is made: it uses the client, and messages for what no client
-would send. The rules stand in a file per group of the specification; ``runner`` runs them and
-leaves the joints as found, ``report`` tells how they went, ``app`` is the command line.
+Independent of the board's implementation: rules use the client, and messages that no client would
+send. Each group of the specification has a file; ``runner`` runs the rules and restores the
+joints, ``report`` reports the results, ``app`` is the command line.
 """
 
 from . import (

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The command ``control_board_conformance``.
 
-Exit codes: 0 every rule that could be tried held, 1 one did not, or more than a few were not
-tested that the board offers, or there is no board, 2 wrong usage.
+Exit codes: 0 every testable rule held, 1 a rule did not hold, too many offered ones were not
+tested, or no board, 2 wrong usage.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .rules import RULES, NotTestable, OutOfTime, Rule, in_order
 from .runner import Result, Session, passed, run, unread
 from .shapes import Malformed
 
-#: Characters of a line, which may hold texts of the board.
+#: Maximum characters of a line, which may include texts of the board.
 LONGEST = 2000
 
 if TYPE_CHECKING:
@@ -41,7 +41,6 @@ are left as found.
 
 
 def parser() -> argparse.ArgumentParser:
-    """The options."""
     options = argparse.ArgumentParser(
         "control_board_conformance", description=ABOUT, allow_abbrev=False
     )
@@ -59,7 +58,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def domain(text: str) -> int:
-    """A ROS domain."""
+    """A ROS domain, validated."""
     value = int(text)
     if not 0 <= value <= 232:
         raise argparse.ArgumentTypeError(f"{text} is not valid; ROS domains are 0 to 232")
@@ -67,10 +66,10 @@ def domain(text: str) -> int:
 
 
 def chosen(asked: argparse.Namespace) -> list[Rule]:
-    """The rules that were asked for, in their order.
+    """The selected rules, in their order.
 
     Raises:
-        ValueError: there is no such rule, or the options do not go together.
+        ValueError: unknown rule, or incompatible options.
     """
     names = [name.strip() for name in asked.rules.split(",")] if asked.rules is not None else []
     unknown = [name for name in names if name not in RULES]
@@ -80,12 +79,12 @@ def chosen(asked: argparse.Namespace) -> list[Rule]:
         if asked.junit is not None and not asked.junit.absolute().parent.is_dir():
             raise ValueError(f"there is no folder for {asked.junit}")
         if not asked.yes and not sys.stdin.isatty():
-            raise ValueError("nobody can be asked here whether it may move; give --yes")
+            raise ValueError("no terminal for the confirmation to move; give --yes")
     return [rule for rule in in_order() if asked.rules is None or rule.name in names]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command line; the exit code."""
+    """Run one command line; returns the exit code."""
     options = parser()
     asked = options.parse_args(arguments)
     try:
@@ -114,20 +113,20 @@ def try_board(
     rules: Sequence[Rule],
     complain: Callable[[str], Any],
 ) -> int:
-    """Ask, try the rules, tell; the exit code.
+    """Confirm, test the rules, report; returns the exit code.
 
     Args:
-        node: that nobody spins.
+        node: not spun.
         client: of the board.
         asked: the options, with ``json`` and ``timeout`` (s, for each answer).
-        rules: to try.
-        complain: takes what went wrong besides, one line each.
+        rules: to test.
+        complain: called with other problems, one line each.
 
     Raises:
-        NotTestable: no joint can be tried.
+        NotTestable: no testable joint.
         BoardError: no board.
     """
-    heard: Callable[[Result], None] = (lambda _: None) if asked.json else tell
+    on_result: Callable[[Result], None] = (lambda _: None) if asked.json else tell
     joint, problems = asked.joint or "", list[str]()
     try:
         session = Session(
@@ -143,17 +142,17 @@ def try_board(
         complain(f"the board cannot be read: {error}")
         results = unread(rules, error)
         for result in results:
-            heard(result)
+            on_result(result)
         summed_up(client.board_name, joint, asked, results, problems, complain)
-        return NOT_HELD  # also where the rule that says why is not among those asked for
+        return NOT_HELD  # also where the rule with the reason is not selected
     else:
         with contextlib.closing(session):
             joint = session.bench.joint
             print(clean_lines(plan(session.bench, asked)), file=sys.stderr)
             if not asked.yes and not goes_on():
-                complain("nothing was tried")
+                complain("nothing was tested")
                 return NOT_HELD
-            results, problems = run(session, rules, heard)
+            results, problems = run(session, rules, on_result)
     return summed_up(client.board_name, joint, asked, results, problems, complain)
 
 
@@ -165,7 +164,7 @@ def summed_up(
     problems: Sequence[str],
     complain: Callable[[str], Any],
 ) -> int:
-    """Tell how it went, and write the report that was asked for; the exit code."""
+    """Report the results, and write the requested file; returns the exit code."""
     print(as_json(board, joint, results) if asked.json else as_text(results))
     if asked.junit is not None:
         asked.junit.write_text(as_junit(board, results), encoding="utf-8")
@@ -177,18 +176,18 @@ def summed_up(
 
 
 def tell(result: Result) -> None:
-    """Print a result as it comes."""
+    """Print one result."""
     print(clean(as_line(result), LONGEST), flush=True)
 
 
 def goes_on() -> bool:
-    """Ask whether it may move."""
+    """Ask for confirmation to move."""
     print("Go on? [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
 def plan(bench: Bench, asked: argparse.Namespace) -> str:
-    """What will be done, for people."""
+    """Text of the planned actions."""
     limits = bench.range
     lines = [
         f"{bench.joint} of {bench.channel.board} will move from {limits.low:.3g} to "
@@ -205,7 +204,7 @@ def plan(bench: Bench, asked: argparse.Namespace) -> str:
 
 @contextlib.contextmanager
 def connected(asked: argparse.Namespace) -> Iterator[tuple[Any, ControlBoardClient]]:
-    """A node that nobody spins, and a client of the board."""
+    """A node, not spun, and a client of the board."""
     announce_often()
     from rclpy.context import Context
     from rclpy.node import Node
@@ -226,6 +225,6 @@ def connected(asked: argparse.Namespace) -> Iterator[tuple[Any, ControlBoardClie
 
 
 def complain(text: str) -> int:
-    """One line on standard error; the exit code."""
+    """Print one line on stderr; returns the exit code."""
     print(f"control_board_conformance: {clean(text, LONGEST)}", file=sys.stderr, flush=True)
     return NOT_HELD

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a board is found with, and is left with."""
+"""Saving and restoring a board's state."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .rules import NotHeld, NotTestable, NotTested
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AsFound:
-    """What the rules change, of the joints they may change.
+    """Initial state of the testable joints, as far as rules change it.
 
-    Attributes: names, control_modes, interaction_modes, speeds, accelerations (reference ones),
+    Attributes: names, control_modes, interaction_modes, speeds, accelerations (reference),
     stiffness, damping, one entry per name.
     """
 
@@ -33,7 +33,7 @@ class AsFound:
 
     @classmethod
     def of(cls, client: ControlBoardClient) -> AsFound:
-        """The joints of a board that are in a mode a user sets, and have POSITION."""
+        """The joints in a selectable mode that implement POSITION."""
         modes = client.get_control_mode()
         calibrated = client.get_state().calibrated
         available = client.get_available_modes()
@@ -57,10 +57,10 @@ class AsFound:
         )
 
     def hold(self, client: ControlBoardClient) -> None:
-        """Bring all of them to POSITION, where they hold still.
+        """Set all joints to POSITION, at rest.
 
         Raises:
-            NotTested: one of them does not get there.
+            NotTested: a joint does not enter it.
         """
         modes = dict(zip(self.names, client.get_control_mode(self.names), strict=True))
         faulted = [name for name in self.names if modes[name] is M.HW_FAULT]
@@ -69,24 +69,24 @@ class AsFound:
         others = [name for name in self.names if modes[name] is not M.POSITION]
         reply = client.set_control_mode(others, M.POSITION) if others else True
         if not reply:
-            raise NotTested(f"joints do not come to POSITION: {getattr(reply, 'message', '')}")
+            raise NotTested(f"joints do not enter POSITION: {getattr(reply, 'message', '')}")
 
     def give_back(self, client: ControlBoardClient) -> list[Reply]:
-        """Set reference speeds and impedance as found, at any time."""
+        """Restore reference speeds and impedance, at any time."""
         return [
             client.set_reference_speed(self.names, self.speeds, self.accelerations),
             client.set_impedance(self.names, self.stiffness, self.damping),
         ]
 
     def restore(self, bench: Bench) -> list[str]:
-        """Leave the joints as found; what could not be restored, in words."""
+        """Restore the joints; returns the problems."""
         client, wrong = bench.client, []
         try:
             self.hold(client)
             bench.home()
             bench.go(bench.range.found)
         except (NotTestable, NotTested, NotHeld, ValueError, LookupError) as error:
-            wrong.append(f"{bench.joint} is not back where it was found: {error}")
+            wrong.append(f"{bench.joint} is not back at its initial position: {error}")
         except BoardError as error:
             return [str(error)]
         try:

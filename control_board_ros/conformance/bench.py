@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a rule works with: one joint of a board, the range it is tried in, and what it shows."""
+"""Test bench of a rule: one joint of a board, its range, and its measurements."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .shapes import PER_JOINT, check_lengths, reply_of
 M, K = ControlMode, CommandKind
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 
-#: The method that sends a kind of reference, and the one that reads the last accepted one.
+#: Per kind of reference: the method to send it, and the one to read the last accepted one.
 COMMANDS = {
     K.POSITION: ("position_move", "get_target_position"),
     K.POSITION_DIRECT: ("set_position", "get_ref_position"),
@@ -37,14 +37,14 @@ COMMANDS = {
     K.CURRENT: ("set_ref_current", "get_ref_current"),
 }
 
-#: s in which a reference is taken or counted as ignored, on the busiest machine.
+#: s until a reference is accepted or counted as ignored, on the busiest machine.
 TAKING = 2.0
-#: States below which nothing can be said of what happens in a time.
+#: Minimum number of states for a statement about an interval.
 FEWEST = 5
 
 
 class Fate(Enum):
-    """What became of a reference: it is read back, counted as ignored, or neither."""
+    """Outcome of a reference: read back, counted as ignored, or neither."""
 
     TAKEN = auto()
     COUNTED = auto()
@@ -53,34 +53,34 @@ class Fate(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Allowed:
-    """What may be done besides moving: calibrate (it may leave the range), power_cycle."""
+    """Permissions beyond moving: calibrate (may leave the range), power_cycle."""
 
     calibrate: bool = False
     power_cycle: bool = False
 
 
-def told_interval(client: ControlBoardClient) -> float:
-    """The time from one state to the next that the board's parameters tell, s; 0: none."""
+def _parameter_interval(client: ControlBoardClient) -> float:
+    """The interval of states by the board's parameters, s; 0: unknown."""
     try:
         rate = float(client.get_parameters(["state_rate"])["state_rate"])
-    except (BoardError, ValueError, TypeError):  # another board has no such parameter
+    except (BoardError, ValueError, TypeError):  # other boards lack the parameter
         return 0.0
     return 1.0 / rate if rate > 0.0 else 0.0
 
 
 class Bench:
-    """A joint to try rules on; every rule starts with it at rest in POSITION, STIFF.
+    """A joint under test; every rule starts with it at rest in POSITION, STIFF.
 
     Args:
         client: of the board.
         channel: to the same board.
         joint: index of the joint.
-        partner: name of another one, that holds still; None where there is none.
-        limits: how far the joint may go.
-        allowed: what else may be done.
+        partner: name of another joint at rest; None without one.
+        limits: of the joint's range.
+        allowed: permissions.
 
     Attributes: names (of the board's joints), joint (name), j (index), modes and interactions
-    (what the joint implements).
+    (implemented by the joint).
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Bench:
     ) -> None:
         self._client, self.channel, self.range, self.allowed = client, channel, limits, allowed
         self._asked = False
-        self._interval = told_interval(client)
+        self._interval = _parameter_interval(client)
         self.names: tuple[str, ...] = client.names
         self.j, self.joint, self.partner = joint, self.names[joint], partner
         self.modes, self.interactions = client.get_available_modes(self.joint)[0]
@@ -103,11 +103,11 @@ class Bench:
 
     @property
     def client(self) -> ControlBoardClient:
-        """The client, as long as the rule has time left.
+        """The client, within the rule's time.
 
         Raises:
-            OutOfTime: it has none.
-            Malformed: a message cannot be read.
+            OutOfTime: the time is over.
+            Malformed: a message is invalid.
         """
         self.channel.check()
         return self._client
@@ -115,10 +115,10 @@ class Bench:
     def ask(
         self, service: Endpoint, names: Sequence[str] | None = None, /, **requested: Any
     ) -> Reply:
-        """Ask a service that answers for each joint: of the joint, or of those that are named.
+        """Call a service with an answer per joint, for the joint or for ``names``.
 
         Raises:
-            Malformed: its answers do not agree with its success.
+            Malformed: its answers contradict its success.
         """
         asked = [self.joint] if names is None else list(names)
         response = self.channel.call(service, names=asked, **requested)
@@ -126,7 +126,7 @@ class Bench:
         return reply_of(service, asked, response)
 
     def publish(self, topic: Endpoint, **fields: Any) -> None:
-        """Publish a message as it stands."""
+        """Publish a message unchanged."""
         self.channel.send(topic, **fields)
         self._asked = True
 
@@ -134,7 +134,6 @@ class Bench:
 
     @property
     def mode(self) -> ControlMode:
-        """The control mode of the joint."""
         return self.client.get_control_mode(self.joint)[0]
 
     @property
@@ -142,7 +141,7 @@ class Bench:
         """A mode that the joint does not implement.
 
         Raises:
-            NotTestable: it implements all of them.
+            NotTestable: it implements all.
         """
         for mode in reversed(SELECTABLE):
             if mode not in self.modes:
@@ -150,11 +149,11 @@ class Bench:
         raise NotTestable(f"{self.joint} implements every mode")
 
     def enter(self, mode: ControlMode, interaction: InteractionMode | None = None) -> None:
-        """Put the joint into a mode, for a rule that is about something else.
+        """Set the joint's mode, as a precondition of a rule.
 
         Raises:
-            NotTestable: it does not have the mode.
-            NotTested: it does not get there.
+            NotTestable: the mode is not implemented.
+            NotTested: the mode is not entered.
         """
         offered(mode in self.modes, f"{self.joint} does not implement {mode}")
         if interaction is not None:
@@ -166,31 +165,31 @@ class Bench:
         assume(self.mode is mode, f"{self.joint} is not in {mode} after it was set, see M1")
 
     def home(self) -> None:
-        """Bring the joint to rest in POSITION, STIFF where it was found, from anywhere.
+        """Return the joint to its initial position, at rest in POSITION, STIFF.
 
         Raises:
-            NotTested: it does not come.
+            NotTested: it does not return.
         """
         if self.mode is M.HW_FAULT:
             self.client.set_control_mode(self.joint, M.FORCE_IDLE)
         self.enter(M.POSITION, STIFF)
         if self.moves():
             self.client.stop(self.joint)
-            self.enter(M.POSITION)  # a board whose stop leaves the mode breaks one rule, not all
+            self.enter(M.POSITION)  # if stop leaves the mode, only one rule fails
         self.go(self.range.start)
 
     def go(self, target: float) -> None:
-        """Move to a position, if it is not there, and wait until it is."""
+        """Move to a position and wait for the arrival."""
         way = abs(target - float(self.state().position[self.j]))
         if way > 0.02 * self.range.step:
             self.client.position_move(self.joint, target, self.range.speed)
             self.until(self.reached(target), 2.0 + 2.0 * way / self.range.speed, guarded=False)
 
     def fault(self) -> Reply:
-        """Put the joint into HW_FAULT, as a user can (M5).
+        """Set the joint into HW_FAULT by a user fault (M5).
 
         Raises:
-            NotTested: it does not go there.
+            NotTested: it does not fault.
         """
         reply = self.client.set_control_mode(self.joint, self.missing)
         assume(self.mode is M.HW_FAULT, f"no fault by asking for {self.missing}, see M5")
@@ -199,17 +198,16 @@ class Bench:
     # -- references ---------------------------------------------------------------------------
 
     def send(self, kind: CommandKind, value: float) -> None:
-        """Send a reference to the joint; moves and velocities as slowly as the range asks for."""
+        """Send a reference to the joint; moves and velocities at the speed of the range."""
         limits = self.range
         along = {K.POSITION: [limits.speed], K.VELOCITY: [limits.acceleration]}.get(kind, [])
         getattr(self.client, COMMANDS[kind][0])(self.joint, value, *along)
 
     def last(self, kind: CommandKind, joint: str | None = None) -> float:
-        """The last accepted reference of a kind."""
         return float(getattr(self.client, COMMANDS[kind][1])(joint or self.joint)[0])
 
     def another(self, kind: CommandKind) -> float:
-        """A reference that does little, and differs from the last accepted one."""
+        """A reference with little effect that differs from the last accepted one."""
         limits, last = self.range, self.last(kind)
         unit = {K.VELOCITY: limits.speed, K.TORQUE: limits.torque, K.OUTPUT: limits.output}
         if kind in unit:
@@ -219,7 +217,7 @@ class Bench:
         return max(values, key=lambda value: abs(value - last))
 
     def fate(self, kind: CommandKind, value: float) -> Fate:
-        """What becomes of a reference that is sent now."""
+        """Send a reference and return its outcome."""
         counted = self.rejected()
         self.send(kind, value)
         end = time.monotonic() + TAKING
@@ -231,39 +229,38 @@ class Bench:
         return Fate.VANISHED
 
     def take(self, kind: CommandKind, value: float) -> None:
-        """Send a reference that the mode takes, for a rule that is about what it does.
+        """Send a reference that the mode accepts, as a precondition of a rule.
 
         Raises:
-            NotTested: it is not taken.
+            NotTested: it is not accepted.
         """
         fate = self.fate(kind, value)
-        assume(fate is Fate.TAKEN, f"the {kind} reference was not taken, see M3")
+        assume(fate is Fate.TAKEN, f"the {kind} reference was not accepted, see M3")
 
     # -- states -------------------------------------------------------------------------------
 
     def state(self) -> State:
-        """A state that shows what was asked for before."""
+        """A state that includes the effect of earlier requests."""
         fresh = self.client.get_state()
         check_lengths("~/state", fresh, PER_JOINT)
         self.wait(lambda: self.latest().stamp >= fresh.stamp, self.channel.patience)
-        if self._asked:  # not by the client, whose states may be older then
+        if self._asked:  # not by the client, whose states may be older
             self._asked = False
             return self.following(2)
         return fresh
 
     def following(self, count: int) -> State:
-        """The state so many after the last one.
+        """The ``count``-th state after the last one.
 
         Raises:
-            BoardTimeout: it does not come.
+            BoardTimeout: it is not received.
         """
-        wanted = self.channel.states_heard + count
-        if not self.wait(lambda: self.channel.states_heard >= wanted, self.channel.patience):
+        wanted = self.channel.states_received + count
+        if not self.wait(lambda: self.channel.states_received >= wanted, self.channel.patience):
             raise BoardTimeout(f"no state of {self.channel.board}; is it paused?")
         return self.channel.states[-1]
 
     def moves(self) -> bool:
-        """Whether the position reference of the joint moves."""
         states = (self.state(), self.following(1))
         one, other = (float(state.position_reference[self.j]) for state in states)
         return one != other
@@ -275,35 +272,34 @@ class Bench:
 
     @property
     def state_interval(self) -> float:
-        """The usual time from one state to the next, s: of its parameter, else as it was heard."""
+        """The usual interval of states, s: by its parameter, else as received."""
         stamps = np.array([state.stamp for state in self.channel.states.copy()])
-        heard = float(np.median(np.diff(stamps)))
-        return self._interval if 0.0 < self._interval < heard < 1.15 * self._interval else heard
+        seen = float(np.median(np.diff(stamps)))
+        return self._interval if 0.0 < self._interval < seen < 1.15 * self._interval else seen
 
     def shows(self, condition: Callable[[State], bool]) -> State:
-        """The first state that fulfils a condition, else the last one when none came in time.
+        """The first state that fulfils a condition, else the last one in time.
 
-        What was published is taken when it is: no request tells.
+        The time of processing of published messages is unknown.
         """
         self.wait(lambda: condition(self.latest()), TAKING)
         return self.latest()
 
     def latest(self) -> State:
-        """The last state heard.
+        """The last state received.
 
         Raises:
-            BoardTimeout: there is none.
+            BoardTimeout: no state.
         """
         if not self.channel.wait_for(lambda: bool(self.channel.states), self.channel.patience):
             raise BoardTimeout(f"no state of {self.channel.board}; is it paused?")
         return self.channel.states[-1]
 
     def rejected(self) -> int:
-        """How many commands of the joint were ignored so far."""
+        """Number of ignored commands of the joint."""
         return int(self.state().rejected_commands[self.j])
 
     def is_done(self, state: State) -> bool:
-        """Whether no move of the joint runs."""
         return bool(state.motion_done[self.j])
 
     def since(self, stamp: float) -> list[State]:
@@ -312,7 +308,7 @@ class Bench:
         return list(newest_first)[::-1]
 
     def record(self, seconds: float) -> list[State]:
-        """The states of so much time of the board from now on, and of more where they are few."""
+        """The states of the next ``seconds`` of board time, at least FEWEST."""
         begin = self.state().stamp
 
         def enough() -> bool:
@@ -324,7 +320,7 @@ class Bench:
     def until(
         self, condition: Callable[[State], bool], seconds: float, *, guarded: bool = True
     ) -> State | None:
-        """The first state from now on that fulfils a condition; None when none did in time."""
+        """The first new state that fulfils a condition; None if none in time."""
         begin = self.state().stamp
 
         def over() -> bool:
@@ -335,22 +331,22 @@ class Bench:
         return latest if condition(latest) else None
 
     def still(self, states: Sequence[State]) -> float:
-        """How far the joint went meanwhile, rad."""
+        """Travel of the joint in these states, rad."""
         positions = [float(state.position[self.j]) for state in states]
         return max(positions) - min(positions)
 
     @property
     def tolerance(self) -> float:
-        """What counts as not having moved, rad."""
+        """Travel that counts as no motion, rad."""
         return 0.05 * (self.range.high - self.range.low)
 
     def _pass(
         self, condition: Callable[[], bool], seconds: float, *, guarded: bool = True
     ) -> None:
-        """Wait for something of the board's time, and see that the joint stays in its range.
+        """Wait in board time, and check that the joint stays in its range.
 
         Raises:
-            BoardTimeout: the board's time does not go on.
+            BoardTimeout: the board's time stops.
             NotHeld, NotTestable: the joint left its range, held by the board or not.
         """
 
@@ -370,5 +366,5 @@ class Bench:
         raise NotTestable(f"{text}; try a joint that bears no load: --joint NAME")
 
     def wait(self, condition: Callable[[], bool], patience: float) -> bool:
-        """Wait until a state or a change of modes fulfils a condition; false when none did."""
+        """Wait until a state or a change of modes fulfils a condition; false on timeout."""
         return self.channel.wait_for(condition, patience)

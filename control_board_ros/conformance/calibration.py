@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""K: calibration; only with --calibrate, for it moves a joint as far as its calibrator says."""
+"""K: calibration; only with --calibrate, as the calibrator determines the motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def begin(bench: Bench) -> None:
     """Start the calibration of the joint.
 
     Raises:
-        NotTestable: it may not be calibrated, or cannot.
+        NotTestable: not permitted, or not possible.
     """
     if not bench.allowed.calibrate:
         raise NotTestable("a calibration may leave the range; allow it with --calibrate")
@@ -28,7 +28,6 @@ def begin(bench: Bench) -> None:
 
 
 def finish(bench: Bench) -> None:
-    """Wait until the calibration is over."""
     end = time.monotonic() + LONGEST
     while bench.mode is M.CALIBRATING and time.monotonic() < end:
         time.sleep(0.05)
@@ -37,7 +36,7 @@ def finish(bench: Bench) -> None:
 @rule("K1", "calibration on request")
 def on_request(bench: Bench) -> str:
     bench.enter(M.IDLE)
-    count = bench.channel.modes_heard
+    count = bench.channel.modes_received
     begin(bench)
     finish(bench)
     bench.record(0.05)
@@ -52,7 +51,7 @@ def on_request(bench: Bench) -> str:
 
 @rule("K2", "while calibrating")
 def meanwhile(bench: Bench) -> str:
-    count, last = bench.channel.modes_heard, calibrators_modes(bench)[0]
+    count, last = bench.channel.modes_received, calibrators_modes(bench)[0]
     other = next(mode for mode in bench.modes if mode.code != last)
     begin(bench)
     try:
@@ -66,7 +65,7 @@ def meanwhile(bench: Bench) -> str:
         expect(left[:1] != [other.code], f"{other} was accepted while CALIBRATING")
         offered(bench.mode is M.CALIBRATING, "the calibration was over too soon")
         expect(not reply, f"{other} was accepted while CALIBRATING")
-        expect(fate is not Fate.TAKEN, "a position was taken while CALIBRATING")
+        expect(fate is not Fate.TAKEN, "a position was accepted while CALIBRATING")
     finally:
         finish(bench)
     return "a mode request refused, a command ignored"
@@ -87,12 +86,12 @@ def afterwards(bench: Bench) -> str:
 
 
 def calibrators_modes(bench: Bench) -> tuple[str, str]:
-    """The codes that the joint's parameters give, where it tells them, else the default."""
+    """The codes of the joint's parameters, else the default."""
     names = [f"{bench.joint}.calibration.{kind}_mode" for kind in ("control", "interaction")]
     try:
         control, interaction = bench.client.get_parameters(names).values()
         return parse_control_mode(control).code, parse_interaction_mode(interaction).code
-    except (BoardError, ValueError, TypeError):  # another board has no such parameters
+    except (BoardError, ValueError, TypeError):  # other boards lack the parameters
         return M.POSITION.code, STIFF.code
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages as they stand: for what the client would not send, and to see every state."""
+"""Raw messages: for invalid requests, and to receive every state."""
 
 from __future__ import annotations
 
@@ -21,34 +21,33 @@ from control_board_ros.interface import MODES, STATE, Endpoint
 from .rules import OutOfTime
 from .shapes import Malformed, check_modes, check_state
 
-#: States and mode messages kept: at 1 kHz the last ten seconds.
+#: States and mode messages kept: 10 s at 1 kHz.
 KEPT = 10_000
-#: Messages of a topic that may wait here: none is to be missed.
+#: Queue length of a topic: none may be lost.
 DEPTH = 100
-#: s from seeing a subscription until it surely sees us.
+#: s from the match of a subscription until delivery to it is certain.
 MATCHING = 0.05
-#: s after a message that could not be taken, so that one that lasts does not take the processor.
+#: s after a failed message: limits the load of persistent failures.
 PAUSE = 0.01
 
 
 class Channel:
-    """Requests and messages to a board, and what it publishes.
+    """Requests and messages to a board, and its published messages.
 
     Args:
-        node: that nobody spins; this one does, in a thread of its own.
+        node: not spun elsewhere; spun here in a separate thread.
         board: full name of the board's node.
         patience: s to wait for a service and for an answer.
 
     Attributes: states (State, oldest first), modes (JointModes messages, oldest first),
-    states_heard and modes_heard (how many of these came so far), malformed (the last message that
-    cannot be read).
+    states_received and modes_received (their counts), malformed (the last invalid message).
     """
 
     def __init__(self, node: Node, board: str, patience: float) -> None:
         self.node, self.board, self.patience = node, board, patience
         self.states: deque[State] = deque(maxlen=KEPT)
         self.modes: deque[Any] = deque(maxlen=KEPT)
-        self.states_heard = self.modes_heard = 0
+        self.states_received = self.modes_received = 0
         self.malformed: Malformed | None = None
         self._allowed, self._deadline = 0.0, math.inf
         self._came = threading.Condition(threading.RLock())
@@ -65,7 +64,7 @@ class Channel:
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread, and leave the node as it was."""
+        """End the thread, and restore the node."""
         self._ended.set()
         self._executor.wake()
         self._thread.join(timeout=5.0)
@@ -78,16 +77,16 @@ class Channel:
             self.node.destroy_publisher(publisher)
 
     def allow(self, seconds: float) -> None:
-        """Let what comes take so much time, and forget what was malformed before."""
+        """Set the time limit from now on, and clear ``malformed``."""
         self._allowed, self._deadline = seconds, time.monotonic() + seconds
         self.malformed = None
 
     def check(self) -> None:
-        """See that there is time left, and that all messages could be read.
+        """Check the time limit and that all messages were valid.
 
         Raises:
-            OutOfTime: it took longer than allowed.
-            Malformed: a message cannot be read.
+            OutOfTime: the limit is exceeded.
+            Malformed: a message is invalid.
         """
         if self.malformed is not None:
             raise self.malformed
@@ -98,7 +97,7 @@ class Channel:
         """The response of a service to a request with these fields.
 
         Raises:
-            BoardTimeout: no such service, or no answer.
+            BoardTimeout: unknown service, or no answer.
         """
         self.check()
         client = self._clients.get(service.name)
@@ -117,10 +116,10 @@ class Channel:
         return future.result()
 
     def send(self, topic: Endpoint, **fields: Any) -> None:
-        """Publish a message with these fields, once the board listens.
+        """Publish a message with these fields, once the board subscribes.
 
         Raises:
-            BoardTimeout: it does not.
+            BoardTimeout: it does not subscribe.
         """
         publisher = self._publishers.get(topic.name)
         if publisher is None:
@@ -136,13 +135,13 @@ class Channel:
         publisher.publish(topic.load()(**fields))
 
     def modes_since(self, count: int) -> list[Any]:
-        """The JointModes messages that came after so many."""
+        """The JointModes messages after the first ``count``."""
         with self._came:
-            new = self.modes_heard - count
+            new = self.modes_received - count
             return list(self.modes)[-new:] if new else []
 
     def wait_for(self, found: Callable[[], bool], patience: float) -> bool:
-        """Wait until something is found among states and modes; false when it took too long.
+        """Wait for a condition on states and modes; false on timeout.
 
         Raises:
             OutOfTime, Malformed: see ``check``.
@@ -163,17 +162,17 @@ class Channel:
         with self._reading():
             check_state(message)
             self.states.append(State.of(message))
-            self.states_heard += 1
+            self.states_received += 1
 
     def _on_modes(self, message: Any) -> None:
         with self._reading():
             check_modes(message)
             self.modes.append(message)
-            self.modes_heard += 1
+            self.modes_received += 1
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Take a message; what cannot be read is kept for whoever waits."""
+        """Process a message; errors are kept for the waiting call."""
         with self._came:
             try:
                 yield
@@ -182,7 +181,7 @@ class Channel:
             self._came.notify_all()
 
     def _keep(self, error: Malformed) -> None:
-        """Keep what could not be read for whoever waits."""
+        """Keep an error for the waiting call."""
         with self._came:
             self.malformed = error
             self._came.notify_all()

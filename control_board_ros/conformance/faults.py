@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""F: hardware faults; by a mode that is not implemented, and by injection where it is offered."""
+"""F: hardware faults; by an unavailable mode, and by injection where offered."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .bench import Bench, M
 from .rules import NotTestable, assume, expect, inside, offered, rule
 
 
-@rule("F1", "a fault takes the power")
+@rule("F1", "a fault disables the joint")
 def takes_the_power(bench: Bench) -> str:
     bench.fault()
     states = bench.record(0.1)

@@ -17,11 +17,7 @@ from .rules import NotTestable, assume, expect, inside, offered, rule
 
 
 def both(bench: Bench) -> None:
-    """See that the joint implements STIFF and COMPLIANT.
-
-    Raises:
-        NotTestable: it does not.
-    """
+    """Check that the joint implements STIFF and COMPLIANT; raises NotTestable."""
     offered(COMPLIANT in bench.interactions, f"{bench.joint} implements STIFF only")
 
 
@@ -53,14 +49,14 @@ def stored(bench: Bench) -> str:
         for interaction in (COMPLIANT, STIFF, COMPLIANT):
             reply = bench.client.set_interaction_mode(bench.joint, interaction)
             expect(reply, f"{interaction} is refused in {mode}: {reply.message}")
-            stands = bench.client.get_interaction_mode(bench.joint)[0]
-            expect(stands is interaction, f"{interaction} was accepted in {mode}, not stored")
+            stored = bench.client.get_interaction_mode(bench.joint)[0]
+            expect(stored is interaction, f"{interaction} was accepted in {mode}, not stored")
         expect(bench.mode is mode, f"{mode} became {bench.mode} with the interaction mode")
         tried.append(mode.name)
     bench.client.set_control_mode(bench.joint, M.FORCE_IDLE)
     bench.enter(M.POSITION)
-    stands = bench.client.get_interaction_mode(bench.joint)[0]
-    expect(stands is COMPLIANT, "what was stored is lost on entering POSITION")
+    stored = bench.client.get_interaction_mode(bench.joint)[0]
+    expect(stored is COMPLIANT, "the stored mode is lost on entering POSITION")
     return f"stored in {', '.join(tried)}, there on entering POSITION"
 
 
@@ -75,9 +71,9 @@ def alters_no_commands(bench: Bench) -> str:
         fates.append([bench.fate(kind, bench.another(kind)) is Fate.TAKEN for kind in kinds])
     stiff, compliant = fates
     expect(
-        stiff == compliant, f"of {[*map(str, kinds)]} STIFF takes {stiff}, COMPLIANT {compliant}"
+        stiff == compliant, f"of {[*map(str, kinds)]} STIFF accepts {stiff}, COMPLIANT {compliant}"
     )
-    return f"POSITION takes the same of {len(kinds)} kinds, STIFF and COMPLIANT"
+    return f"POSITION accepts the same of {len(kinds)} kinds, STIFF and COMPLIANT"
 
 
 @rule("I4", "a real change stops the joint")
@@ -115,10 +111,10 @@ def spring(bench: Bench) -> str:
 
 
 def soft(bench: Bench, way: float) -> float:
-    """A stiffness that what the joint may be pushed with bends by so much, rad.
+    """The stiffness for a deflection of ``way``, rad, by the permitted push.
 
     Raises:
-        NotTestable: it has none to set.
+        NotTestable: the joint has no stiffness.
     """
     most = float(bench.client.get_max_impedance(bench.joint)[0][0])
     offered(most > 0.0, "it has no stiffness to set")
@@ -140,7 +136,7 @@ def pushed(bench: Bench, torque: float) -> Iterator[State]:
 
 
 def acts_at_once(bench: Bench) -> None:
-    """A spring that is made twice as stiff is bent half as far."""
+    """Doubled stiffness halves the deflection."""
     way = 0.3 * bench.range.step
     stiffness = 0.5 * soft(bench, way)
     assume(bench.client.set_impedance(bench.joint, stiffness), "a stiffness is refused")
@@ -170,9 +166,9 @@ def impedance(bench: Bench) -> str:
         wanted = ((0.1 + 0.01 * number) * most, (0.2 + 0.01 * number) * hardest)
         reply = client.set_impedance(joint, *wanted)
         expect(reply, f"refused in {mode}: {reply.message}")
-        stands = tuple(float(values[0]) for values in client.get_impedance(joint))
-        near = all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(stands, wanted, strict=True))
-        expect(near, f"in {mode} {wanted} was set and {stands} is read")
+        stored = tuple(float(values[0]) for values in client.get_impedance(joint))
+        near = all(math.isclose(a, b, rel_tol=1e-6) for a, b in zip(stored, wanted, strict=True))
+        expect(near, f"in {mode} {wanted} was set and {stored} is read")
         expect(bench.mode is mode, f"{mode} became {bench.mode} with the impedance")
         tried.append(mode.name)
     for bad in (-1.0, math.nan, math.inf, 1.01 * most + 1.0):
@@ -180,7 +176,7 @@ def impedance(bench: Bench) -> str:
         expect(not refused, f"a stiffness of {bad:g} was accepted; the most is {most:g}")
         kept = float(client.get_impedance(joint)[0][0])
         expect(
-            math.isclose(kept, stands[0]), f"a stiffness of {bad:g} was refused, and changed it"
+            math.isclose(kept, stored[0]), f"a stiffness of {bad:g} was refused, and changed it"
         )
     acts_at_once(bench)
     return (

@@ -25,7 +25,7 @@ from control_board_ros.interface import (
 from .bench import Bench, K, M
 from .rules import NotTestable, assume, expect, inside, offered, rule
 
-#: What is read of several joints.
+#: Getters of several joints.
 GETTERS = (
     GET_CONTROL_MODE,
     GET_INTERACTION_MODE,
@@ -34,7 +34,7 @@ GETTERS = (
     GET_REFERENCES,
 )
 
-#: What a board may leave out: these are of simulations, or for programs that exist.
+#: Optional endpoints: of simulations, or for existing programs.
 EXTRAS = frozenset(
     {
         "clear_injected_faults",
@@ -71,7 +71,7 @@ def all_offered(bench: Bench) -> str:
 
 
 def in_the_order_asked(bench: Bench) -> None:
-    """Whether answers on two joints come in the order asked, that of the board turned round."""
+    """Whether answers for two joints have the requested order, reverse to the board's."""
     if bench.partner is None:
         return
     pair = sorted([bench.joint, bench.partner], key=bench.names.index, reverse=True)
@@ -93,7 +93,7 @@ def in_the_order_asked(bench: Bench) -> None:
 
 
 def refused_in_the_order_asked(bench: Bench) -> None:
-    """Whether the answers of a request that one joint refuses come in the order asked."""
+    """Whether the answers have the requested order if one joint refuses."""
     try:
         bench.fault()
     except NotTestable:  # it implements every mode
@@ -111,7 +111,7 @@ def refused_in_the_order_asked(bench: Bench) -> None:
 
 
 def same(one: Sequence[Any], other: Sequence[Any]) -> bool:
-    """Whether two lists of an answer are the same, numbers as nearly as what is measured is."""
+    """Whether two lists are equal, numbers within measurement tolerance."""
     if len(one) != len(other) or not one or not isinstance(one[0], float):
         return list(one) == list(other)
     return bool(np.allclose(one, other, rtol=1e-3, equal_nan=True))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How far, how fast and how hard a joint may be tried: a fraction of its limits."""
+"""Position, speed and torque ranges of a test: a fraction of the joint's limits."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from control_board_ros.urdf_xml import DescribedJoint, heard_joints
 if TYPE_CHECKING:
     from control_board_ros.client import ControlBoardClient
 
-#: What a joint without limits is taken to have: one turn; rad/s, rad/s², N·m.
+#: Defaults of a joint without limits: one turn; rad/s, rad/s², N·m.
 TURN = (-math.pi, math.pi)
 SPEED, ACCELERATION, TORQUE = 0.5, 1.0, 2.0
-#: s; a move is short enough that the rules together take a minute or less.
+#: s; duration of a move, for about one minute in total.
 LONGEST_MOVE = 0.8
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
     """The limits of a joint: lower, upper (rad), velocity (rad/s), acceleration (rad/s²), torque
-    (N·m); known (whether the board tells lower and upper).
+    (N·m); known (whether lower and upper are known).
     """
 
     lower: float
@@ -38,13 +38,12 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """What a joint is tried in.
+    """Test range of a joint.
 
-    Attributes: found (rad, where it was), start (rad, the nearest place with room for a step on
-    both sides), low and high (rad), step (rad), speed (rad/s, the mean of a
-    move; its peak is 1.875 times that), acceleration and hardest (rad/s²,
-    what is asked for and the limit), output (percent), torque (N·m, of a
-    joint that is free to move), push (N·m, of one that a spring holds).
+    Attributes: found (initial position, rad), start (nearest position with room for a step on both
+    sides, rad), low and high (rad), step (rad), speed (mean speed of a move, rad/s; its peak is
+    1.875 times that), acceleration and hardest (reference and limit, rad/s²), output (percent),
+    torque (of a freely moving joint, N·m), push (of one held by a spring, N·m).
     """
 
     found: float
@@ -60,13 +59,13 @@ class Range:
     push: float
 
     def is_near(self, position: float) -> bool:
-        """Whether a position is in the range, or beyond it by less than half of it."""
+        """Whether a position is within the range plus half of it."""
         margin = 0.5 * (self.high - self.low)
         return self.low - margin <= position <= self.high + margin
 
     @classmethod
     def of(cls, limits: Limits, position: float, fraction: float) -> Range:
-        """A fraction of the limits about a position, and well inside of them."""
+        """A fraction of the limits around a position, well inside of them."""
         half = 0.5 * fraction * (limits.upper - limits.lower)
         middle = min(max(position, limits.lower + half), limits.upper - half)
         speed = fraction * limits.velocity / 1.875
@@ -87,21 +86,21 @@ class Range:
 
 
 def read_limits(client: ControlBoardClient, name: str) -> Limits:
-    """The limits in force from the board's parameters, else those of its robot description."""
+    """The limits in force from the board's parameters, else from its robot description."""
     try:
         values = client.get_parameters(limit_parameters([name]))
-    except (BoardError, RequestError):  # another board has no such parameters
+    except (BoardError, RequestError):  # other boards lack the parameters
         return described_limits(client, name)
-    told = limits_of([name], values.values())[name]
-    if told is None:
+    limits = limits_of([name], values.values())[name]
+    if limits is None:
         return described_limits(client, name)
-    endless = told.upper - told.lower > 4.0 * math.pi
-    lower, upper = TURN if endless else (told.lower, told.upper)
-    return Limits(lower, upper, told.velocity, told.acceleration, told.torque, not endless)
+    endless = limits.upper - limits.lower > 4.0 * math.pi
+    lower, upper = TURN if endless else (limits.lower, limits.upper)
+    return Limits(lower, upper, limits.velocity, limits.acceleration, limits.torque, not endless)
 
 
 def described_limits(client: ControlBoardClient, name: str) -> Limits:
-    """The limits of a joint in the URDF; one turn where it gives none."""
+    """The limits of a joint in the URDF; one turn by default."""
     try:
         joint = heard_joints(client.get_robot_description()).get(name, DescribedJoint(""))
     except BoardError:

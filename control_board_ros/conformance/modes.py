@@ -15,9 +15,9 @@ from .limits import read_limits
 from .moving import amid_a_move, run_on
 from .rules import assume, expect, inside, offered, rule
 
-#: rad; a joint that is told to be so near to where it is holds still.
+#: rad; a target this close to the present position causes no motion.
 STILL = 1e-3
-#: Modes that give way to a load.
+#: Modes that yield to a load.
 UNPOWERED = (M.IDLE, M.OPENLOOP)
 
 STATUSES_AND_EVENTS = ("hwfa", "cal", "cald", "cfgn", "cfgy")
@@ -125,7 +125,7 @@ def never_kept(bench: Bench) -> None:
 
 
 def others_are_served(bench: Bench) -> None:
-    """A joint in POSITION is served by a message that another one ignores."""
+    """A joint in POSITION accepts a message that another one ignores."""
     if bench.partner is None or M.VELOCITY not in bench.modes:
         return
     bench.enter(M.VELOCITY)
@@ -147,7 +147,7 @@ def others_are_served(bench: Bench) -> None:
 
 
 def beside(bench: Bench, joint: str, before: float) -> float:
-    """A position so near to where a joint is that it holds still, and other than a reference."""
+    """A position at the joint without noticeable motion, different from a reference."""
     there, limits = float(bench.client.get_encoder(joint)[0]), read_limits(bench.client, joint)
     inwards = 1.0 if there < 0.5 * (limits.lower + limits.upper) else -1.0
     near = [there + inwards * part * STILL for part in (1.0, 0.5)]
@@ -207,7 +207,7 @@ def entering_resets(bench: Bench) -> str:
 
 
 def enter_at_rest(bench: Bench, mode: ControlMode) -> str:
-    """Enter a mode, and see that the reference stands where the joint is, and the joint, too."""
+    """Enter a mode, and check that reference and joint stay at the joint's position."""
     limits = bench.range
     bench.home()
     other = next((m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in bench.modes), None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""P1, P5 to P7, P14: the shape of motion, from the states the board publishes."""
+"""P1, P5 to P7, P14: the shape of motion, from published states."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .rules import assume, expect, inside, rule
 
 Floats = NDArray[np.float64]
 
-#: Deviation from the profile that is allowed, as a part of the way, and of its duration.
+#: Permitted deviation from the profile, relative to its travel and duration.
 SHAPE, DURATION = 0.03, 0.05
 
 
@@ -30,10 +30,10 @@ def references(bench: Bench, states: list[State]) -> tuple[Floats, Floats]:
     """Times (s) and position references (rad) of states, shape (k,).
 
     Raises:
-        TooSlow: states or cycles of the board were lost meanwhile; its stamps tell nothing then.
+        TooSlow: states or cycles of the board were lost.
     """
     times = np.array([state.stamp for state in states])
-    assume(times.size >= FEWEST, f"{times.size} states were heard")
+    assume(times.size >= FEWEST, f"{times.size} states were received")
     interval, usual = float(np.diff(times).mean()), bench.state_interval
     in_time(
         interval < 1.03 * usual,
@@ -43,13 +43,13 @@ def references(bench: Bench, states: list[State]) -> tuple[Floats, Floats]:
 
 
 def fitted(times: Floats, way: Floats) -> tuple[float, float]:
-    """When the profile that fits a normed way best begins, and how long it lasts, s.
+    """Start and duration of the profile that fits a normed travel best, s.
 
     Raises:
-        NotTested: the way was seen too seldom.
+        NotTested: too few states.
     """
     amid = (way > 0.02) & (way < 0.98)
-    assume(amid.sum() >= FEWEST, f"of a move {amid.sum()} states were heard")
+    assume(amid.sum() >= FEWEST, f"of a move {amid.sum()} states were received")
     grid = np.linspace(0.0, 1.0, 1001)
     duration, begin = np.polyfit(np.interp(way[amid], minimum_jerk(grid), grid), times[amid], 1)
     return float(begin), float(duration)
@@ -60,12 +60,12 @@ def minimum_jerk_moves(bench: Bench) -> str:
     text = moved_along(bench)
     retargeted(bench)
     retargeted_onwards(bench)
-    return f"{text}; a new target was taken without a jump"
+    return f"{text}; a new target was accepted without a jump"
 
 
 @patiently
 def moved_along(bench: Bench) -> str:
-    """Move a step: in the time that its speed says, along the profile."""
+    """A move: duration by its speed, along the profile."""
     limits = bench.range
     bench.home()
     target, speed = limits.start + limits.step, slow_enough(bench, limits.step)
@@ -90,7 +90,7 @@ def moved_along(bench: Bench) -> str:
 
 @patiently
 def retargeted(bench: Bench) -> None:
-    """Turn a move back: the velocity changes no faster than the joint may brake."""
+    """Reverse a move: the velocity changes within the deceleration limit."""
     begin = amid_a_move(bench, lambda: bench.send(K.POSITION, bench.range.start))[0].stamp - 0.1
     bench.until(bench.reached(bench.range.start), 4.0)
     times, reference = references(bench, bench.since(begin))
@@ -103,13 +103,13 @@ def retargeted(bench: Bench) -> None:
 
 
 def slow_enough(bench: Bench, way: float) -> float:
-    """The speed of the range, or the one at which no limit makes a move take longer, rad/s."""
+    """The speed of the range, reduced such that no limit extends a move, rad/s."""
     return float(min(bench.range.speed, np.sqrt(0.08 * bench.range.hardest * way)))
 
 
 @patiently
 def retargeted_onwards(bench: Bench) -> None:
-    """Lengthen a move while it runs: the reference does not stop on the way."""
+    """Extend an active move: the reference does not stop."""
     limits = bench.range
     first, whole = 0.7 * limits.step, limits.step
     states = amid_a_move(
@@ -120,7 +120,7 @@ def retargeted_onwards(bench: Bench) -> None:
     times, reference = references(bench, states)
     ways = (reference - limits.start) / whole
     amid = (ways > 0.15) & (ways < 0.7)
-    assume(amid.sum() >= FEWEST, f"of a lengthened move {amid.sum()} states were heard")
+    assume(amid.sum() >= FEWEST, f"of a lengthened move {amid.sum()} states were received")
     lasted = times[amid][-1] - times[amid][0]
     window = max(lasted / 10.0, 2.0 * float(np.median(np.diff(times))))
     begins = np.linspace(times[amid][0], times[amid][-1] - window, 50)
@@ -167,7 +167,7 @@ def mixed(bench: Bench) -> str:
 
 @patiently
 def added_up(bench: Bench) -> float:
-    """Let a velocity run beside a move, then move back; what it added, rad."""
+    """Add a velocity to a move, then move back; returns the added travel, rad."""
     bench.home()
     bench.enter(M.MIXED)
     target = bench.range.start + 0.5 * bench.range.step
@@ -194,10 +194,10 @@ def added_up(bench: Bench) -> float:
 
 @patiently
 def moved_anew(bench: Bench) -> float:
-    """Start a move beside a velocity: the reference does not jump, and the velocity goes on."""
+    """Start a move during a velocity: the reference does not jump, the velocity continues."""
     limits = bench.range
     velocity = 0.15 * min(limits.speed, limits.step / LONGEST_MOVE)
-    ramp = 0.8  # s: a velocity that begins anew falls behind by half of it
+    ramp = 0.8  # s: a restarted velocity lags by half of it
     bench.home()
     bench.enter(M.MIXED)
     begin = stream(bench, velocity, ramp + 0.3, acceleration=velocity / ramp)[0].stamp
@@ -207,8 +207,8 @@ def moved_anew(bench: Bench) -> float:
     taken = stream(
         bench, velocity, TAKING, lambda _: bench.last(K.POSITION) == target, velocity / ramp
     )[-1].stamp
-    assume(bench.last(K.POSITION) == target, "a position beside a velocity is not taken, see M3")
-    in_time(taken - sent < 0.25 * ramp, f"{taken - sent:.2g} s until a move was taken")
+    assume(bench.last(K.POSITION) == target, "no position accepted beside a velocity, see M3")
+    in_time(taken - sent < 0.25 * ramp, f"{taken - sent:.2g} s until a move was accepted")
     lasting = 0.3 * limits.step / slow_enough(bench, 0.3 * limits.step) + ramp + 0.3
     stream(bench, velocity, lasting, acceleration=velocity / ramp)
     times, reference = references(bench, bench.since(begin))

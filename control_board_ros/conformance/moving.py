@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What rules do with a joint in motion, such that a busy machine decides none of them."""
+"""Tests in motion, robust against a busy machine."""
 
 from __future__ import annotations
 
@@ -16,37 +16,32 @@ from .rules import NotHeld, NotTested, assume
 
 T = TypeVar("T")
 
-#: s between velocity references of a stream; those of the default timeout last four times that.
+#: s between velocity references of a stream; a quarter of the default timeout.
 RENEWAL = 0.05
-#: How much faster than time a simulation may run: what is renewed in time here arrives late there.
+#: Maximum speed-up of a simulation: references renewed in time here arrive late there.
 HASTE = 4.0
-#: How much slower a move is made each time that we were too slow to act in the midst of it.
+#: Factor on a move's duration after each attempt that was too slow.
 SLOWER = (1.0, 4.0, 12.0)
 
 
-#: How often something is tried that we were too slow for.
+#: Maximum attempts of a test that was too slow.
 TRIES = 5
 
 
 class TooSlow(NotTested):
-    """We were too slow to see, or to act, in time: another try may do."""
+    """This machine was too slow; another attempt may succeed."""
 
 
 def in_time(condition: object, text: str) -> None:
-    """See that we were fast enough.
-
-    Raises:
-        TooSlow: the condition is false.
-    """
+    """Check that this machine was fast enough; raises TooSlow where the condition is false."""
     if not condition:
         raise TooSlow(f"this machine is too slow: {text}")
 
 
 def patiently(attempt: Callable[[Bench], T]) -> Callable[[Bench], T]:
-    """Try something again where we were too slow, or seem to have been.
+    """Repeat a test that was, or may have been, too slow.
 
-    A machine that stands still for a moment lets velocities expire: what a board does not do is
-    seen twice.
+    A stalled machine lets velocities expire: a failure of a board must occur twice.
     """
 
     @wraps(attempt)
@@ -73,20 +68,20 @@ def stream(
     over: Callable[[State], bool] = lambda _: False,
     acceleration: float | None = None,
 ) -> list[State]:
-    """Send a velocity again and again, until the time or something else is over.
+    """Send a velocity repeatedly, until the time or ``over``.
 
     Args:
         bench: with the joint.
         velocity: rad/s.
         seconds: of the board's time.
-        over: whether to end before.
+        over: condition to end earlier.
         acceleration: rad/s²; None: that of the range.
 
     Returns:
-        The states meanwhile.
+        The states of this time.
 
     Raises:
-        NotTested: it came too seldom, and may have expired between.
+        NotTested: sent too rarely, it may have expired.
     """
     along = bench.range.acceleration if acceleration is None else acceleration
     began, longest = time.monotonic(), 0.0
@@ -107,16 +102,16 @@ def stream(
 def amid_a_move(
     bench: Bench, act: Callable[[], object], *, part: float = 0.05, way: float | None = None
 ) -> list[State]:
-    """Start a move, and act in the midst of it; the states from just after that.
+    """Start a move, and act during it; returns the states after that.
 
     Args:
         bench: with the joint.
-        act: what to do.
-        part: of the way after which it is done.
+        act: the action.
+        part: of the travel at the action.
         way: rad; None: a step.
 
     Raises:
-        NotTested: the move was over before it was seen that the act is done.
+        NotTested: the move ended before the action was confirmed.
     """
     limits = bench.range
     way = limits.step if way is None else way
@@ -140,6 +135,6 @@ def amid_a_move(
 
 
 def run_on(bench: Bench, states: Sequence[State]) -> float:
-    """How far the position reference went meanwhile, rad."""
+    """Travel of the position reference in these states, rad."""
     references = [float(state.position_reference[bench.j]) for state in states]
     return max(references) - min(references)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""N: power-on; only with --power-cycle, for it takes the power from every joint at once."""
+"""N: power-on; only with --power-cycle, as it disables every joint at once."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from control_board_ros.core.terms.vocabs import ControlMode
 from .bench import Bench, M
 from .rules import NotTestable, assume, expect, inside, offered, rule
 
-#: s until a board that configures itself has done so.
+#: s for a board to configure itself.
 LONGEST = 10.0
 
 
 @rule("N1", "power-on is NOT_CONFIGURED, without power")
 def power_on(bench: Bench) -> str:
     if not bench.allowed.power_cycle:
-        raise NotTestable("it takes the power from all joints; allow it with --power-cycle")
-    count = bench.channel.modes_heard
+        raise NotTestable("it disables all joints; allow it with --power-cycle")
+    count = bench.channel.modes_received
     reply = bench.client.power_cycle()
     assume(reply, f"power_cycle is refused: {reply.message}")
     off = [M.NOT_CONFIGURED.code] * len(bench.names)
@@ -37,7 +37,7 @@ inside("N2", "left with the whole configuration", "what has been received is not
 @rule("N3", "the configured default after power-on")
 def default(bench: Bench) -> str:
     if not bench.allowed.power_cycle:
-        raise NotTestable("it takes the power from all joints; allow it with --power-cycle")
+        raise NotTestable("it disables all joints; allow it with --power-cycle")
     reply = bench.client.power_cycle()
     assume(reply, f"power_cycle is refused: {reply.message}")
     modes = settle(bench)
@@ -51,7 +51,7 @@ inside("N4", "before that everything is refused", "it configures itself, or anot
 
 
 def settle(bench: Bench) -> list[ControlMode]:
-    """The modes once no joint is NOT_CONFIGURED or CALIBRATING, or the patience is over."""
+    """The modes once no joint is NOT_CONFIGURED or CALIBRATING, or the timeout."""
     end = time.monotonic() + LONGEST
     modes = bench.client.get_control_mode()
     while {M.NOT_CONFIGURED, M.CALIBRATING} & set(modes) and time.monotonic() < end:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""P2 to P4, P8, P9, P11, P12: what references do, short of the shape of the motion."""
+"""P2 to P4, P8, P9, P11, P12: effects of references, except the shape of the motion."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from .limits import read_limits
 from .moving import amid_a_move, run_on
 from .rules import assume, expect, inside, offered, rule
 
-#: s after which a velocity reference has expired, where the board does not tell its timeout.
+#: s until a velocity reference expires, where the timeout is unknown.
 EXPIRED = 0.2
 
 
 @rule("P2", "reference speeds are positive, set and read")
 def reference_speeds(bench: Bench) -> str:
     client, joint = bench.client, bench.joint
-    stands = float(client.get_ref_speed(joint)[0]), float(client.get_ref_acceleration(joint)[0])
-    expect(min(stands) > 0.0, f"it starts with a speed and an acceleration of {stands}")
+    stored = float(client.get_ref_speed(joint)[0]), float(client.get_ref_acceleration(joint)[0])
+    expect(min(stored) > 0.0, f"it starts with a speed and an acceleration of {stored}")
     wanted = (0.7 * bench.range.speed, 0.9 * bench.range.acceleration)
     speed, acceleration = wanted
     reply = bench.ask(SET_REFERENCE_SPEED, speeds=[speed], accelerations=[acceleration])
@@ -49,7 +49,7 @@ def motion_done_and_stop(bench: Bench) -> str:
     assume(arrived, "a move does not come to its end, see P1")
     ways = [(float(s.position_reference[bench.j]) - start, s) for s in bench.since(begin)]
     amid = [state for way, state in ways if 0.1 * step < way < 0.9 * step]
-    assume(amid, "no state of a move was heard")
+    assume(amid, "no state of a move was received")
     expect(not any(map(bench.is_done, amid)), "motion done is true while the reference moves")
     expect(bench.until(bench.is_done, 1.0), "motion done stays false after a move")
     *_, now = amid_a_move(bench, lambda: stop(bench), part=0.4)
@@ -65,11 +65,7 @@ def motion_done_and_stop(bench: Bench) -> str:
 
 
 def stop(bench: Bench) -> None:
-    """Stop the joint.
-
-    Raises:
-        NotHeld: it is refused.
-    """
+    """Stop the joint; raises NotHeld on refusal."""
     reply = bench.ask(STOP)
     expect(reply, f"stop is refused: {reply.message}")
 
@@ -87,11 +83,11 @@ def direct_positions(bench: Bench) -> str:
         for state in bench.since(begin)
     ]
     expect(abs(parts[-1][1] - 1.0) < 0.01, f"the reference is at {parts[-1][1]:.2f} of a step")
-    # At once, or as fast as the speed limit lets it (P14).
+    # At once, or at the speed limit (P14).
     between = [stamp for stamp, part in parts if 0.05 < part < 0.95]
     lasted = between[-1] - between[0] if between else 0.0
     expect(lasted < 0.05, f"a step of {step:.3g} took more than {lasted:.2g} s")
-    return f"a step of {step:.3g} stood at once"
+    return f"a step of {step:.3g} was in force at once"
 
 
 @rule("P8", "open loop gives the PWM to the motor")
@@ -105,13 +101,13 @@ def open_loop(bench: Bench) -> str:
 
 
 def shown(bench: Bench, wanted: float) -> float:
-    """The output once it is as wanted, else the last one heard."""
+    """The output once as wanted, else the last one received."""
     state = bench.shows(lambda state: close(float(state.output[bench.j]), wanted))
     return float(state.output[bench.j])
 
 
 def close(one: float, other: float) -> bool:
-    """Whether two outputs are the same, as numbers of any precision are."""
+    """Whether two outputs are equal within float precision."""
     return math.isclose(one, other, rel_tol=1e-4, abs_tol=1e-6)
 
 
@@ -120,34 +116,34 @@ def limits_bound(bench: Bench) -> str:
     client, joint = bench.client, bench.joint
     limits = read_limits(client, joint)
     lower, upper = limits.lower, limits.upper
-    offered(limits.known, "neither its parameters nor its robot description tell its limits")
+    offered(limits.known, "its limits are unknown")
     slow = 0.5 * bench.range.speed
     for target, limit in ((upper + 1.0, upper), (lower - 1.0, lower)):
         client.position_move(joint, target, slow)
         bound = bench.last(K.POSITION)
-        client.stop(joint)  # what the target became is known: it need not go there
+        client.stop(joint)  # the accepted target is known: no need to reach it
         expect(
             lower - 1e-6 <= bound <= upper + 1e-6,
-            f"a move to {target:.4g} was taken as {bound:.4g}, beyond the limit at {limit:.4g}",
+            f"a move to {target:.4g} was accepted as {bound:.4g}, beyond the limit at {limit:.4g}",
         )
-        assume(abs(bound - limit) < 1e-3, f"a move to {target:.4g} was not taken, see M3")
+        assume(abs(bound - limit) < 1e-3, f"a move to {target:.4g} was not accepted, see M3")
     text = f"moves beyond {lower:.4g} and {upper:.4g} were bounded, and stopped"
     if M.POSITION_DIRECT not in bench.modes or COMPLIANT not in bench.interactions:
         return text
     for target, limit in ((upper + 1.0, upper), (lower - 1.0, lower)):
         bound = direct_beyond(bench, target)
         assume(
-            abs(bound - limit) < 1.1, f"a direct position of {target:.4g} was not taken, see M3"
+            abs(bound - limit) < 1.1, f"a direct position of {target:.4g} was not accepted, see M3"
         )
         expect(
             lower - 1e-6 <= bound <= upper + 1e-6,
-            f"a direct position of {target:.4g} was taken as {bound:.4g}, beyond {limit:.4g}",
+            f"a direct position of {target:.4g} was accepted as {bound:.4g}, beyond {limit:.4g}",
         )
     return f"{text}; direct positions, too"
 
 
 def direct_beyond(bench: Bench, target: float) -> float:
-    """What becomes of a direct position, sent to a joint that no spring pulls there."""
+    """The accepted direct position of a joint without stiffness."""
     damping = bench.client.get_max_impedance(bench.joint)[1]
     reply = bench.client.set_impedance(bench.joint, 0.0, damping)
     assume(reply, f"a stiffness of 0 is refused, see I6: {reply.message}")
@@ -156,7 +152,7 @@ def direct_beyond(bench: Bench, target: float) -> float:
     bench.send(K.POSITION_DIRECT, target)
     end = time.monotonic() + TAKING
     while (last := bench.last(K.POSITION_DIRECT)) == before and time.monotonic() < end:
-        pass  # until it is taken
+        pass  # until accepted
     bench.enter(M.POSITION)
     return last
 

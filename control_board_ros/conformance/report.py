@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the rules went: for people, as JSON, and as JUnit for CI."""
+"""Results of the rules: as text, JSON, and JUnit for CI."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .runner import FEW, Outcome, Result, passed
 
 
 def as_line(result: Result) -> str:
-    """One rule, for people: ``M10  held          IDLE is unpowered: 0 % in 20 states``."""
+    """One rule as text: ``M10  held          IDLE is unpowered: 0 % in 20 states``."""
     return (
         f"{result.rule.name:<5}{result.outcome:<14}{result.rule.title}: {result.evidence}"
     ).rstrip()
@@ -28,7 +28,7 @@ def as_text(results: Sequence[Result]) -> str:
 
 
 def too_few(results: Sequence[Result]) -> str:
-    """Which rules were not tested of those that the board offers, where that is a failure."""
+    """The offered rules that were not tested, where that is a failure."""
     names = [result.rule.name for result in results if result.outcome is Outcome.NOT_TESTED]
     if len(names) <= FEW:
         return ""
@@ -39,7 +39,7 @@ def too_few(results: Sequence[Result]) -> str:
 
 
 def as_json(board: str, joint: str, results: Sequence[Result]) -> str:
-    """All of it on one line."""
+    """All results on one line."""
     rows = [
         {
             "rule": result.rule.name,
@@ -57,7 +57,7 @@ def as_json(board: str, joint: str, results: Sequence[Result]) -> str:
 def as_junit(board: str, results: Sequence[Result]) -> str:
     """A JUnit test suite: a test case per rule.
 
-    What is not testable is skipped; what was not tested is, too, unless it is too much.
+    Not testable rules are skipped; so are untested ones, up to the permitted number.
     """
     count = Counter(result.outcome for result in results)
     failing = {Outcome.NOT_HELD, *([Outcome.NOT_TESTED] if too_few(results) else [])}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a rule is, and how its function says how it went."""
+"""Rules and their outcomes."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ if TYPE_CHECKING:
 
 
 class NotHeld(Exception):  # noqa: N818
-    """The board does not keep the rule; the text says what was seen and what was expected."""
+    """The board violates the rule; the text has the observed and the expected value."""
 
 
 class NotTestable(Exception):  # noqa: N818
-    """Nothing can be said of the rule on this board; the text says why."""
+    """The rule does not apply to this board; the text has the reason."""
 
 
 class NotTested(Exception):  # noqa: N818
-    """The board offers what a rule is about, yet it could not be tried; the text says why."""
+    """The rule applies but could not be tested; the text has the reason."""
 
 
 class OutOfTime(NotTested):
-    """The rule took longer than a rule may take."""
+    """The rule exceeded its time limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
     """A rule of the specification.
 
-    Attributes: name (``M4``), title (what it is about), check (tries it; returns the evidence).
+    Attributes: name (``M4``), title, check (tests it; returns the evidence).
     """
 
     name: str
@@ -47,7 +47,7 @@ GROUPS = ("V", "M", "P", "I", "F", "K", "N", "A", "D", "Y")
 
 
 def rule(name: str, title: str) -> Callable[[Callable[[Bench], str]], Callable[[Bench], str]]:
-    """Make a rule of a function."""
+    """Register a function as a rule."""
 
     def register(check: Callable[[Bench], str]) -> Callable[[Bench], str]:
         RULES[name] = Rule(name, title, check)
@@ -57,7 +57,7 @@ def rule(name: str, title: str) -> Callable[[Callable[[Bench], str]], Callable[[
 
 
 def inside(name: str, title: str, why: str) -> None:
-    """Note a rule that nobody sees from outside."""
+    """Register a rule that is not externally visible."""
 
     @rule(name, title)
     def check(_bench: Bench) -> str:
@@ -74,30 +74,18 @@ def in_order() -> list[Rule]:
 
 
 def expect(condition: object, text: str) -> None:
-    """The rule itself.
-
-    Raises:
-        NotHeld: the condition is false.
-    """
+    """The rule itself; raises NotHeld where the condition is false."""
     if not condition:
         raise NotHeld(text)
 
 
 def assume(condition: object, text: str) -> None:
-    """What a rule builds on and another rule is about.
-
-    Raises:
-        NotTested: the condition is false.
-    """
+    """A precondition covered by another rule; raises NotTested where the condition is false."""
     if not condition:
         raise NotTested(text)
 
 
 def offered(condition: object, text: str) -> None:
-    """What the board must offer, or may be asked for, so that the rule has a meaning.
-
-    Raises:
-        NotTestable: the condition is false.
-    """
+    """A feature that the rule requires; raises NotTestable where the condition is false."""
     if not condition:
         raise NotTestable(text)

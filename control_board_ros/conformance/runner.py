@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which joint is tried, the rules one after the other, and everything left as found."""
+"""Selection of a joint, sequence of rules, restoration of the board."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from .limits import Range, read_limits
 from .rules import NotHeld, NotTestable, NotTested, OutOfTime, Rule
 from .shapes import Malformed
 
-#: A load that a joint may fall under, as a part of that of the joint that bears most.
+#: Load that counts as light, relative to the most loaded joint.
 LIGHT = 0.02
-#: s that a rule may take; on a quiet machine the longest take less than ten.
+#: Time limit of a rule, s; on an idle machine the longest needs less than 10 s.
 RULE_TIME = 60.0
-#: Rules that may run out of time before the rest is left out.
+#: Rules out of time after which the rest is omitted.
 LATE = 3
-#: Rules that the board offers and that were not tested: more is a failure.
+#: Maximum number of applicable rules not tested without failure.
 FEW = 3
 
 
 class Outcome(StrEnum):
-    """How a rule went."""
+    """Outcome of a rule."""
 
     HELD = "held"
     NOT_HELD = "not held"
@@ -45,7 +45,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """A rule, how it went, the evidence or the reason, and how long it took (s)."""
+    """A rule, its outcome, the evidence or reason, and the duration (s)."""
 
     rule: Rule
     outcome: Outcome
@@ -54,18 +54,18 @@ class Result:
 
 
 def passed(results: Sequence[Result]) -> bool:
-    """Whether every rule that could be tried held, and few were left that the board offers."""
+    """Whether every tested rule held, and few applicable ones were not tested."""
     outcomes = [result.outcome for result in results]
     return Outcome.NOT_HELD not in outcomes and outcomes.count(Outcome.NOT_TESTED) <= FEW
 
 
 def choose(client: ControlBoardClient, found: AsFound, wanted: str | None) -> str:
-    """The joint to try: the one asked for, else the last of those that offer most, bear least.
+    """The joint to test: the requested one, else the last with most modes and least load.
 
-    A joint that bears a load falls while it is unpowered; the last ones move the least mass.
+    A loaded joint falls while unpowered; the last ones move the least mass.
 
     Raises:
-        NotTestable: the one asked for cannot be tried.
+        NotTestable: the requested one is not testable.
     """
     if wanted is not None:
         if wanted not in found.names:
@@ -79,7 +79,7 @@ def choose(client: ControlBoardClient, found: AsFound, wanted: str | None) -> st
 
 
 def lightest(loads: Floats) -> int:
-    """The last of the joints that bear next to nothing, else the one that bears least."""
+    """The last of the lightly loaded joints, else the least loaded."""
     return int(np.flatnonzero(loads <= max(LIGHT * loads.max(), loads.min()))[-1])
 
 
@@ -87,19 +87,19 @@ class Session:
     """One run on one board.
 
     Args:
-        node: that nobody spins.
+        node: not spun.
         client: of the board.
-        joint: to try; None: choose one.
-        fraction: of the joint's limits that is used.
-        allowed: what else may be done.
-        patience: s to wait for an answer.
-        rule_time: s that a rule may take.
+        joint: to test; None: choose one.
+        fraction: used of the joint's limits.
+        allowed: permissions.
+        patience: timeout of an answer, s.
+        rule_time: time limit of a rule, s.
 
     Attributes: bench, found.
 
     Raises:
-        NotTestable: no joint can be tried.
-        Malformed: the board cannot be read.
+        NotTestable: no testable joint.
+        Malformed: an answer of the board is invalid.
         OutOfTime: it answers too late.
         BoardError: no board.
     """
@@ -127,7 +127,7 @@ class Session:
     def _look(
         self, client: ControlBoardClient, joint: str | None, fraction: float, allowed: Allowed
     ) -> None:
-        """Look at what the board is found with, and choose a joint."""
+        """Read the initial state of the board, and choose a joint."""
         channel = self.channel
         channel.allow(self.rule_time)
         channel.wait_for(lambda: bool(channel.modes and channel.states), channel.patience)
@@ -140,12 +140,11 @@ class Session:
         self.bench = Bench(client, channel, number, partner, limits, allowed)
 
     def close(self) -> None:
-        """End the connection."""
         self.channel.close()
 
     @contextmanager
     def holding(self, problems: list[str]) -> Iterator[Bench]:
-        """Hold all joints, and leave them as found; what could not be goes into ``problems``."""
+        """Hold all joints, and restore them; failures are added to ``problems``."""
         try:
             yield self.bench
         finally:
@@ -153,7 +152,7 @@ class Session:
             problems += self.found.restore(self.bench)
 
     def try_one(self, rule: Rule) -> Result:
-        """Try a rule from rest."""
+        """Test a rule, starting at rest."""
         begin = time.monotonic()
         outcome, evidence = Outcome.HELD, ""
         self.channel.allow(self.rule_time)
@@ -174,7 +173,7 @@ class Session:
         return Result(rule, outcome, evidence, time.monotonic() - begin)
 
     def answer_time(self) -> str:
-        """How long the board takes to answer now, in words."""
+        """Text of the board's present answer time."""
         self.channel.allow(self.channel.patience)
         begin = time.monotonic()
         try:
@@ -184,7 +183,7 @@ class Session:
         return f"{GET_CONTROL_MODE.short} is answered after {time.monotonic() - begin:.2g} s"
 
     def is_there(self) -> bool:
-        """Whether the board can still be asked."""
+        """Whether the board still answers."""
         try:
             self.bench.client.wait_until_found(self.channel.patience)
         except BoardError:
@@ -195,15 +194,15 @@ class Session:
 def run(
     session: Session, rules: Sequence[Rule], tell: Callable[[Result], None] = lambda _: None
 ) -> tuple[list[Result], list[str]]:
-    """Try rules in their order.
+    """Test rules in their order.
 
     Args:
         session: with a board.
-        rules: to try.
-        tell: given each result as it comes.
+        rules: to test.
+        tell: called with each result.
 
     Returns:
-        The results, and what could not be left as it was found.
+        The results, and the problems of the restoration.
     """
     results: list[Result] = []
     problems: list[str] = []
@@ -225,7 +224,7 @@ def run(
 
 
 def unread(rules: Sequence[Rule], error: Malformed) -> list[Result]:
-    """The results where a board cannot be read: one rule says why, no other is tested."""
+    """The results of an unreadable board: one rule has the reason, no other is tested."""
     return [
         Result(rule, Outcome.NOT_HELD, str(error), 0.0)
         if rule.name == error.rule
@@ -236,7 +235,7 @@ def unread(rules: Sequence[Rule], error: Malformed) -> list[Result]:
 
 @contextmanager
 def reading() -> Iterator[None]:
-    """Take an answer that cannot be used for what it is: a rule that is not held.
+    """Convert unusable answers to a violated rule.
 
     Raises:
         Malformed: a code or vocab is unknown, a list too short, an answer missing.

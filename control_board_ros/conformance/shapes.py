@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether messages and answers have the form that the interface gives them."""
+"""Checks of the form of messages and answers."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ CODES_AND_VOCABS = (
 
 
 class Malformed(NotHeld):
-    """A message or an answer that cannot be read.
+    """An invalid message or answer.
 
     Args:
-        rule: that says what it should be (``V1``).
-        text: what was seen.
+        rule: violated (``V1``).
+        text: the observation.
     """
 
     def __init__(self, rule: str, text: str) -> None:
@@ -37,20 +37,12 @@ class Malformed(NotHeld):
 
 
 def check_state(message: Any) -> None:
-    """See that a BoardState message has an entry per joint in each field.
-
-    Raises:
-        Malformed: it has not.
-    """
+    """Check the lengths of a BoardState message; raises Malformed."""
     check_lengths("~/state", message, PER_JOINT)
 
 
 def check_modes(message: Any) -> None:
-    """See that a JointModes message has an entry per joint in each field, and that it is a mode.
-
-    Raises:
-        Malformed: it has not, or it is none.
-    """
+    """Check the lengths and modes of a JointModes message; raises Malformed."""
     for codes, vocabs, kind in CODES_AND_VOCABS:
         check_lengths("~/modes", message, (codes, vocabs))
         known = {mode.code: int(mode) for mode in kind}
@@ -63,7 +55,7 @@ def check_modes(message: Any) -> None:
 
 
 def expected(code: str, vocab: int, known: dict[str, int]) -> str:
-    """What should stand in the place of a code that does not go with its vocab."""
+    """The expected code of a vocab."""
     if code in known:
         return f"{encode(code)}"
     near = [one for one, number in known.items() if number == vocab]
@@ -71,11 +63,7 @@ def expected(code: str, vocab: int, known: dict[str, int]) -> str:
 
 
 def check_lengths(where: str, message: Any, names: Sequence[str]) -> None:
-    """See that these fields have an entry per joint.
-
-    Raises:
-        Malformed: one has not, or there are no joints.
-    """
+    """Check that these fields have one entry per joint; raises Malformed."""
     count = len(message.names)
     if not count or len(set(message.names)) != count:
         raise Malformed("A", f"{where} names the joints {list(message.names)}")
@@ -86,15 +74,15 @@ def check_lengths(where: str, message: Any, names: Sequence[str]) -> None:
 
 
 def reply_of(service: Endpoint, names: Sequence[str], response: Any) -> Reply:
-    """What a service answered for each joint; it is checked that it says one thing.
+    """The answer of a service per joint, checked for consistency.
 
     Args:
-        service: that was asked.
+        service: called.
         names: of the request.
         response: with success, message, answers and reasons.
 
     Raises:
-        Malformed: success and answers do not agree, or there is not one answer per joint.
+        Malformed: success and answers disagree, or not one answer per joint.
     """
     texts = list(response.answers)
     unknown = [text for text in texts if text not in [*Answer]]

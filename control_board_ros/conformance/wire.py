@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""M7 and P13: requests and messages that no client would send."""
+"""M7 and P13: requests and messages not sent by clients."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from control_board_ros.interface import (
 from .bench import TAKING, Bench, K, M
 from .rules import assume, expect, rule
 
-#: The field that holds the references of each kind.
+#: Field of the references of each kind.
 FIELDS = {
     K.POSITION: "positions",
     K.POSITION_DIRECT: "positions",
@@ -28,7 +28,7 @@ FIELDS = {
     K.CURRENT: "currents",
 }
 
-#: A mode that takes each kind of reference.
+#: A mode that accepts each kind of reference.
 MODES = {
     K.POSITION: M.POSITION,
     K.POSITION_DIRECT: M.POSITION_DIRECT,
@@ -64,7 +64,7 @@ def checked_whole(bench: Bench) -> str:
 
 
 def together(bench: Bench) -> None:
-    """Two joints that are set at once never show one changed and the other not."""
+    """Two joints set at once change in the same message."""
     if bench.partner is None:
         return
     pair = [bench.joint, bench.partner]
@@ -72,7 +72,7 @@ def together(bench: Bench) -> None:
     both = [m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in have[0] & have[1]]
     if not both:
         return
-    count = bench.channel.modes_heard
+    count = bench.channel.modes_received
     assume(bench.client.set_control_mode(pair, both[0]), f"{both[0]} is refused, see M1")
     assume(bench.client.set_control_mode(pair, M.POSITION), "POSITION is refused, see M1")
     bench.record(0.05)
@@ -96,7 +96,7 @@ def malformed(bench: Bench) -> str:
 
 
 def rejected(bench: Bench, topic: Endpoint, kind: CommandKind) -> None:
-    """Send what is malformed of a kind; the last accepted reference stays."""
+    """Send malformed references of a kind; the last accepted one remains."""
     good = bench.another(kind)
     before = bench.last(kind)
     for values in ([math.nan], [math.inf], [-math.inf], [], [good, good]):
@@ -104,8 +104,8 @@ def rejected(bench: Bench, topic: Endpoint, kind: CommandKind) -> None:
         bench.channel.send(topic, names=[bench.joint], **{FIELDS[kind]: values})
         end = time.monotonic() + TAKING
         while bench.rejected() == count and time.monotonic() < end:
-            pass  # until it has arrived: it is counted, or could have been
+            pass  # until processed
         last = bench.last(kind)
-        expect(last == before, f"{values} for one joint was taken as a {kind} of {last:.4g}")
+        expect(last == before, f"{values} for one joint was accepted as a {kind} of {last:.4g}")
         expect(bench.mode is MODES[kind], f"{values} switched {MODES[kind]} to {bench.mode}")
     bench.take(kind, good)
