@@ -143,7 +143,7 @@ def put_version(*, as_json: bool) -> None:
 
 
 def explain(error: Exception) -> tuple[str, int]:
-    """One line, and the exit code; what nobody expects is raised again."""
+    """One line, and the exit code; unexpected errors are raised again."""
     if isinstance(error, UsageError):
         return str(error), USAGE
     if isinstance(error, (Refused, *expected_errors())):

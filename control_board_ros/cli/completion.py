@@ -132,7 +132,7 @@ def complete(
 def at_cursor(
     words: Sequence[str], incomplete: str, verbs: Sequence[str], load: Callable[[str], Any]
 ) -> list[str]:
-    """The words that fit: verbs, options, or what the verb takes of the board that is there.
+    """The words that fit: verbs, options, or arguments of the verb from the present board.
 
     Raises:
         UsageError: an option has no value yet.

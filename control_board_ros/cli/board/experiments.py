@@ -26,7 +26,7 @@ from .session import Session
 STATE_RATE = 500.0
 #: s of rest before and after, and between looks.
 REST, LOOK = 0.5, 0.1
-#: s that the first state may take to be heard.
+#: Timeout of the first state, s.
 FIRST_STATE = 10.0
 
 
@@ -128,7 +128,7 @@ def measured(
 
 
 def await_states(session: Session, recorder: Any) -> None:
-    """Wait until the states are heard that are to show the motion.
+    """Wait for the states of the recording.
 
     Raises:
         Refused: none comes.

@@ -72,7 +72,7 @@ class Way:
 
 
 class Standstill:
-    """Notices that the board's time stands still, by a value that changes with it."""
+    """Detects that the board's time has stopped, by a value that changes with it."""
 
     #: s for which the value must not change.
     PATIENCE = 1.0

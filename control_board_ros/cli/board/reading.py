@@ -25,7 +25,7 @@ def by_joint(names: Sequence[str], values: Any) -> dict[str, float]:
 
 
 def lacks_calibration(row: dict[str, Any]) -> bool:
-    """Whether a joint needs a calibration before it takes a mode, and none is under way (K7)."""
+    """Whether a joint requires a calibration before a mode, and none is active (K7)."""
     return row["calibrated"] is False and row["control_mode"] not in BEFORE_CALIBRATION
 
 

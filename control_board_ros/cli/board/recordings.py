@@ -66,7 +66,7 @@ def keep_frames(session: Session, folders: Sequence[Path]) -> None:
 
 
 class Silence:
-    """Notices that nothing is heard any more, though the boards are there."""
+    """Detects a loss of messages of present boards."""
 
     #: s without a message: diagnostics alone come once per second.
     PATIENCE = 5.0
@@ -75,10 +75,10 @@ class Silence:
         self._count, self._since, self._told = 0, now, False
 
     def update(self, count: int, now: float) -> str:
-        """What to say, once for each silence; empty while messages come.
+        """Text of a loss, once each; empty while messages arrive.
 
         Args:
-            count: Messages heard so far.
+            count: Messages received so far.
             now: Time, s.
         """
         if count != self._count:

@@ -57,9 +57,9 @@ def stream(
 ) -> int:
     """Send references until the time is over or Ctrl-C, then zero; the exit code.
 
-    It ends early when the board ignores them: a joint has left its mode. Ctrl-C before the time
-    is over is exit code 1; where no time was given it is the end asked for. What the board does
-    instead of what is asked is told once.
+    It ends early when the board ignores them: a joint has left its mode. Ctrl-C before the end of
+    the time is exit code 1; without a time it is the regular end. Deviations of the board are
+    reported once.
 
     Args:
         session: with the board.
@@ -116,7 +116,7 @@ def sent(
 
 
 def where(session: Session, names: list[str]) -> str:
-    """The positions last heard of some joints, as many as a line has room for."""
+    """The last received positions of some joints, limited to one line."""
     state = session.client.get_state(fresh=False)
     shorts = short_names(state.names)
     positions = [

@@ -50,7 +50,7 @@ def argument(*names: str, offers: Offers | None = None, **settings: Any) -> Argu
 
 
 def takes(*arguments: Argument) -> Callable[[Verb], Verb]:
-    """Say what a verb takes; it is called with a session and these by keyword."""
+    """Declare the arguments of a verb, passed by keyword after the session."""
 
     def note_down(verb: Verb) -> Verb:
         verb.arguments = arguments  # type: ignore[attr-defined]
@@ -72,7 +72,6 @@ def patterns(verb: Verb) -> Verb:
 
 
 def arguments_of(verb: Callable[..., Any]) -> tuple[Argument, ...]:
-    """What a verb takes."""
     found: tuple[Argument, ...] = getattr(verb, "arguments", ())
     return found
 

@@ -58,7 +58,7 @@ class Jog:
     ended: bool = False
 
     def press(self, key: str, now: float) -> None:
-        """Take a key at a time, s; a key that means nothing stops the joint."""
+        """Process a key at time ``now``, s; an unknown key stops the joint."""
         if key in ("left", "right"):
             wanted = 1 if key == "right" else -1
             held = wanted == self.direction and now < self.until
@@ -74,7 +74,7 @@ class Jog:
         self.ended = self.ended or key == "quit"
 
     def velocity(self, now: float) -> float:
-        """The velocity of the chosen joint: zero once nobody holds a key."""
+        """The velocity of the chosen joint: zero without a held key."""
         if now >= self.until:
             self.direction = 0
         return self.direction * self.speed
@@ -82,7 +82,7 @@ class Jog:
 
 @contextlib.contextmanager
 def keys_at_once() -> Iterator[int]:
-    """Let the terminal give keys as they are pressed, unseen; its file descriptor."""
+    """Read keys unbuffered and without echo; yields the terminal's file descriptor."""
     terminal = sys.stdin.fileno()
     before = termios.tcgetattr(terminal)
     try:
@@ -93,7 +93,7 @@ def keys_at_once() -> Iterator[int]:
 
 
 def pressed(terminal: int, patience: float) -> list[str]:
-    """The keys that came within so many s; ``quit`` where the terminal is gone."""
+    """The keys pressed within ``patience`` s; ``quit`` after the loss of the terminal."""
     ready, _, _ = select.select([terminal], [], [], max(patience, 0.0))
     if not ready:
         return []

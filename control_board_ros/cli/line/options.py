@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The options that every verb takes, wherever they stand on the line."""
+"""The options of every verb, at any place of the line."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def read_options(words: Sequence[str], ros_arguments: list[str]) -> tuple[Option
 
 
 def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
-    """The line without, and with only, what stands from --ros-args on."""
+    """Split the line at --ros-args."""
     line = list(arguments)
     if ROS_ARGUMENTS not in line:
         return line, []
@@ -98,7 +98,7 @@ def split_ros_arguments(arguments: Sequence[str]) -> tuple[list[str], list[str]]
 
 
 def hoist(words: Sequence[str]) -> tuple[list[str], list[str]]:
-    """Part the options of every verb from the verb and its words, wherever they stand."""
+    """Separate the common options from the verb and its words."""
     front: list[str] = []
     rest: list[str] = []
     left = iter(words)

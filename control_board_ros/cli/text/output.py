@@ -40,7 +40,7 @@ class Asker(Protocol):
 #: Columns of a table that goes into a file or a pipe.
 PIPE_WIDTH = 160
 
-#: Colours of modes by code: green holds or moves, yellow drives, red needs somebody.
+#: Colours of modes by code: green holds or moves, yellow drives, red requires an action.
 COLOURS = {
     "pos": "green",
     "posd": "green",
@@ -60,7 +60,7 @@ COLOURS = {
 
 
 def console(*, stderr: bool = False, width: int | None = None) -> Console:
-    """A rich console: colours only where somebody looks, width only where there is one."""
+    """A rich console: colours and width for terminals only."""
     from rich.console import Console
     from rich.segment import Segment
 
@@ -90,18 +90,18 @@ def load_drawing() -> None:
 
 
 class ReaderGone(Exception):  # noqa: N818
-    """Who reads our output has enough of it, as in ``cbctl watch --json | head -1``."""
+    """The reader of the output has closed it, as in ``cbctl watch --json | head -1``."""
 
 
 def put(result: Any, *, width: int | None = None) -> None:
-    """Print something on stdout: text as it stands, and what rich can render.
+    """Print something on stdout: unchanged text, or a rich renderable.
 
     Args:
         result: what to print.
         width: of the lines, characters; None: that of the terminal.
 
     Raises:
-        ReaderGone: nobody reads any more.
+        ReaderGone: the reader has closed the output.
     """
     end = "\n"
     if isinstance(result, str):
@@ -139,7 +139,7 @@ def answer(session: Asker, value: Any) -> None:
 
 
 def plain(value: Any) -> Any:
-    """A value that every JSON reader takes: NaN and infinity become null."""
+    """A value in standard JSON: NaN and infinity become null."""
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -160,7 +160,7 @@ def note(session: Asker, text: str) -> None:
 def conclude(
     session: Asker, reply: Reply, text: str = "", *, mode: str = "pos", **more: Any
 ) -> int:
-    """Print what became of a request; the exit code.
+    """Print the outcome of a request; returns the exit code.
 
     Args:
         session: with the board.

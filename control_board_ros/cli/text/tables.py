@@ -74,7 +74,7 @@ def heads(title: str, stack: str) -> list[str]:
 
 
 def column_width(title: str, cells: Sequence[Text], fold: Sequence[str], stack: str = "") -> int:
-    """The characters that a column takes at least."""
+    """Minimum width of a column, characters."""
     content = max((cell.cell_len for cell in cells), default=0)
     if title in fold:
         words = [len(word) for cell in cells for word in cell.plain.split()]
@@ -83,7 +83,7 @@ def column_width(title: str, cells: Sequence[Text], fold: Sequence[str], stack: 
 
 
 def needed(columns: Mapping[str, Sequence[Text]], fold: Sequence[str], stack: str = "") -> int:
-    """The characters that a table takes at least."""
+    """Minimum width of a table, characters."""
     widths = [column_width(title, cells, fold, stack) for title, cells in columns.items()]
     return sum(widths) + GAP * (len(widths) - 1)
 

@@ -102,7 +102,7 @@ def jog(session: Session, joints: list[str], speed: str) -> int:
     """Move joints with the arrow keys (mode vel or mix); a joint moves while a key is held.
 
     Left and right move the joint, up and down choose another one, + and - change the speed, q
-    ends. When the key is let go, or the line is lost, the joint stops.
+    ends. When the key is released, or the connection is lost, the joint stops.
     """
     if session.options.json or not sys.stdin.isatty():
         raise UsageError("jog needs a keyboard: run it in a terminal, without --json")

@@ -20,7 +20,7 @@ NEEDED = ("starlette", "uvicorn", "websockets")
     argument(
         "--port", type=int, default=8080, metavar="PORT", help="To listen on; 0: a free one."
     ),
-    argument("--read-only", action="store_true", help="Show everything, let nobody operate."),
+    argument("--read-only", action="store_true", help="Display only, without operation."),
     argument(
         "--takeover",
         default="10s",

@@ -61,7 +61,7 @@ def poses_table(session: Session, rows: Rows) -> Any:
 
 
 def poses_offered(typed: Typed) -> list[str]:
-    """Poses and ``save``; a new name is nobody's to offer; then joints."""
+    """Poses and ``save``; no new names; then joints."""
     if not typed.before:
         return [*typed.poses(), "save"]
     return joints(typed) if typed.before[0] == "save" and len(typed.before) > 1 else []

@@ -189,7 +189,7 @@ def write_tables(folders: list[Path]) -> list[Path]:
 
 
 def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: list[Path]) -> int:
-    """Say what was recorded; the exit code is 1 where it ended before it was asked to."""
+    """Print a summary; the exit code is 1 for an early end."""
     why = recorder.ended or why
     folders = written(sink)
     size = sum(file.stat().st_size for folder in folders for file in folder.glob("*.mcap"))

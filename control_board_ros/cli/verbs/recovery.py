@@ -55,7 +55,7 @@ def estop(session: Session, word: str | None) -> int:
     if word is None:
         fall = "every joint is without power, and falls where no brake holds it"
         text = f"{fall}; let the stop go with: {session.line('estop', 'release')}"
-    if reply.message:  # it has not been seen to act: simulated time stands still
+    if reply.message:  # not in effect: simulated time is stopped
         text = ""
     return conclude(session, reply, text)
 

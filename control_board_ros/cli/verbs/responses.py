@@ -190,7 +190,7 @@ def send_trajectory(session: Session, experiment: Experiment, plan: Any) -> None
     """Let the board follow a plan around where the joint was.
 
     Raises:
-        Refused: nobody listens to trajectories.
+        Refused: no subscriber of trajectories.
     """
     from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 

@@ -96,9 +96,9 @@ def set_once(
         session: with the board.
         send: sends them, and gives the board's answer.
         values: by joint.
-        label: what they are, for the line that tells of them.
-        shown: how one value is written in it.
-        mode: in which joints take them.
+        label: for the printed line.
+        shown: format of one value.
+        mode: that accepts them.
     """
     reply = send(list(values), list(values.values()))
     held = zip(reply.joints, reply.values, strict=False)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ...joint_limits import JointLimits
 
 
-#: The limits in force of each joint, where the board tells them.
+#: The limits in force of each joint, where known.
 Limits = dict[str, "JointLimits | None"]
 
 TITLES = (
@@ -123,7 +123,7 @@ def stacked(views: Sequence[View], width: int) -> Any:
 
 
 def follow(session: Session, views: Sequence[View], period: float) -> NoReturn:
-    """Show the rows again and again: in place where somebody looks, else frame after frame."""
+    """Show the rows repeatedly: in place on a terminal, else frame by frame."""
     screen = console()
     if session.options.json or not screen.is_terminal:
         while True:
