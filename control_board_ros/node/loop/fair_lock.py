@@ -10,7 +10,7 @@ from ...core.group import JointGroup
 
 
 class FairLock:
-    """A lock that its last holder cannot take again while another thread waits.
+    """A lock that its last holder cannot acquire again while another thread waits.
 
     A plain lock of Python goes to the thread that asks first after its release, which is the one
     that released it when that runs on: a control loop that runs as fast as it can would shut all
@@ -23,7 +23,7 @@ class FairLock:
         self._gate, self._lock = threading.Lock(), threading.Lock()
 
     def acquire(self) -> None:
-        """Wait for the lock and take it."""
+        """Wait for the lock and acquire it."""
         with self._gate:
             self._lock.acquire()
 

@@ -112,7 +112,7 @@ class ControlLoop:
 
         Returns:
             False if the thread did not end in time. A simulation is then still in its hands;
-            another plant is closed, which takes the power off.
+            another plant is closed, which disables its motors.
         """
         self._stopping = True
         self._wake.set()
@@ -145,7 +145,7 @@ class ControlLoop:
             self.note_changes()
 
     def note_changes(self) -> None:
-        """Note what has changed; for callers holding the lock. The whole tells of it, at last."""
+        """Record changes; for callers holding the lock. Published after the whole request."""
         versions = self.board.modes_version, self.board.faults_version
         if versions == self._noted:
             return
@@ -167,7 +167,7 @@ class ControlLoop:
 
     @property
     def paused(self) -> bool:
-        """Whether simulated time stands still."""
+        """Whether simulated time is stopped."""
         return self._paused
 
     @property
@@ -224,7 +224,7 @@ class ControlLoop:
         self._wake.set()
 
     def after_cycle(self, done: Callable[[], None]) -> None:
-        """Call ``done`` when a whole cycle has run from now on; at once if time stands still."""
+        """Call ``done`` when a whole cycle has run from now on; at once if time is stopped."""
         with self.exclusive():
             self._stepping.on_cycle(done)
             if self._paused or self._stopping:
@@ -263,7 +263,7 @@ class ControlLoop:
                 elif self._pacer.wait():
                     self._cycle()
             self._unpower()
-        except Exception as error:  # noqa: BLE001 - main tells, and chooses the exit code
+        except Exception as error:  # noqa: BLE001 - reported by main
             self.failure = error
             with contextlib.suppress(Exception):  # it may be the plant that failed
                 self._cut_power()

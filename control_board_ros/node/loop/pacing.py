@@ -97,7 +97,7 @@ class Pacer:
         return True
 
     def _woken(self, timeout: float) -> bool:
-        """Whether somebody wakes the thread meanwhile."""
+        """Whether the thread was woken."""
         woken = self._wake.wait(timeout)
         if woken:
             self._wake.clear()
@@ -135,7 +135,7 @@ class Pacer:
 
 
 class Divider:
-    """Picks some of the control cycles, so many a second on average, as evenly as they allow.
+    """Selects control cycles at a mean rate, as evenly as possible.
 
     Args:
         rate: how many, Hz; more than the cycles there are picks every one.
@@ -162,7 +162,7 @@ class Divider:
 def system_ahead() -> int:
     """What the system's clock is ahead of the monotonic one, ns.
 
-    A thread that loses the processor between the two readings would tell of a clock that was
+    A thread that loses the processor between the two readings would report a clock that was
     set; such readings are taken again, and the closest pair counts.
     """
     best, ahead = math.inf, 0

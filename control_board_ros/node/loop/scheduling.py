@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the node stands against other programs on the same cores.
+"""Scheduling priority of the node.
 
 A cycle that is late is late because another program runs. A niceness below 0 lets all threads of
 the node go first, and still leaves the others their share; SCHED_FIFO leaves them nothing.
@@ -20,7 +20,7 @@ def take_priority(values: Mapping[str, Any], others: Sequence[int] = ()) -> str:
         values: parameters by name.
         others: ids of further processes.
 
-    A simulation that runs as fast as it can is never preferred, for it would take a whole core:
+    A simulation that runs as fast as it can is never preferred, for it would use a whole core:
     it stays as it was started, by ``nice`` or without.
 
     Returns:

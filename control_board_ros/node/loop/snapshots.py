@@ -58,7 +58,7 @@ class Snapshots:
 
     The ``note`` methods are for callers holding the loop's lock; all else is for everybody.
 
-    Attributes: latest, modes, faults; states and mode_changes (those nobody has taken yet, oldest
+    Attributes: latest, modes, faults; states and mode_changes (not yet consumed, oldest
     first; the newest are ``latest`` and ``modes``); events (of the board, oldest first); on_change
     (called after a snapshot was replaced, from the thread that did it; must return at once).
     """
@@ -75,7 +75,7 @@ class Snapshots:
         self.faults: StampedFaults
 
     def note_state(self) -> None:
-        """Replace ``latest`` and take the board's events."""
+        """Replace ``latest`` and consume the board's events."""
         self.latest = StampedState(self._board.snapshot(), self.now())
         self.states.append(self.latest)
         self.events.extend(self._board.take_events())
@@ -98,7 +98,7 @@ class Snapshots:
             self.on_change()
 
     def _raised(self, j: int, record: FaultRecord) -> int:
-        """When a fault was raised, 0 for none; once told, told the same again."""
+        """When a fault was raised, 0 for none; stable after the first report."""
         if record.code < 0:
             return 0
         if hasattr(self, "faults") and self.faults.records[j].stamp == record.stamp:

@@ -17,7 +17,7 @@ from queue import SimpleQueue
 from .loop import ControlLoop
 from .pacing import sharpen_timers
 
-#: What is done in each round, and who is told of an exception.
+#: Action of each round, and the handler of exceptions.
 Round = tuple[Callable[[], None], Callable[[Exception, str], None]]
 
 

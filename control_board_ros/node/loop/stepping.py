@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control cycles that somebody waits for: steps of a paused simulation, and the next cycle."""
+"""Awaited control cycles: steps of a paused simulation, and the next cycle."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class Stepping:
         self._on_cycle: deque[Callable[[], None]] = deque()
 
     def begin(self, cycles: int, on_done: Callable[[str], None], *, paused: bool) -> str:
-        """Let so many cycles run; an empty text, or why not.
+        """Run ``steps`` cycles; returns an empty text, or the reason for a refusal.
 
         Args:
             cycles: how many, exactly.
             on_done: called after the last one with an empty text, or why they did not all run.
-            paused: whether simulated time stands still.
+            paused: whether simulated time is stopped.
         """
         if not paused:
             return "step needs a paused simulation, and this one runs; pause it first: ~/pause"

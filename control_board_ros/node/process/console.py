@@ -26,13 +26,13 @@ class KnownError(Exception):
 
 
 def say(text: str) -> None:
-    """Print, also when nobody listens any more."""
+    """Print, also after stdout was closed."""
     with contextlib.suppress(OSError, ValueError):
         print(text, end="", flush=True)
 
 
 def complain(text: str) -> None:
-    """One line on standard error, also when nobody listens any more."""
+    """Print one line on stderr, also after it was closed."""
     with contextlib.suppress(OSError, ValueError):
         print(f"control_board: {clean(text, LONGEST)}", file=sys.stderr, flush=True)
 
@@ -63,7 +63,7 @@ def provide_log_folder() -> None:
 
 
 def check_arguments(arguments: Sequence[str]) -> None:
-    """Refuse what stands outside of --ros-args, which ROS passes over in silence."""
+    """Reject arguments outside of --ros-args, which ROS ignores silently."""
     among_ros = False
     for argument in arguments:
         if argument in {"--ros-args", "--"}:

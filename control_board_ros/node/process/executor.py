@@ -228,7 +228,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
             return
         try:
             future = client.get_pending_request(header.request_id.sequence_number)
-        except KeyError:  # nobody waits for it any more
+        except KeyError:  # no longer awaited
             return
         future._set_executor(self)
         future.set_result(response)

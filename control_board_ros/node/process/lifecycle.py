@@ -35,7 +35,7 @@ def make_node(name: str, values: Mapping[str, Any], **arguments: Any) -> Node:
 
 
 def starts_alone(values: Mapping[str, Any]) -> bool:
-    """Whether the joints leave NOT_CONFIGURED without being told to."""
+    """Whether the joints leave NOT_CONFIGURED without a request."""
     return bool(values["autostart"] if values["lifecycle"] else values["autoconfigure"])
 
 
@@ -46,7 +46,7 @@ def manage(node: Node, member: Member, values: Mapping[str, Any], on_error: OnEr
         node: of :func:`make_node`; nothing is done for one that is not managed.
         member: the board that is led.
         values: the parameters; with ``autostart`` the node becomes active at once.
-        on_error: told of exceptions that should not be.
+        on_error: called with unexpected exceptions.
     """
     if not isinstance(node, LifecycleNode):
         return
@@ -102,7 +102,7 @@ class ManagedBoard(ManagedEntity):
 def answer_every_request(node: LifecycleNode, on_error: OnError) -> None:
     """Answer also a transition that is not possible now.
 
-    rclpy raises there, and whoever asked would wait for ever.
+    rclpy raises there, and the caller would wait forever.
     """
     log = node.get_logger()
     services: dict[str, Any] = {one.srv_name.rpartition("/")[2]: one for one in node.services}
@@ -126,7 +126,7 @@ def answer_every_request(node: LifecycleNode, on_error: OnError) -> None:
             return ChangeState.Response(success=False)
         try:
             return change(request, response)
-        except Exception as error:  # noqa: BLE001 - whoever asked gets an answer
+        except Exception as error:  # noqa: BLE001 - callers get an answer
             on_error(error, "change_state")
             return ChangeState.Response(success=False)
 

@@ -25,7 +25,7 @@ def runtime_folder() -> Path:
     """A folder of this user's for what lives as long as the machine is up.
 
     Raises:
-        OSError: it cannot be made, or belongs to somebody else.
+        OSError: it cannot be created, or belongs to another user.
     """
     given = os.environ.get("XDG_RUNTIME_DIR")
     base = Path(given) if given and os.access(given, os.W_OK) else temporary_folder()

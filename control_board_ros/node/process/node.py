@@ -71,7 +71,7 @@ class BoardNode:
         node: to offer it on.
         member: the joints, and the loop that runs them.
         settings: of the same joints.
-        changed: told of run-time parameters that are the loop's, by name and value.
+        changed: called with the loop's run-time parameters, name and value.
         follower: of trajectories, for all joints of the board.
         role: what sets the node apart.
 

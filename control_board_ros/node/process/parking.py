@@ -25,7 +25,7 @@ class Parking:
     Args:
         member: what is parked, all of it.
         pose: where.
-        tell: told, when the joints move, how long they will take, s.
+        tell: called with the duration of the move, s.
 
     Attributes: reason (why the robot is not parked; empty when it is).
     """

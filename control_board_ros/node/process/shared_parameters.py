@@ -25,7 +25,7 @@ class SharedParameters:
             part.on_reconfigured = self._set_at_part
 
     def _set_at_robot(self, _settings: Settings, changes: Mapping[str, Any]) -> None:
-        """The parts check and take them, all or none."""
+        """The parts check and apply them, all or none."""
         taken: list[tuple[BoardNode, Settings, list[str]]] = []
         for part in self._parts:
             known = part.parameters.settings

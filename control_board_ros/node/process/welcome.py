@@ -32,7 +32,7 @@ def welcome(
         config: of the board.
         modes: present control mode of each joint.
         parts: the joints of each part, where the board is a robot's.
-        parks: whether it goes to the pose park when it is told to end.
+        parks: whether it goes to the pose park at its end.
         managed: whether it waits for the transitions of a managed node.
     """
     present = sorted({mode.name for mode in modes})
@@ -59,7 +59,7 @@ def table(
 ) -> list[str]:
     """The joints, as ``cbctl info`` has them: limits are the software's, stops the hard ones.
 
-    The modes stand below where they are the same for all joints and do not fit beside.
+    Modes that are equal for all joints and do not fit are below the table.
     """
     owner = {name: part for part, names in (parts or {}).items() for name in names}
     columns: dict[str, list[str]] = {
@@ -79,7 +79,7 @@ def table(
 
 
 def rows(columns: Mapping[str, Sequence[str]]) -> list[str]:
-    """The lines of a table; text stands at the left of its column, numbers at the right."""
+    """The lines of a table; text left-aligned, numbers right-aligned."""
     cells = []
     for title, column in columns.items():
         width = max(map(len, (title, *column)))
@@ -89,7 +89,7 @@ def rows(columns: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
-    """When to try what with cbctl, such that the joint takes it."""
+    """Commands of cbctl that the joint accepts now."""
     if MOVES not in joint.control_modes:
         return "Try", [f"modes {joint.name}"]
     target = first_target(joint)

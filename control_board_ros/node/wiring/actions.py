@@ -89,9 +89,9 @@ class Actions:
     Args:
         node: to serve from.
         member: whose board moves.
-        warn: takes what keeps a goal waiting and what repeats are called, for the throttled log.
+        warn: throttled log: cause of a waiting goal, name for its repetitions.
         go_to_pose: gives what starts a goal of ~/go_to_pose.
-        requests: takes what becomes of goals.
+        requests: receives outcomes of goals.
     """
 
     def __init__(

@@ -7,7 +7,7 @@ best-effort subscription is added beside it. That one receives from all publishe
 messages count from then on; while publishers match, what arrives by both is recognized by its
 source time stamp. When the last best-effort publisher is gone, both count again until it is
 removed: what the reliable one has left to it may still wait there.
-The log tells once of such publishers: what they lose on the way is not sent again.
+Such publishers are logged once: their lost messages are not repeated.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Declaring many parameters in little time.
 
-rclpy publishes an event for each parameter that is declared, before anybody can have found the
+rclpy publishes an event for each parameter that is declared, before discovery of the
 publisher: a robot of 32 joints has 3800, which is most of its start. Here they go into the node
 at once; the values have been checked when the settings were made.
 """

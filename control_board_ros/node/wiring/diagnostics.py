@@ -22,10 +22,10 @@ from ..loop.scheduling import scheduling
 
 
 class Diagnostics:
-    """Makes the array; compares with the last one to tell what is new.
+    """Builds the array, and compares it with the last one for news.
 
     Args:
-        loop: whom to tell about.
+        loop: of the diagnosed board.
         names: of the joints.
         hardware_id: of the robot.
         nominal_rate: control cycles per second of simulated time.
@@ -176,7 +176,7 @@ class Diagnostics:
 
 
 def summary(name: str, joints: Sequence[DiagnosticStatus]) -> DiagnosticStatus:
-    """The statuses of a part's joints as one: the worst of them tells."""
+    """The statuses of a part's joints as one: the worst of them."""
     worst = max(joints, key=lambda status: status.level)
     if worst.level == DiagnosticStatus.OK:
         modes = Counter(status.message for status in joints)

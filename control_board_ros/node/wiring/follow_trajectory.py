@@ -61,8 +61,8 @@ class FollowTrajectory:
         member: whose board moves.
         start_goal: starts a goal of these joints, points, start time and tolerances; the follower
             that it is for is stepped after the check of this server.
-        on_error: told of exceptions that should not be.
-        requests: takes what becomes of goals.
+        on_error: called with unexpected exceptions.
+        requests: receives outcomes of goals.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class FollowTrajectory:
             self._timer.cancel()
             return
         with self._member.exclusive() as board:
-            goal.task.check()  # simulated time may stand still
+            goal.task.check()  # simulated time may be stopped
             message = feedback(board, goal.task)
             set_stamp(message.header.stamp, self._member.loop.time_base.stamp(board.time))
         goal.handle.publish_feedback(message)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""~/joint_commands: a JointState whose numbers go where the mode of each joint takes them.
+"""~/joint_commands: a JointState with the reference accepted by each joint's mode.
 
 It is what ros2_control's topic-based hardware sends: one number per joint that has the command
 interface, in the order of the joints; NaN where no controller commands.
@@ -25,9 +25,9 @@ from .streams import send
 K = CommandKind
 #: The field of a JointState for values that messages of references call so.
 FIELDS = {"positions": "position", "velocities": "velocity", "torques": "effort"}
-#: The kinds of reference that it carries, and their field; of two that a mode takes, the first.
+#: Its kinds of reference, and their field; the first of several accepted by a mode.
 KINDS = {kind: FIELDS[row.field] for kind, row in COMMANDS.items() if row.field in FIELDS}
-#: The kind by which a value is refused that no mode of its joint takes.
+#: The kind to report for a value that the joint's mode does not accept.
 REFUSED = {"position": K.POSITION_DIRECT, "velocity": K.VELOCITY, "effort": K.TORQUE}
 
 
@@ -36,7 +36,7 @@ class JointCommands:
 
     Args:
         member: whose joints are commanded.
-        answer: takes each reply that says something.
+        answer: receives each reply with a message.
     """
 
     def __init__(self, member: Member, answer: Callable[[Reply], None]) -> None:
@@ -81,7 +81,7 @@ def take(board: JointGroup, message: Any) -> list[Reply]:
 def spread_short(board: JointGroup, chosen: Selection, field: str, message: Any) -> Floats:
     """The values of a field, one for each named joint, shape (k,); NaN where none is meant.
 
-    Fewer values than joints are of those whose modes take them, in their order.
+    Fewer values than joints apply to the joints that accept them, in their order.
 
     Raises:
         RequestError: it is not clear whose they are.

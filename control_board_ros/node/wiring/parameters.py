@@ -217,7 +217,7 @@ class Parameters:
         return found
 
     def _refusal(self, parameters: list[RosParameter]) -> str:
-        """Why a change is refused that the settings do not know of, or cannot tell."""
+        """Reason to refuse a change that is unknown to the settings."""
         control_rate = self.settings.board.control_rate
         for one in parameters:
             name, value = one.name, one.value

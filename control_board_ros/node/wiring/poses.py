@@ -20,13 +20,13 @@ from .messages import bounded, doubles
 
 
 class Poses:
-    """The poses that a board can take: those of the configuration, and the user's.
+    """The poses of a board: those of the configuration, and the user's.
 
     Args:
         member: whose board they are of.
         names: of the board's joints.
         configured: those of the configuration, by name.
-        user: the user's, for this robot; a board takes its part of each.
+        user: the user's, for this robot; a board uses its part of each.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Poses:
     # -- services -----------------------------------------------------------------------------
 
     def list_poses(self, request: Any, response: Any) -> Any:
-        """The names of all poses, and what one of them is made of."""
+        """The names of all poses, and the contents of one."""
         response.poses = list(self._configured)
         try:
             if request.name:

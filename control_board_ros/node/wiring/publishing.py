@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """State out: what the control loop has noted of a board, as messages.
 
-Publishing takes frozen snapshots and never the loop's lock; see ``state_thread``.
+Publishing uses frozen snapshots and never the loop's lock; see ``state_thread``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .follow_trajectory import controller_state
 from .messages import joint_faults, joint_modes, set_stamp
 from .state_message import StateMessage
 
-#: How long each kind of message may take to arrive at the end.
+#: Time limit of each kind of message to arrive, at the end.
 ARRIVAL = Duration(seconds=0.1)
 
 #: Without these, every publisher adds two entities to each wait of the executor.
@@ -108,7 +108,7 @@ class StatePublisher:
             publisher.wait_for_all_acked(ARRIVAL)
 
     def publish(self) -> None:
-        """Publish every snapshot that is new; a state that nobody would hear costs nothing."""
+        """Publish every snapshot that is new; without subscribers a state has no cost."""
         snapshots = self._snapshots
         while snapshots.mode_changes:
             modes = snapshots.mode_changes.popleft()

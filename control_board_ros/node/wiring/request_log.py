@@ -30,7 +30,7 @@ ENDS = {
     GoalStatus.STATUS_CANCELED: "canceled",
     GoalStatus.STATUS_ABORTED: "aborted",
 }
-#: Fields of a request that are names of joints, and fields of a message that stand for themselves.
+#: Fields of a request that are joint names, and fields of a message without a name.
 NAMES = ("names", "joint_names")
 OF_RESPONSES = ("success", "message", "names", "answers", "reasons", "codes")
 
@@ -195,7 +195,7 @@ def as_json(message: Any, left: Collection[str], longest: int) -> str:
 
 
 def plain(value: Any, longest: int) -> Any:
-    """A field's value as JSON takes it: a number that is not finite is a text."""
+    """A field's value for JSON: non-finite numbers as text."""
     if isinstance(value, bool | int):
         return value
     if isinstance(value, float):
@@ -216,6 +216,6 @@ def cut(texts: Any, longest: int) -> list[str]:
 
 
 def text(value: str) -> str:
-    """A text that any middleware takes, of bounded length."""
+    """A text valid for any middleware, of bounded length."""
     shown = value if len(value) <= CHARACTERS else value[:CHARACTERS] + "…"
     return shown.encode("utf-8", "replace").decode("utf-8")

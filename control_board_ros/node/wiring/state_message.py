@@ -116,7 +116,7 @@ class StateMessage:
         return [blank[a:b] for a, b in itertools.pairwise(edges)]
 
     def _try(self, count: int) -> None:
-        """Read a message made of bytes; it must be the one that was meant."""
+        """Read a message from bytes, and compare it with the original."""
         trial = TrialSnapshot(self._fields, self._kinds, count)
         made = deserialize_message(self.of(trial, TRIAL), type(self._message))  # type: ignore[arg-type]
         if made != self._plain(trial, TRIAL):
@@ -146,7 +146,7 @@ def field_of(kind: str, values: Any) -> array[Any] | list[Any]:
 
 
 def numbers(kind: str, byte: int, count: int) -> array[Any] | list[bool]:
-    """So many numbers for a field, each made of this byte alone.
+    """``count`` numbers for a field, each of this byte only.
 
     Raises:
         UnknownLayout: a kind of field whose bytes are not those of numpy.

@@ -21,7 +21,7 @@ def send(
     """Send references of one kind; a position that repeats is no new move.
 
     Args:
-        board: takes them.
+        board: the receiver.
         kind: of the references.
         names: of joints; none: all.
         values: one per joint.

@@ -12,7 +12,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from ...text import clean
 
 PERIOD = 1.0
-#: Causes told apart within one period; what comes on top is counted as one more cause.
+#: Causes distinguished within one period; further ones count as one.
 MAX_CAUSES = 50
 OTHER = "further causes"
 #: Numbers, and not the digits of a name: joint_1 and joint_2 have causes of their own.
@@ -27,7 +27,7 @@ Write = Callable[[str], None]
 def writers(log: RcutilsLogger) -> dict[str, Write]:
     """A function per severity: rclpy lets each line of code log with one severity only.
 
-    A line may hold texts of others, whoever they are.
+    A line may include untrusted texts.
     """
 
     def info(text: str) -> None:
@@ -59,7 +59,7 @@ class ThrottledLog:
         """Write a message, or count it.
 
         Args:
-            write: takes the line, e.g. ``logger.warning``.
+            write: receives the line, e.g. ``logger.warning``.
             message: one line; a count goes before its first semicolon.
             what: what is counted, e.g. ``ignored``.
             cause: what repeats share; the message without its numbers, if empty.
@@ -84,7 +84,7 @@ class ThrottledLog:
             self._repeats = {cause: (*row[:2], 0) for cause, row in due.items() if row[2]}
             self._written = set()
         for cause, (write, text, count) in due.items():
-            if count > (cause in first):  # else it has been told
+            if count > (cause in first):  # otherwise already reported
                 write(text.replace(COUNT, str(count), 1))
 
 

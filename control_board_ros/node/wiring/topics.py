@@ -46,7 +46,7 @@ def send(
         joints: names; none for all.
         values: one per joint, shape (k,); None: none were sent.
         along: what comes along, likewise; of feed-forward the torques.
-        together: whether all joints take their references or none does.
+        together: whether all joints accept their references or none does.
     """
     if kind == FEEDFORWARD:
         return board.set_feedforward(joints, values, along, together=together)
@@ -63,9 +63,8 @@ class CommandTopics:
     Args:
         member: whose board is commanded.
         injection: whether a simulation may be disturbed.
-        joint_trajectory: takes a trajectory.
-        warn: takes what was ignored or bounded and what repeats are called, for the throttled
-            log.
+        joint_trajectory: receives a trajectory.
+        warn: throttled log: ignored and bounded references, and a name for their repetitions.
     """
 
     def __init__(
@@ -80,7 +79,7 @@ class CommandTopics:
         self._joint_trajectory, self._warn = joint_trajectory, warn
 
     def callbacks(self) -> dict[Endpoint, Callable[[Any], None]]:
-        """What takes the messages of each command topic."""
+        """The receivers of each command topic."""
         references = [
             topic
             for topic in COMMAND_TOPICS

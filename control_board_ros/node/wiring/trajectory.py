@@ -56,7 +56,7 @@ class TrajectoryTopic:
     Args:
         member: whose joints follow.
         follower: of the board.
-        warn: takes a message and what repeats are called, for the throttled log.
+        warn: throttled log: a message and a name for its repetitions.
     """
 
     def __init__(

@@ -132,7 +132,7 @@ class TransformMessage:
         self._stamp_places = places_of(stamps, self._words)
 
     def _try(self) -> None:
-        """Read a message made of bytes; it must be the one that was meant."""
+        """Read a message from bytes, and compare it with the original."""
         poses = np.arange(float(len(self._edges) * POSE)).reshape(-1, POSE) - 3.25
         made = deserialize_message(self.of(poses, TRIAL), TFMessage)
         if made != tf_message(self._edges, poses, TRIAL, self._prefix):

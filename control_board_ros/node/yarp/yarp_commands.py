@@ -19,7 +19,7 @@ def send(
     """Send references of one kind.
 
     Args:
-        board: takes them.
+        board: the receiver.
         kind: of the references.
         names: of joints; none: all.
         values: one per joint.

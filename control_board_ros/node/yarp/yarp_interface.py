@@ -70,9 +70,9 @@ def offer_yarp(
         node: to offer it from.
         member: the board.
         values: the parameters.
-        states: tells the modes along with every state.
+        states: includes the modes with every state.
         reporter: of the node.
-        requests: takes what services answer.
+        requests: receives answers of services.
         part: whether it is a part of a robot, with names below its own.
 
     Returns:
@@ -108,9 +108,9 @@ class YarpInterface:
 
     Args:
         member: the board that is asked.
-        warn: takes what was ignored or bounded, and the word to count it by, for the log.
-        on_error: told of exceptions that should not be.
-        requests: takes what services answer.
+        warn: receives ignored and bounded references, and a name to count them by, for the log.
+        on_error: called with unexpected exceptions.
+        requests: receives answers of services.
     """
 
     def __init__(
@@ -251,6 +251,6 @@ def chosen(board: JointGroup, names: Sequence[str], word: str) -> Selection:
 
 
 def require_reading(board: JointGroup) -> None:
-    """Refuse to tell a measurement that there is not."""
+    """Refuse a measurement that does not exist."""
     if not board.cycle:
         raise RefusedError(RETRIEVE_ERROR, "nothing is measured yet; ask again")

@@ -2,7 +2,7 @@
 """What YARP's controlBoard_nws_ros2 calls modes and answers, and what that is here: no ROS.
 
 Its clients write modes as ``POSITION`` or ``IMPEDANCE_POS``, get ``OK`` or the word of a refusal,
-and hear of modes by the first letter of their vocab.
+and receive modes as the first letter of their vocab.
 """
 
 from __future__ import annotations
