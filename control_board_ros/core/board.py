@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The control board: the one object with state (SPEC A offered in process).
 
-A board is driven by whoever holds it: ``actuation = board.tick(measurement)`` is one control
+The owner drives the board: ``actuation = board.tick(measurement)`` is one control
 cycle, the set methods take effect for all their joints between two cycles. It has no clock,
 thread or lock; callers from several threads bring their own. Nothing that a user or a robot
 does raises: set methods answer with a Reply, joints fault. Only get methods raise, a
@@ -56,7 +56,7 @@ class Board(JointGroup):
         config: of its joints; ``layout.joined`` makes that of a robot of several parts.
         levels: names of the parts that start up together, level after level (R4).
 
-    Attributes: parts (the groups of a robot's parts, by name), limits, and what it is made of.
+    Attributes: parts (the groups of a robot's parts, by name), limits, and its components.
 
     Raises:
         ConfigError: levels that do not fit the parts.

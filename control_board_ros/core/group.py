@@ -175,7 +175,7 @@ class JointGroup(ModeShortcuts):
         Args:
             joints: whose reference it is.
             positions: rad.
-            velocities: the references' own velocities, rad/s; None: the board takes the mean of
+            velocities: the references' own velocities, rad/s; None: the board uses the mean of
                 those that follow each other closely, and 0 for a single step.
         """
         return self.command(K.POSITION_DIRECT, joints, positions, velocities)
@@ -321,7 +321,7 @@ class JointGroup(ModeShortcuts):
         return accepted(chosen.names)
 
     def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
-        """The largest stiffness and damping that a joint takes, two arrays."""
+        """The largest permitted stiffness and damping, two arrays."""
         limits, chosen = self.board.limits, self.selector.select(joints).joints
         return limits.stiffness[chosen], limits.damping[chosen]
 
@@ -495,7 +495,7 @@ class JointGroup(ModeShortcuts):
         return self.board.frames.of(self._numbers(joint)[0])
 
     def get_calibration(self, joints: Joints = None) -> list[CalibrationStatus]:
-        """How the last calibration of each joint stands, and whether it is calibrated (K7)."""
+        """Status of each joint's last calibration, and whether it is calibrated (K7)."""
         calibrations = self.board.machine.calibrations
         return [calibrations.status(j) for j in self._numbers(joints)]
 

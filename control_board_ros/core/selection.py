@@ -118,7 +118,7 @@ class Selector:
             try:
                 found |= set(self.select(joint).numbers)
             except RequestError:
-                continue  # the message of the request already tells of it
+                continue  # already in the message of the request
         return sorted(found)
 
     def _resolve(self, joints: tuple[int | str, ...]) -> Selection:

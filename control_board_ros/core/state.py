@@ -40,7 +40,7 @@ def _nothing() -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Everything a board shows after a cycle; arrays of shape (n,), nobody changes them.
+    """The state of a board after a cycle; read-only arrays of shape (n,).
 
     position, velocity, torque, current, temperature are measured (rad, rad/s, N·m, A, °C), torque
     NaN without a torque sensor;

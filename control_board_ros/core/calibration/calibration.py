@@ -76,11 +76,11 @@ def register(number: int, text: str) -> Callable[[type[Calibrator]], type[Calibr
 
 @dataclass(frozen=True, slots=True)
 class CalibrationStatus:
-    """How the last calibration of a joint stands.
+    """Status of the last calibration of a joint.
 
     Attributes: name, running, done (the last one succeeded), progress (0 to 1), phase,
     message (why it failed; empty otherwise), calibrated (whether the joint knows its angle, be
-    it from an earlier one or because it requires none; None where that is not told).
+    it from an earlier one or because it requires none; None if unknown).
     """
 
     name: str

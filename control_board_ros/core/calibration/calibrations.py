@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The calibrations of a board: those that run, and how the last of each joint stands (SPEC K)."""
+"""The calibrations of a board: the active ones, and the last status of each joint (SPEC K)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class CalibratedMachine(Protocol):
 class Calibrations:
     """Starts, steps and ends calibrators, group after group; knows which joints know their angle.
 
-    ``j in calibrations`` tells whether one of joint j runs or waits for its group.
+    ``j in calibrations``: whether one of joint j runs or waits for its group.
 
     Args:
         machine: of the board; its modes change when a calibration begins and ends.
@@ -67,7 +67,7 @@ class Calibrations:
         return len(self._running)
 
     def status(self, j: int) -> CalibrationStatus:
-        """How the last calibration of a joint stands, and whether it is calibrated (K7)."""
+        """Status of the last calibration of a joint, and whether it is calibrated (K7)."""
         return replace(self._status[j], calibrated=bool(self._state.calibrated[j]))
 
     def forget(self, joints: Sequence[int]) -> None:
@@ -130,13 +130,13 @@ class Calibrations:
         self.shifted = bool(state.offset.any())
 
     def know_angle(self, j: int) -> None:
-        """A joint's angle is true from now on; its last references are where it stands (M11)."""
+        """A joint's angle is valid now; its last references are its position (M11)."""
         self._state.calibrated[j] = True
         for kind in (CommandKind.POSITION, CommandKind.POSITION_DIRECT):
             self._machine.references.last[kind, j] = self._state.position[j]
 
     def _active(self) -> list[int]:
-        """The joints that calibrate now; the others wait, and nobody who has begun does.
+        """The joints that calibrate now; the others wait, started ones continue.
 
         In each part, a group begins when it is the first of those that are asked for and no other
         drives; parts go side by side (R4).

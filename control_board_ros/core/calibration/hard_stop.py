@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibration type 5: drive to a hard stop and take it as a known angle (SPEC K5, K6).
 
-What stands still is not yet a stop: gravity, friction, a tight cable or a weak drive stall a
+Standstill is not yet a stop: gravity, friction, a tight cable or a weak drive stall a
 joint in mid-air. The place counts when
 - the motor draws the current of a stall there, I = V/R, so the drive is at its torque;
 - the joint comes back from it, which shows that it moves the other way;
@@ -20,7 +20,7 @@ from typing import NoReturn
 from ..config.parts import Calibration
 from .calibrator import CalibrationError, Calibrator, Hand
 
-#: Travel in stall_time below which a joint stands, rad.
+#: Travel in stall_time below which a joint is at rest, rad.
 STALLED = 0.002
 
 #: The same of the motor, whose travel is estimated from its voltage and current.

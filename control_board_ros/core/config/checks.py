@@ -39,7 +39,7 @@ def check_parameters(key: str, config: Any, joint: Any = None) -> None:
     """Raise ConfigError unless every number of a configuration and of its parts is allowed.
 
     Args:
-        key: What stands before the names of its parameters, the dot included.
+        key: Prefix of its parameters' names, including the dot.
         config: The configuration.
         joint: What it is a part of: bounds with a dot in their name are parameters of that.
     """

@@ -18,7 +18,7 @@ class BoardLimits:
 
     Attributes: lower and upper (software limits of the position, rad), velocity (rad/s),
     acceleration (rad/s²), torque (N·m), output (PWM, percent), current (peak, A),
-    stiffness (the greatest that set_impedance takes, N·m/rad), damping (likewise, N·m·s/rad).
+    stiffness (the greatest permitted in set_impedance, N·m/rad), damping (likewise, N·m·s/rad).
     Metres and N where a joint slides.
     """
 

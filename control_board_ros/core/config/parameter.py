@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters: what is known of one stands on the field that holds it, and nowhere else.
+"""Parameters: each is defined on its field only.
 
     @configuration
     class Limits:
@@ -21,7 +21,7 @@ from typing import Any, TypeVar, dataclass_transform, get_args, get_origin, get_
 T = TypeVar("T")
 Bound = float | str
 
-#: The largest finite number a configuration takes, and the least that is above another one: they
+#: The largest finite number of a configuration, and the least that is above another one: they
 #: keep products and quotients of two finite.
 HUGE, TINY = 1e12, 1e-12
 

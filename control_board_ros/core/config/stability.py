@@ -22,7 +22,7 @@ from .parts import DERIVATIVE_CUTOFF, Pid
 GROWTH = 10.0
 #: Hz; a low pass below this leaves nothing of a rate.
 LEAST_CUTOFF = 0.1
-#: An integral part that may grow to so many torque limits bounds nothing.
+#: An integral part of this many torque limits is unbounded.
 MOST_INTEGRAL = 10.0
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What takes time: moves, calibrations, poses, trajectories."""
+"""Goals with a duration: moves, calibrations, poses, trajectories."""

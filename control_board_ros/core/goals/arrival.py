@@ -30,7 +30,7 @@ class Outcome(NamedTuple):
 
 
 class Standing(Enum):
-    """How a joint stands after its profile has ended."""
+    """Status of a joint after the end of its profile."""
 
     ARRIVED = auto()
     SETTLING = auto()  # on its way still
@@ -53,7 +53,7 @@ def standing(
     compliant: bool,
     since: float,
 ) -> Standing:
-    """How a joint stands whose motion is done.
+    """Status of a joint after its motion.
 
     ARRIVED: |reference − target| ≤ 0.1 tolerance and, unless compliant, |position − target| ≤
     tolerance. A spring gives way by design, so a compliant joint is judged by its reference.

@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 class CalibrationTask:
-    """The calibration of some joints; those that refuse it are told of at the end.
+    """The calibration of some joints; refusals are reported at the end.
 
     Args:
         board: whose joints are calibrated.
         joints: as in every request.
 
     Raises:
-        RequestError: no joint takes it.
+        RequestError: no joint accepts it.
 
     Attributes: names (of the joints asked for).
     """
@@ -52,7 +52,7 @@ class CalibrationTask:
         return Outcome(not failures, "; ".join(failures))
 
     def statuses(self) -> list[CalibrationStatus]:
-        """How each joint asked for stands."""
+        """Status of each requested joint."""
         return self._board.get_calibration(self.names)
 
     def cancel(self) -> str:

@@ -33,7 +33,7 @@ class Follower:
         self._board = board
         self._runs: list[Run] = []
         self._version = board.modes_version
-        # The last direct positions as they should be: others than these are somebody else's.
+        # The last direct positions as they should be: others come from other commands.
         self._known = self._last.copy()
 
     @property
@@ -61,8 +61,8 @@ class Follower:
 
         Returns:
             False where joints are not in POSITION_DIRECT (the others follow), where all of the
-            path is past, or where joints are missing that may not be. Its message also tells what
-            a limit cuts.
+            path is past, or where joints are missing that may not be. Its message also reports the
+            effect of limits.
         """
         board = self._board
         self.check()
@@ -159,7 +159,7 @@ class Follower:
             send(board, moving, Sample(board.state.position_reference[moving], zeros, zeros))
 
     def check(self) -> None:
-        """End what joints follow that changed their modes, or got somebody else's positions."""
+        """End what joints follow that changed their modes, or received other positions."""
         board = self._board
         if not self._runs:
             self._version = board.modes_version
@@ -177,7 +177,7 @@ class Follower:
         """Send the references of a cycle.
 
         Args:
-            time: of the reading that the coming tick takes, s; ``board.time`` is that of the last.
+            time: of the reading of the next tick, s; ``board.time`` is that of the last.
         """
         if not self._runs:
             return

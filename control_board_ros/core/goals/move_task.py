@@ -211,7 +211,7 @@ class MoveTask:
 
 
 def takes_moves(mode: ControlMode) -> bool:
-    """Whether a control mode takes position moves."""
+    """Whether a control mode accepts position moves."""
     return K.POSITION in ACCEPTS.get(mode, frozenset())
 
 

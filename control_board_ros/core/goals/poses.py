@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class Plan(NamedTuple):
-    """A move to a pose: how long it lasts, s, and what limits made of the speed asked for."""
+    """A move to a pose: its duration, s, and the effect of limits on the requested speed."""
 
     time: float
     note: str
@@ -82,7 +82,7 @@ def start_parking(board: JointGroup, pose: Pose) -> PoseTask:
     """Start the move to the pose in which the robot is left without power (R6).
 
     Whoever asks for it at the end has asked for POSITION, too (M2): joints that have power in
-    another mode are switched. One without power gets none, since somebody took it.
+    another mode are switched. Disabled ones remain disabled.
 
     Raises:
         RequestError: a joint has no power, or no POSITION; nothing has changed.
@@ -128,7 +128,7 @@ def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:
 
 
 def require_moves(board: JointGroup, pose: Pose) -> None:
-    """Refuse unless every joint of a pose takes position moves.
+    """Refuse unless every joint of a pose accepts position moves.
 
     Raises:
         RequestError: naming every joint that does not, and its mode.

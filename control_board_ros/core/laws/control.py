@@ -248,7 +248,7 @@ def set_constants(joint: Joint, own: JointConfig, period: float) -> None:
 
 
 def set_drive(joint: Joint, own: JointConfig, kind: SetPoint, *, in_amps: bool) -> None:
-    """How the laws' torque becomes what the drive takes: it, a current, A, or a PWM, percent.
+    """Conversion of the laws' torque to the drive's set-point: N·m, A, or a PWM, percent.
 
     i = τ/(k_t N);  u = 100/V_s (R i + k_e N dq)
 

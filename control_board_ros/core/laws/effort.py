@@ -2,7 +2,7 @@
 """How long moves must take so that no joint needs more torque than it has (SPEC P1).
 
 Joints that move together load each other: what one accelerates, others must hold. The torque
-that the arm's motion takes goes with the square of its speed, so moves that are k times as long
+of the arm's motion grows with the square of its speed, so moves that are k times as long
 need 1/k² of it (Hollerbach, Dynamic scaling of manipulator trajectories, 1984); what gravity and
 friction take is left as it is. Where other moves are under way, only the new ones are stretched.
 """

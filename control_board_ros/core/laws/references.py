@@ -40,7 +40,7 @@ class Moves(NamedTuple):
 
     @property
     def times(self) -> list[float]:
-        """How long each takes, s."""
+        """Duration of each, s."""
         return [max(plan) for plan in self.plans]
 
 
@@ -133,7 +133,7 @@ class References:
         return self._stretched(joints, targets, speeds, planner)
 
     def move_within(self, joints: Indices, targets: Array, time: float) -> Moves:
-        """Start moves that all arrive after so many s; no less than ``plan_moves`` says."""
+        """Start moves that all arrive after ``duration`` s; at least that of ``plan_moves``."""
 
         def planner(moves: Sequence[Move]) -> Planner:
             return lambda factor: [

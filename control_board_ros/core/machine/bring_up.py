@@ -36,7 +36,7 @@ class BringUp:
     Args:
         groups: of the parts, by name.
         levels: names of parts; see :func:`complete_levels`.
-        events: takes why it stopped.
+        events: receives the reason for a stop.
 
     Attributes: groups, running.
     """

@@ -43,7 +43,7 @@ class Command:
     Attributes: field (its name in messages), limit (attribute of BoardLimits: it is bounded to
     ± that; None: to lower and upper, a position), start (what it starts), timeout (attribute of
     Timeouts; None: it never expires), along (what may come along, as messages name it), standing
-    (attribute of References: what stands where none comes along, which then must be above 0),
+    (attribute of References: the stored value where none is given, which then must be above 0),
     most (attribute of BoardLimits: the greatest that may come along).
     """
 
@@ -185,7 +185,7 @@ class Commands:
         return np.clip(positions, self._low[K.POSITION][chosen], self._high[K.POSITION][chosen])
 
     def _standing(self, kind: CommandKind, selection: Selection) -> Floats | None:
-        """What stands where nothing comes along with references, one per joint; None: nothing."""
+        """Stored values where none are given with references, one per joint; None: none."""
         if (name := COMMANDS[kind].standing) is None:
             return None
         standing: Floats = getattr(self._references, name)
@@ -234,7 +234,7 @@ class Commands:
         return taken, notes
 
     def _bounded(self, kind: CommandKind, chosen: Indices, asked: Floats, taken: Floats) -> Notes:
-        """What a limit made of references (P1, P9, P14)."""
+        """Effect of limits on references (P1, P9, P14)."""
         joints = self._machine.config.joints
         return {
             j: explain_bound(joints[j], kind, one, other)
@@ -293,10 +293,10 @@ def told(
 
 
 def spread_along(kind: CommandKind, along: Values, count: int) -> Floats:
-    """What comes along with references of a kind, one for each of so many joints.
+    """Values that accompany references of a kind, one per joint.
 
     Raises:
-        RequestError: the length does not fit, or the kind takes none.
+        RequestError: the length does not fit, or the kind has none.
     """
     what = COMMANDS[kind].along
     if what is None:

@@ -119,7 +119,7 @@ class Verdict(NamedTuple):
 
 FINE = Verdict(Answer.ACCEPTED)
 
-#: Why a joint in such a mode takes no request; absent: it does, unless it is inactive or lacks a
+#: Why a joint in such a mode refuses requests; absent: it does, unless it is inactive or lacks a
 #: calibration.
 UNAVAILABLE = {
     **dict.fromkeys(FAULTED, Reason.IN_FAULT),
@@ -257,7 +257,7 @@ def _refused(facts: Facts) -> Verdict:
 
 
 def _unavailable(facts: Facts, otherwise: Reason) -> Reason:
-    """Why a joint in its mode takes nothing; ``otherwise`` where the mode is not the reason."""
+    """Why a joint in its mode accepts nothing; ``otherwise`` where the mode is not the reason."""
     if facts.mode in UNAVAILABLE:
         return UNAVAILABLE[facts.mode]
     if facts.inactive:

@@ -134,7 +134,7 @@ def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...])
 
 
 def explain_bound(joint: JointConfig, kind: CommandKind, asked: float, taken: float) -> str:
-    """What a limit made of a reference (P1, P9, P14)."""
+    """Effect of a limit on a reference (P1, P9, P14)."""
     shown = quantity(kind, taken, joint.kind), quantity(kind, asked, joint.kind)
     return f"{joint.name}: {kind} bounded to {shown[0]} ({shown[1]} was asked for)"
 
@@ -171,7 +171,7 @@ TOGETHER = "the torque limits of the joints that move together"
 def explain_slower(
     joint: JointConfig, way: float, speed: float, time: float, *, factor: float = 1.0
 ) -> str:
-    """What limits make of a move (P1): how long it takes; empty where that is as asked for.
+    """Effect of limits on a move (P1): its duration; empty where as requested.
 
     Args:
         joint: that moves.
@@ -209,7 +209,7 @@ def range_text(what: str | None, value: float, most: float) -> str:
     return f"{what} must be above 0 and up to {most:{digits}}, not {value:{digits}}"
 
 
-#: Why a joint takes no references, whatever their kind.
+#: Why a joint accepts no references of any kind.
 WITHHELD_TEXTS: dict[Reason, Callable[[Facts], str]] = {
     Reason.IN_FAULT: lambda facts: (
         f"mode is {facts.mode.name} ({facts.fault.text}), which FORCE_IDLE leaves"
@@ -222,7 +222,7 @@ WITHHELD_TEXTS: dict[Reason, Callable[[Facts], str]] = {
 
 
 def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
-    """Why a joint takes no references of a kind now, and in which modes it does."""
+    """Why a joint accepts no references of a kind now, and in which modes it does."""
     if reason in WITHHELD_TEXTS:
         return WITHHELD_TEXTS[reason](facts)
     codes = [m.code for m in modes_accepting(kind) if m in facts.joint.control_modes]

@@ -67,7 +67,7 @@ class Feedforward:
 def terms_of(
     count: int, outputs: Values | None, torques: Values | None
 ) -> tuple[Floats | None, Floats | None]:
-    """u_ff and τ_ff of so many joints, shape (count,) each; None where not given.
+    """u_ff and τ_ff, shape (count,) each; None where not given.
 
     Raises:
         RequestError: neither is given, or the length of one does not fit.

@@ -56,7 +56,7 @@ class Machine:
         config: of the board.
         state: whose modes, faults and calibrations it changes.
         controller, references, timeouts, monitor: what a change of mode starts afresh.
-        events: takes what belongs in a log.
+        events: receives log entries.
 
     Attributes: calibrations, brakes, on_fault (called with each joint that faults), joint (a
     joint's configuration as it can be asked now), and what it is made of.
@@ -227,7 +227,7 @@ class Machine:
         """Raise the faults that the last reading shows (F1).
 
         Args:
-            last: the reading before, shape (ROWS, n); it stands in for what is not a number.
+            last: the reading before, shape (ROWS, n); it replaces values that are not numbers.
         """
         modes = self.state.control_modes
         causes: dict[int, Cause | None] = {

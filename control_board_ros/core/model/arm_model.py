@@ -56,7 +56,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmModel:
-    """The masses of a board's joints; what the board does not drive stands still.
+    """The masses of a board's joints; undriven joints are fixed.
 
     Attributes:
         links: One per joint, in the board's order.

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-#: Events that nobody takes are dropped from here on, oldest first.
+#: Maximum number of unread events; the oldest are dropped.
 EVENTS_KEPT = 1000
 
 
@@ -27,7 +27,7 @@ class BoardEvent:
 
 
 class Events:
-    """The events of a board, until somebody takes them.
+    """The unread events of a board.
 
     Args:
         owners: names of parts by joint; events of others are the whole board's, whose name is

@@ -26,7 +26,7 @@ class JointKind(StrEnum):
 
     @classmethod
     def of(cls, described: str | None) -> JointKind:
-        """The kind that a description tells; REVOLUTE where it is another one, or none."""
+        """The kind of a description; REVOLUTE where it is unknown or missing."""
         return cls(described) if described in set(cls) else cls.REVOLUTE
 
     @property

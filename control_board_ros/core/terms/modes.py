@@ -2,7 +2,7 @@
 """The mode machine as data: all of SPEC M, F, K, N in three tables and one look-up.
 
 TRANSITIONS says what may follow what: an absent pair means "refused". ACCEPTS says which
-references a mode takes. LAWS says which control law of source Fig. 2 runs. Nothing else in
+references a mode accepts. LAWS says which control law of source Fig. 2 runs. Nothing else in
 the product decides on a mode by its name.
 """
 
@@ -42,7 +42,7 @@ class Choice(Enum):
 
 
 class Stage(IntEnum):
-    """How far the joints of a board may go: for whoever manages it; unmanaged, all the way."""
+    """Stage of a board's joints, set by its manager; the last one if unmanaged."""
 
     UNCONFIGURED = 0  # joints stay NOT_CONFIGURED (N1)
     INACTIVE = 1  # configured and without power: IDLE, or HW_FAULT
@@ -80,7 +80,7 @@ STATES = (*SELECTABLE, M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED)
 
 Trigger = ControlMode | Event
 
-#: What set_control_mode takes, and what it sets off; everything else is refused (M6).
+#: Valid requests of set_control_mode and their effect; all others are refused (M6).
 REQUESTS: dict[ControlMode, Trigger] = {
     **{mode: mode for mode in SELECTABLE},  # M1
     M.FORCE_IDLE: Event.FORCE_IDLE,  # F2, F4, K2
@@ -102,7 +102,7 @@ TRANSITIONS: dict[tuple[ControlMode, Trigger], ControlMode | Choice] = {
     **{(a, Event.POWER_ON): M.NOT_CONFIGURED for a in STATES},  # N1
 }
 
-#: The references that each mode takes (M3); an absent mode takes none.
+#: The references accepted by each mode (M3); an absent mode accepts none.
 ACCEPTS: dict[ControlMode, frozenset[CommandKind]] = {
     M.POSITION: frozenset({K.POSITION}),
     M.POSITION_DIRECT: frozenset({K.POSITION_DIRECT}),
@@ -178,7 +178,7 @@ UNCALIBRATED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 UNPOWERED = M.IDLE
 UNPOWERED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 
-#: Modes in which a joint has power, and takes another mode.
+#: Modes in which a joint is powered and accepts another mode.
 POWERED = frozenset(SELECTABLE) - {UNPOWERED}
 
 #: Modes in which a motor drives its joint, or is about to.
@@ -191,7 +191,7 @@ STARTUP_MODES = (UNPOWERED, MOVES)
 INITIAL = M.NOT_CONFIGURED
 INITIAL_INTERACTION = InteractionMode.STIFF
 
-#: What to ask for in a mode that takes the power from the joint; it aborts a calibration (K2).
+#: The mode to request to disable a joint; it aborts a calibration (K2).
 POWER_OFF: dict[ControlMode, ControlMode] = {
     **dict.fromkeys(STATES, M.IDLE),
     **dict.fromkeys(CALIBRATES, M.FORCE_IDLE),

@@ -126,7 +126,7 @@ def refused(message: str, joints: tuple[str, ...] = (), code: Reason = Reason.IN
 
 
 def decided(joints: tuple[str, ...], answers: Sequence[JointAnswer]) -> Reply:
-    """Each joint its own answer; the message tells the first reasons and counts the rest.
+    """One answer per joint; the message has the first reasons and counts the rest.
 
     What was accepted may have a text, too: what will be done instead of what was asked for.
     """

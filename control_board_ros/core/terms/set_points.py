@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a drive is asked to follow (SPEC S1).
+"""Set-points of a drive (SPEC S1).
 
-A drive takes set-points of some kinds, and closes the loop behind them itself::
+A drive accepts set-points of some kinds, and closes the loops behind them::
 
     PWM         pwm                     percent of the supply voltage
     CURRENT     current                 i
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 
 class SetPoint(IntEnum):
-    """The kinds of set-point; OFF takes the power from the motor."""
+    """The kinds of set-point; OFF disables the motor."""
 
     OFF = 0
     PWM = 1
@@ -80,7 +80,7 @@ for _kind, _values in {
 
 
 class OnSilence(StrEnum):
-    """What a motor does that hears nothing from the board (S5)."""
+    """Reaction of a motor to missing commands (S5)."""
 
     FREE = "free"  # no power
     DAMPED = "damped"  # its terminals shorted, or a velocity of 0 against damping
@@ -119,7 +119,7 @@ class DriveUse(NamedTuple):
 class SetPoints:
     """What each joint of a plant follows from this exchange on; the arrays cannot be written.
 
-    Law and set-point come in one exchange (S3). A kind of OFF takes the power off, any other kind
+    Law and set-point come in one exchange (S3). The kind OFF disables the motor, any other kind
     gives it. Values that a kind does not have are 0.
 
     Attributes:

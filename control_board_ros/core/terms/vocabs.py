@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Vocabs and the names made of them (SPEC V; source §4).
+"""Vocabs and their names (SPEC V; source §4).
 
 A vocab is up to four ASCII characters packed little-endian into an int32, NUL padded. The
 enumerations below carry the vocab as their value, so ``int(ControlMode.POSITION)`` is what
@@ -51,7 +51,7 @@ class Vocab(IntEnum):
 
     A member equals its number, so it cannot equal its code, too: what is equal has one hash
     (docs/decisions/0024-modes-and-texts.md). Compare ``mode.code == "pos"``, or
-    ``mode is ControlMode("pos")``, which takes codes and long names; ``mode == "pos"`` is false
+    ``mode is ControlMode("pos")``, which accepts codes and long names; ``mode == "pos"`` is false
     and warns, once for each line of a program.
     """
 

@@ -13,7 +13,7 @@ SILENCE = ("no heartbeat for {:g} s", "it must be heard again")
 
 
 class EmergencyStop:
-    """Holds while anybody asks for it.
+    """Active while any source requests it.
 
     Args:
         timeout: Silence of the heartbeat that is a stop, s; 0: no heartbeat is expected.
@@ -41,7 +41,7 @@ class EmergencyStop:
         self._note(ASKED, stop)
 
     def beat(self, time: float) -> None:
-        """A heartbeat was heard, at a time of the board, s."""
+        """Record a heartbeat, at a time of the board, s."""
         self._heard = time
 
     def watch(self, time: float) -> None:

@@ -47,7 +47,7 @@ class FaultMonitor:
     """Finds the causes of hardware faults in the readings of n joints.
 
     Attributes: joints (of JointMonitor), monitor, travelled (by each motor since power-on as its
-    own equation tells while its bridge is on, shape (n,), rad; grows every SLOW cycles), used
+    own equation gives while its bridge is on, shape (n,), rad; grows every SLOW cycles), used
     (part of the I²t budget, shape (n,); a fault above 1), reasons (of alarms, by joint, where the
     plant says more than its code).
     """
@@ -185,9 +185,9 @@ class FaultMonitor:
         return new
 
     def forget(self, j: int) -> None:
-        """Start the watching of a joint's encoder afresh: without power nothing can be told of it.
+        """Restart the check of a joint's encoder, which is not observable without power.
 
-        The reading that raised a fault may have been wrong in what the motor's travel is made of.
+        The reading that raised a fault may have been wrong in a component of the motor's travel.
         """
         self.joints[j].forget_travel()
 
@@ -202,7 +202,7 @@ class FaultMonitor:
 
 
 def travel_constants(joint: JointConfig, period: float) -> dict[str, float]:
-    """What tells a motor's travel from its voltage and current; attributes of JointMonitor."""
+    """Observer of a motor's travel from voltage and current; attributes of JointMonitor."""
     motor, limits = joint.motor, joint.limits
     low, high = limits.hard_lower, limits.hard_upper
     weight = first_weight(motor.resistance * period / motor.inductance)

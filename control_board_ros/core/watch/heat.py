@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The heat of the motors: the warnings before a fault, and the time to wait after one (F6).
 
-I²t adds up what a powered motor's current has above its nominal one and lets go what it has
-below; a motor without power heats nothing, whatever its current sensor says (``monitor``)::
+I²t integrates a powered motor's current above its nominal one and decays below it; an unpowered
+motor does not heat, whatever its current sensor reports (``monitor``)::
 
     s' = max(0, s + (p i² − i_nom²) Δt)     p: 1 with power, 0 without;  A² s
     fault at s > S = (i_peak² − i_nom²) · overload_time; clear again, and warned, at 0.8 S
