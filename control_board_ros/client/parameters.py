@@ -16,11 +16,12 @@ from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.interface import service
-from control_board_ros.protocols import Floats, Joints
+from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import nearest
 
 from .operations import Interface, operation
 from .services import whole
+from .values import for_each
 
 # Standard services of every node.
 LIST_PARAMETERS = service("~/list_parameters", "rcl_interfaces/srv/ListParameters", "Names.")
@@ -107,6 +108,30 @@ class ParameterRequests(Interface):
         """The least and the greatest current reference, A, two arrays of shape (k,) (Y2)."""
         (peak,) = await self._of_joints(("limits.peak_current",), joints)
         return -peak, peak
+
+    @operation
+    async def set_pos_limits(self, joints: Joints, lower: Values, upper: Values) -> Reply:
+        """Set the software limits, rad, one for all joints or one each; checked together."""
+        try:
+            names = (await self._services.select(joints)).names
+            given = {
+                f"{name}.limits.{side}": value
+                for side, values in (("lower", lower), ("upper", upper))
+                for name, value in zip(names, for_each(values, len(names), side), strict=True)
+            }
+        except RequestError as error:
+            return refused(str(error))
+        return await self.set_parameters(given)
+
+    @operation
+    async def get_pos_limits(self, joints: Joints = None) -> tuple[Floats, Floats]:
+        """YARP 4's name of ``get_limits``."""
+        return await self.get_limits(joints)
+
+    @operation
+    async def get_vel_limits(self, joints: Joints = None) -> Floats:
+        """YARP 4's name of ``get_velocity_limits``."""
+        return await self.get_velocity_limits(joints)
 
     @operation
     async def get_gains(self, joints: Joints = None, controller: str = "position") -> Gains:

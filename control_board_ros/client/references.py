@@ -112,6 +112,26 @@ class ReferenceRequests(Interface):
         """Accelerations of velocity references, rad/s², shape (k,)."""
         return await self._last("accelerations", joints)
 
+    @operation
+    async def set_traj_speed(self, joints: Joints, speeds: Values) -> Reply:
+        """YARP 4's name of ``set_ref_speed``."""
+        return await self.set_ref_speed(joints, speeds)
+
+    @operation
+    async def get_traj_speed(self, joints: Joints = None) -> Floats:
+        """YARP 4's name of ``get_ref_speed``."""
+        return await self.get_ref_speed(joints)
+
+    @operation
+    async def set_traj_acceleration(self, joints: Joints, accelerations: Values) -> Reply:
+        """YARP 4's name of ``set_ref_acceleration``."""
+        return await self.set_ref_acceleration(joints, accelerations)
+
+    @operation
+    async def get_traj_acceleration(self, joints: Joints = None) -> Floats:
+        """YARP 4's name of ``get_ref_acceleration``."""
+        return await self.get_ref_acceleration(joints)
+
     async def _last(self, field: str, joints: Joints) -> Floats:
         response = await self._services.read(GET_REFERENCES, joints)
         return np.array(getattr(response, field), dtype=np.float64)

@@ -22,8 +22,13 @@ OTHER_WORDS = {
     "calibration_done": "get_calibration",
     "get_pid": "get_gains",
     "set_pid": "set_parameters",
-    "set_limits": "set_parameters",
-    "get_vel_limits": "get_velocity_limits",
+    "set_limits": "set_pos_limits",
+    "get_pwmlimit": "get_pwm_limit",
+    "set_pwmlimit": "set_pwm_limit",
+    "get_last_position_error": "get_pid_error",
+    "update_virtual_analog_sensor_measure": "update_torque_sensor",
+    "get_target_velocitie": "get_target_velocity",
+    "get_power_supply_voltages": "get_power_supply_voltage",
     "get_ref_velocitie": "get_ref_velocity",
 }
 

@@ -27,6 +27,7 @@ from . import (
     power,
     references,
     wire,
+    yarp4,
 )
 from .bench import Bench
 from .report import as_json, as_junit, as_line, as_text
@@ -57,4 +58,5 @@ __all__ = [
     "rule",
     "run",
     "wire",
+    "yarp4",
 ]

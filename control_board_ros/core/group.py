@@ -588,6 +588,10 @@ class JointGroup(ModeShortcuts):
         """Accelerations of velocity references."""
         return self.board.references.acceleration[self._chosen(joints)]
 
+    # YARP 4's names
+    set_traj_speed, get_traj_speed = set_ref_speed, get_ref_speed
+    set_traj_acceleration, get_traj_acceleration = set_ref_acceleration, get_ref_acceleration
+
     def get_config(self, joints: Joints = None) -> list[JointConfig]:
         """How joints are configured."""
         return [self.board.config.joints[j] for j in self._numbers(joints)]

@@ -296,3 +296,38 @@ def a_brake_that_opens_after_power() -> None:
 
     around(build, "joint", joint)
     around(Brakes, "admit", admit)
+
+
+@breaks("")
+def with_both_modes() -> None:
+    """Joints that list what YARP 4 added."""
+    from control_board_ros.settings import build
+
+    def joint(old: Any, values: Any, name: str, kind: str) -> Any:
+        made = old(values, name, kind)
+        modes = (*made.control_modes, M.VELOCITY_DIRECT, M.CURRENT)
+        return dataclasses.replace(made, control_modes=modes)
+
+    around(build, "joint", joint)
+
+
+@breaks("Y1")
+def a_direct_velocity_that_ramps() -> None:
+    from control_board_ros.core.laws.references import References
+    from control_board_ros.core.machine.commands import COMMANDS
+
+    def ramped(self: References, joints: Any, velocities: Any, _: Any = None) -> None:
+        self.ramp(joints, velocities, np.full(len(velocities), 0.2))
+
+    with_both_modes()
+    row = COMMANDS[K.VELOCITY_DIRECT]
+    COMMANDS[K.VELOCITY_DIRECT] = dataclasses.replace(row, start=ramped)
+
+
+@breaks("Y2")
+def a_current_without_a_timeout() -> None:
+    from control_board_ros.core.machine.commands import COMMANDS
+
+    with_both_modes()
+    row = COMMANDS[K.CURRENT]
+    COMMANDS[K.CURRENT] = dataclasses.replace(row, timeout=None)

@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Y1, Y2: velocities that act at once, and motor currents."""
+
+from __future__ import annotations
+
+from control_board_ros.client import BoardError
+from control_board_ros.core.selection import RequestError
+
+from .bench import TAKING, Bench, K, M
+from .rules import assume, expect, offered, rule
+
+
+@rule("Y1", "a direct velocity acts at once, and expires")
+def direct_velocity(bench: Bench) -> str:
+    joint, j = bench.joint, bench.j
+    bench.enter(M.VELOCITY_DIRECT)
+    before = float(bench.client.get_ref_acceleration(joint)[0])
+    slow, wanted = 0.05 * bench.range.acceleration, 0.5 * bench.range.speed
+    reply = bench.client.set_ref_acceleration(joint, slow)
+    assume(reply, f"a reference acceleration of {slow:.3g} is refused, see P2")
+    begin = bench.state().stamp
+    try:
+        bench.take(K.VELOCITY_DIRECT, wanted)
+        bench.until(lambda s: abs(float(s.velocity_reference[j])) < 1e-6, TAKING)
+    finally:
+        bench.client.set_ref_acceleration(joint, before)
+    stopped = bench.state()
+    seen = [abs(float(s.velocity_reference[j])) for s in bench.since(begin)]
+    first = next((k for k, speed in enumerate(seen) if speed > 1e-9), None)
+    text = f"{joint} shows no velocity reference after one of {wanted:.3g} was taken"
+    expect(first is not None, text)
+    reached = seen[first or 0]
+    expect(
+        reached > 0.99 * wanted, f"the reference of {wanted:.3g} is ramped: {reached:.3g} first"
+    )
+    expect(
+        abs(float(stopped.velocity_reference[j])) < 1e-6,
+        f"the reference is still {stopped.velocity_reference[j]:.3g} {TAKING:g} s after its last",
+    )
+    expect(bench.mode is M.VELOCITY_DIRECT, f"its expiry led to {bench.mode}")
+    return f"{wanted:.3g} rad/s at once, at a reference acceleration of {slow:.3g}; then it stops"
+
+
+@rule("Y2", "a current is bounded, and can expire")
+def current(bench: Bench) -> str:
+    joint, client = bench.joint, bench.client
+    offered(M.CURRENT in bench.modes, f"{joint} does not implement {M.CURRENT}")
+    try:
+        low, high = (float(side[0]) for side in client.get_current_range(joint))
+        timeout = f"{joint}.timeouts.current"
+        before = client.get_parameters([timeout])[timeout]
+    except (BoardError, RequestError):
+        offered(False, "the board does not tell the range of currents, or their timeout")
+    expect(low < 0.0 < high, f"the range of currents is {low:.3g} to {high:.3g} A")
+    reply = client.set_parameters({timeout: 0.1})
+    assume(reply, f"{timeout} cannot be set: {reply.message}")
+    try:
+        bench.enter(M.CURRENT)
+        bench.take(K.CURRENT, 1e-3 * high)
+        bench.until(lambda _: bench.mode is M.HW_FAULT, TAKING)
+        expect(bench.mode is M.HW_FAULT, f"no fault {TAKING:g} s after the last current")
+    finally:
+        client.set_control_mode(joint, M.FORCE_IDLE)
+        client.set_parameters({timeout: before})
+    return f"{low:.3g} to {high:.3g} A; silence for 0.1 s is a fault"
