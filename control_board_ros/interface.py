@@ -321,6 +321,11 @@ GET_BRAKE = service(
     "GetBrake",
     "Read how the brakes of joints are worked, and whether they are closed.",
 )
+GET_COUPLING = service(
+    "~/get_coupling",
+    "GetCoupling",
+    "Read how the board's axes and the physical joints hang together.",
+)
 STOP = service(
     "~/stop",
     "Stop",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.faults import FaultRecord
 from control_board_ros.core.terms.reply import Reply, refused
@@ -12,6 +13,7 @@ from control_board_ros.core.terms.vocabs import parse_control_mode
 from control_board_ros.interface import (
     CONFIGURE,
     EMERGENCY_STOP,
+    GET_COUPLING,
     GET_FAULTS,
     GET_FREEZE_FRAME,
     MOST_JOINTS,
@@ -20,8 +22,9 @@ from control_board_ros.interface import (
     ROBOT_DESCRIPTION,
 )
 from control_board_ros.protocols import Joints
-from control_board_ros.text import clean
+from control_board_ros.text import clean, clean_names
 
+from .errors import BoardError
 from .freeze_frame import FreezeFrame, fault_record
 from .operations import Interface, operation
 from .services import reply_of
@@ -44,6 +47,23 @@ class WholeBoard(Interface):
     async def get_axes(self) -> int:
         """Number of joints."""
         return len((await self._services.find()).names)
+
+    @operation
+    async def get_coupling(self) -> Coupling:
+        """How the board's joints, its axes, and physical joints hang together (Y3).
+
+        Raises:
+            BoardError: what was answered is no answer.
+        """
+        response = await self._link.call(GET_COUPLING)
+        axes, joints = clean_names(response.axes), clean_names(response.physical_joints)
+        if len(response.matrix) != len(axes) * len(joints) or len(joints) > MOST_JOINTS:
+            raise BoardError(
+                f"{len(response.matrix)} numbers came for {len(joints)} joints of {len(axes)} axes"
+            )
+        values, count = list(response.matrix), len(axes)
+        rows = tuple(tuple(values[k * count : (k + 1) * count]) for k in range(len(joints)))
+        return Coupling(axes, joints, rows)
 
     @operation
     async def get_faults(self, joints: Joints = None) -> list[FaultRecord]:

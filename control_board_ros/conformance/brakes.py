@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from control_board_ros.core.terms.modes import MOVES, UNPOWERED
 
-from .bench import TAKING, Bench
+from .bench import TAKING, Bench, K
 from .rules import assume, expect, offered, rule
 
 
@@ -25,6 +25,7 @@ def brake_before_power(bench: Bench) -> str:
     expect(code == "brake_closed", f"the code is {code!r}, not 'brake_closed'")
     assume(client.set_brake(name, "automatic"), "automatic is refused")
     bench.enter(MOVES)
+    bench.take(K.POSITION, bench.another(K.POSITION))
     states = bench.record(0.5)
     driven = [s.output[j] for s in states if s.brake[j] and s.output[j]]
     expect(not driven, f"{max(driven, key=abs, default=0.0):.3g} % against a closed brake")

@@ -17,6 +17,8 @@ from .rules import assume, expect, inside, offered, rule
 
 #: rad; a target this close to the present position causes no motion.
 STILL = 1e-3
+#: s in which a joint that has a brake is held by it.
+CLOSING = 0.1
 #: Modes that yield to a load.
 UNPOWERED = (M.IDLE, M.OPENLOOP)
 
@@ -233,6 +235,7 @@ def enter_at_rest(bench: Bench, mode: ControlMode) -> str:
 @rule("M10", "IDLE is unpowered")
 def idle_is_unpowered(bench: Bench) -> str:
     bench.enter(M.IDLE)
+    bench.until(lambda state: bool(state.brake[bench.j]), CLOSING)  # before power goes (Y4)
     outputs = [float(state.output[bench.j]) for state in bench.record(0.2)]
     expect(not any(outputs), f"{max(outputs, key=abs):.3g} % in IDLE")
     return f"0 % in {len(outputs)} states"

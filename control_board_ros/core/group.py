@@ -25,6 +25,7 @@ from .machine.commands import spread_along
 from .machine.decisions import Wanted
 from .machine.feedforward import terms_of
 from .machine.motors import shaft_readings
+from .model.coupling import Coupling
 from .selection import (
     RequestError,
     Selection,
@@ -595,6 +596,10 @@ class JointGroup(ModeShortcuts):
     def get_config(self, joints: Joints = None) -> list[JointConfig]:
         """How joints are configured."""
         return [self.board.config.joints[j] for j in self._numbers(joints)]
+
+    def get_coupling(self) -> Coupling:
+        """How the joints of the group, its axes, and physical joints hang together (Y3)."""
+        return self.config.coupling or Coupling.plain(self.names)
 
     # --- the group as a whole -----------------------------------------------------------------
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from ..core.config.config import EXTERNAL, BoardConfig, ConfigError, JointConfig
 from ..core.config.parameter import Parameter, parameters_of, parts_of
 from ..core.model.arm_model import ArmModel
+from ..core.model.coupling import Coupling
 from ..description.arm_model import Motors, arm_model
 from ..description.urdf import Urdf
 from ..sim.config import IDEAL, PYBULLET, JointSimulation, SimulationConfig
@@ -60,7 +61,28 @@ def board(values: Values, urdf: Urdf, names: tuple[str, ...]) -> BoardConfig:
     """The configuration of the board; raises ConfigError for a value that is not allowed."""
     kinds = {one.name: one.kind for one in urdf.joints}
     joints = tuple(joint(values, name, kinds[name]) for name in names)
-    return board_of(values, joints, model(values, urdf, names))
+    return board_of(values, joints, model(values, urdf, names), coupling(urdf, names))
+
+
+def coupling(urdf: Urdf, names: tuple[str, ...]) -> Coupling | None:
+    """The coupling of joints with those that follow them; None where none follows."""
+    followers = [mimic for mimic in urdf.mimics.values() if mimic.leader in names]
+    followers = [mimic for mimic in followers if mimic.follower not in names]
+    if not followers:
+        return None
+    plain = Coupling.plain(names)
+    return Coupling(
+        names,
+        (*names, *(mimic.follower for mimic in followers)),
+        (
+            *plain.rows,
+            *(
+                tuple(mimic.multiplier if name == mimic.leader else 0.0 for name in names)
+                for mimic in followers
+            ),
+        ),
+        (*plain.offset.tolist(), *(mimic.offset for mimic in followers)),
+    )
 
 
 def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None:
@@ -90,9 +112,12 @@ def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None
 
 
 def board_of(
-    values: Values, joints: tuple[JointConfig, ...], masses: ArmModel | None
+    values: Values,
+    joints: tuple[JointConfig, ...],
+    masses: ArmModel | None,
+    coupled: Coupling | None = None,
 ) -> BoardConfig:
-    """The configuration of the board from its joints and their masses.
+    """The configuration of the board from its joints, their masses and their coupling.
 
     Raises:
         ConfigError: a value is not allowed.
@@ -109,6 +134,7 @@ def board_of(
         "",
         joints=joints,
         model=masses,
+        coupling=coupled,
         calibration_groups=tuple(
             tuple(name.strip() for name in group.split(","))
             for group in values["calibration_groups"]

@@ -137,7 +137,7 @@ class Settings:
                 build.joint(values, one.name, one.kind) if one.name in touched else one
                 for one in self.board.joints
             )
-            board = build.board_of(values, joints, self.board.model)
+            board = build.board_of(values, joints, self.board.model, self.board.coupling)
         except ConfigError as error:
             raise SettingsError(_blame(error, changes, values)) from None
         return replace(self, board=board, values=values)

@@ -11,10 +11,11 @@ from talk import Talker, talking_to, until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.core.terms.vocabs import BrakeMode
-from control_board_ros.testing import board_process, ros_node
+from control_board_ros.testing import board_process
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
+PATIENT = {"find_timeout": 60.0, "answer_timeout": 60.0}
 FIRST, SECOND, FINGER = "panda_joint1", "panda_joint2", "panda_finger_joint1"
 
 
@@ -51,7 +52,7 @@ def test_a_brake_is_read_and_worked_over_ros(talker: Talker) -> None:
 
 def test_the_client_has_yarps_names(talker: Talker) -> None:
     """Y4: IJointBrake over ROS."""
-    with ros_node("braking") as node, ControlBoardClient(node, talker.board) as client:
+    with ControlBoardClient(talker.node, talker.board, **PATIENT) as client:
         assert client.set_control_mode(SECOND, "idl")
         until(lambda: client.is_joint_braked(SECOND) == [True])
         assert client.set_auto_brake_enabled(SECOND, False)
@@ -62,3 +63,12 @@ def test_the_client_has_yarps_names(talker: Talker) -> None:
         until(lambda: not client.get_state().brake.any())
         refused = client.set_manual_brake_active(SECOND, True)
         assert refused.codes == ("other_mode",)
+
+
+def test_the_client_reads_the_coupling(talker: Talker) -> None:
+    """Y3: ~/get_coupling has the second finger, which follows the first."""
+    with ControlBoardClient(talker.node, talker.board, **PATIENT) as client:
+        coupling = client.get_coupling()
+        assert coupling.axes == tuple(talker.names)
+        assert coupling.physical_joints == (*talker.names, "panda_finger_joint2")
+        assert coupling.matrix[-1].tolist() == [0.0] * 7 + [1.0]

@@ -55,6 +55,7 @@ SERVICES = {
     "~/get_references": "control_board_msgs/srv/GetReferences",
     "~/set_brake": "control_board_msgs/srv/SetBrake",
     "~/get_brake": "control_board_msgs/srv/GetBrake",
+    "~/get_coupling": "control_board_msgs/srv/GetCoupling",
     "~/stop": "control_board_msgs/srv/Stop",
     "~/get_faults": "control_board_msgs/srv/GetFaults",
     "~/recover": "control_board_msgs/srv/Recover",

@@ -14,6 +14,7 @@ from dataclasses import field
 
 from ...text import clean_name
 from ..model.arm_model import ArmModel
+from ..model.coupling import Coupling
 from ..terms.joint_kind import JointKind
 from ..terms.modes import (
     INITIAL_INTERACTION,
@@ -327,12 +328,14 @@ class BoardConfig:
         calibration_groups: Names of joints that calibrate together, group after group; joints in
             no group form the last one.
         model: The masses of the arm; None: not known, each joint is taken by itself.
+        coupling: Of its joints with physical ones; None: they are the physical joints.
         parts: The parts of a robot by name, each with a configuration of its own, and with it its
             model, calibration groups and constraints; made by ``layout.joined``.
     """
 
     joints: tuple[JointConfig, ...]
     model: ArmModel | None = None
+    coupling: Coupling | None = None
     parts: Mapping[str, BoardConfig] = field(default_factory=dict)
     control_rate: float = parameter(
         "Control cycles; the gains hold from 200 to 4000, the log warns below",

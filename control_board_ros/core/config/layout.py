@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from ..model.coupling import Coupling, side_by_side
 from .config import BoardConfig, ConfigError
 
 
@@ -63,4 +64,7 @@ def joined(parts: Mapping[str, BoardConfig]) -> BoardConfig:
         output=first.output,
         autoconfigure=all(config.autoconfigure for config in parts.values()),
         parts=dict(parts),
+        coupling=side_by_side(
+            [config.coupling or Coupling.plain(config.names) for config in parts.values()]
+        ),
     )

@@ -222,6 +222,14 @@ class Services:
         response.names = list(reply.joints)
         return answered(response, reply)
 
+    def get_coupling(self, _request: Any, response: Any) -> Any:
+        with self._member.exclusive() as board:
+            coupling = board.get_coupling()
+        response.axes = list(coupling.axes)
+        response.physical_joints = list(coupling.physical_joints)
+        response.matrix = doubles(coupling.matrix.ravel())
+        return succeeded(response)
+
     # -- faults and life ----------------------------------------------------------------------
 
     def get_faults(self, request: Any, response: Any) -> Any:
