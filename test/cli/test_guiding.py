@@ -63,14 +63,20 @@ def hand(process: BoardProcess) -> Iterator[Hand]:
     hand.close()
 
 
+def as_set(ask: Asker) -> tuple[list[tuple[float, float]], dict[str, bool]]:
+    """Springs and dampers, and whether gravity is compensated."""
+    springs = [(row["stiffness"], row["damping"]) for row in ask("impedance").values()]
+    return springs, ask("param", "show", f"{JOINT}.gravity_compensation")
+
+
 @pytest.mark.slow
 def test_a_guided_way_is_replayed(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path: Path) -> None:
     """G1, G2, T1: pushed along, recorded, left as found; then it goes there by itself."""
     way = tmp_path / "way.mcap"
-    before = ask("impedance"), ask("param", "show", f"{JOINT}.gravity_compensation")
+    before = as_set(ask)
     guiding = cbctl.start("guide", "--for", "60s", "--record", str(way), "--json")
     until(lambda: {row["interaction_mode"] for row in ask("modes").values()} == {"comp"})
-    until(lambda: ask("param", "show", f"{JOINT}.gravity_compensation") != before[1])
+    until(lambda: as_set(ask)[1] != before[1])
     time.sleep(1.0)  # the load is taken over: a push before that would be load
     hand.push(4.0)
     until(lambda: hand.position() > 0.3)
@@ -83,7 +89,7 @@ def test_a_guided_way_is_replayed(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path
     assert "recording" in out
     assert {row["interaction_mode"] for row in ask("modes").values()} == {"stif"}
     assert {row["control_mode"] for row in ask("modes").values()} == {"pos"}
-    assert (ask("impedance"), ask("param", "show", f"{JOINT}.gravity_compensation")) == before
+    assert as_set(ask) == before
     assert hand.position() == pytest.approx(guided, abs=0.01)
     assert cbctl("home").code == 0
     answer = ask("replay", str(way), JOINT, "--speed", "0.5", "--yes")
