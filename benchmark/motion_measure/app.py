@@ -10,8 +10,11 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from control_board_ros.core.terms.set_points import KINDS
 
 from .measure import Finding, Line, measure, worst
 from .page import BEFORE, FIGURES, PAGE, load, notes_of, page
@@ -28,8 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
     if unknown := [row for row in rows if row not in ROWS]:
         parser.error(f"--rows {unknown[0]!r} unknown; choose from {','.join(ROWS)}")
-    if asked.page and (asked.rows or asked.joint):
-        parser.error("--page takes whole robots; leave out --rows and --joint")
+    if asked.page and (asked.rows or asked.joint or asked.drive):
+        parser.error("--page takes whole robots; leave out --rows, --joint and --drive")
     only_draw = asked.plots and not asked.page
     record: dict[str, Any] = load(FIGURES) if asked.page else {}
     path = FIGURES if asked.page else asked.json and Path(asked.json)
@@ -83,6 +86,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--page", action="store_true", help="measure, record, write docs/motion.md"
     )
+    parser.add_argument(
+        "--drive", choices=[kind.code for kind in KINDS], help="of every joint; else pwm (S7)"
+    )
+    parser.add_argument("--delay", type=float, default=0.0, help="of those drives, s")
     parser.add_argument("--plots", action="store_true", help="draw its pictures from the record")
     return parser
 
@@ -90,6 +97,12 @@ def _parser() -> argparse.ArgumentParser:
 def _one(name: str, rows: Sequence[str], asked: argparse.Namespace) -> dict[str, object]:
     began = time.process_time()
     robot = find(name)
+    if asked.drive:
+        drive = {"joint_defaults.drive": [asked.drive], "joint_defaults.drive_delay": asked.delay}
+        robot = replace(robot, parameters={**robot.parameters, **drive})
+        name = f"{name} by {asked.drive}" + (
+            f", {1e3 * asked.delay:g} ms late" * bool(asked.delay)
+        )
     rig = Rig.load(robot)
     joints = None
     if asked.joint:

@@ -194,6 +194,15 @@ def test_available_modes(talker: Talker) -> None:
     assert list(answer.interaction_modes) == ["stif,comp"]
 
 
+def test_drives(talker: Talker) -> None:
+    """S1: which loop runs where."""
+    answer = talker.call("get_drives", srv.GetDrives, names=[talker.names[2]])
+    assert list(answer.set_points) == ["pwm"]
+    for law in (answer.position, answer.impedance, answer.torque, answer.output):
+        assert list(law) == ["pwm"]
+    assert list(answer.on_silence) == ["free"]
+
+
 def test_impedance(talker: Talker) -> None:
     """I6: stiffness and damping are set and read per joint; bad values change nothing."""
     name = talker.names[1]
@@ -264,6 +273,7 @@ def test_refusals_change_nothing_and_say_why(
         ("get_control_mode", srv.GetControlMode),
         ("get_interaction_mode", srv.GetInteractionMode),
         ("get_available_modes", srv.GetAvailableModes),
+        ("get_drives", srv.GetDrives),
         ("get_impedance", srv.GetImpedance),
         ("get_references", srv.GetReferences),
         ("get_faults", srv.GetFaults),

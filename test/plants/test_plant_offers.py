@@ -11,7 +11,13 @@ from levers import IIWA, Levers, offer
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.terms.vocabs import ControlMode as M
-from control_board_ros.plants import Description, JointDescription
+from control_board_ros.plants import (
+    Description,
+    DriveLimits,
+    JointDescription,
+    OnSilence,
+    SetPoint,
+)
 from control_board_ros.plants.entry_points import find, make
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.offers import within
@@ -108,3 +114,69 @@ def test_a_plant_has_real_time() -> None:
     description = Description(joints=tuple(JointDescription(name=name) for name in IIWA))
     with pytest.raises(PlantSettingsError, match="real_time_factor: 0 is not allowed"):
         within(faster, "levers", description)
+
+
+# Drives that take set-points ------------------------------------------------------------------
+
+
+def drives(settings: Settings | None = None, **rest) -> Settings:
+    """The iiwa on such drives."""
+    joints = tuple(JointDescription(name=name, **rest) for name in IIWA)
+    return within(settings or load("iiwa"), "levers", Description(joints=joints))
+
+
+def test_a_board_has_the_modes_that_the_drives_reach() -> None:
+    """S1, B2, I7: a torque that is estimated is enough for a drive that closes that loop."""
+    made = drives(set_points=(SetPoint.POSITION,), torque_sensor=True)
+    assert made.board.joints[0].drive == (SetPoint.POSITION,)
+    assert M.TORQUE not in made.board.joints[0].control_modes
+    assert M.POSITION in Board(made.board).get_available_modes()[0][0]
+    made = drives(set_points=(SetPoint.POSITION, SetPoint.TORQUE), torque_estimate=True)
+    assert M.TORQUE in made.board.joints[0].control_modes
+    made = drives(set_points=(SetPoint.POSITION, SetPoint.CURRENT), torque_estimate=True)
+    assert M.TORQUE not in made.board.joints[0].control_modes
+    assert made.values[f"{IIWA[0]}.drive"] == ["position", "current"]
+
+
+def test_a_user_narrows_what_is_used() -> None:
+    """S1; what the drive does not take is refused in one line."""
+    asked = load("iiwa", {"joint_defaults.drive": ["torque"]})
+    made = drives(asked, set_points=(SetPoint.POSITION, SetPoint.TORQUE), torque_sensor=True)
+    assert made.board.joints[0].drive == (SetPoint.TORQUE,)
+    with pytest.raises(PlantSettingsError, match=r"drive: \['torque'\] is not allowed; position"):
+        drives(asked, set_points=(SetPoint.POSITION,))
+
+
+def test_limits_of_board_and_drive_are_compared() -> None:
+    """S4: the smaller acts; one line for each joint that differs."""
+    before = load("iiwa").board.joints[0].limits
+    narrow = DriveLimits(velocity=0.5 * before.velocity, torque=2.0 * before.torque)
+    made = drives(limits=narrow)
+    limits = made.board.joints[0].limits
+    assert limits.velocity == pytest.approx(0.5 * before.velocity)
+    assert limits.torque == before.torque
+    told = [note for note in made.notes if note.startswith(f"{IIWA[0]}: its drive allows")]
+    assert len(told) == 1
+    assert "velocity" in told[0]
+    assert "less than" in told[0]
+    assert "torque" in told[0]
+    assert "more than" in told[0]
+    assert drives().notes == load("iiwa").notes
+
+
+def test_what_a_motor_does_in_silence_is_what_its_drive_can() -> None:
+    """S5."""
+    asked = load("iiwa", {"joint_defaults.on_silence": "braked"})
+    made = drives(asked, on_silence=(OnSilence.FREE, OnSilence.BRAKED))
+    assert made.board.joints[0].on_silence is OnSilence.BRAKED
+    with pytest.raises(PlantSettingsError, match="on_silence: 'braked' is not allowed; one of"):
+        drives(asked, on_silence=(OnSilence.FREE, OnSilence.DAMPED))
+
+
+def test_a_drive_without_its_pwm_is_not_checked_by_it() -> None:
+    """F1: encoder against motor needs the voltage."""
+    takes = {"set_points": (SetPoint.TORQUE,), "torque_sensor": True, "current_sensor": True}
+    assert math.isinf(drives(**takes).board.joints[0].max_travel_error)
+    known = drives(**takes, output_sensor=True, delay=0.003).board.joints[0]
+    assert math.isfinite(known.max_travel_error)
+    assert known.drive_delay == 0.003

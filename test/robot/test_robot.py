@@ -125,6 +125,7 @@ def test_it_answers_and_moves_as_one_board_would(seed: int) -> None:
         "get_max_impedance",
         "check_motion_done",
         "get_available_modes",
+        "get_drives",
         "get_calibration",
     ],
 )

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several buses as one plant: each exchanges in a thread of its own, all of them at once.
+
+A bus that answers too late for an exchange goes on with it: its joints have their last reading
+again, with its age, and what came late is used in the next exchange. Its set-points are then those
+of now, never those that it missed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import fields, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..core.terms.measurement import Array
+from ..core.terms.set_points import SetPoints
+from .interface import Description, DriveFault, DrivePlant, Readings, Setup
+
+#: Part of the period that is waited for the answers of all buses.
+PATIENCE = 0.6
+#: s that a bus has to let go, and the first time to answer.
+LEAVING, FIRST = 1.0, 5.0
+
+
+class Bus:
+    """A plant in a thread of its own, with what it answered last."""
+
+    def __init__(self, plant: DrivePlant, columns: slice) -> None:
+        self.plant, self.columns = plant, columns
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="bus")
+        self._asked: Future[tuple[float, Readings]] | None = None
+        self.last: tuple[float, Readings] | None = None  # s, and what was read then
+
+    def do(self, task: Callable[[], Any]) -> Future[Any]:
+        """Let its thread do something, after what it does."""
+        return self._thread.submit(task)
+
+    def ask(self, wanted: SetPoints) -> Future[Any]:
+        """Exchange, unless it has not answered yet; what it is asked, and when, is its answer."""
+        if self._asked is None:
+            own = self.columns
+            mine = SetPoints(
+                wanted.kinds[own].copy(), wanted.values[:, own].copy(), wanted.released[own].copy()
+            )
+            self._asked = self.do(lambda: (time.monotonic(), self.plant.exchange(mine)))
+        return self._asked
+
+    def take(self) -> bool:
+        """Take its answer over, where it is there; whether it is.
+
+        Raises:
+            Exception: what the exchange raised.
+        """
+        if self._asked is None or not self._asked.done():
+            return False
+        asked, self._asked = self._asked, None
+        self.last = asked.result()
+        return True
+
+    def forget(self) -> None:
+        """After an error, and before a connection."""
+        self._asked = self.last = None
+
+    def end(self) -> None:
+        """End its thread, unless it hangs."""
+        self._thread.shutdown(wait=False, cancel_futures=True)
+
+
+class Buses:
+    """A DrivePlant of several.
+
+    Args:
+        plants: One for each bus; their joints follow each other.
+
+    Attributes: late (exchanges in which each bus answered too late so far).
+    """
+
+    def __init__(self, plants: Sequence[DrivePlant]) -> None:
+        counts = [len(plant.describe().joints) for plant in plants]
+        ends = np.cumsum([0, *counts]).tolist()
+        self._buses = [
+            Bus(plant, slice(begin, end))
+            for plant, begin, end in zip(plants, ends[:-1], ends[1:], strict=True)
+        ]
+        self._count, self._patience = ends[-1], PATIENCE * 2e-3
+        self.late = [0] * len(plants)
+
+    def describe(self) -> Description:
+        own = [bus.plant.describe() for bus in self._buses]
+        rates = [one.rate for one in own if one.rate is not None]
+        joints = tuple(joint for one in own for joint in one.joints)
+        return Description(joints=joints, rate=min(rates, default=None))
+
+    def connect(self, setup: Setup) -> None:
+        """Open all buses at once."""
+        self._patience = PATIENCE * setup.period
+        tasks = []
+        for bus in self._buses:
+            bus.forget()
+            own = replace(setup, joints=setup.joints[bus.columns])
+            tasks.append(bus.do(partial(bus.plant.connect, own)))
+        for task in tasks:
+            task.result()
+
+    def exchange(self, wanted: SetPoints) -> Readings:
+        """All buses at once; who is late is not waited for, but for the first reading.
+
+        Raises:
+            TimeoutError: a bus has never answered.
+            Exception: what the exchange of a bus raised.
+        """
+        asked = [bus.ask(wanted) for bus in self._buses]
+        first = any(bus.last is None for bus in self._buses)
+        wait(asked, FIRST if first else self._patience)
+        ages = np.zeros(self._count)
+        for k, bus in enumerate(self._buses):
+            if not bus.take():
+                self.late[k] += 1
+                if bus.last is None:
+                    raise TimeoutError(f"bus {k + 1} of {len(self._buses)} does not answer")
+                ages[bus.columns] = time.monotonic() - bus.last[0]
+        return self._joined([bus.last[1] for bus in self._buses if bus.last is not None], ages)
+
+    def _joined(self, found: Sequence[Readings], ages: Array) -> Readings:
+        """The readings of all joints; what one bus has not is not a number, none has is None."""
+        rows: dict[str, Any] = {}
+        for name in [field.name for field in fields(Readings) if field.name != "faults"]:
+            parts = [getattr(one, name) for one in found]
+            if all(part is not None for part in parts):
+                rows[name] = np.concatenate(parts)
+        own = rows.get("ages")
+        rows["ages"] = ages if own is None else np.maximum(own, ages)
+        faults: list[str | DriveFault | None] = []
+        for bus, one in zip(self._buses, found, strict=True):
+            faults += one.faults or [None] * (bus.columns.stop - bus.columns.start)
+        return Readings(**rows, faults=faults)
+
+    def clear_fault(self, joint: int) -> None:
+        for bus in self._buses:
+            if bus.columns.start <= joint < bus.columns.stop:
+                bus.do(partial(bus.plant.clear_fault, joint - bus.columns.start)).result()
+
+    def let_go(self) -> None:
+        """All buses at once, as far as they still listen."""
+        wait([bus.do(bus.plant.let_go) for bus in self._buses], LEAVING)
+
+    def close(self) -> None:
+        """Close all buses; one that hangs is left alone."""
+        with contextlib.suppress(RuntimeError):  # closed already
+            wait([bus.do(bus.plant.close) for bus in self._buses], LEAVING)
+        for bus in self._buses:
+            bus.end()

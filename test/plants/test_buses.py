@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Several buses as one plant: at once, and late ones are not waited for."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from control_board_ros.core.terms.set_points import VALUES, SetPoints, Value
+from control_board_ros.plants import Description, DriveFault, JointDescription, Readings, SetPoint
+from control_board_ros.plants.buses import Buses
+from control_board_ros.plants.interface import Setup
+from control_board_ros.testing.plants import plant_contract
+
+
+class Servos:
+    """Joints that are where they are told to be.
+
+    Attributes: gate (an exchange waits for it), asked (positions of each exchange), fault.
+    """
+
+    def __init__(self, *names: str) -> None:
+        joints = tuple(
+            JointDescription(name=name, set_points=(SetPoint.POSITION,)) for name in names
+        )
+        self.description = Description(joints=joints, rate=500.0)
+        self.position = np.zeros(len(names))
+        self.gate = threading.Event()
+        self.gate.set()
+        self.asked: list[list[float]] = []
+        self.fault: DriveFault | None = None
+        self.trouble: Exception | None = None
+        self.went = self.cleared = -1
+
+    def describe(self):
+        return self.description
+
+    def connect(self, setup):
+        assert len(setup.joints) == len(self.position)
+
+    def exchange(self, wanted):
+        self.gate.wait()
+        if self.trouble is not None:
+            raise self.trouble
+        self.asked.append(wanted.position.tolist())
+        self.position = np.where(wanted.powered, wanted.position, self.position)
+        return Readings(position=self.position.copy(), faults=[self.fault] * len(self.position))
+
+    def clear_fault(self, joint):
+        self.cleared = joint
+
+    def let_go(self):
+        self.went += 1
+
+    def close(self):
+        self.gate.set()
+
+
+def at(*positions: float) -> SetPoints:
+    n = len(positions)
+    values = np.zeros((VALUES, n))
+    values[Value.POSITION] = positions
+    return SetPoints(np.full(n, SetPoint.POSITION, dtype=np.int8), values, np.ones(n))
+
+
+@pytest.fixture
+def three():
+    servos = [Servos("a", "b"), Servos("c"), Servos("d", "e", "f")]
+    buses = Buses(servos)
+    buses.connect(Setup(period=2e-3, timeout=0.1, joints=(None,) * 6))
+    yield servos, buses
+    for one in servos:
+        one.gate.set()
+    buses.close()
+
+
+def test_all_buses_have_their_own_joints(three) -> None:
+    """Each its columns, in one exchange."""
+    servos, buses = three
+    assert [joint.name for joint in buses.describe().joints] == list("abcdef")
+    found = buses.exchange(at(1, 2, 3, 4, 5, 6))
+    assert found.position.tolist() == [1, 2, 3, 4, 5, 6]
+    assert servos[2].asked == [[4, 5, 6]]
+    assert found.ages.tolist() == [0.0] * 6
+
+
+def test_a_late_bus_is_not_waited_for_and_its_answer_is_used_next(three) -> None:
+    """Counted; the others go on; set-points that it missed are not made up for."""
+    servos, buses = three
+    buses.exchange(at(*[0.0] * 6))
+    servos[1].gate.clear()
+    for k in range(1, 4):
+        found = buses.exchange(at(*[float(k)] * 6))
+        assert found.position[2] == 0.0
+        assert found.ages[2] > 0.0
+    assert buses.late[1] >= 3
+    while found.position[3] != 3.0:  # a busy machine is late, too
+        found = buses.exchange(at(*[3.0] * 6))
+    servos[1].gate.set()
+    while found.position[2] != 3.0:
+        found = buses.exchange(at(*[3.0] * 6))
+    assert servos[1].asked[:2] == [[0.0], [1.0]]
+    assert 2.0 not in [asked[0] for asked in servos[1].asked]
+
+
+def test_faults_belong_to_the_joints_of_their_bus(three) -> None:
+    """S6."""
+    servos, buses = three
+    servos[1].fault = DriveFault(33, "over-voltage")
+    found = buses.exchange(at(*[0.0] * 6))
+    while not any(found.faults):
+        found = buses.exchange(at(*[0.0] * 6))
+    assert [str(fault or "") for fault in found.faults] == ["", "", "33 over-voltage", "", "", ""]
+    buses.clear_fault(4)
+    assert (servos[0].cleared, servos[1].cleared, servos[2].cleared) == (-1, -1, 1)
+
+
+def test_what_a_bus_raises_is_raised_and_all_are_let_go(three) -> None:
+    """B3, B5."""
+    servos, buses = three
+    servos[0].trouble = OSError("bus off")
+
+    def go_on() -> None:
+        for _ in range(1000):
+            buses.exchange(at(*[0.0] * 6))
+
+    with pytest.raises(OSError, match="bus off"):
+        go_on()
+    buses.let_go()
+    assert [one.went for one in servos] == [0, 0, 0]
+
+
+test_buses_keep_the_contract = plant_contract(lambda: Buses([Servos("a", "b"), Servos("c")]))
