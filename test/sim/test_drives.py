@@ -109,13 +109,13 @@ def test_a_sine_is_followed_by_impedance_two_milliseconds_late() -> None:
         assert board.set_control_mode(None, M.POSITION_DIRECT)
         start = board.get_encoder().copy()
         for k in range(3000):
-            asked = start + 0.2 * (1.0 - math.cos(2.0 * math.pi * 1e-3 * k))
+            asked = start + 0.1 * (1.0 - math.cos(2.0 * math.pi * 1e-3 * k))
             assert board.set_position(None, asked)
             simulation.step()
             if k > 1000:
                 worst = max(worst, float(np.abs(board.get_encoder() - asked).max()))
         healthy(simulation)
-        assert worst < 0.03 * 0.2
+        assert worst < 0.03 * 0.1
 
 
 def test_a_drive_keeps_the_limits_of_its_own() -> None:

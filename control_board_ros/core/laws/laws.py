@@ -1222,8 +1222,9 @@ def position_law(j: Joint) -> cython.double:
     """
     p: Pid = j.position_pid
     keep_near(j)
+    late: cython.double = j.followed - j.delay * j.followed_velocity  # as the drive has it by now
     return (
-        pid_step(p, j.followed, j.followed - j.position, j.followed_velocity - j.velocity)
+        pid_step(p, j.followed, late - j.position, j.followed_velocity - j.velocity)
         + j.forward
         + friction(j, j.followed_velocity)
     )
@@ -1235,7 +1236,7 @@ def keep_near(j: Joint) -> cython.void:
     p: Pid = j.position_pid
     lead: cython.double
     if p.kp > 0.0:
-        lead = LEAD * j.max_torque / p.kp
+        lead = LEAD * j.max_torque / p.kp + j.delay * fabs(j.followed_velocity)
         if fabs(j.followed - j.position) > lead:
             stay(j, clamp(j.followed, j.position - lead, j.position + lead))
         hold_back(j)
@@ -1513,8 +1514,11 @@ def note_limit(j: Joint) -> cython.void:
 def hand_down(j: Joint, drive: cython.double) -> cython.void:
     """The drive of the laws as what the drive follows (S1): it, or an impedance that is worth it.
 
-    τ_ff = drive − k (q_set − q) − d (q̇_set − q̇): what the laws and their bounds add is in τ_ff.
+    τ_ff = drive − k (q_set − q) − d (q̇_set − q̇): what the laws and their bounds add is in τ_ff. Of
+    a rate it takes off what the law made of it, filtered: else the difference came back, late.
     """
+    p: Pid = j.position_pid
+    spring: cython.double = 0.0
     if j.kind == AS_PWM:
         j.output = current_law(j, drive) if j.in_amps else drive
     elif j.kind == AS_CURRENT:
@@ -1526,14 +1530,12 @@ def hand_down(j: Joint, drive: cython.double) -> cython.void:
         j.set_stiffness = j.set_damping = 0.0
         if j.law == POSITION or j.settling:
             j.set_velocity = j.followed_velocity
-            j.set_stiffness, j.set_damping = j.position_pid.kp, j.position_pid.kd
+            j.set_stiffness, j.set_damping = p.kp, p.kd
+            spring = p.kp * p.error + p.kd * p.derivative
         elif j.law == IMPEDANCE:
             j.set_stiffness, j.set_damping = j.stiffness, j.damping
-        j.set_torque = (
-            drive
-            - j.set_stiffness * (j.set_position - j.position)
-            - j.set_damping * (j.set_velocity - j.velocity)
-        )
+            spring = j.stiffness * (j.followed - j.position) - j.damping * j.velocity
+        j.set_torque = drive - spring
 
 
 @cython.cfunc
