@@ -54,6 +54,14 @@ def test_no_page_holds_a_path_of_one_machine() -> None:
         assert not re.search(r"/(?:home|root|work|Users)/\w", page.read_text("utf-8")), page
 
 
+def test_every_page_is_in_the_menu_of_the_site() -> None:
+    """A toctree of docs/index.md names it; those of how-tos and decisions take all."""
+    text = (ROOT / "docs" / "index.md").read_text("utf-8")
+    menus = "".join(re.findall(r"^```\{toctree\}$(.*?)^```$", text, re.M | re.S)).split()
+    pages = {page.stem for page in (ROOT / "docs").glob("*.md")} - {"index"}
+    assert not pages - set(menus)
+
+
 def test_every_page_is_in_an_index() -> None:
     """docs/index.md leads to each page and how-to, its own index to each decision."""
     for index in ("docs/index.md", "docs/decisions/index.md"):
