@@ -360,26 +360,25 @@ SAVE_POSE = service(
     "Save a pose of the user's, or replace one, in the user's own file.",
 )
 GET_MOTORS = service(
-    "~/get_motors", "GetMotors", "Read what is known of motors and their amplifiers."
+    "~/get_motors",
+    "GetMotors",
+    "Read what is known of the motors of joints and of their amplifiers.",
 )
 SET_MOTORS = service(
     "~/set_motors",
     "SetMotors",
-    "Set the largest current and PWM that the board asks for, within what is configured; a "
-    "power-on forgets it.",
+    "Set what amplifiers of joints may do, within what is configured.",
 )
-GET_PIDS = service(
-    "~/get_pids", "GetPids", "Read what a control loop of joints follows and puts out."
-)
+GET_PIDS = service("~/get_pids", "GetPids", "Read the state of one control loop of joints.")
 SET_PIDS = service(
     "~/set_pids",
     "SetPids",
-    "Drop what a control loop has integrated, or set what is added to its output.",
+    "Reset one control loop of joints, or set what is added to its output.",
 )
 SET_ENCODERS = service(
     "~/set_encoders",
     "SetEncoders",
-    "Say what encoders read where they are now: of the motors at any time, of the joints in IDLE.",
+    "Say what the encoders of joints read where they are now.",
 )
 CONFIGURE = service(
     "~/configure",

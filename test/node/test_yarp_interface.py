@@ -162,7 +162,7 @@ def test_modes_are_set_and_read(yarp: YarpClient, talker: Talker) -> None:
         "VELOCITY",
     ]
     settable = yarp.call("get_available_modes", only_implemented=False)
-    assert set(settable.modes) == {*listed.modes, "CURRENT"}
+    assert set(settable.modes) == {*listed.modes, "CURRENT", "VELOCITY_DIRECT"}
 
 
 def test_a_fault_is_left_by_force_idle(yarp: YarpClient, talker: Talker) -> None:

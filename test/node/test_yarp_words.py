@@ -91,6 +91,8 @@ def test_every_mode_that_a_joint_is_in_has_a_name() -> None:
         M.TORQUE: "TORQUE",
         M.OPENLOOP: "PWM",
         M.IDLE: "IDLE",
+        M.VELOCITY_DIRECT: "VELOCITY_DIRECT",
+        M.CURRENT: "CURRENT",
         M.HW_FAULT: "HW_FAULT",
         M.CALIBRATING: "CALIBRATING",
         M.NOT_CONFIGURED: "NOT_CONFIGURED",

@@ -48,6 +48,7 @@ SETTABLE: dict[str, tuple[Wanted, ...]] = {
     "PWM": (M.OPENLOOP,),
     "TORQUE": (M.TORQUE,),
     "VELOCITY": (M.VELOCITY,),
+    "VELOCITY_DIRECT": (M.VELOCITY_DIRECT,),  # beyond controlBoard_nws_ros2 (Y1)
 }
 
 
