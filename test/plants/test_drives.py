@@ -4,14 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from drive_bench import TIMEOUT, Bench
 
+from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.set_points import SetPoint
+from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Readings
-from control_board_ros.testing.plants import plant_contract
+from control_board_ros.testing.plants import board_for, plant_contract
 
 #: By driver: its library, and options that make it take all that it can.
 DRIVERS: dict[str, tuple[str, dict[str, str]]] = {
@@ -320,3 +323,15 @@ def test_letting_go_takes_the_power_where_silence_is_free(bench: Bench) -> None:
         bench.world.state[1] = 1.0
     bench.pass_time(0.02)
     assert (bench.world.state[1] > 0.8).all()
+
+
+def test_position_gains_that_do_not_fit_an_mit_frame_are_refused() -> None:
+    """S4: the board follows positions by k and d in the motor."""
+    with Bench("mit_can") as bench:
+        joints = board_for(bench.plant.describe()).joints
+        stiff = replace(joints[0], position_pid=Pid(kp=600.0))
+        bench.joints = (stiff, joints[1])
+        with pytest.raises(PlantSettingsError, match=r"left: position_pid.kp=600 is not allowed"):
+            bench.connect()
+        bench.joints = joints
+        bench.connect()

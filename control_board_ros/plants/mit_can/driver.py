@@ -52,6 +52,7 @@ class MitDrives:
     def _set_up(self, k: int) -> Found:
         """No power, MIT mode, watchdog; returns what it is."""
         line, drive, name = self._opened, self._axes[k].id, self._axes[k].name
+        self._check_gains(k)
         told = registers(line, drive, f.MASTER_ID, first=True)
         if len(told) != 1:
             raise ConnectionError(
@@ -76,6 +77,19 @@ class MitDrives:
                 torque=ranges.torque,
             ),
         )
+
+    def _check_gains(self, k: int) -> None:
+        """Positions are followed by k and d of the board's own gains: they must fit the frame."""
+        axis, joint = self._axes[k], self._joints[k]
+        if joint is None:
+            return
+        gains = joint.position_pid
+        for what, value, bound in (("kp", gains.kp, f.STIFFEST), ("kd", gains.kd, f.MOST_DAMPED)):
+            if value > (most := bound * axis.ratio**2):
+                raise PlantSettingsError(
+                    f"{axis.name}: position_pid.{what}={value:.3g} is not allowed; its motor "
+                    f"takes {most:.3g} at most, with ratio {axis.ratio:g}"
+                )
 
     def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
