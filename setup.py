@@ -380,12 +380,17 @@ TEST = [
     "pytest-xdist>=3.6",
     *MUJOCO,
     *XACRO,
+    "foxglove-sdk>=0.16",
+    "gymnasium>=1.0",
+    "pygame>=2.5",
     *PANEL,
     *RECORD,
     *TUNE_POSTGRESQL,
     *TUNE_GRPC,
     *DRIVES,
 ]
+GYM = ["gymnasium>=1.0", "pygame>=2.5", *MUJOCO]
+FOXGLOVE = ["foxglove-sdk>=0.16"]
 ICUB = ["icub-models==3.2.0"]
 BENCH = ["pin>=3.0"]
 SITE = ["furo>=2024.8", "myst-parser>=4", "sphinx>=8"]
@@ -448,6 +453,8 @@ setup(
         "panel": PANEL,
         "record": RECORD,
         "tune": TUNE,
+        "gym": GYM,
+        "foxglove": FOXGLOVE,
         "tune-postgresql": TUNE_POSTGRESQL,
         "tune-grpc": TUNE_GRPC,
         "moteus": MOTEUS,
@@ -458,7 +465,8 @@ setup(
         "dev": DEV,
     },
     entry_points={
-        "console_scripts": [f"{command} = {called}" for command, called in COMMANDS.items()]
+        "gymnasium.envs": [f"{NAME} = {NAME}.gym:register_envs"],
+        "console_scripts": [f"{command} = {called}" for command, called in COMMANDS.items()],
     },
     ext_modules=[extension(HERE, module) for module in COMPILED],
     cmdclass={"build_ext": Build},

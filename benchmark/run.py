@@ -40,6 +40,7 @@ GROUPS = {
     "B15": "b15_command_line",
     "B16": "b16_emergency_stop",
     "B17": "b17_drives",
+    "B18": "b18_gym",
 }
 
 

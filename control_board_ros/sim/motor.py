@@ -115,17 +115,17 @@ class Motors:
         target = self._ambient + self._warming * self.current**2
         self.temperature += self._cooling * (target - self.temperature)
 
-    def de_energise(self) -> None:
+    def de_energise(self, joints: slice = slice(None)) -> None:
         """Set current, torque and bristle deflection to zero."""
-        for drive in self._drives:
+        for drive in self._drives[joints]:
             drive.current = drive.bristle_torque = drive.clutch_torque = 0.0
         for row in (self.current, self.torque, self.applied):
-            row.fill(0.0)
+            row[joints] = 0.0
 
-    def reset(self) -> None:
+    def reset(self, joints: slice = slice(None)) -> None:
         """Set currents to zero and windings to ambient temperature."""
-        self.de_energise()
-        self.temperature[:] = self._ambient
+        self.de_energise(joints)
+        self.temperature[joints] = self._ambient[joints]
 
 
 def make_drive(joint: JointConfig, own: JointSimulation, inertia: float, step: float) -> Drive:

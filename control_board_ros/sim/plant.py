@@ -226,6 +226,16 @@ class SimulatedPlant:
         self._shafts.sample()
         self._sensors.sample_temperature()
 
+    def place(self, positions: Array, joints: slice = slice(None)) -> None:
+        """Put joints at rest at these positions, shape (k,), with cold motors; others go on."""
+        state = self._motors.state.copy()
+        state[:, joints] = positions, np.zeros_like(positions)
+        self.body.restore(state)
+        self._last_good[:] = state
+        self._motors.reset(joints)
+        self._sensors.sample()
+        self._sensors.sample_temperature()
+
     def close(self) -> None:
         """Release the body; safe to call twice."""
         self.body.close()

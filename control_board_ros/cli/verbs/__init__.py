@@ -18,6 +18,7 @@ SECTIONS = {
         "watch": "watch",
         "plot": "plot",
         "panel": "panel",
+        "foxglove": "foxglove",
         "info": "look",
         "references": "look",
         "faults": "look",

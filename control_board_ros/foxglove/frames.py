@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The frames of a board's links, of the description and the positions that it publishes."""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
+
+from control_board_ros.urdf_xml import XmlError, heard
+
+Quat = tuple[float, float, float, float]
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """The frame of a link in that of the link before it.
+
+    Attributes: parent and child (links), xyz and turn (of the joint at 0), axis, leader (the joint
+    whose position moves it; empty: none), slides, factor and offset (of a follower: q = factor ·
+    leader + offset).
+    """
+
+    parent: str
+    child: str
+    xyz: Vector
+    turn: Quat
+    axis: Vector
+    leader: str
+    slides: bool
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def at(self, q: float) -> tuple[Vector, Quat]:
+        """Where it is with its leader at a position."""
+        q = self.factor * q + self.offset
+        ax, ay, az = self.axis
+        if self.slides:
+            dx, dy, dz = turned(self.turn, (ax * q, ay * q, az * q))
+            x, y, z = self.xyz
+            return (x + dx, y + dy, z + dz), self.turn
+        s = math.sin(q / 2.0)
+        return self.xyz, times(self.turn, (ax * s, ay * s, az * s, math.cos(q / 2.0)))
+
+
+def frames_of(description: str) -> list[Frame]:
+    """The frames of a robot description; none where it cannot be read."""
+    try:
+        robot = heard(description)
+        return [frame_of(joint) for joint in robot.findall("joint")]
+    except (XmlError, ValueError, AttributeError):
+        return []
+
+
+def frame_of(joint: ET.Element) -> Frame:
+    """The frame that a <joint> carries.
+
+    Raises:
+        ValueError, AttributeError: it is none.
+    """
+    origin, mimic = joint.find("origin"), joint.find("mimic")
+    xyz = numbers(origin, "xyz", (0.0, 0.0, 0.0))
+    axis = numbers(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
+    length = math.hypot(*axis) or 1.0
+    kind, name = joint.get("type", ""), joint.get("name", "")
+    leader, factor, offset = name, 1.0, 0.0
+    if mimic is not None:
+        leader = mimic.get("joint", "")
+        factor, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+    parent: Any = joint.find("parent")
+    child: Any = joint.find("child")
+    return Frame(
+        parent.get("link"),
+        child.get("link"),
+        xyz,
+        of_rpy(numbers(origin, "rpy", (0.0, 0.0, 0.0))),
+        (axis[0] / length, axis[1] / length, axis[2] / length),
+        "" if kind == "fixed" else leader,
+        kind == "prismatic",
+        factor,
+        offset,
+    )
+
+
+def numbers(element: ET.Element | None, key: str, default: Vector) -> Vector:
+    """Three numbers of an attribute.
+
+    Raises:
+        ValueError: there are not three.
+    """
+    text = None if element is None else element.get(key)
+    if text is None:
+        return default
+    x, y, z = map(float, text.split())
+    return x, y, z
+
+
+def of_rpy(rpy: Vector) -> Quat:
+    """Fixed axes: about x, then y, then z."""
+    (sr, sp, sy), (cr, cp, cy) = (
+        tuple(function(angle / 2.0) for angle in rpy) for function in (math.sin, math.cos)
+    )
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+def times(a: Quat, b: Quat) -> Quat:
+    """The turn b, then a."""
+    x, y, z, w = a
+    p, q, r, s = b
+    return (
+        w * p + x * s + y * r - z * q,
+        w * q - x * r + y * s + z * p,
+        w * r + x * q - y * p + z * s,
+        w * s - x * p - y * q - z * r,
+    )
+
+
+def turned(by: Quat, vector: Vector) -> Vector:
+    """A vector, turned."""
+    x, y, z, _ = times(times(by, (*vector, 0.0)), (-by[0], -by[1], -by[2], by[3]))
+    return x, y, z
+
+
+def message(frames: list[Frame], positions: Mapping[str, float], stamp: Any) -> TFMessage:
+    """The frames as /tf has them; a joint that nobody tells of stands at 0."""
+    found = []
+    for frame in frames:
+        (x, y, z), (a, b, c, w) = frame.at(positions.get(frame.leader, 0.0))
+        found.append(
+            TransformStamped(
+                header=Header(stamp=stamp, frame_id=frame.parent),
+                child_frame_id=frame.child,
+                transform=Transform(
+                    translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(x=a, y=b, z=c, w=w)
+                ),
+            )
+        )
+    return TFMessage(transforms=found)

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One arm, or many of one kind, on one board: what actions do to it and what it shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.board import Board
+from ..core.config.config import BoardConfig
+from ..core.config.layout import joined
+from ..core.terms.measurement import Array
+from ..core.terms.modes import STATES
+from ..core.terms.vocabs import CommandKind, ControlMode, InteractionMode
+from ..protocols import Floats
+from ..settings.loading import Settings
+from ..sim.plant import Body, SimulatedPlant, make_body
+
+M, K = ControlMode, CommandKind
+#: Share of a limit that an action of 1 asks for.
+REACH = 0.5
+#: Number of a mode in observations.
+NUMBERS = {mode: number for number, mode in enumerate(STATES)}
+#: Control cycles until a board is up.
+START_CYCLES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """How actions, each number within −1…1, become references.
+
+    Attributes: mode and interaction (of all joints), width (numbers per joint), send (hands
+    actions of shape (arms, width, n) to the board).
+    """
+
+    mode: ControlMode
+    send: Callable[[Arms, Floats], Any]
+    interaction: InteractionMode = InteractionMode.STIFF
+    width: int = 1
+
+
+class Arms:
+    """Arms of one kind, each a part of one board; a single arm is the board.
+
+    Args:
+        settings: Of one arm.
+        count: How many there are; more than one need MuJoCo.
+        control: One of CONTROLS.
+        cycles: Control cycles of one step.
+
+    Attributes: count, n (joints of an arm), joints (their configuration), control, duration (of a
+    step, s), home (positions, shape (n,)), board, plant.
+
+    Raises:
+        ValueError: no such control, or a joint that does not implement its mode.
+        PlantError: the body cannot be made.
+    """
+
+    def __init__(self, settings: Settings, count: int, control: str, cycles: int) -> None:
+        if control not in CONTROLS:
+            raise ValueError(f"control {control!r} unknown; one of {', '.join(CONTROLS)}")
+        self.control, self.count, self._cycles = CONTROLS[control], count, cycles
+        one, simulation = settings.board, settings.simulation
+        for joint in one.joints:
+            if (
+                self.control.mode not in joint.control_modes
+                or self.control.interaction not in joint.interaction_modes
+            ):
+                raise ValueError(f"control {control!r}: {joint.name} does not implement its mode")
+        self.joints, self.n, self.model = one.joints, len(one.joints), one.model
+        self.duration = cycles * one.period
+        self.home = np.array([joint.home for joint in simulation.joints])
+        self._config, self._simulation = one, simulation
+        if count > 1:
+            parts = {f"arm_{k}": renamed(one, f"arm_{k}_") for k in range(count)}
+            self._config = joined(parts)
+            plants = tuple(
+                replace(joint, name=f"arm_{k}_{joint.name}")
+                for k in range(count)
+                for joint in simulation.joints
+            )
+            self._simulation = replace(simulation, joints=plants)
+        self.body: Body = self._made_body(one, simulation if count > 1 else self._simulation)
+        limits = [joint.limits for joint in one.joints]
+        self.lower = np.array([limit.lower for limit in limits])
+        self.upper = np.array([limit.upper for limit in limits])
+        self.velocity_limit = np.array([limit.velocity for limit in limits])
+        self.torque_limit = np.array([limit.torque for limit in limits])
+        self.max_stiffness = np.array([joint.impedance.max_stiffness for joint in one.joints])
+        self.max_damping = np.array([joint.impedance.max_damping for joint in one.joints])
+        self.begin(np.tile(self.home, (count, 1)))
+
+    def _made_body(self, one: BoardConfig, simulation: Any) -> Body:
+        if self.count == 1:
+            return make_body(one, simulation)
+        from ..sim.bodies.mujoco_fleet import MujocoFleet
+
+        return MujocoFleet(one, simulation, self.count)
+
+    def begin(self, positions: Floats) -> None:
+        """All arms anew: board, motors, sensors; at rest at positions, shape (arms, n)."""
+        self.board = Board(self._config)
+        self.plant = SimulatedPlant(self._config, self._simulation, self.body)
+        state = self.board.state
+        shape = (self.count, self.n)
+        self.position = state.position.reshape(shape)
+        self.velocity = state.velocity.reshape(shape)
+        self.torque = state.torque.reshape(shape)
+        self.target = positions.copy()
+        self.plant.place(positions.ravel())
+        self._come_up(range(self.count))
+
+    def restart(self, arms: list[int], positions: Floats) -> None:
+        """Some arms from power-on, at rest at positions, shape (k, n); the others go on."""
+        groups = list(self.board.parts.values()) or [self.board]
+        for k, at in zip(arms, positions, strict=True):
+            self.plant.place(at, slice(k * self.n, (k + 1) * self.n))
+            groups[k].power_cycle()
+            self.target[k] = at
+        self._come_up(arms)
+
+    def _come_up(self, arms: Any) -> None:
+        self.tick(START_CYCLES)
+        groups = list(self.board.parts.values()) or [self.board]
+        for k in arms:
+            if self.control.interaction is not InteractionMode.STIFF:
+                groups[k].set_interaction_mode(None, self.control.interaction)
+            if not (reply := groups[k].set_control_mode(None, self.control.mode)):
+                raise ValueError(f"the arm does not start: {reply.message}")
+
+    def act(self, actions: Floats) -> None:
+        """Hand actions, shape (arms, width · n), to the joints that are not in fault."""
+        shape = (self.count, self.control.width, self.n)
+        self.control.send(self, np.clip(actions.astype(float), -1.0, 1.0).reshape(shape))
+
+    def command(self, kind: CommandKind, values: Floats) -> None:
+        """References for all joints, shape (arms, n)."""
+        self.board.command(kind, None, values.ravel())
+
+    def tick(self, cycles: int) -> None:
+        """Let control cycles pass."""
+        read, tick, write = self.plant.read, self.board.tick, self.plant.write
+        for _ in range(cycles):
+            write(tick(read()))
+
+    def step(self, done: int = 0) -> None:
+        """Let the rest of a step pass, of which some cycles have passed."""
+        self.tick(max(0, self._cycles - done))
+
+    def modes(self) -> NDArray[np.int64]:
+        """Numbers of the control modes, shape (arms, n); see NUMBERS."""
+        numbers = [NUMBERS[mode] for mode in self.board.state.control_modes]
+        return np.array(numbers).reshape(self.count, self.n)
+
+    def faults(self) -> NDArray[np.int8]:
+        """1 where a joint is in fault, shape (arms, n)."""
+        active = [fault.active for fault in self.board.state.faults]
+        return np.array(active, dtype=np.int8).reshape(self.count, self.n)
+
+    def tips(self, positions: Floats) -> Floats:
+        """Where the last links have their origins, m, shape (arms, 3).
+
+        Raises:
+            ValueError: the configuration has no URDF.
+        """
+        if self.model is None:
+            raise ValueError("this task needs an arm with a URDF")
+        places: list[tuple[Array, Array]] = []
+        arms = len(positions)
+        for j, link in enumerate(self.model.links):
+            turn = np.array(link.rotation).reshape(3, 3)
+            if link.parent < 0:
+                at, axes = np.zeros((arms, 3)), np.broadcast_to(np.eye(3), (arms, 3, 3))
+            else:
+                at, axes = places[link.parent]
+            at = at + axes @ np.array(link.offset)
+            axes = axes @ turn
+            q = positions[:, j]
+            if link.slides:
+                at = at + axes[:, :, 2] * q[:, None]
+            else:
+                axes = axes @ about_z(q)
+            places.append((at, axes))
+        return places[-1][0]
+
+    def close(self) -> None:
+        """Let go of the body; safe to call twice."""
+        self.body.close()
+
+
+def about_z(angles: Floats) -> Floats:
+    """Rotations about z, shape (k, 3, 3)."""
+    made = np.zeros((len(angles), 3, 3))
+    made[:, 0, 0] = made[:, 1, 1] = np.cos(angles)
+    made[:, 1, 0] = np.sin(angles)
+    made[:, 0, 1] = -made[:, 1, 0]
+    made[:, 2, 2] = 1.0
+    return made
+
+
+def renamed(config: BoardConfig, prefix: str) -> BoardConfig:
+    """The same board with a prefix before the names of its joints."""
+    joints = tuple(replace(joint, name=prefix + joint.name) for joint in config.joints)
+    groups = tuple(tuple(prefix + name for name in group) for group in config.calibration_groups)
+    return replace(config, joints=joints, calibration_groups=groups)
+
+
+def _position(arms: Arms, actions: Floats) -> None:
+    arms.target = arms.lower + (actions[:, 0] + 1.0) / 2.0 * (arms.upper - arms.lower)
+    arms.command(K.POSITION, arms.target)
+
+
+def _direct(arms: Arms, actions: Floats) -> None:
+    """The reference goes on from where it is, by no more than the speed limit allows."""
+    way = REACH * arms.velocity_limit * arms.duration * actions[:, 0]
+    arms.target = np.clip(arms.target + way, arms.lower, arms.upper)
+    arms.command(K.POSITION_DIRECT, arms.target)
+
+
+def _velocity(arms: Arms, actions: Floats) -> None:
+    arms.command(K.VELOCITY, REACH * arms.velocity_limit * actions[:, 0])
+
+
+def _torque(arms: Arms, actions: Floats) -> None:
+    arms.command(K.TORQUE, arms.torque_limit * actions[:, 0])
+
+
+def _impedance(arms: Arms, actions: Floats) -> None:
+    """As direct, with stiffness and damping from 0 (−1) to their greatest (1)."""
+    share = (actions[:, 1:] + 1.0) / 2.0
+    stiffness, damping = share[:, 0] * arms.max_stiffness, share[:, 1] * arms.max_damping
+    arms.board.set_impedance(None, stiffness.ravel(), damping.ravel())
+    _direct(arms, actions)
+
+
+CONTROLS = {
+    "position": Control(M.POSITION, _position),
+    "direct": Control(M.POSITION_DIRECT, _direct),
+    "velocity": Control(M.VELOCITY, _velocity),
+    "torque": Control(M.TORQUE, _torque),
+    "impedance": Control(M.POSITION_DIRECT, _impedance, InteractionMode.COMPLIANT, 3),
+}
