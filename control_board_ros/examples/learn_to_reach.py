@@ -27,7 +27,7 @@ ARMS, STEPS = 4, 60_000
 
 def make() -> gymnasium.Env[Any, Any]:
     """An arm at 10 Hz, whose episodes last three seconds."""
-    env = TimeLimit(ArmEnv("Reach", control="velocity", rate=10.0), 30)
+    env: gymnasium.Env[Any, Any] = TimeLimit(ArmEnv("Reach", control="velocity", rate=10.0), 30)
     return FlattenObservation(FilterObservation(env, SEEN))
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from importlib.util import find_spec
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -129,7 +129,7 @@ class Episodes:
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
         """Rewards, successes, and where a joint is in fault, shape (arms,)."""
         reward, success = self.task.judge(actions, self.task.observe(self.steps))
-        faulty = self.arms.faults().any(axis=1)
+        faulty: NDArray[np.bool_] = self.arms.faults().astype(np.bool_).any(axis=1)
         return np.where(faulty, FAULT, reward), success & ~faulty, faulty
 
 
@@ -150,7 +150,7 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         ValueError: a control or a rate that is not possible.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": ["rgb_array", "human"],
         "render_fps": FPS,
     }

@@ -32,7 +32,8 @@ def near_home(arms: Arms, random: Generator) -> Floats:
     """Random positions about home, shape (n,)."""
     low = arms.home + SPREAD * (arms.lower - arms.home)
     high = arms.home + SPREAD * (arms.upper - arms.home)
-    return random.uniform(low, high)
+    drawn: Floats = random.uniform(low, high)
+    return drawn
 
 
 class Reach:
@@ -110,7 +111,7 @@ class Track:
 
     def observe(self, step: NDArray[np.int64]) -> dict[str, Floats]:
         """Where the joints shall be now, and how fast."""
-        reference, velocity = self._at(step * self._arms.duration)
+        reference, velocity = self._at(np.float64(self._arms.duration) * step.astype(np.float64))
         return {"reference": reference, "reference_velocity": velocity}
 
     def judge(self, actions: Floats, shown: dict[str, Floats]) -> Judged:

@@ -37,6 +37,7 @@ FIGURES = {
     "B15": 1,
     "B16": 2,
     "B17": 2,
+    "B18": 3 if find_spec("gymnasium") and find_spec("mujoco") else 0,
 }
 LONG = ("B4", "B7", "B10", "B11", "B12", "B14")
 QUICK = [name for name in FIGURES if name not in LONG]
