@@ -129,7 +129,7 @@ class Episodes:
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
         """Rewards, successes, and where a joint is in fault, shape (arms,)."""
         reward, success = self.task.judge(actions, self.task.observe(self.steps))
-        faulty: NDArray[np.bool_] = self.arms.faults().astype(np.bool_).any(axis=1)
+        faulty = self.arms.faults().max(axis=1).astype(np.bool_)
         return np.where(faulty, FAULT, reward), success & ~faulty, faulty
 
 
@@ -150,7 +150,7 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         ValueError: a control or a rate that is not possible.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012
+    metadata: dict[str, Any] = {
         "render_modes": ["rgb_array", "human"],
         "render_fps": FPS,
     }

@@ -13,19 +13,18 @@ pytest.importorskip("torch", reason="PyTorch")
 pytest.importorskip("mujoco", reason="extra mujoco")
 
 
-def make(config: dict[str, Any]) -> Any:
-    from gymnasium.wrappers import FlattenObservation, TimeLimit
-
-    from control_board_ros.gym import ArmEnv
-
-    return TimeLimit(FlattenObservation(ArmEnv("Reach", **config)), 20)
-
-
 @pytest.mark.soak
 def test_two_workers_sample_episodes() -> None:
     """PPO trains an iteration on what two workers have sampled."""
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.tune.registry import register_env
+
+    def make(config: dict[str, Any]) -> Any:  # in here: workers get it by value
+        from gymnasium.wrappers import FlattenObservation, TimeLimit
+
+        from control_board_ros.gym import ArmEnv
+
+        return TimeLimit(FlattenObservation(ArmEnv("Reach", **config)), 20)
 
     register_env("reach", make)
     ray.init(num_cpus=3, include_dashboard=False, log_to_driver=False)
