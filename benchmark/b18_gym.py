@@ -9,16 +9,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from statistics import median
 from typing import Any
 
-import mujoco
 import numpy as np
 from common import Effort, Figure, at_least, number
 
-from control_board_ros.gym.env import ArmEnv, FleetEnv
 from control_board_ros.settings import loading as settings
-from control_board_ros.sim.bodies.mujoco import MujocoBody
 
 ARMS = 64
 #: Control cycles, and physics steps, of a step of the environment.
@@ -26,7 +24,14 @@ CYCLES = 50
 
 
 def run(effort: Effort) -> list[Figure]:
-    """Step one arm, and 64 in one process, in turns with bare MuJoCo."""
+    """Step one arm, and 64 in one process, in turns with bare MuJoCo; nothing without them."""
+    if find_spec("gymnasium") is None or find_spec("mujoco") is None:
+        return []
+    import mujoco
+
+    from control_board_ros.gym.env import ArmEnv, FleetEnv
+    from control_board_ros.sim.bodies.mujoco import MujocoBody
+
     runs, steps = effort.of(9, 5, 1), effort.of(10, 4, 1)
     arm = settings.load("iiwa", {"physics": "mujoco"})
     model = MujocoBody(arm.board, arm.simulation)._model
