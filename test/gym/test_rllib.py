@@ -32,7 +32,7 @@ def test_two_workers_sample_episodes() -> None:
         config = (
             PPOConfig()
             .environment("reach", env_config={"control": "velocity"})
-            .env_runners(num_env_runners=2)
+            .env_runners(num_env_runners=2, sample_timeout_s=600.0)
             .training(train_batch_size_per_learner=200, minibatch_size=100, num_epochs=1)
         )
         algorithm = config.build_algo()
