@@ -57,8 +57,7 @@ def test_what_the_board_refuses(cbctl: Any, ask: Any) -> None:
     message = ask("mode", "0", "posi")["message"]
     assert message.startswith("control mode 'posi' unknown; did you mean 'pos'?; one of pos (")
     assert "hwfa" not in message
-    assert "icur" not in message
-    assert "did you mean" not in ask("mode", "0", "curr")["message"]  # icur is implemented by none
+    assert "icur" in message  # some robots have it
     assert "'joint_9' unknown; " in ask("mode", "joint_9", "vel")["message"]
     assert "could be lbr_iiwa_joint_1, " in ask("mode", "joint", "vel")["message"]
 
