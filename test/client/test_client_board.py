@@ -40,7 +40,7 @@ INTERFACES = [
 
 def test_it_offers_the_interfaces(client: ControlBoardClient) -> None:
     """A, D1: the client offers every interface."""
-    assert len(INTERFACES) == 10
+    assert len(INTERFACES) == 13
     for protocol in INTERFACES:
         assert isinstance(client, protocol)
 
