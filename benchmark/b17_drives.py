@@ -15,7 +15,8 @@ from collections.abc import Callable
 import numpy as np
 from common import Effort, Figure, at_most, number
 
-from control_board_ros.core.terms.set_points import VALUES, SetPoint, SetPoints, Value
+from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.core.terms.set_points import VALUES, SetPoints, Value
 from control_board_ros.plants.drives.can_line import CanLine
 from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Setup

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from control_board_ros.core.terms.set_points import KINDS
+from control_board_ros.core.terms.drives import KINDS
 
 from .measure import Finding, Line, measure, worst
 from .page import BEFORE, FIGURES, PAGE, load, notes_of, page

@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from control_board_ros.core.terms.drives import DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
-from control_board_ros.core.terms.set_points import DriveUse
 from control_board_ros.core.terms.vocabs import (
     ControlMode,
     InteractionMode,

@@ -36,10 +36,10 @@ from .machine.requests import Requests
 from .machine.start_up import StartUp
 from .machine.stops import Stops
 from .state import StateArrays
+from .terms.drives import SetPoint
 from .terms.events import BoardEvent, Events
 from .terms.measurement import Actuation, Measurement
 from .terms.modes import Stage
-from .terms.set_points import SetPoint
 from .terms.vocabs import CommandKind
 from .watch.emergency import EmergencyStop
 from .watch.external_torque import ExternalTorques

@@ -41,12 +41,12 @@ from .selection import (
     spread,
 )
 from .state import Snapshot, StateArrays
+from .terms.drives import DriveUse
 from .terms.events import BoardEvent
 from .terms.faults import FaultRecord
 from .terms.modes import CONFIGURED, DIRECT_VELOCITY, POWER_OFF, Event, Stage
 from .terms.motors import Motors, Pids
 from .terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided, refused
-from .terms.set_points import DriveUse
 from .terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
 from .watch.freeze_frame import FreezeFrame
 

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .config.config import BoardConfig
+from .terms.drives import SetPoint
 from .terms.faults import FaultRecord
 from .terms.measurement import MOTOR_ROWS, ROWS, Array, Motor, Row
 from .terms.modes import INITIAL, INITIAL_INTERACTION, Stage
-from .terms.set_points import VALUES, SetPoint
+from .terms.set_points import VALUES
 from .terms.vocabs import CommandKind
 
 Indices = NDArray[np.intp]

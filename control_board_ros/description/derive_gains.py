@@ -25,8 +25,8 @@ from typing import Any
 
 from ..core.config.config import spring_damping
 from ..core.config.parts import DERIVATIVE_CUTOFF, Pid
+from ..core.terms.drives import CLOSE_POSITION
 from ..core.terms.joint_kind import JointKind
-from ..core.terms.set_points import CLOSE_POSITION
 
 MAX_CROSSOVER = 600.0  # 1/s
 CROSSOVER_PHASE = 0.6  # rad

@@ -6,7 +6,8 @@ the motors take PWM and nothing else, and names what makes one in
 the entry-point group ``control_board_ros.plants``; users choose it by ``plant:=name``.
 """
 
-from ..core.terms.set_points import OnSilence, SetPoint, SetPoints
+from ..core.terms.drives import OnSilence, SetPoint
+from ..core.terms.set_points import SetPoints
 from .interface import (
     Clock,
     Description,

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.config.config import BoardConfig
+from ..core.terms.drives import SetPoint
 from ..core.terms.measurement import ROWS, Array, Row
-from ..core.terms.set_points import VALUES, SetPoint, SetPoints
+from ..core.terms.set_points import VALUES, SetPoints
 from ..text import clean
 from .interface import DrivePlant, Readings, Setup
 

@@ -7,8 +7,8 @@ import math
 from dataclasses import replace
 
 from ..core.config.config import BoardConfig, ConfigError, JointConfig, Limits
+from ..core.terms.drives import SetPoint
 from ..core.terms.modes import SENSE_TORQUE, UNPOWERED
-from ..core.terms.set_points import SetPoint
 from ..core.terms.vocabs import ControlMode
 from ..settings.loading import Settings
 from .errors import PlantSettingsError

@@ -28,9 +28,9 @@ from typing import Protocol, cast
 import numpy as np
 
 from ..core.config.config import BoardConfig
+from ..core.terms.drives import SetPoint
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import Actuation, Array, Measurement
-from ..core.terms.set_points import SetPoint
 from .bodies.ideal import IdealBody
 from .config import IDEAL, MUJOCO, PYBULLET, SimulationConfig
 from .errors import PlantError, PlantGone

@@ -21,9 +21,10 @@ import numpy as np
 import pytest
 
 from ..core.config.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
+from ..core.terms.drives import KINDS, SetPoint
 from ..core.terms.measurement import Actuation, Array, Row
 from ..core.terms.modes import SENSE_TORQUE, UNPOWERED
-from ..core.terms.set_points import KINDS, VALUES, SetPoint, SetPoints, Value
+from ..core.terms.set_points import VALUES, SetPoints, Value
 from ..core.terms.vocabs import InteractionMode
 from ..plants.guarded import GuardedPlant
 from ..plants.interface import (

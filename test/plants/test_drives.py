@@ -11,7 +11,7 @@ import pytest
 from drive_bench import TIMEOUT, Bench
 
 from control_board_ros.core.config.parts import Pid
-from control_board_ros.core.terms.set_points import SetPoint
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Readings
 from control_board_ros.testing.plants import board_for, plant_contract

@@ -13,7 +13,7 @@ import pytest
 
 from control_board_ros.core.config.config import ConfigError, JointConfig
 from control_board_ros.core.config.parameter import HUGE, TINY, Kind, Parameter
-from control_board_ros.core.terms.set_points import SetPoint
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.vocabs import Vocab
 from control_board_ros.settings import build
 from control_board_ros.settings.loading import Settings, load

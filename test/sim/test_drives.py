@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
+from control_board_ros.core.terms.drives import KINDS, SetPoint
 from control_board_ros.core.terms.measurement import Row
-from control_board_ros.core.terms.set_points import KINDS, SetPoint
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.core.terms.vocabs import InteractionMode as I
 from control_board_ros.simulation import Simulation

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from control_board_ros.core.selection import RequestError
 from control_board_ros.text import file_name
 
 from ..text.output import note
@@ -50,6 +49,7 @@ def keep_frames(session: Session, folders: Sequence[Path]) -> None:
     does not answer any more has none to give.
     """
     from control_board_ros.client import BoardError, ControlBoardClient
+    from control_board_ros.core.selection import RequestError
     from control_board_ros.recording.reading import read
 
     patience = {"find_timeout": 1.0, "answer_timeout": 2.0}

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from control_board_ros.client import BoardError
 from control_board_ros.core.terms.modes import NOT_HOLDING
 from control_board_ros.core.terms.vocabs import BrakeMode
 
@@ -90,6 +89,8 @@ def without_brake(session: Session, names: list[str]) -> list[str]:
     """Those of joints without power that no brake holds, now or in a moment."""
     if not names:
         return []
+    from control_board_ros.client import BoardError
+
     try:
         worked = session.client.get_brake(names)
     except BoardError:  # a board that knows no brakes

@@ -15,6 +15,7 @@ from dataclasses import field
 from ...text import clean_name
 from ..model.arm_model import ArmModel
 from ..model.coupling import Coupling
+from ..terms.drives import KINDS, DriveUse, OnSilence, SetPoint
 from ..terms.joint_kind import JointKind
 from ..terms.modes import (
     INITIAL_INTERACTION,
@@ -28,7 +29,6 @@ from ..terms.modes import (
     reachable,
     set_point_of,
 )
-from ..terms.set_points import KINDS, DriveUse, OnSilence, SetPoint
 from ..terms.vocabs import ControlMode, InteractionMode
 from .checks import ConfigError, check_number, check_parameters
 from .constraints import Constraints, JointConstraints

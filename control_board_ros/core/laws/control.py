@@ -17,9 +17,9 @@ from ..config.parts import Payload
 from ..model.arm_model import Link, fill
 from ..model.dynamics import Body
 from ..state import Indices, StateArrays
+from ..terms.drives import SetPoint
 from ..terms.measurement import Array
 from ..terms.modes import Law, set_point_of
-from ..terms.set_points import SetPoint
 from .effort import Effort
 from .laws import Joint, Laws
 from .laws import Pid as Loop

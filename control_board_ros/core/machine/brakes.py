@@ -133,6 +133,7 @@ class Brakes:
             brake.wanted = wanted
             joint = self._machine.controller.joints[j]
             joint.braked = joint.holding = True
+            joint.calibrated = bool(state.calibrated[j])  # moves are planned meanwhile
             return False
         brake.wanted, self._machine.controller.joints[j].braked = None, False
         if state.control_modes[j] in FAULTED | UNCONFIGURED:

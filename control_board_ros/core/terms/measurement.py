@@ -15,8 +15,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from .drives import SetPoint
 from .faults import FaultCode
-from .set_points import HAS, VALUES, SetPoint, SetPoints, Value
+from .set_points import HAS, VALUES, SetPoints, Value
 
 Array = NDArray[np.float64]
 DOUBLE = np.dtype(np.float64)

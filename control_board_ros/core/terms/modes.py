@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from enum import Enum, IntEnum, auto
 
-from .set_points import SetPoint
+from .drives import SetPoint
 from .vocabs import CommandKind, ControlMode, InteractionMode
 
 M = ControlMode

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from ...core.config.config import JointConfig
-from ...core.terms.set_points import VALUES, SetPoint, SetPoints, Value
+from ...core.terms.drives import SetPoint
+from ...core.terms.set_points import VALUES, SetPoints, Value
 from ..errors import PlantSettingsError
 from ..interface import DriveLimits, DrivePlant, JointDescription, Readings, Setup
 from .axes import Axis

@@ -16,8 +16,9 @@ from typing import Protocol
 import numpy as np
 
 from ...core.config.config import JointConfig
+from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Array
-from ...core.terms.set_points import OnSilence, SetPoint, SetPoints
+from ...core.terms.set_points import SetPoints
 from ..interface import (
     Description,
     DriveFault,

@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ...core.config.config import JointConfig
+from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Array
-from ...core.terms.set_points import OnSilence, SetPoint, Value
+from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.plant import RESTARTED, Answers, DrivesPlant, Found, Traits

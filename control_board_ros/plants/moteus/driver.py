@@ -21,8 +21,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ...core.config.config import JointConfig
+from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Array
-from ...core.terms.set_points import OnSilence, SetPoint, Value
+from ...core.terms.set_points import Value
 from ..drives.axes import Axis, Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.plant import RESTARTED, Answers, DrivesPlant, Found, Traits
