@@ -166,8 +166,8 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         render_mode: str | None = None,
     ) -> None:
         self._episodes = Episodes(made(task, robot, control, rate, physics, 1), task)
-        self.observation_space = self._episodes.observations
-        self.action_space = self._episodes.actions
+        spaces: Any = self._episodes  # generic in some of Gymnasium's versions
+        self.observation_space, self.action_space = spaces.observations, spaces.actions
         self.render_mode = render_mode
         self._window: Any = None
 

@@ -38,6 +38,8 @@ REFERENCES = (
     "speed",
     "accel.",
 )
+#: References of modes that few joints have, by title: left out where none was given.
+RARE = {"vel. dir.": "direct_velocity", "current": "current"}
 
 
 @several
@@ -130,6 +132,9 @@ def references_table(session: Session, rows: Rows) -> Any:
         )
         for title, cell in zip(REFERENCES, cells, strict=True):
             columns[title].append(cell)
+    for title, field in RARE.items():
+        if not any(row[field] for row in rows.values()):
+            del columns[title]
     return grid(columns, names=session.names, right=REFERENCES)
 
 
