@@ -88,7 +88,7 @@ class State:
             motion_done=np.array(message.motion_done, dtype=np.bool_),
             rejected_commands=np.array(message.rejected_commands, dtype=np.uint64),
             calibrated=np.array(message.calibrated, dtype=np.bool_),
-            brake=np.array(message.brake, dtype=np.bool_),
+            brake=np.array(message.brake or [False] * len(message.position), dtype=np.bool_),
             **floats,
         )
 

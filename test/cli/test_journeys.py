@@ -46,4 +46,5 @@ def test_a_mode_is_one_round_trip(process: BoardProcess, ask: Asker, asked: list
         assert invoke(session, ["mode", "0", "nonsense"]) == 1
         assert asked == ["set_control_mode"] * 2
         assert invoke(session, ["mode", "1", "idl"]) == 0
-        assert asked == ["set_control_mode"] * 3  # its position comes by topic
+        # Its position comes by topic; whether it falls, its brake tells.
+        assert asked == [*["set_control_mode"] * 3, "get_brake"]

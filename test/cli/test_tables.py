@@ -39,6 +39,7 @@ JOINT = {
     "hard_upper": 2.96706,
     "control_modes": ["pos", "posd", "vel", "mix", "torq", "open", "idl"],
     "interaction_modes": ["stif", "comp"],
+    "drive": {"set_points": ("pwm",), "loops": "pwm: all"},
 }
 
 

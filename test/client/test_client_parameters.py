@@ -100,10 +100,10 @@ class TestOnABoard:
         ("getLastJointFault", "get_faults"),
         ("calibrateAxisWithParams", "calibrate"),
         ("getRefVelocities", "get_ref_velocity"),
-        ("getVelLimits", "get_velocity_limits"),
+        ("getVelLimits", "get_vel_limits"),
         ("getAxes", "get_axes"),
         ("getPid", "get_gains"),
-        ("getBrake", None),
+        ("getWeather", None),
     ],
 )
 def test_names(yarp: str, here: str | None) -> None:
