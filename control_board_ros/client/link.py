@@ -227,11 +227,14 @@ class Link:
         try:
             deadline = time.monotonic() + self.find_timeout
             ready = await self.thread.until(later.service_is_ready, self.find_timeout)
+            sent: list[Any] = []
             answered = False
             while ready and not answered and time.monotonic() < deadline:
-                future = later.call_async(made.Request())
-                answered = await self.thread.outcome(future, ACQUAINTED)
-                later.remove_pending_request(future)
+                sent.append(later.call_async(made.Request()))
+                # An answer that is late is one, too.
+                answered = await self.thread.until(
+                    lambda: any(future.done() for future in sent), ACQUAINTED
+                )
             if not answered:
                 raise self.discovery.timed_out(asked, self.find_timeout)
             self._acquainted[asked] = self.discovery.identity()

@@ -170,9 +170,7 @@ def test_a_fault_of_the_drive_is_the_joints_and_force_idle_clears_it(bench: Benc
     bench.until(lambda: all(drive.axis.velocity > 0.1 for drive in drives))
     drives[1].fail(0x2310, persists=True)
     bench.until(lambda: board.get_control_mode() == [M.OPENLOOP, M.HW_FAULT])
-    assert board.get_faults(["right"])[0].text == (
-        "plant, its drive: 0x2310 continuous over-current"
-    )
+    assert board.get_faults(["right"])[0].text == ("drive, 0x2310 continuous over-current")
     refused = board.set_control_mode("right", "fidl")
     assert not refused
     assert "over-current" in refused.message
