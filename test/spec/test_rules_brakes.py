@@ -365,6 +365,7 @@ def test_a_closed_brake_slips_at_its_torque(push: float, moves: bool) -> None:
 @pytest.mark.parametrize("physics", ["pybullet", "mujoco"])
 def test_an_arm_with_brakes_does_not_fall(physics: str) -> None:
     """Y4: the panda loses less than 0.5 deg on a fault from standstill, and nothing on idle."""
+    pytest.importorskip(physics)
     with Simulation.load(None, robot="panda", physics=physics) as simulation:
         board, plant = simulation.board, simulation.plant
         before = plant._motors.position.copy()
