@@ -25,7 +25,7 @@ from control_board_ros.interface import GET_CONTROL_MODE, MODES, Endpoint
 
 from .checking import check_response
 from .discovery import Discovery
-from .errors import BoardError, one_line
+from .errors import BoardError, BoardTimeout, one_line
 from .executor_thread import GONE, ExecutorThread
 
 #: s from the match of a subscription until delivery to it is certain.
@@ -139,7 +139,10 @@ class Link:
         if not await self.thread.until(client.service_is_ready, self.find_timeout):
             there = self.discovery.is_there()
             raise self.discovery.not_offered(service) if there else self.discovery.not_found()
-        await self._get_acquainted(service)
+        with contextlib.suppress(
+            BoardTimeout
+        ):  # a board that does not answer that may answer this
+            await self._get_acquainted(service, min(self.find_timeout, self.answer_timeout))
         future = client.call_async(client.srv_type.Request(**fields))
         if not await self.thread.outcome(future, self.answer_timeout):
             client.remove_pending_request(future)
@@ -207,11 +210,11 @@ class Link:
         client = self._entity(action, make)
         if not await self.thread.until(client.server_is_ready, self.find_timeout):
             raise self.discovery.not_found()
-        await self._get_acquainted(action)
+        await self._get_acquainted(action, self.find_timeout)
         await self.settle()
         return client
 
-    async def _get_acquainted(self, asked: Endpoint) -> None:
+    async def _get_acquainted(self, asked: Endpoint, patience: float) -> None:
         """Wait until this run of the board has discovered the client of a service or action.
 
         Before that its answer is lost, and a request must not be repeated. Endpoints are
@@ -225,8 +228,8 @@ class Link:
         with self._lock:
             later = self._node.create_client(made, name, callback_group=self._group)
         try:
-            deadline = time.monotonic() + self.find_timeout
-            ready = await self.thread.until(later.service_is_ready, self.find_timeout)
+            deadline = time.monotonic() + patience
+            ready = await self.thread.until(later.service_is_ready, patience)
             sent: list[Any] = []
             answered = False
             while ready and not answered and time.monotonic() < deadline:
@@ -236,7 +239,7 @@ class Link:
                     lambda: any(future.done() for future in sent), ACQUAINTED
                 )
             if not answered:
-                raise self.discovery.timed_out(asked, self.find_timeout)
+                raise self.discovery.timed_out(asked, patience)
             self._acquainted[asked] = self.discovery.identity()
         finally:
             with contextlib.suppress(BoardError, *GONE):  # otherwise destroyed with the node

@@ -86,8 +86,14 @@ function readState(buffer, start, length) {
   state.rejected_commands = reader.counts();
   state.calibrated = reader.bools();
   state.temperature = reader.floats();
-  for (const field of FLOATS_AFTER) state[field] = reader.floats();
-  state.brake = reader.bools();
+  // A board may tell nothing of motors and brakes.
+  const count = state.names.length;
+  for (const field of FLOATS_AFTER) {
+    const values = reader.floats();
+    state[field] = values.length ? values : new Float64Array(count).fill(NaN);
+  }
+  const brake = reader.bools();
+  state.brake = brake.length ? brake : new Array(count).fill(false);
   for (const values of Object.values(state)) {
     if (values.length !== undefined && values.length !== state.names.length) throw new RangeError("not one value for each joint");
   }
