@@ -86,7 +86,8 @@ class Trial:
             raise PlantSettingsError(f"{config.name}: its drive takes none of {known}")
         start = float(self.read().position[joint])
         limits = config.limits
-        way = MOVE if start < 0.5 * (limits.lower + limits.upper) else -MOVE
+        middle = 0.5 * (limits.lower + limits.upper)
+        way = MOVE if start < middle + MOVE else -MOVE  # about the middle: upwards, noise or not
         try:
             found = self._follow(joint, kind, start, way)
         finally:
