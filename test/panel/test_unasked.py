@@ -21,6 +21,8 @@ FRONT = "lbr_iiwa_"
 LATER = 600
 #: Degrees: a joint that holds does not move so far.
 STILL = 0.3
+#: Degrees at which joint_2 carries the arm, away from its limits.
+CARRYING = 30.0
 
 
 def degrees(client: ControlBoardClient, joint: str) -> float:
@@ -62,13 +64,16 @@ def rested(page: Any, client: ControlBoardClient) -> Iterator[None]:
     """The page operates, all joints hold, nothing is asked."""
     operate(page)
     client.set_control_mode(None, "pos")
+    if abs(degrees(client, "joint_2") - CARRYING) > STILL:  # it fell in a test before this one
+        moved = client.move(FRONT + "joint_2", math.radians(CARRYING), 1.0)
+        assert moved, moved.message
     until(lambda: page.evaluate("panel.cards.every((card) => card.joint.mode === 'pos')"))
     yield
     operate(page)
-    stops = page.locator("#log .entry", has_text="STOP: every joint")
-    before = stops.count()
+    stops = "panel.log.entries.filter((entry) => entry.what === 'stop').length"
+    before = page.evaluate(stops)
     page.keyboard.press("Escape")
-    until(lambda: stops.count() > before)
+    until(lambda: page.evaluate(stops) > before)
     until(lambda: all(client.check_motion_done()))
 
 
