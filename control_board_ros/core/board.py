@@ -8,43 +8,23 @@ does raises: set methods answer with a Reply, joints fault. Only get methods rai
 RequestError, when they are asked for a joint that does not exist.
 
 It is the group of all its joints, with what users ask of joints (``group``); a robot of several
-parts has a group for each of them, too (SPEC R). Below are ``machine`` (modes, faults,
-calibrations), ``requests`` (for modes), ``start_up`` and ``bring_up``, ``commands`` (references of
-users), ``references`` (what runs), ``controller`` (the laws), ``monitor`` (causes of faults),
-``emergency`` (the stop of all), ``frames`` (what was around faults).
+parts has a group for each of them, too (SPEC R). Below are the cycle (``engine``) and the start-up
+level after level (``bring_up``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
+from .bring_up import BringUp, complete_levels
 from .config.config import BoardConfig
-from .config.layout import Zone, joined, zones_of
-from .config.limits import BoardLimits
+from .config.layout import Zone, zones_of
+from .engine import Engine
 from .group import JointGroup
-from .laws.control import Controller
-from .laws.references import References
-from .laws.timeouts import ReferenceTimeouts
-from .machine.bring_up import BringUp, complete_levels
-from .machine.commands import Commands, timeout_cycles
-from .machine.feedforward import Feedforward
-from .machine.machine import Machine
-from .machine.motors import MotorAccess
-from .machine.requests import Requests
-from .machine.start_up import StartUp
-from .machine.stops import Stops
-from .state import StateArrays
-from .terms.drives import SetPoint
-from .terms.events import BoardEvent, Events
+from .terms.events import BoardEvent
 from .terms.measurement import Actuation, Measurement
 from .terms.modes import Stage
 from .terms.vocabs import CommandKind
-from .watch.emergency import EmergencyStop
-from .watch.external_torque import ExternalTorques
-from .watch.fault_monitor import FaultMonitor
-from .watch.freeze_frame import FreezeFrames
 
 __all__ = ["Board", "BoardEvent", "CommandKind"]
 
@@ -56,54 +36,21 @@ class Board(JointGroup):
         config: of its joints; ``layout.joined`` makes that of a robot of several parts.
         levels: names of the parts that start up together, level after level (R4).
 
-    Attributes: parts (the groups of a robot's parts, by name), limits, and its components.
+    Attributes: parts (the groups of a robot's parts, by name), bring_up.
 
     Raises:
         ConfigError: levels that do not fit the parts.
     """
 
     def __init__(self, config: BoardConfig, levels: Sequence[Sequence[str]] = ()) -> None:
-        self._config = config
-        self.limits = BoardLimits.of(config)
-        self.state = state = StateArrays(config)
         zones = zones_of(config)
-        super().__init__(self, Zone("", slice(0, state.n), config))
-        groups = {zone.name: JointGroup(self, zone) for zone in zones}
+        engine = Engine(config, zones)
+        super().__init__(engine, Zone("", slice(0, engine.state.n), config))
+        groups = {zone.name: JointGroup(engine, zone) for zone in zones}
         self.parts = {name: group for name, group in groups.items() if name}
-        self.events = Events({j: zone.name for zone in zones for j in zone.config.names})
-        self.torques = ExternalTorques(config, state)
-        self.torque_sensor = self.torques.known
-        self._before = state.measured.copy()
-        self.controller = Controller(config, state)
-        self.references = References(
-            config, self.limits, state, self.controller.joints, self.controller.efforts
-        )
-        self.emergency = EmergencyStop(config.heartbeat_timeout)
-        self.monitor = FaultMonitor(config, state, self.emergency)
-        timeouts = ReferenceTimeouts(timeout_cycles(config))
-        self.frames = FreezeFrames(state, config.period)
-        self.machine = Machine(
-            config, state, self.controller, self.references, timeouts, self.monitor, self.events
-        )
-        self.machine.on_fault = self.frames.fault
-        self.brakes = brakes = self.machine.brakes
-        self._actuation = Actuation(
-            state.output, state.powered, state.kinds, state.set_points, brakes.orders
-        )
-        self.machine.joint = self.torques.joint
-        self.start_up = StartUp(self.machine)
-        self.requests = Requests(self.machine)
-        self.commands = Commands(self.machine, self.limits)
-        self.feedforward = Feedforward(self.machine)
-        self.motors = MotorAccess(self.machine, self.limits)
-        self.stops = Stops(self.machine)
-        self.bring_up = BringUp(groups, complete_levels(levels, tuple(groups)), self.events)
+        self.bring_up = BringUp(groups, complete_levels(levels, tuple(groups)), engine.events)
         self._stage = Stage.ACTIVE
-        for zone in zones:
-            self._start(zone)
         self._start_up()
-
-    # --- the cycle --------------------------------------------------------------------------
 
     def tick(self, measurement: Measurement) -> Actuation:
         """One control cycle: from what was measured to what the motors get.
@@ -114,47 +61,10 @@ class Board(JointGroup):
         Returns:
             The PWM and the bridges; the arrays are the board's own, valid until the next tick.
         """
-        machine, monitor = self.machine, self.monitor
-        if self.torques.joints:
-            measurement = self.torques.fill(measurement)
-        self._read(measurement)
-        if self.start_up.due:
-            monitor.replace_broken(self._before)
-            self.start_up.complete()
-        monitor.reasons = measurement.reasons
-        self.emergency.watch(measurement.time)
-        if not monitor.healthy(measurement.values):
-            machine.check_faults(self._before)
-        if monitor.has_news():
-            machine.warn_of_heat()
-        if self.brakes.there:
-            self.brakes.switches = measurement.brakes
-            self.brakes.step()
-        if machine.calibrations:
-            machine.calibrations.step()
-        machine.expire()
-        if self.controller.step():
-            machine.raise_divergence()
-            machine.warn_of_limits()
-        self.state.cycle += 1
-        self.frames.note()
+        actuation = self.engine.tick(measurement)
         if self.bring_up.running:
             self.bring_up.step()
-        return self._actuation
-
-    def _read(self, measurement: Measurement) -> None:
-        state = self.state
-        state.time = measurement.time
-        self._before[:] = state.measured
-        state.measured[:] = measurement.values
-        if measurement.applied is not None:  # where a drive chooses it
-            np.copyto(state.output, measurement.applied, where=state.kinds > SetPoint.PWM)
-        if measurement.motors is not None:
-            state.motors[:] = measurement.motors
-        if self.machine.calibrations.shifted:
-            state.position -= state.offset
-
-    # --- the whole board ----------------------------------------------------------------------
+        return actuation
 
     def group(self, name: str | None = None) -> JointGroup:
         """The joints of a part by its name; without one, all of them.
@@ -163,11 +73,6 @@ class Board(JointGroup):
             KeyError: there is no such part.
         """
         return self if name is None else self.parts[name]
-
-    @property
-    def config(self) -> BoardConfig:
-        """Its configuration; that of a robot has those of its parts."""
-        return self._config
 
     @property
     def stage(self) -> Stage:
@@ -194,7 +99,7 @@ class Board(JointGroup):
         if self._stage is Stage.ACTIVE:
             self.bring_up.begin()
         else:
-            self.start_up.begin(self.joints)
+            super()._begin()
 
     def set_stage(self, stage: Stage) -> None:
         """As of a group; on ACTIVE, parts start level after level (R4)."""
@@ -217,33 +122,8 @@ class Board(JointGroup):
         self.bring_up.cancel()
         super().power_off()
 
-    def power_on(self, zone: Zone) -> None:
-        """Make the joints of a part begin anew (N1)."""
-        self.state.power_on(zone.joints)
-        self.controller.power_on(zone)
-        self.references.power_on(zone.joints, self._config)
-        self.monitor.power_on(zone.joints)
-        self._start(zone)
-
-    def _start(self, zone: Zone) -> None:
-        self.machine.power_on(zone.joints)
-        self.start_up.power_on(zone.joints, autoconfigure=zone.config.autoconfigure)
-
     def _start_up(self) -> None:
         self.bring_up.cancel()
-        if self._stage is Stage.ACTIVE and self._config.autoconfigure:
-            self.start_up.due.clear()
+        if self._stage is Stage.ACTIVE and self.config.autoconfigure:
+            self.engine.start_up.due.clear()
             self.bring_up.begin()
-
-    def take_config(self, part: str, config: BoardConfig) -> None:
-        """Take a new configuration of a part, or of all; see :meth:`reconfigure`."""
-        if part:
-            config = joined({**self._config.parts, part: config})
-        self._config, self.limits = config, BoardLimits.of(config)
-        self.controller.reconfigure(config)
-        self.monitor.reconfigure(config)
-        self.references.reconfigure(self.limits)
-        self.commands.reconfigure(self.limits)
-        self.motors.limits = self.limits
-        self.torques.reconfigure(config)
-        self.machine.reconfigure(config, timeout_cycles(config))

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from ..protocols import Flags, Floats, Interaction, Joints, Mode, ModeShortcuts,
 from .calibration.calibration import CalibrationStatus
 from .config.config import BoardConfig, ConfigError, JointConfig
 from .config.layout import Zone
+from .engine import Engine
 from .machine.commands import spread_along
 from .machine.decisions import Wanted
 from .machine.feedforward import terms_of
@@ -50,9 +50,6 @@ from .terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided, 
 from .terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
 from .watch.freeze_frame import FreezeFrame
 
-if TYPE_CHECKING:
-    from .board import Board
-
 K = CommandKind
 
 
@@ -60,23 +57,23 @@ class JointGroup(ModeShortcuts):
     """Joints of a board that follow each other there: a part of a robot, or all of them.
 
     Args:
-        board: whose joints they are.
+        engine: of the board whose joints they are.
         zone: which of them.
 
-    Attributes: board, name (of the part; empty: all joints), names, joints (the board's numbers of
-    them), count, period (s), selector (its selections have the board's numbers, too), state (of
-    the whole board).
+    Attributes: engine, name (of the part; empty: all joints), names, joints (the board's numbers
+    of them), count, period (s), selector (its selections have the board's numbers, too), state
+    (of the whole board).
     """
 
-    def __init__(self, board: Board, zone: Zone) -> None:
-        self.board, self.name, self.joints = board, zone.name, zone.joints
+    def __init__(self, engine: Engine, zone: Zone) -> None:
+        self.engine, self.name, self.joints = engine, zone.name, zone.joints
         self.names, self.count, self.period = (
             zone.config.names,
             len(zone.joints),
             zone.config.period,
         )
         self.selector = Selector(self.names, zone.columns.start)
-        self.state: StateArrays = board.state
+        self.state: StateArrays = engine.state
         self._columns, self._unknown = zone.columns, 0
 
     # --- modes --------------------------------------------------------------------------------
@@ -115,7 +112,7 @@ class JointGroup(ModeShortcuts):
         if chosen is self.selector.everyone:
             faulted = [name for name in self.names if self.get_faults(name)[0].active]
             chosen = self.selector.select(faulted)
-        reply = self.board.requests.recover(chosen, partial=partial)
+        reply = self.engine.requests.recover(chosen, partial=partial)
         return reply.with_modes(self.get_control_mode(reply.joints))
 
     def emergency_stop(self, stop: bool = True) -> None:
@@ -123,11 +120,11 @@ class JointGroup(ModeShortcuts):
 
         Released, the joints stay there until FORCE_IDLE, or ``recover`` (F2).
         """
-        self.board.emergency.ask(stop)
+        self.engine.emergency.ask(stop)
 
     def beat(self) -> None:
         """Take a heartbeat (E2)."""
-        self.board.emergency.beat(self.time)
+        self.engine.emergency.beat(self.time)
 
     def _ask(self, joints: Joints, wanted_of: Callable[[int], Sequence[Wanted]]) -> Reply:
         """Have decided what is wanted of each joint, given how many there are."""
@@ -136,7 +133,7 @@ class JointGroup(ModeShortcuts):
             wanted = wanted_of(len(chosen.names))
         except ValueError as error:
             return self.selector.refuse(joints, error)
-        return self.board.requests.request(chosen, wanted)
+        return self.engine.requests.request(chosen, wanted)
 
     # --- references ---------------------------------------------------------------------------
 
@@ -158,7 +155,7 @@ class JointGroup(ModeShortcuts):
             extra = None if along is None else spread_along(kind, along, count)
         except RequestError as error:
             return self.reject(joints, f"{kind} reference ignored: {error}")
-        return self.board.commands.command(
+        return self.engine.commands.command(
             kind, chosen, asked, extra, together=together, time=time
         )
 
@@ -220,7 +217,7 @@ class JointGroup(ModeShortcuts):
             terms = terms_of(len(chosen.names), outputs, torques)
         except RequestError as error:
             return self.reject(joints, f"feedforward ignored: {error}")
-        return self.board.feedforward.set_feedforward(chosen, terms, together=together)
+        return self.engine.feedforward.set_feedforward(chosen, terms, together=together)
 
     def stop(self, joints: Joints = None) -> Reply:
         """Set the position reference to the measured position; the mode stays (P3)."""
@@ -228,7 +225,7 @@ class JointGroup(ModeShortcuts):
             chosen = self.selector.select(joints)
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        return self.board.stops.stop(chosen)
+        return self.engine.stops.stop(chosen)
 
     def reject(self, joints: Joints, message: str, code: Reason = Reason.INVALID) -> Reply:
         """Refuse a command that is wrong as a whole; the joints it does name count it (P13)."""
@@ -246,7 +243,7 @@ class JointGroup(ModeShortcuts):
             speeds: mean speeds asked for, above 0, shape (k,).
         """
         chosen = self.selector.select(joints).joints
-        return self.board.commands.get_move_time(chosen, positions, speeds)
+        return self.engine.commands.get_move_time(chosen, positions, speeds)
 
     # --- brakes -------------------------------------------------------------------------------
 
@@ -262,15 +259,15 @@ class JointGroup(ModeShortcuts):
             wanted = brake_modes(modes, len(chosen.names))
         except ValueError as error:
             return self.selector.refuse(joints, error)
-        return self.board.brakes.request(chosen, wanted)
+        return self.engine.brakes.request(chosen, wanted)
 
     def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
         """How brakes are worked; None where a joint has none."""
-        return [self.board.brakes.mode(j) for j in self._numbers(joints)]
+        return [self.engine.brakes.mode(j) for j in self._numbers(joints)]
 
     def is_joint_braked(self, joints: Joints = None) -> list[bool]:
         """Whether brakes are closed; false where a joint has none."""
-        closed: list[bool] = self.board.brakes.closed[self._chosen(joints)].tolist()
+        closed: list[bool] = self.engine.brakes.closed[self._chosen(joints)].tolist()
         return closed
 
     def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply:
@@ -291,7 +288,7 @@ class JointGroup(ModeShortcuts):
 
     def _braked(self, joints: Joints) -> Selection:
         """The joints meant; of all, those that have a brake, where some have."""
-        chosen, brakes = self.selector.select(joints), self.board.brakes
+        chosen, brakes = self.selector.select(joints), self.engine.brakes
         if chosen is not self.selector.everyone or not brakes.there:
             return chosen
         fitted = [k for k, j in enumerate(self.joints) if brakes.has(j)]
@@ -309,7 +306,7 @@ class JointGroup(ModeShortcuts):
             stiffness: N·m/rad.
             damping: N·m·s/rad; None: what goes with the stiffness (``damping_for``).
         """
-        limits = self.board.limits
+        limits = self.engine.limits
         try:
             chosen = self.selector.select(joints)
             spring = all_within(chosen, "stiffness", stiffness, limits.stiffness, zero=True)
@@ -318,12 +315,12 @@ class JointGroup(ModeShortcuts):
                 damper = all_within(chosen, "damping", damping, limits.damping, zero=True)
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        self.board.controller.set_impedance(chosen.joints, spring, damper)
+        self.engine.controller.set_impedance(chosen.joints, spring, damper)
         return accepted(chosen.names)
 
     def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """The largest permitted stiffness and damping, two arrays."""
-        limits, chosen = self.board.limits, self.selector.select(joints).joints
+        limits, chosen = self.engine.limits, self.selector.select(joints).joints
         return limits.stiffness[chosen], limits.damping[chosen]
 
     def set_ref_speed(self, joints: Joints, speeds: Values) -> Reply:
@@ -338,7 +335,7 @@ class JointGroup(ModeShortcuts):
         self, joints: Joints, speeds: Values | None = None, accelerations: Values | None = None
     ) -> Reply:
         """Set reference speeds, accelerations or both, checked together (P2)."""
-        limits, references = self.board.limits, self.board.references
+        limits, references = self.engine.limits, self.engine.references
         try:
             if speeds is None and accelerations is None:
                 raise RequestError("neither speeds nor accelerations given; send one or both")
@@ -361,7 +358,7 @@ class JointGroup(ModeShortcuts):
 
     def get_motors(self, joints: Joints = None) -> Motors:
         """Motors and amplifiers of joints as they are now (Y5)."""
-        return self.board.motors.motors(self._numbers(joints))
+        return self.engine.motors.motors(self._numbers(joints))
 
     def set_motors(
         self,
@@ -381,7 +378,7 @@ class JointGroup(ModeShortcuts):
                 raise RequestError(
                     "neither max_currents nor output_limits given; send one or both"
                 )
-            chosen, limits = self.selector.select(joints), self.board.limits
+            chosen, limits = self.selector.select(joints), self.engine.limits
             given = [
                 None if values is None else all_within(chosen, what, values, most, zero=zero)
                 for what, values, most, zero in (
@@ -391,11 +388,11 @@ class JointGroup(ModeShortcuts):
             ]
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        return self.board.motors.set_caps(chosen, *given)
+        return self.engine.motors.set_caps(chosen, *given)
 
     def get_pids(self, loop: str, joints: Joints = None) -> Pids:
         """One control loop of joints: ``position``, ``velocity``, ``torque``, ``current`` (Y5)."""
-        return self.board.motors.pids(self._numbers(joints), loop_of(loop))
+        return self.engine.motors.pids(self._numbers(joints), loop_of(loop))
 
     def set_pids(
         self,
@@ -422,7 +419,7 @@ class JointGroup(ModeShortcuts):
                 added = finite(spread(offsets, len(chosen.names), "offsets"), "offsets")
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        return self.board.motors.set_pids(chosen, kind, reset=reset, offsets=added)
+        return self.engine.motors.set_pids(chosen, kind, reset=reset, offsets=added)
 
     def set_encoders(
         self, joints: Joints = None, positions: Values = 0.0, *, motor: bool = False
@@ -439,7 +436,7 @@ class JointGroup(ModeShortcuts):
             angles = finite(spread(positions, len(chosen.names), "positions"), "positions")
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        motors = self.board.motors
+        motors = self.engine.motors
         return (motors.set_motor_encoders if motor else motors.set_encoders)(chosen, angles)
 
     def update_torque_sensor(self, joints: Joints, torques: Values) -> Reply:
@@ -451,12 +448,12 @@ class JointGroup(ModeShortcuts):
             return self.reject(joints, f"external torque ignored: {error}")
         answers = []
         for name, j, torque in zip(chosen.names, chosen.numbers, values.tolist(), strict=True):
-            if j not in self.board.torques.joints:
+            if j not in self.engine.torques.joints:
                 why = Reason.UNSUPPORTED, "its torque_sensor is not external"
             elif not math.isfinite(torque):
                 why = Reason.NOT_FINITE, f"{torque} is not a finite number"
             else:
-                self.board.torques.take(j, torque)
+                self.engine.torques.take(j, torque)
                 answers.append(JointAnswer())
                 continue
             self.state.rejected[j] += np.uint64(1)
@@ -475,7 +472,7 @@ class JointGroup(ModeShortcuts):
         self, joints: Joints = None
     ) -> list[tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]]:
         """What each joint implements: control modes, and interaction modes."""
-        found = [self.board.machine.joint(j) for j in self._numbers(joints)]
+        found = [self.engine.machine.joint(j) for j in self._numbers(joints)]
         return [(one.control_modes, one.interaction_modes) for one in found]
 
     def get_drives(self, joints: Joints = None) -> list[DriveUse]:
@@ -493,11 +490,11 @@ class JointGroup(ModeShortcuts):
 
     def get_freeze_frame(self, joint: int | str) -> FreezeFrame | None:
         """What was measured and followed around a joint's last fault; None: no fault yet (E3)."""
-        return self.board.frames.of(self._numbers(joint)[0])
+        return self.engine.frames.of(self._numbers(joint)[0])
 
     def get_calibration(self, joints: Joints = None) -> list[CalibrationStatus]:
         """Status of each joint's last calibration, and whether it is calibrated (K7)."""
-        calibrations = self.board.machine.calibrations
+        calibrations = self.engine.machine.calibrations
         return [calibrations.status(j) for j in self._numbers(joints)]
 
     # --- what is measured ---------------------------------------------------------------------
@@ -513,7 +510,7 @@ class JointGroup(ModeShortcuts):
     def get_torque(self, joints: Joints = None) -> Floats:
         """Measured torques; NaN without a torque sensor."""
         chosen = self._chosen(joints)
-        return np.where(self.board.torque_sensor[chosen], self.state.torque[chosen], np.nan)
+        return np.where(self.engine.torque_sensor[chosen], self.state.torque[chosen], np.nan)
 
     def get_current(self, joints: Joints = None) -> Floats:
         """Measured motor currents, A."""
@@ -521,7 +518,7 @@ class JointGroup(ModeShortcuts):
 
     def get_current_range(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """The least and the greatest current reference, A, two arrays (Y2)."""
-        most = self.board.limits.current[self._chosen(joints)]
+        most = self.engine.limits.current[self._chosen(joints)]
         return -most, most.copy()
 
     # --- references, read ---------------------------------------------------------------------
@@ -567,27 +564,27 @@ class JointGroup(ModeShortcuts):
 
     def get_remaining_time(self, joints: Joints = None) -> Floats:
         """Time until the position moves end, s."""
-        return self.board.references.remaining(self._chosen(joints))
+        return self.engine.references.remaining(self._chosen(joints))
 
     # --- settings, read -----------------------------------------------------------------------
 
     def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
         """Stiffness and damping, two arrays."""
-        own = [self.board.controller.joints[j] for j in self._numbers(joints)]
+        own = [self.engine.controller.joints[j] for j in self._numbers(joints)]
         return np.array([j.stiffness for j in own]), np.array([j.damping for j in own])
 
     def get_torque_offset(self, joints: Joints = None) -> Floats:
         """τ_ff of the impedance law: as a user set it, else the load on entering COMPLIANT."""
-        own = [self.board.controller.joints[j] for j in self._numbers(joints)]
+        own = [self.engine.controller.joints[j] for j in self._numbers(joints)]
         return np.array([j.torque_offset if j.offset_given else j.load_taken for j in own])
 
     def get_ref_speed(self, joints: Joints = None) -> Floats:
         """Mean speeds of position moves."""
-        return self.board.references.speed[self._chosen(joints)]
+        return self.engine.references.speed[self._chosen(joints)]
 
     def get_ref_acceleration(self, joints: Joints = None) -> Floats:
         """Accelerations of velocity references."""
-        return self.board.references.acceleration[self._chosen(joints)]
+        return self.engine.references.acceleration[self._chosen(joints)]
 
     # YARP 4's names
     set_traj_speed, get_traj_speed = set_ref_speed, get_ref_speed
@@ -595,7 +592,7 @@ class JointGroup(ModeShortcuts):
 
     def get_config(self, joints: Joints = None) -> list[JointConfig]:
         """How joints are configured."""
-        return [self.board.config.joints[j] for j in self._numbers(joints)]
+        return [self.engine.config.joints[j] for j in self._numbers(joints)]
 
     def get_coupling(self) -> Coupling:
         """How the joints of the group, its axes, and physical joints hang together (Y3)."""
@@ -606,7 +603,7 @@ class JointGroup(ModeShortcuts):
     @property
     def config(self) -> BoardConfig:
         """Its configuration, as of a board of its own."""
-        return self.board.config.parts.get(self.name, self.board.config)
+        return self.engine.config.parts.get(self.name, self.engine.config)
 
     @property
     def stage(self) -> Stage:
@@ -653,18 +650,18 @@ class JointGroup(ModeShortcuts):
             state.done[columns].copy(),
             state.rejected[columns].copy(),
             state.calibrated[columns].copy(),
-            self.board.monitor.used[columns].copy(),
-            self.board.torque_sensor[columns].copy(),
+            self.engine.monitor.used[columns].copy(),
+            self.engine.torque_sensor[columns].copy(),
             self.unknown_commands,
-            self.board.brakes.closed[columns].copy(),
-            self.board.brakes.slips[columns].copy(),
+            self.engine.brakes.closed[columns].copy(),
+            self.engine.brakes.slips[columns].copy(),
             shaft_readings(state)[:, columns],
-            np.array([joint.acceleration for joint in self.board.controller.joints[columns]]),
+            np.array([joint.acceleration for joint in self.engine.controller.joints[columns]]),
         )
 
     def take_events(self) -> list[BoardEvent]:
         """What happened since the last call, oldest first; a part has its own."""
-        return self.board.events.take(self.name)
+        return self.engine.events.take(self.name)
 
     def configure(self) -> Reply:
         """The whole configuration is in: at its reading a joint leaves NOT_CONFIGURED (N2)."""
@@ -681,7 +678,7 @@ class JointGroup(ModeShortcuts):
         return accepted(self.names)
 
     def _begin(self) -> None:
-        self.board.start_up.begin(self.joints)
+        self.engine.start_up.begin(self.joints)
 
     def set_stage(self, stage: Stage) -> None:
         """Let the joints of a managed board go so far, and no further.
@@ -695,15 +692,15 @@ class JointGroup(ModeShortcuts):
         if stage is Stage.UNCONFIGURED:
             self.power_cycle()
         elif before is Stage.UNCONFIGURED:
-            self.board.start_up.begin(self.joints)
+            self.engine.start_up.begin(self.joints)
         elif stage is Stage.INACTIVE:
             self.power_off()
         elif before is Stage.INACTIVE:
-            self.board.start_up.activate(self.joints)
+            self.engine.start_up.activate(self.joints)
 
     def power_cycle(self) -> None:
         """Back to power-on: NOT_CONFIGURED, no power, configured anew with autoconfigure (N1)."""
-        self.board.power_on(Zone(self.name, self._columns, self.config))
+        self.engine.power_on(Zone(self.name, self._columns, self.config))
 
     def power_off(self) -> None:
         """Take the power of every joint; a calibration is aborted (K2), a fault stays shown."""
@@ -722,7 +719,7 @@ class JointGroup(ModeShortcuts):
             old, new = getattr(self.config, key), getattr(config, key)
             if old != new:
                 raise ConfigError(key, new, f"fixed at {old!r} while the board runs")
-        self.board.take_config(self.name, config)
+        self.engine.take_config(self.name, config)
 
     # --- helpers --------------------------------------------------------------------------------
 
@@ -733,9 +730,9 @@ class JointGroup(ModeShortcuts):
         return self.selector.select(joints).numbers
 
     def _last(self, kind: CommandKind, joints: Joints) -> Floats:
-        values: Floats = self.board.references.last[kind, self._chosen(joints)]
+        values: Floats = self.engine.references.last[kind, self._chosen(joints)]
         return values
 
     def request(self, chosen: Selection, wanted: Sequence[Wanted | tuple[Wanted, ...]]) -> Reply:
         """Ask for modes of chosen joints, of all or of none; as :meth:`Requests.request`."""
-        return self.board.requests.request(chosen, wanted, together=True)
+        return self.engine.requests.request(chosen, wanted, together=True)

@@ -18,10 +18,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from ..core.bring_up import complete_levels
 from ..core.config import stability
 from ..core.config.config import BoardConfig, ConfigError
 from ..core.goals.pose import Pose
-from ..core.machine.bring_up import complete_levels
 from ..core.terms.modes import SENSE_TORQUE
 from ..description.derive import complete
 from ..description.robots import NAMES, load_robot, located

@@ -150,7 +150,7 @@ def pushed(rig: Rig, mode: ControlMode, torque: float) -> Iterator[str]:
 
 def parts_of(rig: Rig) -> dict[str, bytes]:
     """All arrays of board and plant."""
-    state, watch, motors = rig.board.state, rig.board.monitor, rig.plant._motors
+    state, watch, motors = rig.board.state, rig.board.engine.monitor, rig.plant._motors
     return {
         "state": state.block.tobytes(),
         "done": state.done.tobytes(),
@@ -168,8 +168,8 @@ def parts_of(rig: Rig) -> dict[str, bytes]:
 
 def insides(rig: Rig) -> list[str]:
     """All numbers that the compiled objects hold, joint by joint, to the last bit."""
-    objects: list[Any] = [*rig.board.monitor.joints, *rig.plant._motors._drives]
-    for one in rig.board.controller.joints:
+    objects: list[Any] = [*rig.board.engine.monitor.joints, *rig.plant._motors._drives]
+    for one in rig.board.engine.controller.joints:
         objects += [one, one.position_pid, one.torque_pid, one.current_pid]
     return [
         f"{type(one).__name__}.{name} {float(value).hex()}"

@@ -41,20 +41,22 @@ def test_the_mask_agrees_with_the_verdicts(
     if row.along is None:
         along = None
     for j, mode in enumerate(modes):
-        board.machine.enter([j], mode)
+        board.engine.machine.enter([j], mode)
     expected = []
     for j, value in enumerate(values):
         given_ = (value,) if along is None else (value, along[j])
         fits = True
         if along is not None and row.standing is not None:
             fits = 0.0 < along[j] <= getattr(LIMITS, row.most or "")[j]
-        expected.append(decide_reference(board.machine.facts(j), kind, given_, fits=fits).answer)
-    before = board.references.last[kind].copy()
+        expected.append(
+            decide_reference(board.engine.machine.facts(j), kind, given_, fits=fits).answer
+        )
+    before = board.engine.references.last[kind].copy()
     reply = board.command(kind, None, values, along)
     assert list(reply.answers) == expected
     ignored = [answer is not Answer.ACCEPTED for answer in expected]
     assert board.rejected_commands.tolist() == [int(one) for one in ignored]
-    kept = board.references.last[kind] == before
+    kept = board.engine.references.last[kind] == before
     assert all(same for same, one in zip(kept, ignored, strict=True) if one)
 
 
@@ -64,14 +66,14 @@ def test_every_kind_is_bounded_by_its_limit(kind: CommandKind) -> None:
     board, row = Board(CONFIG), COMMANDS[kind]
     mode = modes_accepting(kind)[0]
     for j in range(3):
-        board.machine.enter([j], mode)
+        board.engine.machine.enter([j], mode)
     reply = board.command(kind, None, [1e6, -1e6, 0.0])
     assert reply
     assert reply.reasons[2] == ""
     assert "bounded to" in reply.reasons[0]
     high = LIMITS.upper if row.limit is None else getattr(LIMITS, row.limit)
     low = LIMITS.lower if row.limit is None else -high
-    assert board.references.last[kind].tolist() == [high[0], low[1], 0.0]
+    assert board.engine.references.last[kind].tolist() == [high[0], low[1], 0.0]
 
 
 @pytest.mark.parametrize("kind", [kind for kind, row in COMMANDS.items() if row.along is None])

@@ -42,7 +42,7 @@ def test_a_motor_tells_its_travel_whatever_its_inductance(rate: float, electrica
         rig.tick(int(random.integers(1, 20)))
         fastest = max(fastest, abs(rig.board.state.velocity[0]))
     rig.tick(8 - rig.board.cycle % 8)
-    watch, state = rig.board.monitor, rig.board.state
+    watch, state = rig.board.engine.monitor, rig.board.state
     while watch.monitor.countdown != 8:
         rig.tick()
     travelled = watch.travelled[0]
@@ -112,7 +112,7 @@ def test_new_limits_are_watched_at_once(
 def test_a_reading_without_a_cause_is_healthy() -> None:
     """F1: the quick answer of a cycle, by which the causes are not looked for."""
     rig = held(joint("left"))
-    assert rig.board.monitor.monitor.step()
+    assert rig.board.engine.monitor.monitor.step()
 
 
 @pytest.mark.parametrize(
@@ -257,5 +257,5 @@ def test_the_bound_of_a_light_joint_is_what_its_torque_does_to_it() -> None:
 def test_a_cause_is_told_in_the_units_of_the_joint(kind: str, check: Check, units: str) -> None:
     """F3."""
     rig = ready(board_config(joint("left", kind=kind)))
-    cause = bound_cause(check, rig.board.monitor.joints[0], rig.config.joints[0], 900.0)
+    cause = bound_cause(check, rig.board.engine.monitor.joints[0], rig.config.joints[0], 900.0)
     assert re.findall(r"\d ?(rad|N·m|N|m)\b", cause.text)[-1] == units

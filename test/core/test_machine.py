@@ -89,7 +89,7 @@ def everything(machine: Machine, j: int) -> list[Any]:
 @pytest.mark.parametrize("trigger", TRIGGERS, ids=str)
 def test_the_table_is_what_happens(board: Board, mode: ControlMode, trigger: Trigger) -> None:
     """M1, F, K, N: a pair of the table acts; an absent one changes nothing of any joint."""
-    machine = board.machine
+    machine = board.engine.machine
     machine.enter([0], mode)
     before, other = everything(machine, 0), everything(machine, 1)
     target = TRANSITIONS.get((mode, trigger))
@@ -108,7 +108,7 @@ def test_the_table_is_what_happens(board: Board, mode: ControlMode, trigger: Tri
 @pytest.mark.parametrize("interaction", list(InteractionMode))
 def test_entering_a_mode(board: Board, mode: ControlMode, interaction: InteractionMode) -> None:
     """M3, M9, Fig. 2: its references, its law, power and checks; held where it is."""
-    machine, state = board.machine, board.state
+    machine, state = board.engine.machine, board.state
     state.interaction_modes[0] = interaction
     version = board.modes_version
     machine.enter([0], mode)
@@ -127,7 +127,7 @@ def test_entering_a_mode(board: Board, mode: ControlMode, interaction: Interacti
 def test_each_mode_leads_to_each_that_is_asked_for(board: Board, mode: ControlMode) -> None:
     """M1: from every mode to every other one, and nowhere else."""
     for wanted in SELECTABLE:
-        board.machine.enter([0], mode)
+        board.engine.machine.enter([0], mode)
         assert board.set_control_mode("a", wanted)
         assert board.get_control_mode("a") == [wanted]
 
@@ -151,14 +151,14 @@ def test_direct_gains_are_those_of_the_mode(board: Board) -> None:
     config = board_config(replace(CONFIG.joints[0], direct_pid=pid), CONFIG.joints[1])
     board.reconfigure(config)
     for mode in (M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED):
-        board.machine.enter([0], mode)
-        kp = board.controller.joints[0].position_pid.kp
+        board.engine.machine.enter([0], mode)
+        kp = board.engine.controller.joints[0].position_pid.kp
         assert (kp == 123.0) is (mode in DIRECT_GAINS)
 
 
 def test_a_fault_keeps_its_first_cause(board: Board) -> None:
     """F1, F5: the record of the first; a second one changes nothing."""
-    machine = board.machine
+    machine = board.engine.machine
     machine.raise_fault(1, FaultCode.OVERCURRENT, "30 A > 25 A")
     first = board.get_faults("b")
     machine.raise_fault(1, FaultCode.OVERHEATING, "too hot")
@@ -193,28 +193,28 @@ def modes_of(board: Board) -> list[tuple[ControlMode, InteractionMode]]:
 def test_a_request_together_sets_both_modes_of_all(board: Board) -> None:
     """In the order asked: the interaction mode is stored, then the control mode is entered."""
     assert modes_of(board) == [(M.POSITION, COMPLIANT), (M.IDLE, STIFF)]
-    reply = board.requests.request(
+    reply = board.engine.requests.request(
         board.selector.everyone,
         [(STIFF, M.VELOCITY), (COMPLIANT, M.POSITION)],
         together=True,
     )
     assert reply
     assert modes_of(board) == [(M.VELOCITY, STIFF), (M.POSITION, COMPLIANT)]
-    laws = [joint.law for joint in board.controller.joints]
+    laws = [joint.law for joint in board.engine.controller.joints]
     assert laws == [law_of(*modes) for modes in modes_of(board)]
 
 
 def test_a_request_together_changes_nothing_where_one_refuses(board: Board) -> None:
     """F2: joint b is in a fault; joint a could, and stays as it is."""
-    board.machine.raise_fault(1, FaultCode.EXTERNAL, "for the test")
-    before = [everything(board.machine, j) for j in range(2)]
-    reply = board.requests.request(
+    board.engine.machine.raise_fault(1, FaultCode.EXTERNAL, "for the test")
+    before = [everything(board.engine.machine, j) for j in range(2)]
+    reply = board.engine.requests.request(
         board.selector.everyone, [(STIFF, M.VELOCITY)] * 2, together=True
     )
     assert reply.answers == (Answer.REFUSED, Answer.REFUSED)
     assert reply.reasons[0] == LEFT_AS_IT_IS
     assert reply.reasons[1].startswith("b is in HW_FAULT")
-    assert [everything(board.machine, j) for j in range(2)] == before
+    assert [everything(board.engine.machine, j) for j in range(2)] == before
 
 
 def test_a_request_together_faults_who_does_not_implement_it() -> None:
@@ -222,7 +222,7 @@ def test_a_request_together_faults_who_does_not_implement_it() -> None:
     poor = joint("b", interaction_modes=(STIFF,))
     board = Board(board_config(joint("a", startup_mode=M.POSITION), poor))
     board.tick(measured())
-    reply = board.requests.request(
+    reply = board.engine.requests.request(
         board.selector.everyone, [(COMPLIANT, M.VELOCITY)] * 2, together=True
     )
     assert reply.answers == (Answer.REFUSED, Answer.UNSUPPORTED)
@@ -233,16 +233,16 @@ def test_a_request_together_faults_who_does_not_implement_it() -> None:
 def test_the_board_configures_its_joints_once(board: Board) -> None:
     """N2: at the first reading; later ones have nothing to do with it."""
     fresh = Board(CONFIG)
-    assert fresh.start_up.due
+    assert fresh.engine.start_up.due
     for _ in range(3):
         fresh.tick(measured())
-        assert not fresh.start_up.due
+        assert not fresh.engine.start_up.due
 
 
 def test_a_limit_that_comes_nearer_bounds_what_is_followed(board: Board) -> None:
     """P9: a joint beyond its new limit goes no further, and back within it."""
-    board.machine.enter([0], M.POSITION)
-    laws = board.controller.joints[0]
+    board.engine.machine.enter([0], M.POSITION)
+    laws = board.engine.controller.joints[0]
     laws.hold(0.4)
     near = joint("a", limits={"lower": -0.3, "upper": 0.2})
     board.reconfigure(

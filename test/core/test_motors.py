@@ -150,7 +150,7 @@ def test_a_loop_is_reset_and_given_an_offset(rig: Rig) -> None:
     """Y5: what it has integrated is gone; an offset is u_ff."""
     rig.plant.push("left", 8.0)
     rig.run(1.0)
-    laws = rig.board.controller.joints[0]
+    laws = rig.board.engine.controller.joints[0]
     assert abs(laws.position_pid.integral) > 4.0
     assert rig.board.set_pids("position", "left", reset=True)
     assert laws.position_pid.integral == 0.0

@@ -145,13 +145,13 @@ def test_what_is_known_of_the_heat_outlives_readings_that_are_not_finite() -> No
         rig.board.set_control_mode("left", "open")
         rig.plant.values[Row.CURRENT] = 20.0
         rig.tick(80)
-        before = float(rig.board.monitor.used[0])
+        before = float(rig.board.engine.monitor.used[0])
         assert 0.01 < before < 0.8
         rig.plant.values[Row.CURRENT] = value
         rig.tick(16)
         rig.plant.values[Row.CURRENT] = 0.0
         rig.tick(8)
-        assert before * 0.7 < rig.board.monitor.used[0] < before * 1.5, value
+        assert before * 0.7 < rig.board.engine.monitor.used[0] < before * 1.5, value
         assert rig.board.set_control_mode("left", "fidl")
 
 
@@ -172,7 +172,7 @@ def test_nothing_that_is_not_finite_leaves_the_board(
     config = board_config(joint("left", torque_pid=Pid(kp=0.3, kd=1e-3, kff=1.0)), joint("right"))
     rig = ready(config, Lying(config, Row.POSITION, 0.0))
     rig.enter(mode)
-    law = rig.board.controller.joints[0]
+    law = rig.board.engine.controller.joints[0]
     setattr(getattr(law, part) if part else law, attribute, value)
     shown = rig.tick()
     assert np.isfinite(shown.block).all()

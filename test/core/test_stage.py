@@ -132,7 +132,7 @@ def test_a_fault_stays_through_inactive_and_active(rig: Rig) -> None:
     board = rig.board
     for stage in (Stage.INACTIVE, Stage.ACTIVE):
         board.set_stage(stage)
-    board.machine.raise_fault(0, FaultCode.EXTERNAL, "pushed")
+    board.engine.machine.raise_fault(0, FaultCode.EXTERNAL, "pushed")
     for stage in (Stage.INACTIVE, Stage.ACTIVE):
         board.set_stage(stage)
         assert modes(rig)[0] is M.HW_FAULT

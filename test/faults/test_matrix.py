@@ -207,6 +207,6 @@ def test_ten_thousand_switches_leave_nothing_behind():
         if k % 20 == 0:
             rig.tick()
     assert rig.board.modes_version > versions + 5000
-    assert len(rig.board.events) <= 1000
+    assert len(rig.board.engine.events) <= 1000
     assert rig.board.set_control_mode("left", "pos")
     assert abs(rig.run(0.5).position[0]) < 0.05

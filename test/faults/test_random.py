@@ -140,7 +140,7 @@ def test_random_users(seed, output):
                     met["kept in a fault"] += 1
                 met[mode] += 1
             assert board.state.done.shape == (3,)
-    assert len(board.events) <= 1000
+    assert len(board.engine.events) <= 1000
     assert {"kept in a fault", M.IDLE, *DRIVING} <= set(met), met  # all was looked at
     rig.plant.clear_injected()
     for name in board.names:

@@ -173,7 +173,11 @@ def test_stages_lead_all_parts_as_they_would_each(seed: int) -> None:
 
 def inside(board: Board, j: int) -> dict[str, Any]:
     """All that a board knows of a joint."""
-    law, watch, references = board.controller.joints[j], board.monitor.joints[j], board.references
+    law, watch, references = (
+        board.engine.controller.joints[j],
+        board.engine.monitor.joints[j],
+        board.engine.references,
+    )
     found: dict[str, Any] = {}
     for one in (law, law.position_pid, law.torque_pid, law.current_pid, law.stream, watch):
         for name in dir(one):
@@ -191,11 +195,11 @@ def inside(board: Board, j: int) -> dict[str, Any]:
         "accepts": state.accepts[:, j].tolist(),
         "modes": (state.control_modes[j], state.interaction_modes[j]),
         "fault": state.faults[j].active,
-        "status": board.machine.calibrations.status(j),
-        "running": j in board.machine.calibrations,
-        "travelled": (board.monitor.travelled[j], board.monitor.used[j]),
+        "status": board.engine.machine.calibrations.status(j),
+        "running": j in board.engine.machine.calibrations,
+        "travelled": (board.engine.monitor.travelled[j], board.engine.monitor.used[j]),
         "output": state.output[j],
-        "due": j in board.start_up.due,
+        "due": j in board.engine.start_up.due,
     }
     return found
 

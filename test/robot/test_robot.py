@@ -335,7 +335,7 @@ def test_joints_of_a_part_have_the_friction_of_its_model() -> None:
     for part in robot.parts.values():
         model = part.config.model
         assert model is not None
-        laws = [robot.controller.joints[j] for j in part.joints]
+        laws = [robot.engine.controller.joints[j] for j in part.joints]
         assert [(one.coulomb, one.viscous) for one in laws] == [
             (link.coulomb, link.viscous) for link in model.links
         ]

@@ -10,8 +10,8 @@ import pytest
 from rig import board_config, joint
 from robots import RobotRig, calibrated
 
+from control_board_ros.core.bring_up import complete_levels
 from control_board_ros.core.config.config import BoardConfig, ConfigError
-from control_board_ros.core.machine.bring_up import complete_levels
 from control_board_ros.core.terms.modes import Stage
 
 LEVELS = (("torso",), ("left", "right"))

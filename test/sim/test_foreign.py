@@ -80,7 +80,7 @@ def test_a_robot_from_elsewhere_moves_at_speed_without_a_fault(name: str, tmp_pa
             for _ in range(int(random.integers(50, 800))):
                 simulation.step()
                 travelled += np.abs(board.state.velocity) * board.period
-                for monitor in board.monitor.joints:
+                for monitor in board.engine.monitor.joints:
                     assert abs(monitor.travel) < 0.5 * monitor.max_travel
             faults = [
                 f"{fault.name}: {fault.text}" for fault in board.get_faults() if fault.active

@@ -198,14 +198,14 @@ def test_the_silence_of_the_heartbeat_is_a_stop() -> None:
     assert rig.run(0.09) is not None
     assert M.HW_FAULT not in rig.board.get_control_mode()
     for _ in range(4):
-        rig.board.emergency.beat(rig.board.time)
+        rig.board.engine.emergency.beat(rig.board.time)
         rig.run(0.09)
         assert M.HW_FAULT not in rig.board.get_control_mode()
     rig.run(0.02)
     assert rig.board.get_control_mode() == [M.HW_FAULT] * 3
     assert rig.board.get_faults()[0].text == "emergency stop, no heartbeat for 0.1 s"
     assert rig.board.recover().codes == (Reason.EMERGENCY_STOP,) * 3
-    rig.board.emergency.beat(rig.board.time)
+    rig.board.engine.emergency.beat(rig.board.time)
     rig.tick()
     assert rig.board.recover()
 
@@ -216,12 +216,12 @@ def test_a_stop_that_was_asked_for_outlasts_the_heartbeat() -> None:
     rig.tick()
     rig.board.emergency_stop()
     rig.run(0.2)
-    rig.board.emergency.beat(rig.board.time)
+    rig.board.engine.emergency.beat(rig.board.time)
     rig.tick()
-    assert rig.board.emergency.reason == ("asked for", "release it")
+    assert rig.board.engine.emergency.reason == ("asked for", "release it")
     assert not rig.board.recover()
     rig.board.emergency_stop(False)
-    rig.board.emergency.beat(rig.board.time)
+    rig.board.engine.emergency.beat(rig.board.time)
     rig.tick()
     assert rig.board.recover()
 
@@ -309,8 +309,8 @@ def test_the_frames_of_32_joints_fit_into_ten_megabytes() -> None:
     config = board_config(*(joint(f"j{k}") for k in range(32)), control_rate=1000.0)
     rig = Rig(config, Held(config))
     rig.tick(2100)
-    before = rig.board.frames.size
+    before = rig.board.engine.frames.size
     rig.board.emergency_stop()
     rig.tick(600)
     assert all(rig.board.get_freeze_frame(name) is not None for name in config.names)
-    assert before < rig.board.frames.size < 10e6
+    assert before < rig.board.engine.frames.size < 10e6

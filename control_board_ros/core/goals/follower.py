@@ -30,7 +30,7 @@ class Follower:
     """Follows paths, each for joints of its own; a joint follows the newest one."""
 
     def __init__(self, board: Board) -> None:
-        self._board = board
+        self.board = board
         self._runs: list[Run] = []
         self._version = board.modes_version
         # The last direct positions as they should be: others come from other commands.
@@ -39,7 +39,7 @@ class Follower:
     @property
     def _last(self) -> NDArray[np.float64]:
         """The last direct positions that the board accepted, shape (n,)."""
-        row: NDArray[np.float64] = self._board.references.last[CommandKind.POSITION_DIRECT]
+        row: NDArray[np.float64] = self.board.engine.references.last[CommandKind.POSITION_DIRECT]
         return row
 
     @property
@@ -64,7 +64,7 @@ class Follower:
             path is past, or where joints are missing that may not be. Its message also reports the
             effect of limits.
         """
-        board = self._board
+        board = self.board
         self.check()
         selection = board.selector.select(joints)
         if text := incomplete(board, selection.names):
@@ -95,7 +95,7 @@ class Follower:
             start: time of the board at which the path begins, s.
             held: stay at the last point, and watch the joints, until the run is ended.
         """
-        board = self._board
+        board = self.board
         run = Run(joints, [board.state.interaction_modes[j] for j in joints], path, start, held)
         self._begin_due(board.time)
         self._release(joints, waiting=True)
@@ -121,7 +121,7 @@ class Follower:
         """
         if not joints.size:
             return
-        board = self._board
+        board = self.board
         references, rates = board.state.position_reference, board.state.velocity_reference
         if present is None:
             present = Sample(references[joints], rates[joints], np.zeros(len(joints)))
@@ -136,7 +136,7 @@ class Follower:
 
     def end(self, joints: Joints, why: str) -> None:
         """Follow nothing any more with these joints; ``why`` goes to the log."""
-        chosen = self._board.selector.select(joints).joints
+        chosen = self.board.selector.select(joints).joints
         for run in list(self._runs):
             self._drop(run, np.isin(run.joints, chosen), why)
 
@@ -149,7 +149,7 @@ class Follower:
 
     def hold(self, joints: Joints, why: str) -> None:
         """End what these joints follow, and hold their present reference at rest."""
-        board = self._board
+        board = self.board
         chosen = board.selector.select(joints).joints
         followed = {int(j) for run in self._runs if run.spline is not None for j in run.joints}
         moving = [j for j in chosen.tolist() if j in followed]
@@ -160,7 +160,7 @@ class Follower:
 
     def check(self) -> None:
         """End what joints follow that changed their modes, or received other positions."""
-        board = self._board
+        board = self.board
         if not self._runs:
             self._version = board.modes_version
             return
@@ -193,7 +193,7 @@ class Follower:
                 self._begin(run)
 
     def _check_modes(self, run: Run) -> None:
-        board = self._board
+        board = self.board
         kept = board.state.accepts[CommandKind.POSITION_DIRECT, run.joints]
         if not kept.all():
             j = int(run.joints[~kept][0])
@@ -209,7 +209,7 @@ class Follower:
 
     def _begin(self, run: Run) -> None:
         """Join the path where it is now; joints leave what they followed until now."""
-        board, joints = self._board, run.joints
+        board, joints = self.board, run.joints
         present = Sample(
             board.state.position_reference[joints],
             board.state.velocity_reference[joints],
@@ -221,7 +221,7 @@ class Follower:
 
     def _accelerations(self) -> NDArray[np.float64]:
         """Of what was sent last, shape (n,), rad/s²; 0 where nothing is followed."""
-        found = np.zeros(self._board.count)
+        found = np.zeros(self.board.count)
         for run in self._runs:
             if run.last is not None:
                 found[run.joints] = run.last.accelerations
@@ -232,7 +232,7 @@ class Follower:
         elapsed = time - run.start
         run.last = run.spline.at(elapsed)
         joints = run.joints.tolist()
-        reply = send(self._board, joints, run.last)
+        reply = send(self.board, joints, run.last)
         self._known[run.joints] = self._last[run.joints]
         if not reply:
             self._drop(run, np.ones(len(joints), dtype=bool), reply.message)
@@ -249,11 +249,11 @@ class Follower:
         """Take joints out of a run, and say why."""
         if not columns.any():
             return
-        names = [self._board.names[j] for j in run.joints[columns]]
+        names = [self.board.names[j] for j in run.joints[columns]]
         run.left = run.left or f"{', '.join(names)}: {why}"
         if not quiet:
             text = f"trajectory of {', '.join(names)} ended: {why}"
-            self._board.events.add("info", "trajectory", names[0], text)
+            self.board.engine.events.add("info", "trajectory", names[0], text)
         if columns.all():
             self._runs.remove(run)
         else:

@@ -95,11 +95,11 @@ def start_goal(
         selection = group.selector.select(joints)
     except RequestError as error:
         raise GoalError(Code.INVALID_JOINTS, str(error)) from error
-    if text := incomplete(group.board, selection.names):
+    if text := incomplete(follower.board, selection.names):
         raise GoalError(Code.INVALID_JOINTS, text)
     try:
         path = make_path(selection.names, *points)
-        defaults = configured(group.board, selection)
+        defaults = configured(follower.board, selection)
         tolerances = chosen(defaults, selection.names, group.names, **wishes._asdict())
     except RequestError as error:
         raise GoalError(Code.INVALID_GOAL, str(error)) from error
@@ -165,7 +165,7 @@ class TrajectoryGoal:
         start: float,
         tolerances: Tolerances,
     ) -> None:
-        board = group.board
+        board = follower.board
         self._follower, self._group, self._board = follower, group, board
         self._tolerances = tolerances
         self.joints, self._duration, self.start = joints, path.duration, start

@@ -14,22 +14,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ..config.config import BoardConfig
 from ..config.parts import DEGREE, Brake
+from ..laws.control import Controller
 from ..selection import Selection
+from ..state import StateArrays
 from ..terms.faults import FaultCode
 from ..terms.measurement import Array
 from ..terms.modes import DRIVEN, FAULTED, UNCONFIGURED, Law
 from ..terms.reply import JointAnswer, Reply, decided
 from ..terms.vocabs import BrakeMode
-from .decisions import decide_brake
+from .decisions import Facts, decide_brake
 from .explanations import explain_brake
-
-if TYPE_CHECKING:
-    from .machine import Machine
 
 #: A brake that is to open and whose switch says that it is closed gets so many times its release
 #: time, and s at least, before that is a fault.
@@ -48,6 +48,21 @@ class Wanted(NamedTuple):
     law: Law
     direct: bool = False
     feeds: bool = True
+
+
+class Owner(Protocol):
+    """What brakes need of the machine that has them."""
+
+    @property
+    def config(self) -> BoardConfig: ...
+    @property
+    def state(self) -> StateArrays: ...
+    @property
+    def controller(self) -> Controller: ...
+    def facts(self, j: int) -> Facts: ...
+    def give_power(self, j: int, wanted: Wanted) -> None: ...
+    def raise_fault(self, j: int, code: FaultCode, text: str) -> None: ...
+    def report(self, level: str, key: str, j: int, text: str) -> None: ...
 
 
 class JointBrake:
@@ -79,7 +94,7 @@ class Brakes:
     joint has a brake), switches (as the last reading has them; see ``Measurement.brakes``).
     """
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Owner) -> None:
         self._machine, self._state = machine, machine.state
         n = machine.state.n
         self._period = machine.config.period

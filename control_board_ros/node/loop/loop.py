@@ -315,7 +315,7 @@ class ControlLoop:
         """Every joint without power, once its brake holds it, and the last state."""
         with self.exclusive():
             self.board.power_off()
-            while self.board.brakes.holding:
+            while self.board.engine.brakes.holding:
                 self._plant.write(self.board.tick(self._read()))
                 time.sleep(self.board.period)
             self.board.tick(self._read())

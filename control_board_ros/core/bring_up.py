@@ -4,14 +4,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
-from ..config.checks import ConfigError
-from ..terms.events import Events
-from ..terms.modes import CALIBRATES, CONFIGURED, Stage
-
-if TYPE_CHECKING:
-    from ..group import JointGroup
+from .config.checks import ConfigError
+from .group import JointGroup
+from .terms.events import Events
+from .terms.modes import CALIBRATES, CONFIGURED, Stage
 
 Level = tuple[str, ...]
 

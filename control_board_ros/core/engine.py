@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One control cycle of some joints, and all that has a part in it (SPEC A).
+
+Below are ``machine`` (modes, faults, calibrations, brakes), ``requests`` (for modes),
+``start_up``, ``commands`` (references of users), ``references`` (what runs), ``controller`` (the
+laws), ``monitor`` (causes of faults), ``emergency`` (the stop of all), ``frames`` (what was around
+faults), ``motors`` and ``feedforward``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .config.config import BoardConfig
+from .config.layout import Zone, joined
+from .config.limits import BoardLimits
+from .laws.control import Controller
+from .laws.references import References
+from .laws.timeouts import ReferenceTimeouts
+from .machine.commands import Commands, timeout_cycles
+from .machine.feedforward import Feedforward
+from .machine.machine import Machine
+from .machine.motors import MotorAccess
+from .machine.requests import Requests
+from .machine.start_up import StartUp
+from .machine.stops import Stops
+from .state import StateArrays
+from .terms.drives import SetPoint
+from .terms.events import Events
+from .terms.measurement import Actuation, Measurement
+from .watch.emergency import EmergencyStop
+from .watch.external_torque import ExternalTorques
+from .watch.fault_monitor import FaultMonitor
+from .watch.freeze_frame import FreezeFrames
+
+
+class Engine:
+    """The state of joints, and what moves them from one cycle to the next.
+
+    Args:
+        config: of the joints, of all parts where there are several.
+        zones: the parts, for whom events are kept apart.
+
+    Attributes: config, limits, state, torque_sensor (where a torque is known, shape (n,)), and
+    the components that the module names.
+    """
+
+    def __init__(self, config: BoardConfig, zones: Sequence[Zone]) -> None:
+        self.config, self.limits = config, BoardLimits.of(config)
+        self.state = state = StateArrays(config)
+        self.events = Events({j: zone.name for zone in zones for j in zone.config.names})
+        self.torques = ExternalTorques(config, state)
+        self.torque_sensor = self.torques.known
+        self._before = state.measured.copy()
+        self.controller = Controller(config, state)
+        self.references = References(
+            config, self.limits, state, self.controller.joints, self.controller.efforts
+        )
+        self.emergency = EmergencyStop(config.heartbeat_timeout)
+        self.monitor = FaultMonitor(config, state, self.emergency)
+        timeouts = ReferenceTimeouts(timeout_cycles(config))
+        self.frames = FreezeFrames(state, config.period)
+        self.machine = Machine(
+            config, state, self.controller, self.references, timeouts, self.monitor, self.events
+        )
+        self.machine.on_fault = self.frames.fault
+        self.machine.joint = self.torques.joint
+        self.brakes = brakes = self.machine.brakes
+        self._actuation = Actuation(
+            state.output, state.powered, state.kinds, state.set_points, brakes.orders
+        )
+        self.start_up = StartUp(self.machine)
+        self.requests = Requests(self.machine)
+        self.commands = Commands(self.machine, self.limits)
+        self.feedforward = Feedforward(self.machine)
+        self.motors = MotorAccess(self.machine, self.limits)
+        self.stops = Stops(self.machine)
+        for zone in zones:
+            self._start(zone)
+
+    def tick(self, measurement: Measurement) -> Actuation:
+        """One control cycle; see :meth:`Board.tick`."""
+        machine, monitor = self.machine, self.monitor
+        if self.torques.joints:
+            measurement = self.torques.fill(measurement)
+        self._read(measurement)
+        if self.start_up.due:
+            monitor.replace_broken(self._before)
+            self.start_up.complete()
+        monitor.reasons = measurement.reasons
+        self.emergency.watch(measurement.time)
+        if not monitor.healthy(measurement.values):
+            machine.check_faults(self._before)
+        if monitor.has_news():
+            machine.warn_of_heat()
+        if self.brakes.there:
+            self.brakes.switches = measurement.brakes
+            self.brakes.step()
+        if machine.calibrations:
+            machine.calibrations.step()
+        machine.expire()
+        if self.controller.step():
+            machine.raise_divergence()
+            machine.warn_of_limits()
+        self.state.cycle += 1
+        self.frames.note()
+        return self._actuation
+
+    def _read(self, measurement: Measurement) -> None:
+        state = self.state
+        state.time = measurement.time
+        self._before[:] = state.measured
+        state.measured[:] = measurement.values
+        if measurement.applied is not None:  # where a drive chooses it
+            np.copyto(state.output, measurement.applied, where=state.kinds > SetPoint.PWM)
+        if measurement.motors is not None:
+            state.motors[:] = measurement.motors
+        if self.machine.calibrations.shifted:
+            state.position -= state.offset
+
+    def power_on(self, zone: Zone) -> None:
+        """Make the joints of a part begin anew (N1)."""
+        self.state.power_on(zone.joints)
+        self.controller.power_on(zone)
+        self.references.power_on(zone.joints, self.config)
+        self.monitor.power_on(zone.joints)
+        self._start(zone)
+
+    def _start(self, zone: Zone) -> None:
+        self.machine.power_on(zone.joints)
+        self.start_up.power_on(zone.joints, autoconfigure=zone.config.autoconfigure)
+
+    def take_config(self, part: str, config: BoardConfig) -> None:
+        """Use a new configuration of a part, or of all; see :meth:`JointGroup.reconfigure`."""
+        if part:
+            config = joined({**self.config.parts, part: config})
+        self.config, self.limits = config, BoardLimits.of(config)
+        self.controller.reconfigure(config)
+        self.monitor.reconfigure(config)
+        self.references.reconfigure(self.limits)
+        self.commands.reconfigure(self.limits)
+        self.motors.limits = self.limits
+        self.torques.reconfigure(config)
+        self.machine.reconfigure(config, timeout_cycles(config))
