@@ -8,51 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-import rclpy
 from cbctl_process import Asker, Cbctl, until
-from rclpy.context import Context
+from cbctl_terminal import terminal
+from hand import JOINT, Hand
 
-from control_board_ros.client import ControlBoardClient
-from control_board_ros.interface import EXTERNAL_TORQUE
 from control_board_ros.testing import BoardProcess
-
-JOINT = "lbr_iiwa_joint_7"
-
-
-class Hand:
-    """Pushes the last joint, and looks where it is.
-
-    Args:
-        process: The board's.
-    """
-
-    def __init__(self, process: BoardProcess) -> None:
-        self._context = Context()
-        domain = int(process.environment["ROS_DOMAIN_ID"])
-        rclpy.init(context=self._context, domain_id=domain)
-        self._node = rclpy.create_node("hand", context=self._context)
-        self._client = ControlBoardClient(self._node)
-        self._client.wait_until_found(60.0)
-        topic = EXTERNAL_TORQUE.of(self._client.board_name)
-        profile = EXTERNAL_TORQUE.qos.profile()
-        self._push = self._node.create_publisher(EXTERNAL_TORQUE.load(), topic, profile)
-        until(lambda: self._push.get_subscription_count() > 0)
-
-    def push(self, torque: float) -> None:
-        """Push until the next push, N·m."""
-        self._push.publish(EXTERNAL_TORQUE.load()(names=[JOINT], torques=[torque]))
-
-    def position(self) -> float:
-        """Of the joint, rad."""
-        return float(self._client.get_encoder(JOINT)[0])
-
-    def close(self) -> None:
-        """Let go."""
-        self.push(0.0)
-        self._push.wait_for_all_acked()
-        self._client.close()
-        self._node.destroy_node()
-        self._context.try_shutdown()
 
 
 @pytest.fixture
@@ -96,6 +56,34 @@ def test_a_guided_way_is_replayed(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path
     assert answer["success"] is True
     assert hand.position() == pytest.approx(guided, abs=0.01)
     assert {row["control_mode"] for row in ask("modes").values()} == {"pos"}
+
+
+@pytest.mark.slow
+def test_a_key_saves_a_pose(cbctl: Cbctl, ask: Asker, hand: Hand, tmp_path: Path) -> None:
+    """G1: p saves where the hand has put the joints, q ends; the way there is recorded."""
+    way = tmp_path / "way.mcap"
+    with terminal(cbctl, "guide", "joint_7", "--record", str(way)) as at:
+        at.see("joint_7: p saves a pose, q ends")
+        at.type("p")
+        at.see("saved as guided_1")
+        until(lambda: as_set(ask)[1] == {f"{JOINT}.gravity_compensation": True})
+        hand.push(4.0)
+        until(lambda: hand.position() > 0.3)
+        hand.push(0.0)
+        until(lambda: abs(float(ask("watch", JOINT, "--once")[JOINT]["velocity"])) < 1e-3)
+        at.type("xp")  # what no key is does nothing
+        at.see("saved as guided_2")
+        at.see("2 poses saved")
+        at.type("q")
+        at.see(f"recorded: {way}; follow it with: cbctl ")
+    guided = hand.position()
+    poses = ask("poses")
+    assert poses["guided_1"]["positions"] == {JOINT: pytest.approx(0.0, abs=0.01)}
+    assert poses["guided_2"]["positions"] == {JOINT: pytest.approx(guided, abs=0.01)}
+    assert way.is_file()
+    assert cbctl("home").code == 0
+    assert ask("pose", "guided_2")["success"] is True
+    assert hand.position() == pytest.approx(guided, abs=0.01)
 
 
 def test_a_replay_asks_first(cbctl: Cbctl, ask: Asker, tmp_path: Path) -> None:

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl at a terminal of its own: what it shows, and the keys that somebody presses."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from cbctl_process import GUARD
+
+
+class Terminal:
+    """A process at a terminal of its own."""
+
+    def __init__(self, command: list[str], environment: dict[str, str]) -> None:
+        self._master, slave = pty.openpty()
+        self.process = subprocess.Popen(
+            command, env=environment, stdin=slave, stdout=slave, stderr=slave
+        )
+        os.close(slave)
+        self.shown = ""
+
+    def see(self, text: str, timeout: float = GUARD) -> None:
+        """Read until this text is shown; what was shown before it is done with."""
+        deadline = time.monotonic() + timeout
+        while text not in self.shown:
+            assert time.monotonic() < deadline, f"no {text!r} in {self.shown!r}"
+            self._read()
+        self.shown = self.shown.partition(text)[2]
+
+    def type(self, text: str) -> None:
+        """Press keys."""
+        os.write(self._master, text.encode())
+
+    def hold(self, key: str, seen: Callable[[str], bool]) -> None:
+        """Press a key again and again, as a keyboard does, until what is shown fulfils this."""
+        deadline = time.monotonic() + GUARD
+        while not seen(self.shown):
+            assert time.monotonic() < deadline, f"not to be seen in {self.shown!r}"
+            self.type(key)
+            self._read()
+
+    def end(self, timeout: float = GUARD) -> int:
+        """Read until the process ends; its exit code."""
+        deadline = time.monotonic() + timeout
+        while self.process.poll() is None:
+            if time.monotonic() > deadline:
+                self.process.kill()
+            self._read()
+        os.close(self._master)
+        return self.process.wait()
+
+    def _read(self) -> None:
+        ready, _, _ = select.select([self._master], [], [], 0.05)
+        if ready:
+            try:
+                self.shown += os.read(self._master, 65536).decode(errors="replace")
+            except OSError:  # the process has closed its end
+                time.sleep(0.01)
+
+
+@contextmanager
+def terminal(cbctl: Any, *words: str, **environment: str) -> Iterator[Terminal]:
+    """Run cbctl at a terminal; it must end by itself with code 0."""
+    known = {"TERM": "xterm-256color", "PROMPT_TOOLKIT_NO_CPR": "1"}
+    at = Terminal(cbctl.command(*words), cbctl.environment | known | environment)
+    try:
+        yield at
+    except BaseException:
+        at.process.kill()
+        at.end()
+        raise
+    assert at.end() == 0
