@@ -115,6 +115,7 @@ def test_one_command_sets_the_version_everywhere(tmp_path: Path) -> None:
         "control_board_ros/__init__.py",
         "package.xml",
         "msg_defs/package.xml",
+        "integrations/lerobot/pyproject.toml",
         "CITATION.cff",
     ]
     for name in [*files, "CHANGELOG.md", "tools/set-version"]:
@@ -125,6 +126,8 @@ def test_one_command_sets_the_version_everywhere(tmp_path: Path) -> None:
     subprocess.run([script, "7.8.9"], check=True)
     for name in [*files, "CHANGELOG.md"]:
         assert "7.8.9" in (tmp_path / name).read_text("utf-8"), name
+    text = (tmp_path / "CHANGELOG.md").read_text("utf-8")
+    assert re.match(r"## 7\.8\.9 \(\d{4}-\d\d-\d\d\)\n\n- New\.\n", text)
     refused = subprocess.run([script, "7.8"], capture_output=True, text=True, check=False)
     assert refused.returncode == 2
     assert refused.stderr == "'7.8' is no version; give three numbers: tools/set-version 1.2.3\n"
