@@ -30,8 +30,9 @@ from . import (
     yarp4,
 )
 from .bench import Bench
+from .outcomes import NotHeld, NotTestable
 from .report import as_json, as_junit, as_line, as_text
-from .rules import RULES, NotHeld, NotTestable, Rule, rule
+from .rules import RULES, Rule, rule
 from .runner import Outcome, Result, run
 
 __all__ = [

@@ -6,7 +6,8 @@ from __future__ import annotations
 from control_board_ros.core.terms.modes import MOVES, UNPOWERED
 
 from .bench import TAKING, Bench, K
-from .rules import assume, expect, offered, rule
+from .outcomes import assume, expect, offered
+from .rules import rule
 
 
 @rule("Y4", "a brake is open before power acts, closed in IDLE")

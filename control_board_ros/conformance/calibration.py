@@ -9,7 +9,8 @@ from control_board_ros.client import BoardError
 from control_board_ros.core.terms.vocabs import parse_control_mode, parse_interaction_mode
 
 from .bench import STIFF, Bench, Fate, K, M
-from .rules import NotTestable, expect, inside, offered, rule
+from .outcomes import NotTestable, expect, offered
+from .rules import inside, rule
 
 #: s for a calibration of one joint.
 LONGEST = 60.0

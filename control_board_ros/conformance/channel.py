@@ -18,7 +18,7 @@ from rclpy.node import Node
 from control_board_ros.client import BoardTimeout, State
 from control_board_ros.interface import MODES, STATE, Endpoint
 
-from .rules import OutOfTime
+from .outcomes import OutOfTime
 from .shapes import Malformed, check_modes, check_state
 
 #: States and mode messages kept: 10 s at 1 kHz.

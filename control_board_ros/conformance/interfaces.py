@@ -23,7 +23,8 @@ from control_board_ros.interface import (
 )
 
 from .bench import Bench, K, M
-from .rules import NotTestable, assume, expect, inside, offered, rule
+from .outcomes import NotTestable, assume, expect, offered
+from .rules import inside, rule
 
 #: Getters of several joints.
 GETTERS = (

@@ -11,7 +11,8 @@ from control_board_ros.client import State
 from .bench import FEWEST, TAKING, Bench, K, M
 from .limits import LONGEST_MOVE
 from .moving import amid_a_move, in_time, patiently, stream
-from .rules import assume, expect, inside, rule
+from .outcomes import assume, expect
+from .rules import inside, rule
 
 Floats = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from control_board_ros.client import State
 from control_board_ros.interface import VELOCITY_COMMAND
 
 from .bench import Bench
-from .rules import NotHeld, NotTested, assume
+from .outcomes import NotHeld, NotTested, assume
 
 T = TypeVar("T")
 

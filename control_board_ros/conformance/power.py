@@ -8,7 +8,8 @@ import time
 from control_board_ros.core.terms.vocabs import ControlMode
 
 from .bench import Bench, M
-from .rules import NotTestable, assume, expect, inside, offered, rule
+from .outcomes import NotTestable, assume, expect, offered
+from .rules import inside, rule
 
 #: s for a board to configure itself.
 LONGEST = 10.0

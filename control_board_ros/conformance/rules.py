@@ -1,30 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rules and their outcomes."""
+"""The rules by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from .bench import Bench
-
-
-class NotHeld(Exception):  # noqa: N818
-    """The board violates the rule; the text has the observed and the expected value."""
-
-
-class NotTestable(Exception):  # noqa: N818
-    """The rule does not apply to this board; the text has the reason."""
-
-
-class NotTested(Exception):  # noqa: N818
-    """The rule applies but could not be tested; the text has the reason."""
-
-
-class OutOfTime(NotTested):
-    """The rule exceeded its time limit."""
+from .bench import Bench
+from .outcomes import NotTestable
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,21 +54,3 @@ def in_order() -> list[Rule]:
         return GROUPS.index(found.name[0]), int(found.name[1:] or 0)
 
     return sorted(RULES.values(), key=place)
-
-
-def expect(condition: object, text: str) -> None:
-    """The rule itself; raises NotHeld where the condition is false."""
-    if not condition:
-        raise NotHeld(text)
-
-
-def assume(condition: object, text: str) -> None:
-    """A precondition covered by another rule; raises NotTested where the condition is false."""
-    if not condition:
-        raise NotTested(text)
-
-
-def offered(condition: object, text: str) -> None:
-    """A feature that the rule requires; raises NotTestable where the condition is false."""
-    if not condition:
-        raise NotTestable(text)

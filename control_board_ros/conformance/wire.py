@@ -15,7 +15,8 @@ from control_board_ros.interface import (
 )
 
 from .bench import TAKING, Bench, K, M
-from .rules import assume, expect, rule
+from .outcomes import assume, expect
+from .rules import rule
 
 #: Field of the references of each kind.
 FIELDS = {

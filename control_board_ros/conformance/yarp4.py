@@ -7,7 +7,8 @@ from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
 
 from .bench import TAKING, Bench, K, M
-from .rules import assume, expect, offered, rule
+from .outcomes import assume, expect, offered
+from .rules import rule
 
 
 @rule("Y1", "a direct velocity acts at once, and expires")

@@ -224,7 +224,7 @@ def park(boards: Boards, at_once: threading.Event) -> str:
     def tell(time: float) -> None:
         say(f"parking, {time:.1f} s; a second Ctrl-C ends at once, without power\n")
 
-    parking = Parking(boards.loop.whole, boards.settings.poses[PARK], tell)
+    parking = Parking(boards.main.member, boards.settings.poses[PARK], tell)
     parking.run(at_once)
     if at_once.is_set():
         complain("not parked: a second signal came; the joints are without power where they were")

@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State shared by all browsers: boards, operator, active requests."""
+"""Connects boards and browsers: messages of browsers, news of boards."""
 
 from __future__ import annotations
 
 import asyncio
 import itertools
-import json
 import time
-from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -26,8 +24,8 @@ from .lease import ANSWER_TIME
 from .listening import OperatorTopic
 from .operating import Operating
 from .operators import LOOK_ROUND, Operators, Topic
-from .recordings import Recordings
 from .requests import KINDS, BadRequest, Request, parse
+from .shared import Shared
 
 #: Frames per second for few and for many joints.
 FAST, SLOW, MANY = 60.0, 30.0, 16
@@ -36,15 +34,12 @@ HEAR, OVERHEAR, TARGETS, DISCOVER = 0.05, 0.5, 1.0, 1.0
 #: s between requests for the limits of a board.
 INFO = 30.0
 
-
-#: Log entries sent to a new browser.
-HISTORY = 500
 #: Reported problems that are remembered.
 COMPLAINTS = 100
 
 
 class Hub:
-    """Connects boards and browsers.
+    """The panel between boards and browsers.
 
     Args:
         node: the panel's node; not spun.
@@ -56,8 +51,7 @@ class Hub:
         answer_time: timeout of the operator's answer to a takeover request, s.
         recordings: folder of recordings; None: ``recordings`` in the working directory.
 
-    Attributes: boards (by name), browsers (by number), read_only, operating, operators,
-    recordings.
+    Attributes: shared, operating, operators.
     """
 
     def __init__(
@@ -72,18 +66,18 @@ class Hub:
         answer_time: float = ANSWER_TIME,
         recordings: Path | None = None,
     ) -> None:
-        self.read_only, self._report = read_only, report
-        self.boards: dict[str, Board] = {}
-        self.browsers: dict[int, Browser] = {}
-        self.operating = Operating(self)
+        self._report = report
+        self.shared = shared = Shared(
+            read_only=read_only, recordings=recordings or Path("recordings")
+        )
+        self.operating = Operating(shared)
         self.operators = Operators(
-            self,
+            shared,
             topic or OperatorTopic(node),
             look_round,
             answer_time,
             self.operating.dismiss,
         )
-        self.recordings = Recordings(recordings or Path("recordings"), self.tell_recordings)
         self._node, self._answer_timeout = node, answer_timeout
         self._discovery = Discovery(node, "", MODES.of(""), 0.0, 0.0)
         self._numbers, self._board_numbers = itertools.count(1), itertools.count()
@@ -91,50 +85,30 @@ class Hub:
         self._known = set[str]()
         self._polled = 0.0
         self._complaints = set[str]()
-        self._history = deque[dict[str, Any]](maxlen=HISTORY)
 
     # Browsers
 
     def enter(self, name: str) -> Browser:
         """Add a browser; the first one operates, if permitted."""
         browser = Browser(next(self._numbers), name)
-        self.browsers[browser.number] = browser
-        browser.tell("hello", you=browser.number, read_only=self.read_only)
-        for board in self.boards.values():
+        self.shared.browsers[browser.number] = browser
+        browser.tell("hello", you=browser.number, read_only=self.shared.read_only)
+        for board in self.shared.boards.values():
             self._introduce(board, browser)
-        browser.tell("recordings", **self.recordings.shown())
-        browser.tell("history", entries=list(self._history))
-        self.tell_boards()
+        browser.tell("recordings", **self.shared.recordings.shown())
+        browser.tell("history", entries=list(self.shared.history))
+        self.shared.tell_boards()
         self.operators.enter(browser)
         return browser
 
     async def leave(self, browser: Browser) -> None:
         """Remove a browser: release its controls and cancel its requests."""
-        self.browsers.pop(browser.number, None)
+        self.shared.browsers.pop(browser.number, None)
         for task in browser.running.values():
             task.cancel()
         self._watch()
         await self.operating.release(self.operating.holds.of_browser(browser.number))
         self.operators.leave(browser)
-
-    def tell_all(self, what: str, /, **fields: Any) -> None:
-        text = json.dumps({"is": what, **fields}, ensure_ascii=False, allow_nan=False)
-        for browser in self.browsers.values():
-            browser.tell_text(text)
-
-    def tell_boards(self) -> None:
-        """Send the list of boards."""
-        shown = [{"name": b.name, "number": b.number} for b in self.boards.values()]
-        self.tell_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
-
-    def tell_recordings(self) -> None:
-        self.tell_all("recordings", **self.recordings.shown())
-
-    def log(self, who: str, what: str, **more: Any) -> None:
-        """Log an action for all browsers, also later ones; at is in s since 1970."""
-        entry = {"at": time.time(), "who": who, "what": what} | more
-        self._history.append(entry)
-        self.tell_all("log", **entry)
 
     def _introduce(self, board: Board, browser: Browser) -> None:
         for what in ("info", "modes", "faults"):
@@ -166,12 +140,12 @@ class Hub:
     def _check(self, browser: Browser, request: Request) -> None:
         """Check the permission of a browser; raises BadRequest with the reason."""
         commands = KINDS[request.do].commands
-        if self.read_only and (commands or request.do in ("operate", "hand_over")):
+        if self.shared.read_only and (commands or request.do in ("operate", "hand_over")):
             raise BadRequest("the panel is read-only; start it without --read-only", request.id)
         stops = request.do == "stop" or (request.do == "estop" and request.given["on"])
         if commands and not stops:  # watchers may stop as well
             self.operators.check(browser, request)
-        if request.board and request.board not in self.boards:
+        if request.board and request.board not in self.shared.boards:
             raise BadRequest(f"no board {request.board}; it may have ended", request.id)
 
     # Loops
@@ -186,9 +160,9 @@ class Hub:
                 group.create_task(self._every(lambda: DISCOVER, self._discover))
                 group.create_task(self.operating.run())
         finally:
-            await self.recordings.close()
+            await self.shared.recordings.close()
             self.operators.close()
-            for board in self.boards.values():
+            for board in self.shared.boards.values():
                 board.close()
 
     async def _every(self, period: Callable[[], float], look: Callable[[], Any]) -> None:
@@ -211,19 +185,21 @@ class Hub:
             self._report(clean(text))
 
     def _watched(self) -> set[str]:
-        return {name for browser in self.browsers.values() for name in browser.watched}
+        return {name for browser in self.shared.browsers.values() for name in browser.watched}
 
     def _watch(self) -> None:
         """Subscribe to the states of watched boards only."""
         watched = self._watched()
-        for board in self.boards.values():
+        for board in self.shared.boards.values():
             board.watch(on=board.name in watched)
 
     def _rate(self) -> float:
         watched = self._watched()
         if not watched:
             return 1.0 / HEAR
-        joints = sum(len(self.boards[name].names) for name in watched if name in self.boards)
+        joints = sum(
+            len(self.shared.boards[name].names) for name in watched if name in self.shared.boards
+        )
         return FAST if joints <= MANY else SLOW
 
     async def _look(self) -> None:
@@ -235,19 +211,19 @@ class Hub:
 
     def _frames(self) -> None:
         """Send the newest state of each watched board: number, length, message."""
-        for board in self.boards.values():
+        for board in self.shared.boards.values():
             raw = None if board.state is None else board.state.take()
             if raw is not None:
                 frame = b"".join(
                     (board.number.to_bytes(4, "little"), len(raw).to_bytes(4, "little"), raw)
                 )
-                for browser in self.browsers.values():
+                for browser in self.shared.browsers.values():
                     if board.name in browser.watched:
                         browser.show(board.number, frame)
 
     def _hear(self) -> None:
         """Forward modes, faults, descriptions, and the operator."""
-        for board in list(self.boards.values()):
+        for board in list(self.shared.boards.values()):
             try:
                 news = board.hear()
             except Exception as error:  # noqa: BLE001  (messages may be invalid)
@@ -255,27 +231,27 @@ class Hub:
                 continue
             for what in ("modes", "faults"):
                 if what in news:
-                    self.tell_all(what, board=board.name, **news[what])
-            if "elsewhere" in news and not any(map(board.repeats, self.boards.values())):
-                self.log("", f"{board.name}: {news['elsewhere']}")
+                    self.shared.tell_all(what, board=board.name, **news[what])
+            if "elsewhere" in news and not any(map(board.repeats, self.shared.boards.values())):
+                self.shared.log("", f"{board.name}: {news['elsewhere']}")
             if "robot" in news:
                 self._asked.pop(board.name, None)
         self.operators.look()
 
     async def _overhear(self) -> None:
         """Forward other programs' commands."""
-        for board in list(self.boards.values()):
+        for board in list(self.shared.boards.values()):
             try:
                 commands = board.overhear()
             except Exception as error:  # noqa: BLE001  (as above)
                 self._complain(f"{board.name}: {type(error).__name__}: {error}")
                 continue
             for words in commands:
-                self.log("another program", f"{board.name} {words}", board=board.name)
+                self.shared.log("another program", f"{board.name} {words}", board=board.name)
 
     async def _targets(self) -> None:
         """Request the targets of watched boards, and less often their limits."""
-        await asyncio.gather(*(self._ask(board) for board in list(self.boards.values())))
+        await asyncio.gather(*(self._ask(board) for board in list(self.shared.boards.values())))
 
     async def _ask(self, board: Board) -> None:
         now = time.monotonic()
@@ -285,31 +261,30 @@ class Hub:
                 before = board.info
                 await board.ask_info()
                 if board.info != before:
-                    self.tell_all("info", board=board.name, **board.info)
-            watched = any(board.name in browser.watched for browser in self.browsers.values())
+                    self.shared.tell_all("info", board=board.name, **board.info)
+            watched = any(
+                board.name in browser.watched for browser in self.shared.browsers.values()
+            )
             if watched and await board.ask_targets():
-                self.tell_targets(board)
+                self.shared.tell_targets(board)
         except (BoardError, RequestError) as error:
             self._complain(f"{board.name}: {error}")
         except Exception as error:  # noqa: BLE001  (messages may be invalid)
             self._complain(f"{board.name}: {type(error).__name__}: {error}")
 
-    def tell_targets(self, board: Board) -> None:
-        self.tell_all("targets", board=board.name, targets=board.targets)
-
     async def _discover(self) -> None:
         """Discover new boards, remove those that ended."""
         found = set(self._discovery.boards())
-        for name in found - set(self.boards):
-            self.boards[name] = Board(
+        for name in found - set(self.shared.boards):
+            self.shared.boards[name] = Board(
                 self._node, name, next(self._board_numbers), self._answer_timeout
             )
-        for name in set(self.boards) - found:
-            board = self.boards.pop(name)
+        for name in set(self.shared.boards) - found:
+            board = self.shared.boards.pop(name)
             self._asked.pop(name, None)
             await asyncio.to_thread(board.close)
-            self.log("", f"{name} is gone")
+            self.shared.log("", f"{name} is gone")
         self._watch()
         if found != self._known:
             self._known = found
-            self.tell_boards()
+            self.shared.tell_boards()

@@ -8,7 +8,7 @@ import time
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
@@ -20,9 +20,7 @@ from .browser import MAX_RUNNING, Browser
 from .holds import Hold, Holds
 from .lines import Lines, lines_of
 from .requests import KINDS, Request
-
-if TYPE_CHECKING:
-    from .hub import Hub
+from .shared import Shared
 
 #: s between repetitions of a held reference.
 REPEAT = 0.04
@@ -35,10 +33,10 @@ HELD = frozenset(mode.code for mode in STOPPABLE)
 
 
 class Operating:
-    """Runs requests for the hub."""
+    """Runs requests of browsers."""
 
-    def __init__(self, hub: Hub) -> None:
-        self._hub = hub
+    def __init__(self, shared: Shared) -> None:
+        self._shared = shared
         self.holds = Holds()
         self._holding = asyncio.Event()
         self._releasing: set[asyncio.Task[None]] = set()
@@ -62,13 +60,13 @@ class Operating:
         except asyncio.CancelledError:
             answer = {"ok": False, "message": "cancelled"}
         except (BoardError, RequestError) as error:
-            gone = bool(request.board) and request.board not in self._hub.boards
+            gone = bool(request.board) and request.board not in self._shared.boards
             text = f"{request.board} does not answer: it has ended" if gone else str(error)
             answer = {"ok": False, "message": text}
         lines = self._lines(request).shown()
         browser.tell("answer", id=request.id, lines=lines, **answer)
         if KINDS[request.do].commands and not answer.pop("quiet", False):
-            self._hub.log(
+            self._shared.log(
                 browser.name,
                 request.do,
                 by=browser.number,
@@ -84,7 +82,7 @@ class Operating:
             return lines_of(request)
         if request.do not in ("stop", "estop"):
             return Lines()
-        boards = list(self._hub.boards.values())
+        boards = list(self._shared.boards.values())
         if request.do == "estop":  # a robot's stop includes its parts
             boards = [b for b in boards if not any(other.repeats(b) for other in boards)]
         each = [lines_of(replace(request, board=board.name)) for board in boards]
@@ -97,8 +95,8 @@ class Operating:
     async def _do(self, browser: Browser, request: Request) -> dict[str, Any]:
         if not request.board:
             return await self._do_for_all(browser, request)
-        board = self._hub.boards[request.board]
-        for other in self._hub.boards.values():  # a robot's board includes its parts
+        board = self._shared.boards[request.board]
+        for other in self._shared.boards.values():  # a robot's board includes its parts
             if other.space == board.space and KINDS[request.do].commands:
                 other.asking()
         own = {"hold": self._hold, "release": self._release, "stop": self._stop_some}
@@ -111,12 +109,12 @@ class Operating:
 
         answer = await doing.DOERS[request.do](board, request.given, progress)
         if request.do in ("position", "direct", "move") and await board.ask_targets():
-            self._hub.tell_targets(board)
+            self._shared.tell_targets(board)
         return answer
 
     async def _do_for_all(self, browser: Browser, request: Request) -> dict[str, Any]:
         """Requests to no board, or to several."""
-        recordings, given = self._hub.recordings, request.given
+        recordings, given = self._shared.recordings, request.given
         if request.do == "stop":
             return await self._stop_everything()
         if request.do == "estop":
@@ -127,9 +125,9 @@ class Operating:
                 task.cancel()
             return {"ok": task is not None, "message": "" if task else "it has ended already"}
         if request.do == "note":
-            return recordings.note(given["text"], self._hub.boards)
+            return recordings.note(given["text"], self._shared.boards)
         if given["on"]:
-            return await recordings.begin(given.get("boards", []), self._hub.boards)
+            return await recordings.begin(given.get("boards", []), self._shared.boards)
         return await recordings.end()
 
     async def _release(self, _: Browser, board: Board, request: Request) -> dict[str, Any]:
@@ -151,7 +149,7 @@ class Operating:
         options = [] if size is None else [f"{option}={size:.6g}{unit}"]
         board.measured = True
         try:
-            return await self._hub.recordings.measure(board.name, do, given["joint"], *options)
+            return await self._shared.recordings.measure(board.name, do, given["joint"], *options)
         finally:
             board.measured = False
 
@@ -178,7 +176,7 @@ class Operating:
 
     def _torque_reference(self, board: Board, joint: str) -> float | None:
         """The torque in force, from the board's state or that of its robot."""
-        for other in (board, *self._hub.boards.values()):
+        for other in (board, *self._shared.boards.values()):
             if other.space == board.space:
                 torque = other.torque_reference(joint)
                 if torque is not None:
@@ -188,13 +186,13 @@ class Operating:
     async def release(self, holds: list[Hold]) -> None:
         """Send the rest references of released controls."""
         for hold in holds:
-            board = self._hub.boards.get(hold.board)
+            board = self._shared.boards.get(hold.board)
             if board is not None:
                 try:
                     async with self._in_order[board.name]:
                         await doing.send_held(board, hold.kind, hold.joint, hold.rest)
                 except (BoardError, RequestError) as error:
-                    self._hub.log("", f"{hold.board}: {error}")
+                    self._shared.log("", f"{hold.board}: {error}")
 
     def dismiss(self, number: int) -> None:
         """Release a former operator's controls and cancel its requests."""
@@ -202,7 +200,7 @@ class Operating:
         task = asyncio.get_running_loop().create_task(self.release(holds))
         self._releasing.add(task)  # keeps it from the garbage collector
         task.add_done_callback(self._releasing.discard)
-        browser = self._hub.browsers.get(number)
+        browser = self._shared.browsers.get(number)
         for task in list(browser.running.values()) if browser is not None else ():
             task.cancel()
 
@@ -215,7 +213,7 @@ class Operating:
                     await self._holding.wait()
                 await self.release(self.holds.expired(time.monotonic()))
                 for hold in self.holds:
-                    board = self._hub.boards.get(hold.board)
+                    board = self._shared.boards.get(hold.board)
                     if board is not None:
                         await self._repeat(board, hold)
                 await asyncio.sleep(REPEAT)
@@ -238,7 +236,7 @@ class Operating:
         if on:
             self.holds.everything()
             self._end_what_lasts()
-        boards = list(self._hub.boards.values())
+        boards = list(self._shared.boards.values())
         boards = [b for b in boards if not any(other.repeats(b) for other in boards)]
         for board in boards:
             board.asking()
@@ -250,7 +248,7 @@ class Operating:
         )
 
     def _end_what_lasts(self) -> None:
-        for browser in self._hub.browsers.values():
+        for browser in self._shared.browsers.values():
             for task in list(browser.running.values()):
                 if task.get_name() in LASTING:
                     task.cancel()
@@ -259,7 +257,7 @@ class Operating:
         """STOP: release every control, cancel active requests, stop every joint of every board."""
         held = self.holds.everything()
         self._end_what_lasts()
-        boards = list(self._hub.boards.values())
+        boards = list(self._shared.boards.values())
         answers = await asyncio.gather(
             *(self._stop(board, board.names) for board in boards), return_exceptions=True
         )

@@ -7,15 +7,13 @@ import socket
 import time
 import uuid
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from .browser import Browser
 from .lease import Lease, Who
 from .panels import PERIOD, Beat, Panels
 from .requests import BadRequest, Request
-
-if TYPE_CHECKING:
-    from .hub import Hub
+from .shared import Shared
 
 #: s of initial discovery of other panels, without operation.
 LOOK_ROUND = 1.5
@@ -36,7 +34,7 @@ class Operators:
     """The lease, shared among panels.
 
     Args:
-        hub: of the browsers.
+        shared: the browsers.
         topic: of the panels' beats.
         look_round: s of initial discovery of other panels.
         answer_time: timeout of the operator's answer to a takeover request, s.
@@ -45,7 +43,7 @@ class Operators:
 
     def __init__(
         self,
-        hub: Hub,
+        shared: Shared,
         topic: Topic,
         look_round: float,
         answer_time: float,
@@ -53,7 +51,7 @@ class Operators:
     ) -> None:
         now = time.monotonic()
         self.lease = Lease(answer_time=answer_time)
-        self._hub, self._topic, self._dismiss = hub, topic, dismiss
+        self._shared, self._topic, self._dismiss = shared, topic, dismiss
         self._panels = Panels(uuid.uuid4().hex, self.lease, now)
         self._ready, self._open = now + look_round, False
         self._holder: Who | None = None
@@ -62,7 +60,7 @@ class Operators:
 
     def enter(self, browser: Browser) -> None:
         """Add a browser; it operates if permitted and nobody else does."""
-        if self._open and self.lease.holder is None and not self._hub.read_only:
+        if self._open and self.lease.holder is None and not self._shared.read_only:
             self.lease.ask(browser.number, time.monotonic())
         self.changed()
 
@@ -103,8 +101,8 @@ class Operators:
         return asked is not None
 
     def _tell_refused(self, number: int, who: str) -> None:
-        if number in self._hub.browsers:
-            self._hub.browsers[number].tell("notice", message=f"{who} keeps operating")
+        if number in self._shared.browsers:
+            self._shared.browsers[number].tell("notice", message=f"{who} keeps operating")
 
     def look(self) -> None:
         """Process other panels' beats, advance time, send beats; called frequently."""
@@ -116,7 +114,7 @@ class Operators:
         if not self._open and now >= self._ready:
             self._panels.settle(now)
             self._open = True
-            for browser in list(self._hub.browsers.values())[:1]:
+            for browser in list(self._shared.browsers.values())[:1]:
                 self.enter(browser)
         self.changed()
 
@@ -137,7 +135,7 @@ class Operators:
 
     def _say(self, now: float) -> None:
         own = self.lease.holder if isinstance(self.lease.holder, int) else self.lease.asking
-        browser = self._hub.browsers.get(own) if isinstance(own, int) else None
+        browser = self._shared.browsers.get(own) if isinstance(own, int) else None
         who = f"{browser.name} at {socket.gethostname()}" if browser else ""
         if now - self._said >= PERIOD or self._panels.beat(who) != self._beat:
             self._panels.said(now)
@@ -147,10 +145,10 @@ class Operators:
     def tell(self) -> None:
         """Send operator, watchers and takeover requests to all browsers."""
         self._sent = self._shown()
-        self._hub.tell_all("operator", **self._sent)
+        self._shared.tell_all("operator", **self._sent)
 
     def _shown(self) -> dict[str, object]:
-        names: dict[Who, str] = {b.number: b.name for b in self._hub.browsers.values()}
+        names: dict[Who, str] = {b.number: b.name for b in self._shared.browsers.values()}
         for who in (self.lease.holder, self.lease.asking):
             if isinstance(who, str):
                 names[who] = self._panels.who(who)

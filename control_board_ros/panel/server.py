@@ -166,7 +166,7 @@ def make_app(
         return FileResponse(path, media_type=MEDIA[f".{ending}"])
 
     async def socket(websocket: WebSocket) -> None:
-        if len(hub.browsers) >= security.MAX_BROWSERS:
+        if len(hub.shared.browsers) >= security.MAX_BROWSERS:
             await websocket.close(FULL, f"{security.MAX_BROWSERS} browsers are connected already")
             return
         await websocket.accept()
@@ -198,7 +198,7 @@ def report_of(hub: Hub) -> Callable[[Request], Awaitable[Response]]:
     """Serves reports of the panel's recordings, with a stricter policy than its page."""
 
     async def serve_report(request: Request) -> Response:
-        path = hub.recordings.report(request.path_params["name"])
+        path = hub.shared.recordings.report(request.path_params["name"])
         if path is None or not path.is_file():
             return PlainTextResponse("no such report\n", 404)
         policy = {"Content-Security-Policy": REPORT_POLICY}
@@ -208,7 +208,7 @@ def report_of(hub: Hub) -> Callable[[Request], Awaitable[Response]]:
 
 
 def by_number(hub: Hub, number: int) -> Any:
-    return next((board for board in hub.boards.values() if board.number == number), None)
+    return next((board for board in hub.shared.boards.values() if board.number == number), None)
 
 
 def ended(task: asyncio.Task[None], report: Callable[[str], None]) -> None:

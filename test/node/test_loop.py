@@ -20,6 +20,7 @@ from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.node.loop import pacing
 from control_board_ros.node.loop.fair_lock import FairLock
 from control_board_ros.node.loop.loop import ControlLoop
+from control_board_ros.node.loop.member import Member
 from control_board_ros.node.loop.pacing import MAX_LAG, Pacer
 from control_board_ros.node.loop.state_thread import StateThread
 from control_board_ros.sim.errors import PlantGone
@@ -443,7 +444,7 @@ def test_power_on_is_shown_whatever_comes_next(fast: Rig) -> None:
     """N1: each change of modes is kept for the publisher, also those of a single cycle."""
     fast.loop.start()
     fast.run_to(10)
-    for act in (fast.loop.whole.power_cycle, fast.loop.reset):
+    for act in (Member(fast.loop, fast.board).power_cycle, fast.loop.reset):
         fast.loop.snapshots.mode_changes.clear()
         act()
         fast.run_to(fast.board.cycle + 10)

@@ -272,11 +272,11 @@ def test_meshes_are_those_of_the_description(panel: Panel, tmp_path: Path) -> No
 def test_a_report_is_served_apart() -> None:
     """By its name only, in a page that has no origin, and nothing of the panel's."""
     with panel_of(StandIn("/b", 0, ["pos"])) as panel:
-        folder = panel.hub.recordings._folder
+        folder = panel.hub.shared.recordings._folder
         for name in ("none", "..", "%2e%2e%2fsecret", "a%2fb"):
             assert panel.get(f"/report/{name}")[0] in (403, 404)
         assert folder.name == "recordings"
-        panel.hub.recordings.reports = ["mine"]
+        panel.hub.shared.recordings.reports = ["mine"]
         assert panel.get("/report/mine")[0] == 404  # its file is gone
 
 

@@ -30,8 +30,8 @@ from ...core.terms.measurement import (
     Simulation,
 )
 from .fair_lock import Exclusive, FairLock
-from .member import Member
 from .pacing import Divider, Pacer, Statistics, sharpen_timers
+from .snapshots import Snapshots
 from .stepping import Stepping
 from .time_base import NANOSECONDS, TimeBase
 
@@ -52,11 +52,11 @@ class ControlLoop:
         simulated_stamps: stamp with simulated time also at real time (``publish_clock``).
         on_end: called when the thread ends, by :meth:`stop` or by a failure.
 
-    Attributes: board, whole (it as a member), snapshots (its), parts (members, too),
-    hooks (called in every cycle before the tick), exclusive_hooks (called at the end of each use
-    of ``exclusive``, of any member); both are called with the lock held. after_lock (called by the
-    control thread whenever it has given the lock back), when_shown (calls what it is given
-    when all states that are noted by now are published).
+    Attributes: board, snapshots (its), hooks (called in every cycle before the tick),
+    exclusive_hooks (called at the end of each use of ``exclusive``, of any member); both are
+    called with the lock held. after_lock (called by the control thread whenever it has given the
+    lock back), when_shown (calls what it is given when all states that are noted by now are
+    published).
     """
 
     def __init__(
@@ -90,16 +90,27 @@ class ControlLoop:
         self._states = Divider(state_rate, board.config.control_rate)
         self._set_pace(real_time_factor)
         self.time_base.note(self._read().time, time.time_ns())
-        self.parts: list[Member] = []
         self._noted = -1, -1  # versions of modes and faults
-        self.whole = Member(self, board, self._lock)
-        self.snapshots = self.whole.snapshots
+        self.snapshots = self._first_snapshots(board)
+        self._shown = [self.snapshots]
+        self._exclusive = self.exclusive_of(board)
 
-    def add_part(self, group: JointGroup) -> Member:
-        """Show a part of the board that is run, too; before the start."""
-        part = Member(self, group, self._lock)
-        self.parts.append(part)
-        return part
+    def _first_snapshots(self, group: JointGroup) -> Snapshots:
+        snapshots = Snapshots(group, self.time_base)
+        snapshots.note_changes()
+        snapshots.note_state()
+        return snapshots
+
+    def snapshots_of(self, group: JointGroup) -> Snapshots:
+        """Those of the board, or of a part of it, from now on; before the start."""
+        if group is self.board:
+            return self.snapshots
+        self._shown.insert(-1, self._first_snapshots(group))
+        return self._shown[-2]
+
+    def exclusive_of(self, group: JointGroup) -> Exclusive:
+        """What holds the lock for users of a group."""
+        return Exclusive(self._lock, group, self.end_exclusive)
 
     # -- life ---------------------------------------------------------------------------------
 
@@ -135,7 +146,7 @@ class ControlLoop:
 
     def exclusive(self) -> Exclusive:
         """Hold the lock, between two cycles: ``with loop.exclusive() as board``."""
-        return self.whole.exclusive()
+        return self._exclusive
 
     def end_exclusive(self) -> None:
         """What is done before the lock is given back."""
@@ -150,14 +161,12 @@ class ControlLoop:
         if versions == self._noted:
             return
         self._noted = versions
-        for part in self.parts:
-            part.snapshots.note_changes()
-        self.snapshots.note_changes()
+        for snapshots in self._shown:
+            snapshots.note_changes()
 
     def _note_state(self) -> None:
-        for part in self.parts:
-            part.snapshots.note_state()
-        self.snapshots.note_state()
+        for snapshots in self._shown:
+            snapshots.note_state()
 
     def statistics(self) -> Statistics:
         """How the loop fared since the last call, and in all."""

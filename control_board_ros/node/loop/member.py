@@ -3,14 +3,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from ...core.group import JointGroup
-from .fair_lock import Exclusive, FairLock
-from .snapshots import Snapshots
-
-if TYPE_CHECKING:
-    from .loop import ControlLoop
+from .fair_lock import Exclusive
+from .loop import ControlLoop
 
 
 class Member:
@@ -19,12 +14,10 @@ class Member:
     Attributes: loop, board (the group; to be touched within :meth:`exclusive` only), snapshots.
     """
 
-    def __init__(self, loop: ControlLoop, group: JointGroup, lock: FairLock) -> None:
+    def __init__(self, loop: ControlLoop, group: JointGroup) -> None:
         self.loop, self.board = loop, group
-        self.snapshots = Snapshots(group, loop.time_base)
-        self.snapshots.note_changes()
-        self.snapshots.note_state()
-        self._exclusive = Exclusive(lock, group, loop.end_exclusive)
+        self.snapshots = loop.snapshots_of(group)
+        self._exclusive = loop.exclusive_of(group)
 
     def exclusive(self) -> Exclusive:
         """Hold the loop's lock, between two cycles: ``with member.exclusive() as board``."""

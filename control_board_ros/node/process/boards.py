@@ -20,6 +20,7 @@ from ...interface import DIAGNOSTICS
 from ...simulation import made_board
 from ...startup import resume_collection
 from ..loop.loop import ControlLoop
+from ..loop.member import Member
 from ..loop.scheduling import take_priority
 from ..loop.state_thread import StateThread
 from ..wiring.diagnostics import Diagnostics
@@ -78,7 +79,7 @@ class Boards:
         self._boards = [*self.parts.values(), self.main]
         self.nodes = [node, *(part.node for part in self.parts.values())]
         self.on_error = self.main.reporter.on_error
-        manage(node, self.loop.whole, values, self.on_error)
+        manage(node, self.main.member, values, self.on_error)
         self._states = StateThread(
             self.loop, [(board.publish, board.reporter.on_error) for board in self._boards]
         )
@@ -96,13 +97,15 @@ class Boards:
         for name, group in loop.board.parts.items():
             node = Node(name, **self._arguments(start.namespace))
             self.parts[name] = BoardNode(
-                node, loop.add_part(group), settings.part(name), self._changed, follower, PART
+                node, Member(loop, group), settings.part(name), self._changed, follower, PART
             )
         if not self.parts:
             node = self._main_node("control_board", None)
-            return BoardNode(node, loop.whole, settings, self._changed, follower, ALONE)
+            return BoardNode(
+                node, Member(loop, loop.board), settings, self._changed, follower, ALONE
+            )
         node = self._main_node(start.name, start.namespace)
-        robot = BoardNode(node, loop.whole, settings, self._changed, follower, ROBOT)
+        robot = BoardNode(node, Member(loop, loop.board), settings, self._changed, follower, ROBOT)
         self._shared_parameters = SharedParameters(robot, self.parts.values())
         return robot
 

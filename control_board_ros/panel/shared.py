@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What all browsers share: boards, recordings, and the log of what was done."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from .boards import Board
+from .browser import Browser
+from .recordings import Recordings
+
+#: Log entries sent to a new browser.
+HISTORY = 500
+
+
+class Shared:
+    """Boards and browsers, and what every browser is sent.
+
+    Args:
+        read_only: operation disabled.
+        recordings: folder of recordings.
+
+    Attributes: read_only, boards (by name), browsers (by number), recordings, history (the log).
+    """
+
+    def __init__(self, *, read_only: bool, recordings: Path) -> None:
+        self.read_only = read_only
+        self.boards: dict[str, Board] = {}
+        self.browsers: dict[int, Browser] = {}
+        self.recordings = Recordings(recordings, self.tell_recordings)
+        self.history = deque[dict[str, Any]](maxlen=HISTORY)
+
+    def tell_all(self, what: str, /, **fields: Any) -> None:
+        """Send a message to every browser."""
+        text = json.dumps({"is": what, **fields}, ensure_ascii=False, allow_nan=False)
+        for browser in self.browsers.values():
+            browser.tell_text(text)
+
+    def tell_boards(self) -> None:
+        """Send the list of boards."""
+        shown = [{"name": b.name, "number": b.number} for b in self.boards.values()]
+        self.tell_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
+
+    def tell_recordings(self) -> None:
+        """Send the state of the recordings."""
+        self.tell_all("recordings", **self.recordings.shown())
+
+    def tell_targets(self, board: Board) -> None:
+        """Send the targets of a board's joints."""
+        self.tell_all("targets", board=board.name, targets=board.targets)
+
+    def log(self, who: str, what: str, **more: Any) -> None:
+        """Log an action for all browsers, also later ones; at is in s since 1970."""
+        entry = {"at": time.time(), "who": who, "what": what} | more
+        self.history.append(entry)
+        self.tell_all("log", **entry)
