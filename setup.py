@@ -367,10 +367,11 @@ TUNE_GRPC = [*TUNE, "grpcio>=1.68", "protobuf>=5.28"]
 MOTEUS = ["moteus>=1.1", "python-can>=4.3"]
 DYNAMIXEL = ["dynamixel-sdk>=4.0"]
 MIT_CAN = ["python-can>=4.3"]
-DRIVES = [*MOTEUS, *DYNAMIXEL, *MIT_CAN]
+CIA402 = ["canopen>=2.3", "python-can>=4.3"]
+ODRIVE_CAN = ["python-can>=4.3"]
+DRIVES = [*MOTEUS, *DYNAMIXEL, *MIT_CAN, *CIA402, *ODRIVE_CAN]
 TEST = [
     "axe-playwright-python>=0.1.8",
-    "canopen>=2.3",
     "control>=0.10",
     "hypothesis>=6.100",
     "matplotlib>=3.8",
@@ -460,6 +461,8 @@ setup(
         "moteus": MOTEUS,
         "dynamixel": DYNAMIXEL,
         "mit_can": MIT_CAN,
+        "cia402": CIA402,
+        "odrive_can": ODRIVE_CAN,
         "bench": BENCH,
         "site": SITE,
         "dev": DEV,

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,15 +13,20 @@ from drive_bench import TIMEOUT, Bench
 
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Readings
+from control_board_ros.plants.virtual.can_bus import VirtualCanBus
 from control_board_ros.testing.plants import board_for, plant_contract
 
+ROOT = Path(__file__).parents[2]
 #: By driver: its library, and options that make it take all that it can.
 DRIVERS: dict[str, tuple[str, dict[str, str]]] = {
     "moteus": ("moteus", {"unwatched": "1"}),
     "dynamixel": ("dynamixel_sdk", {}),
     "mit_can": ("can", {}),
+    "cia402": ("canopen", {}),
+    "odrive_can": ("can", {}),
 }
 MOUNTED = {"left.direction": "-1", "left.ratio": "2", "left.offset": "0.3"}
 OFF, POSITION, VELOCITY = SetPoint.OFF, SetPoint.POSITION, SetPoint.VELOCITY
@@ -100,6 +106,21 @@ def contract(driver: str) -> Callable[..., None]:
 test_moteus_keeps_the_contract = contract("moteus")
 test_dynamixel_keeps_the_contract = pytest.mark.slow(contract("dynamixel"))
 test_mit_can_keeps_the_contract = pytest.mark.slow(contract("mit_can"))
+test_cia402_keeps_the_contract = pytest.mark.slow(contract("cia402"))
+test_odrive_can_keeps_the_contract = pytest.mark.slow(contract("odrive_can"))
+
+
+def test_every_driver_is_tested_documented_and_an_extra() -> None:
+    page, setup = (
+        (ROOT / name).read_text("utf-8") for name in ("docs/howto/drives.md", "setup.py")
+    )
+    install = (ROOT / "docs/install.md").read_text("utf-8")
+    assert set(DRIVERS) == set(IN_THE_BOX)
+    for name in IN_THE_BOX:
+        assert f"\n## {name}\n" in page
+        assert page.count(f"\n| `{name}` |") == 2, f"{name}: drives, and rows of S1"
+        assert f'"{name}": {name.upper()},' in setup
+        assert f"`{name}`" in install
 
 
 def test_connecting_gives_no_power_and_tells_type_and_firmware(bench: Bench) -> None:
@@ -298,6 +319,23 @@ def test_a_cable_that_is_out_is_a_fault_until_it_is_in_again(make: Make) -> None
     found = bench.until(lambda found: all(found.faults), kind, cycles=500)
     assert "no answer" in str(found.faults[0])
     bench.bus.to_drives.cut = False
+    recover(bench)
+
+
+def test_an_interface_that_leaves_the_bus_says_so_until_it_is_back(make: Make) -> None:
+    """B3: bus off; all joints of the bus are without power after it."""
+    bench = make(patience=0.02)
+    if not isinstance(bench.bus, VirtualCanBus):
+        pytest.skip("it is on no CAN bus")
+    bench.connect()
+    bench.follow(bench.takes[0], 20)
+    bench.bus.go_off()
+    with pytest.raises(OSError, match=r"bus virtual:.* is off: .* restart-ms"):
+        bench.until(lambda _: False, bench.takes[0], cycles=50)
+    bench.pass_time(2.0 * TIMEOUT)
+    assert all(abs(drive.torque) < 1e-6 for drive in bench.drives)
+    bench.bus.to_drives.cut = bench.bus.from_drives.cut = False
+    bench.connect()
     recover(bench)
 
 

@@ -14,10 +14,14 @@ from ..errors import PlantSettingsError
 FLOOD = 8
 #: s to wait for what a drive says at the beginning, and how often it is asked.
 PATIENCE, ATTEMPTS = 0.05, 5
+#: Flag of a frame's id, as socketcan has it: a remote frame, which asks for that of its id.
+REMOTE = 0x40000000
+#: Bit of an error frame, as socketcan numbers them: the interface left the bus.
+BUS_OFF = 0x40
 
 
 class CanLine:
-    """A bus of python-can.
+    """A bus of python-can; what it cannot do is an OSError with one line for people.
 
     Args:
         text: Interface and channel, as ``socketcan:can0``, ``virtual:bench``.
@@ -30,10 +34,10 @@ class CanLine:
             import can
         except ImportError:
             raise PlantSettingsError(
-                "python-can is not installed; pip install 'control_board_ros[moteus]', or the "
-                "extra of your drives' name"
+                "python-can is not installed; pip install the extra of your drives' "
+                "name, as 'control_board_ros[moteus]'"
             ) from None
-        self._message = can.Message
+        self._message, self._errors, self._text = can.Message, (can.CanError, OSError), text
         interface, _, channel = text.partition(":")
         more: dict[str, Any] = {"fd": True} if fd and interface != "virtual" else {}
         if interface == "virtual":
@@ -49,16 +53,37 @@ class CanLine:
             ) from None
 
     def send(self, frame_id: int, data: bytes, *, extended: bool = False) -> None:
-        """One frame."""
-        self.bus.send(
-            self._message(
-                arbitration_id=frame_id,
-                data=data,
-                is_extended_id=extended,
-                is_fd=self._fd,
-                bitrate_switch=self._fd,
-            )
+        """One frame; a remote one where its id has the flag REMOTE."""
+        message = self._message(
+            arbitration_id=frame_id & ~REMOTE,
+            is_remote_frame=bool(frame_id & REMOTE),
+            data=data,
+            is_extended_id=extended,
+            is_fd=self._fd,
+            bitrate_switch=self._fd,
         )
+        try:
+            self.bus.send(message)
+        except self._errors as error:
+            raise OSError(f"bus {self._text}: {error}; is the interface up?") from None
+
+    def _receive(self, seconds: float) -> Any:
+        """The next frame, or None; error frames, too.
+
+        Raises:
+            OSError: the interface is gone, or left the bus.
+        """
+        try:
+            message = self.bus.recv(seconds)
+        except self._errors as error:
+            raise OSError(f"bus {self._text}: {error}; is the interface up?") from None
+        if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:
+            raise OSError(
+                f"bus {self._text} is off: the interface left it after too many errors; look at "
+                "wiring, termination and bit rate, and let it come back by itself: "
+                "ip link set can0 type can restart-ms 100"
+            )
+        return message
 
     def gather(
         self, take: Callable[[Any], int | None], missing: Iterable[int], seconds: float
@@ -76,7 +101,7 @@ class CanLine:
         left = set(missing)
         end, frames = time.monotonic() + seconds, FLOOD * (len(left) + 1)
         while left and frames:
-            message = self.bus.recv(max(0.0, end - time.monotonic()))
+            message = self._receive(max(0.0, end - time.monotonic()))
             if message is None:
                 break
             frames -= 1
@@ -87,7 +112,7 @@ class CanLine:
     def drain(self, take: Callable[[Any], int | None]) -> None:
         """Read what came meanwhile: late answers."""
         for _ in range(64):
-            if (message := self.bus.recv(0.0)) is None:
+            if (message := self._receive(0.0)) is None:
                 return
             if not message.is_error_frame:
                 take(message)
@@ -97,12 +122,42 @@ class CanLine:
         found = []
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
-            if (message := self.bus.recv(left)) is not None and not message.is_error_frame:
+            message = self._receive(left)
+            if message is not None and not message.is_error_frame:
                 found.append(message)
         return found
 
-    def close(self) -> None:
-        """Leave the bus; safe to call twice."""
+    def answers(
+        self, frame_id: int, data: bytes, pick: Callable[[Any], bytes | None], attempts: int = 1
+    ) -> list[bytes]:
+        """What drives answer to a question: none, one, or several.
+
+        Args:
+            frame_id: Of the question.
+            data: Of the question.
+            pick: What a frame answers, or None where it is no answer to this.
+            attempts: How often it is asked until there is one, with more patience each time.
+        """
+        for attempt in range(attempts):
+            self.drain(lambda _: None)
+            self.send(frame_id, data)
+            frames = self.collect(PATIENCE / 5 * 2**attempt)
+            heard = [picked for m in frames if (picked := pick(m)) is not None]
+            if attempt:  # a late answer to the last attempt is no second drive
+                heard = list(dict.fromkeys(heard))
+            if heard:
+                return heard
+        return []
+
+    def close(self, last: Iterable[tuple[int, bytes]] = ()) -> None:
+        """Leave the bus; safe to call twice.
+
+        Args:
+            last: Frames to send before, as far as the bus takes them.
+        """
+        with contextlib.suppress(OSError):  # where none gets out the drives' watchdogs act
+            for frame_id, data in last:
+                self.send(frame_id, data)
         with contextlib.suppress(Exception):  # an interface that is gone cannot be left
             self.bus.shutdown()
 

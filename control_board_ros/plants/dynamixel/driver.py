@@ -17,7 +17,8 @@ from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, budget
-from ..drives.plant import RESTARTED, WATCHDOG, Answers, DrivesPlant, Found, Traits
+from ..drives.maker import maker, only
+from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits
 from ..drives.serial_line import open_port
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
@@ -40,6 +41,11 @@ class DynamixelDrives:
         self._options, self._axes = options, options.axes
         self._senses = bool(options.own["current"])
         self._position_mode = int(options.own["position_mode"])
+        if self._position_mode not in (3, 4, 5):
+            raise PlantSettingsError(
+                f"position_mode={self._position_mode}: 3 (one turn), 4 (several turns) "
+                "or 5 (several turns, bounded current) is wanted"
+            )
         takes = (SetPoint.POSITION, SetPoint.VELOCITY, SetPoint.CURRENT, SetPoint.PWM)
         self.traits = Traits(
             set_points=tuple(k for k in takes if self._senses or k is not SetPoint.CURRENT),
@@ -64,11 +70,7 @@ class DynamixelDrives:
         found = []
         for k, axis in enumerate(self._axes):
             told = identify(self._port, self._protocol, axis.id)
-            if len(told) != 1:
-                raise ConnectionError(
-                    f"{axis.name}: {'two drives answer' if told else 'no drive answers'} as id "
-                    f"{axis.id} on {self._options.bus}; look with: cbctl drives scan dynamixel"
-                )
+            only(told, axis, self._options.bus, "dynamixel")
             found.append(self._set_up(k))
         self._port.wait = budget(setup.period)
         return found
@@ -327,17 +329,9 @@ def scan(bus: str, baudrate: int = 1_000_000) -> list[Found]:
         port.closePort()
 
 
-def make(names: Sequence[str], arguments: Mapping[str, str]) -> DrivesPlant:
-    """The plant ``dynamixel``.
-
-    Raises:
-        PlantSettingsError: an argument is unknown or makes no sense.
-    """
-    whole = {"baudrate": 1e6, "current": 1.0, "position_mode": float(t.EXTENDED)}
-    options = Options.parse(names, arguments, bus="/dev/ttyUSB0", whole=whole)
-    if options.own["position_mode"] not in (3.0, 4.0, 5.0):
-        raise PlantSettingsError(
-            f"position_mode={options.own['position_mode']:g}: 3 (one turn), 4 (several turns) "
-            "or 5 (several turns, bounded current) is wanted"
-        )
-    return DrivesPlant(options.axes, DynamixelDrives(options))
+make = maker(
+    DynamixelDrives,
+    bus="/dev/ttyUSB0",
+    ids=range(253),
+    whole={"baudrate": 1e6, "current": 1.0, "position_mode": float(t.EXTENDED)},
+)

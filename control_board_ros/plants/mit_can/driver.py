@@ -7,7 +7,7 @@ They take ``impedance`` as it is, and ``torque`` as an impedance with k = d = 0.
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from ...core.config.config import JointConfig
@@ -16,11 +16,13 @@ from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
-from ..drives.plant import RESTARTED, Answers, DrivesPlant, Found, Traits
+from ..drives.maker import maker, only
+from ..drives.plant import RESTARTED, Answers, Found, Traits
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
 
+#: Answers tell four bits of an id.
 IDS = range(1, 16)
 
 
@@ -52,15 +54,10 @@ class MitDrives:
 
     def _set_up(self, k: int) -> Found:
         """No power, MIT mode, watchdog; returns what it is."""
-        line, drive, name = self._opened, self._axes[k].id, self._axes[k].name
+        line, drive = self._opened, self._axes[k].id
         self._check_gains(k)
         told = registers(line, drive, f.MASTER_ID, first=True)
-        if len(told) != 1:
-            raise ConnectionError(
-                f"{name}: {'two drives answer' if told else 'no drive answers'} as id {drive} "
-                f"on {self._options.bus}; look with: cbctl drives scan mit_can"
-            )
-        self._masters[k] = told[0]
+        self._masters[k] = only(told, self._axes[k], self._options.bus, "mit_can")
         line.send(drive, f.DISABLE)
         put(line, drive, f.CONTROL_MODE, f.MIT_MODE)
         put(line, drive, f.TIMEOUT, int(self._setup.timeout / f.TIMEOUT_STEP))
@@ -124,9 +121,7 @@ class MitDrives:
         """Power off, and leave the bus."""
         line, self._line = self._line, None
         if line is not None:
-            for axis in self._axes:
-                line.send(axis.id, f.DISABLE)
-            line.close()
+            line.close((axis.id, f.DISABLE) for axis in self._axes)
 
     @property
     def _opened(self) -> CanLine:
@@ -175,13 +170,10 @@ class MitDrives:
 
 def registers(line: CanLine, drive: int, number: int, *, first: bool = False) -> list[int]:
     """What drives of that id have in a register of whole numbers; of several, if ``first``."""
-    for _ in range(ATTEMPTS if first else 1):
-        line.drain(lambda _: None)
-        line.send(f.REGISTERS, bytes([drive, 0, f.GET, number, 0, 0, 0, 0]))
-        heard = [_register(m, drive, number) for m in line.collect(PATIENCE / 5)]
-        if found := [int.from_bytes(data, "little") for data in heard if data is not None]:
-            return found
-    return []
+    question = bytes([drive, 0, f.GET, number, 0, 0, 0, 0])
+    attempts = ATTEMPTS if first else 1
+    told = line.answers(f.REGISTERS, question, lambda m: _register(m, drive, number), attempts)
+    return [int.from_bytes(data, "little") for data in told]
 
 
 def get(line: CanLine, drive: int, number: int) -> float:
@@ -247,16 +239,4 @@ def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
         line.close()
 
 
-def make(names: Sequence[str], arguments: Mapping[str, str]) -> DrivesPlant:
-    """The plant ``mit_can``.
-
-    Raises:
-        PlantSettingsError: an argument is unknown or makes no sense.
-    """
-    options = Options.parse(names, arguments, bus="socketcan:can0", whole={"bitrate": 0.0})
-    for axis in options.axes:
-        if axis.id not in IDS:
-            raise PlantSettingsError(
-                f"{axis.name}.id={axis.id}: 1 to 15 is wanted, for answers tell four bits of it"
-            )
-    return DrivesPlant(options.axes, MitDrives(options))
+make = maker(MitDrives, bus="socketcan:can0", ids=IDS, whole={"bitrate": 0.0})

@@ -14,19 +14,19 @@ guards: with the scales a of its gains, and the gains kp, kd that are configured
 
 from __future__ import annotations
 
-import contextlib
 import math
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
-from ..drives.axes import Axis, Options
+from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
-from ..drives.plant import RESTARTED, Answers, DrivesPlant, Found, Traits
+from ..drives.maker import maker, only
+from ..drives.plant import RESTARTED, Answers, Found, Traits
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 
@@ -113,13 +113,8 @@ class MoteusDrives:
         self._templates = [template(drive) for drive in self._drives]
         found = []
         for k, axis in enumerate(self._axes):
-            told = identify(line, axis.id)
-            if len(told) != 1:
-                raise ConnectionError(
-                    f"{axis.name}: {'two drives answer' if told else 'no drive answers'} as id "
-                    f"{axis.id} on {self._options.bus}; look with: cbctl drives scan moteus"
-                )
-            found.append(self._set_up(k, told[0]))
+            told = only(identify(line, axis.id), axis, self._options.bus, "moteus")
+            found.append(self._set_up(k, told))
         return found
 
     def _set_up(self, k: int, found: Found) -> Found:
@@ -180,10 +175,7 @@ class MoteusDrives:
         """Stop all drives, and leave the bus."""
         line, self._line = self._line, None
         if line is not None:
-            with contextlib.suppress(Exception):  # python-can's own; their watchdogs stop them
-                for axis in self._axes:
-                    line.send(axis.id, bytes([0x01, 0x00, STOPPED]))
-            line.close()
+            line.close((axis.id, bytes([0x01, 0x00, STOPPED])) for axis in self._axes)
 
     @property
     def _opened(self) -> CanLine:
@@ -311,21 +303,19 @@ def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]
     registers |= {Register.REGISTER_MAP_VERSION: moteus.INT32}
     who = moteus.Controller(id=drive)
     query = who.make_custom_query(registers).data + who.make_query().data
-    for _ in range(attempts):
-        line.drain(lambda _: None)
-        line.send(0x8000 | drive, padded(query))
-        told = [m for m in line.collect(PATIENCE / 5) if m.arbitration_id == drive << 8]
-        different = list({bytes(m.data): m for m in told}.values())
-        if told:
-            return list(_found(drive, different))
-    return []
+
+    def pick(message: Any) -> bytes | None:
+        return bytes(message.data) if message.arbitration_id == drive << 8 else None
+
+    told = line.answers(0x8000 | drive, padded(query), pick, attempts)
+    return list(_found(drive, list(dict.fromkeys(told))))
 
 
-def _found(drive: int, messages: list[Any]) -> Iterator[Found]:
+def _found(drive: int, answers: list[bytes]) -> Iterator[Found]:
     from moteus.protocol import Register, parse_reply
 
-    for message in messages:
-        told = parse_reply(message.data)
+    for data in answers:
+        told = parse_reply(data)
         version = int(told.get(Register.FIRMWARE_VERSION, 0))
         registers = int(told.get(Register.REGISTER_MAP_VERSION, 0))
         if registers != REGISTER_MAP:
@@ -394,18 +384,4 @@ def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
         line.close()
 
 
-def make(names: Sequence[str], arguments: Mapping[str, str]) -> DrivesPlant:
-    """The plant ``moteus``.
-
-    Raises:
-        PlantSettingsError: an argument is unknown or makes no sense.
-    """
-    options = Options.parse(names, arguments, bus="socketcan:can0", whole={"unwatched": 0.0})
-    for axis in options.axes:
-        _check(axis)
-    return DrivesPlant(options.axes, MoteusDrives(options))
-
-
-def _check(axis: Axis) -> None:
-    if not 1 <= axis.id <= 127:
-        raise PlantSettingsError(f"{axis.name}.id={axis.id}: moteus has ids from 1 to 127")
+make = maker(MoteusDrives, bus="socketcan:can0", ids=range(1, 128), whole={"unwatched": 0.0})

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
+from ..drives.can_line import BUS_OFF, REMOTE
 from .wire import Wire
 from .world import World
 
@@ -21,7 +22,7 @@ class CanDrive(Protocol):
     """A virtual drive as its bus sees it."""
 
     def on_frame(self, frame_id: int, data: bytes) -> Iterator[tuple[int, bytes]]:
-        """The frames, id and data, that it answers with."""
+        """The frames, id and data, that it answers with; remote ones have the flag REMOTE."""
         ...
 
 
@@ -73,6 +74,11 @@ class VirtualCanBus:
         with contextlib.suppress(Exception):
             self.bus.shutdown()
 
+    def go_off(self) -> None:
+        """The driver's interface leaves the bus after errors, and says so as socketcan does."""
+        self.to_drives.cut = self.from_drives.cut = True
+        self.bus.send(self._message(arbitration_id=BUS_OFF, is_error_frame=True))
+
     def _run(self) -> None:
         while not self._ending.is_set():
             try:
@@ -97,7 +103,8 @@ class VirtualCanBus:
                     )
 
     def _answers(self, message: Any) -> Iterator[tuple[int, bytes]]:
-        frame = message.arbitration_id, bytes(message.data)
+        remote = REMOTE if message.is_remote_frame else 0
+        frame = message.arbitration_id | remote, bytes(message.data)
         for frame_id, data in self.to_drives.carry(iter([frame])):
             for drive in self.drives:
                 yield from drive.on_frame(frame_id, data)

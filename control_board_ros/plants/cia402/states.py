@@ -72,20 +72,10 @@ TOWARDS_POWER = {
     S.SWITCHED_ON: 0x0F,
     S.OPERATION_ENABLED: 0x0F,
 }
-#: Names of error codes (0x603F); others are told by their number.
-ERRORS = {
-    0x2310: "continuous over-current",
-    0x3210: "DC link over-voltage",
-    0x3220: "DC link under-voltage",
-    0x4310: "drive over-temperature",
-    0x7305: "incremental sensor",
-    0x8130: "heartbeat",
-    0x8611: "following error",
-}
 
 
 def state_of(status: int) -> State:
-    """The state that a status word tells."""
+    """The state that a status word reports."""
     for state in State:
         mask, value = state.value
         if status & mask == value:

@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: Apache-2.0
+"""ODrive controllers by CAN Simple, firmware 0.6: one set-point down, remote frames for answers.
+
+An exchange asks each drive for its position and velocity, and in turn for its state with errors,
+and for its torque. A kind of set-point is a control mode; with it come its first values.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ...core.config.config import JointConfig
+from ...core.terms.drives import OnSilence, SetPoint
+from ...core.terms.measurement import Array
+from ...core.terms.set_points import Value
+from ..drives.axes import Options
+from ..drives.can_line import ATTEMPTS, PATIENCE, REMOTE, CanLine, budget
+from ..drives.maker import maker, only
+from ..drives.plant import RESTARTED, Answers, Found, Traits
+from ..errors import PlantSettingsError
+from ..interface import DriveFault, DriveLimits, Setup
+from . import frames as f
+
+REV = 2.0 * math.pi
+IDS = range(63)
+MODES = {
+    SetPoint.POSITION: f.POSITION_CONTROL,
+    SetPoint.VELOCITY: f.VELOCITY_CONTROL,
+    SetPoint.TORQUE: f.TORQUE_CONTROL,
+}
+#: What is asked beside the position, exchange after exchange, and its format.
+IN_TURN = (f.BEAT, f.TORQUES)
+FORMATS = {f.BEAT: "<IBBBB", f.TORQUES: "<ff", f.ESTIMATES: "<ff"}
+
+
+class OdriveDrives:
+    """The controllers of one bus; see ``drives.plant.Driver``."""
+
+    def __init__(self, options: Options) -> None:
+        self._options, self._axes = options, options.axes
+        self.traits = Traits(
+            set_points=tuple(MODES),
+            on_silence=(OnSilence.FREE,),
+            rate=8e3,
+            torque=True,
+        )
+        self._line: CanLine | None = None
+        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
+        n = len(self._axes)
+        self._parameters: list[Mapping[str, f.Endpoint]] = [{}] * n
+        self._kinds, self._turn = [SetPoint.OFF] * n, 0
+        self._closed, self._restarted = [False] * n, [False] * n
+        self._awaited: list[set[int]] = [set() for _ in self._axes]
+
+    def open(self, setup: Setup, _joints: Sequence[JointConfig | None]) -> list[Found]:
+        """Open the bus; see ``drives.plant.Driver``."""
+        self._line = CanLine(self._options.bus, bitrate=int(self._options.own["bitrate"]))
+        self._setup, self._wait = setup, budget(setup.period)
+        found = []
+        for k, axis in enumerate(self._axes):
+            told = ask(self._line, axis.id, f.VERSION, ATTEMPTS)
+            data = only(told, axis, self._options.bus, "odrive_can")
+            found.append(self._set_up(k, f.Version.parse(data)))
+        return found
+
+    def _set_up(self, k: int, version: f.Version) -> Found:
+        """No power, and the watchdog; returns what it is."""
+        line, axis = self._opened, self._axes[k]
+        firmware = ".".join(map(str, f.FIRMWARE))
+        if version.protocol != f.PROTOCOL or not version.firmware.startswith(f"{firmware}."):
+            raise PlantSettingsError(
+                f"{axis.name}: id {axis.id} has firmware {version.firmware}, CAN Simple "
+                f"{version.protocol}; firmware {firmware}, CAN Simple {f.PROTOCOL} is supported"
+            )
+        line.send(frame(axis.id, f.STATE), struct.pack("<I", f.IDLE))
+        if not self._options.own["unwatched"]:
+            file = str(self._options.own["endpoints"])
+            self._parameters[k] = f.endpoints(version, file)
+            self._put(k, f.WATCHDOG_TIMEOUT, self._setup.timeout)
+            self._put(k, f.WATCHDOG_ENABLED, True)
+        self._kinds[k], self._closed[k], self._restarted[k] = SetPoint.OFF, False, False
+        found = found_of(line, axis.id, version)
+        if not self._parameters[k]:
+            return found
+        speed, current = self._get(k, f.SPEED_LIMIT), self._get(k, f.CURRENT_LIMIT)
+        return Found(
+            id=axis.id,
+            type=found.type,
+            firmware=found.firmware,
+            voltage=found.voltage,
+            fault=found.fault,
+            limits=DriveLimits(
+                velocity=speed * REV if math.isfinite(speed) else None,
+                torque=current * self._get(k, f.TORQUE_CONSTANT),
+                current=current,
+            ),
+        )
+
+    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+        """Set-points and answers; see ``drives.plant.Driver``."""
+        line, self._answers = self._opened, answers
+        line.drain(self._take)
+        columns = values.T.tolist()
+        self._turn = (self._turn + 1) % len(IN_TURN)
+        asked = []
+        for k, kind in enumerate(kinds):
+            if kind is None:
+                continue
+            drive = self._axes[k].id
+            self._command(k, SetPoint.OFF if self._restarted[k] else SetPoint(kind), columns[k])
+            questions = f.ESTIMATES, IN_TURN[self._turn]
+            self._awaited[k] = set(questions)
+            for command in questions:
+                line.send(frame(drive, command) | REMOTE, b"")
+            asked.append(drive)
+        line.gather(self._take, asked, self._wait)
+
+    def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
+        """The set-point of a drive; power, mode and watchdog where its kind is a new one."""
+        line, drive, before = self._opened, self._axes[k].id, self._kinds[k]
+        if kind is SetPoint.OFF:
+            self._kinds[k], self._closed[k] = kind, False
+            line.send(frame(drive, f.STATE), struct.pack("<I", f.IDLE))
+            return
+        if kind is SetPoint.POSITION:
+            command, data = f.INPUT_POSITION, f.position(
+                value[Value.POSITION] / REV, value[Value.VELOCITY] / REV, value[Value.TORQUE]
+            )  # fmt: skip
+        elif kind is SetPoint.VELOCITY:
+            command = f.INPUT_VELOCITY
+            data = struct.pack("<ff", value[Value.VELOCITY] / REV, value[Value.TORQUE])
+        else:
+            command, data = f.INPUT_TORQUE, struct.pack("<f", value[Value.TORQUE])
+        line.send(frame(drive, command), data)
+        if kind is not before:
+            line.send(frame(drive, f.MODE), f.mode(MODES[kind]))
+            self._kinds[k] = kind
+        if not self._closed[k]:  # until it reports its closed loop
+            for name, number in (
+                (f.WATCHDOG_TIMEOUT, self._setup.timeout),
+                (f.WATCHDOG_ENABLED, 1),
+            ):
+                if name in self._parameters[k]:
+                    line.send(frame(drive, f.RX_SDO), written(self._parameters[k][name], number))
+            line.send(frame(drive, f.STATE), struct.pack("<I", f.CLOSED_LOOP))
+
+    def clear_fault(self, drive: int) -> None:
+        """Errors are cleared by a command; a drive that started anew is set up again."""
+        axis = self._axes[drive]
+        if self._restarted[drive]:
+            for data in ask(self._opened, axis.id, f.VERSION, 1)[:1]:
+                self._set_up(drive, f.Version.parse(data))
+        self._opened.send(frame(axis.id, f.CLEAR), b"\0")
+
+    def close(self) -> None:
+        """Power off, and leave the bus."""
+        line, self._line = self._line, None
+        if line is not None:
+            off = struct.pack("<I", f.IDLE)
+            line.close((frame(axis.id, f.STATE), off) for axis in self._axes)
+
+    @property
+    def _opened(self) -> CanLine:
+        if self._line is None:
+            raise ConnectionError("the bus is not open")
+        return self._line
+
+    def _take(self, message: Any) -> int | None:
+        answers, data = self._answers, bytes(message.data)
+        drive, command = message.arbitration_id >> 5, message.arbitration_id & 0x1F
+        form = FORMATS.get(command)
+        if message.is_remote_frame or form is None:
+            return None
+        if (k := self._places.get(drive)) is None:
+            answers.foreign += 1
+            return None
+        found = struct.unpack(form, data) if len(data) == 8 else (math.nan,)
+        if not all(map(math.isfinite, found)):
+            answers.malformed += 1
+            return None
+        if command == f.ESTIMATES:
+            answers.position[k], answers.velocity[k] = found[0] * REV, found[1] * REV
+            answers.came(k, data)
+        elif command == f.TORQUES:
+            answers.torque[k] = found[1]
+        else:
+            answers.faults[k] = self._judge(k, *found[:2])
+        self._awaited[k].discard(command)
+        return None if self._awaited[k] else drive
+
+    def _judge(self, k: int, errors: int, state: int) -> DriveFault | None:
+        if state == f.CLOSED_LOOP:
+            self._closed[k] = self._kinds[k] is not SetPoint.OFF
+        elif self._closed[k] and not errors & ~1:  # as after its start, and it was on
+            self._restarted[k] = True
+        if self._restarted[k]:
+            return RESTARTED
+        return DriveFault(errors, f.error_name(errors)) if errors else None
+
+    def _get(self, k: int, name: str) -> float:
+        """A parameter."""
+        line, drive, endpoint = self._opened, self._axes[k].id, self._parameters[k][name]
+        question = struct.pack("<BHB", f.READ, endpoint.id, 0)
+        for _ in range(ATTEMPTS):
+            line.drain(lambda _: None)
+            line.send(frame(drive, f.RX_SDO), question)
+            told: list[bytes] = []
+
+            def take(message: Any, told: list[bytes] = told) -> int | None:
+                data = bytes(message.data)
+                if message.arbitration_id != frame(drive, f.TX_SDO) or len(data) < 5:
+                    return None
+                if data[1] | data[2] << 8 != endpoint.id:
+                    return None
+                told.append(data[4:].ljust(4, b"\0"))
+                return drive
+
+            line.gather(take, [drive], PATIENCE)
+            if told:
+                return float(struct.unpack_from(endpoint.form, told[0])[0])
+        raise ConnectionError(f"id {drive} does not answer for {name}")
+
+    def _put(self, k: int, name: str, value: float) -> None:
+        """Write a parameter, and see that it is so: a write has no answer."""
+        line, drive = self._opened, self._axes[k].id
+        for _ in range(ATTEMPTS):
+            line.send(frame(drive, f.RX_SDO), written(self._parameters[k][name], value))
+            if abs(self._get(k, name) - value) <= 1e-6:
+                return
+        raise PlantSettingsError(f"id {drive} does not accept {value:g} for {name}")
+
+
+def frame(drive: int, command: int) -> int:
+    """The id of a frame."""
+    return drive << 5 | command
+
+
+def written(endpoint: f.Endpoint, value: float) -> bytes:
+    """Data of a frame that writes a parameter."""
+    number = value if endpoint.form == "<f" else int(value)
+    return struct.pack("<BHB", f.WRITE, endpoint.id, 0) + struct.pack(endpoint.form, number)
+
+
+def ask(line: CanLine, drive: int, command: int, attempts: int) -> list[bytes]:
+    """What drives of that id answer to a remote frame: none, one, or several."""
+
+    def pick(message: Any) -> bytes | None:
+        other = message.arbitration_id != frame(drive, command) or message.is_remote_frame
+        return None if other or len(message.data) != 8 else bytes(message.data)
+
+    return line.answers(frame(drive, command) | REMOTE, b"", pick, attempts)
+
+
+def found_of(line: CanLine, drive: int, version: f.Version) -> Found:
+    """What a drive is."""
+    supply, beat = (ask(line, drive, command, ATTEMPTS) for command in (f.SUPPLY, f.BEAT))
+    errors = struct.unpack("<IBBBB", beat[0])[0] if beat else 0
+    return Found(
+        id=drive,
+        type=f"ODrive {version.hardware}",
+        firmware=version.firmware,
+        voltage=struct.unpack("<ff", supply[0])[0] if supply else math.nan,
+        fault=DriveFault(errors, f.error_name(errors)) if errors else None,
+    )
+
+
+def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
+    """What answers on a bus."""
+    line = CanLine(bus)
+    try:
+        for drive in ids:
+            line.send(frame(drive, f.VERSION) | REMOTE, b"")
+        heard = {m.arbitration_id >> 5: f.Version.parse(bytes(m.data))
+                 for m in line.collect(2.0 * PATIENCE)
+                 if m.arbitration_id & 0x1F == f.VERSION and len(m.data) == 8}  # fmt: skip
+        return [found_of(line, drive, version) for drive, version in sorted(heard.items())]
+    finally:
+        line.close()
+
+
+make = maker(
+    OdriveDrives,
+    bus="socketcan:can0",
+    ids=IDS,
+    whole={"bitrate": 0.0, "endpoints": "", "unwatched": 0.0},
+)
