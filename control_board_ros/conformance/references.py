@@ -43,7 +43,7 @@ def reference_speeds(bench: Bench) -> str:
 
 @rule("P3", "motion done, and stop")
 def motion_done_and_stop(bench: Bench) -> str:
-    expect(bench.is_done(bench.state()), "motion done is false at rest")
+    expect(bench.until(bench.is_done, 1.0), "motion done is false at rest")
     begin, start, step = bench.state().stamp, bench.range.start, bench.range.step
     bench.take(K.POSITION, start + step)
     arrived = bench.until(bench.reached(start + step), 4.0)

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The conformance suite on each row of S1: the simulated arm on drives of each kind (S7)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from conformance_sessions import ARM, RATE, not_held, tried
+
+from control_board_ros.conformance import Outcome
+from control_board_ros.conformance.bench import Allowed
+from control_board_ros.core.terms.drives import KINDS, SetPoint
+from control_board_ros.testing import BoardProcess, board_process
+
+pytestmark = pytest.mark.ros
+
+#: One of each kind of rule, on every row all day; the others are in the soak.
+SOME = ("M4", "M9", "I4")
+#: Held on every row, and on those whose drives reach the laws of torque (S1).
+HELD_BY_ALL, HELD_WITH_TORQUE = 29, 35
+OWN = tuple(kind for kind in KINDS if kind is not SetPoint.PWM)
+WITHOUT_TORQUE = (SetPoint.POSITION, SetPoint.VELOCITY)
+JOINTS = {kind: f"lbr_iiwa_joint_{number}" for number, kind in enumerate(OWN, 2)}
+
+
+@pytest.fixture(scope="module")
+def mixed() -> Iterator[BoardProcess]:
+    """An arm with a drive of another kind at each joint, three times as fast as real time."""
+    drives = {f"{joint}.drive": [kind.code] for kind, joint in JOINTS.items()}
+    rest = {"physics": "ideal", "real_time_factor": 3.0}
+    with board_process(RATE | drives | rest) as board:
+        yield board
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", OWN, ids=[kind.code for kind in OWN])
+def test_rules_are_held_on_each_row(mixed: BoardProcess, kind: SetPoint) -> None:
+    """S7: by one arm whose joints differ."""
+    results = tried(mixed, SOME, joint=JOINTS[kind])
+    assert not not_held(results)
+    untried = {name for name, one in results.items() if one.outcome is not Outcome.HELD}
+    assert untried == ({"I4"} if kind in WITHOUT_TORQUE else set())
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("kind", KINDS, ids=[kind.code for kind in KINDS])
+def test_all_rules_are_held_on_each_row(kind: SetPoint) -> None:
+    """S7: no rule fails; what is not testable is for want of a mode, or of a permission."""
+    params = RATE | {"physics": "mujoco", "joint_defaults.drive": [kind.code]}
+    with board_process(params, config=ARM) as board:
+        results = tried(board, joint="left", allowed=Allowed(calibrate=True, power_cycle=True))
+    assert not not_held(results)
+    held = [name for name, one in results.items() if one.outcome is Outcome.HELD]
+    assert len(held) >= (HELD_BY_ALL if kind in WITHOUT_TORQUE else HELD_WITH_TORQUE), results
