@@ -106,6 +106,13 @@ class DriveModel:
         default=0.0,
         low=0.0,
     )
+    watchdog: float = parameter(
+        "Silence after which it does what on_silence says; 0: it has none",
+        "s",
+        default=0.1,
+        low=0.0,
+        high=10.0,
+    )
 
 
 @configuration

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.config.config import JointConfig, Limits
+from ..core.terms.drives import SetPoint
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import Array, Row
 
@@ -121,6 +122,9 @@ KINDS: dict[str, Corruption] = {
 #: Faults of joints that have a brake: it does not open, or holds a fiftieth of its torque. They
 #: last until they are cleared.
 BRAKES = ("brake_stuck", "brake_worn")
+#: Of joints whose drive closes loops of its own: it hears nothing until this is cleared.
+DEAF = "drive_deaf"
+LASTING = (*BRAKES, DEAF)
 
 
 class Injector:
@@ -137,13 +141,18 @@ class Injector:
         sensor.
         """
         config = self._joints[joint]
-        if kind not in KINDS and kind not in BRAKES:
-            known = ", ".join((*KINDS, *BRAKES))
+        if kind not in KINDS and kind not in LASTING:
+            known = ", ".join((*KINDS, *LASTING))
             raise ValueError(f"fault {kind!r} unknown; faults: {known}")
         if kind == "torque_sensor" and not config.torque_sensor:
             raise ValueError(f"{config.name} has no torque sensor to break; choose another fault")
         if kind in BRAKES and not config.brake.present:
             raise ValueError(f"{config.name} has no brake to break; choose another fault")
+        if kind == DEAF and config.takes == (SetPoint.PWM,):
+            raise ValueError(
+                f"{config.name} has no drive that closes loops of its own; "
+                f"set {config.name}.drive, or choose another fault"
+            )
 
     def add(self, joint: int, kind: str, persistent: bool, cycle: int, truth: Array) -> None:
         """Start a fault with the reading of this cycle.
@@ -164,7 +173,7 @@ class Injector:
             joint,
             config.limits,
             cycle,
-            math.inf if persistent or kind in BRAKES else cycle + self._least(kind, config),
+            math.inf if persistent or kind in LASTING else cycle + self._least(kind, config),
             truth[:, joint].tolist(),
             driven=bool(self._powered[joint]),
         )

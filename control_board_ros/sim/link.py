@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
+
 import numpy as np
 
 from ..core.config.config import BoardConfig
@@ -10,6 +12,7 @@ from ..core.terms.measurement import Actuation, Array
 from ..core.terms.set_points import VALUES, SetPoints, Value
 from .config import SimulationConfig
 from .motor import Motors
+from .watchdogs import Watchdogs
 
 
 class DriveLink:
@@ -24,6 +27,7 @@ class DriveLink:
         models = [joint.drive_model for joint in simulation.joints]
         n = len(models)
         self._everybody = np.arange(n)
+        self._watchdogs = Watchdogs(board, simulation)
         delays = [round(joint.drive_delay * board.control_rate) for joint in board.joints]
         self._delays = np.array(delays)
         self._past = [SetPoints.off(n)] * (1 + int(self._delays.max()))
@@ -31,10 +35,21 @@ class DriveLink:
         self._steps[Value.POSITION] = [model.resolution for model in models]
         self._steps[Value.TORQUE] = [model.torque_resolution for model in models]
 
-    def pass_on(self, actuation: Actuation, motors: Motors) -> Actuation:
-        """Give the drives what reaches them in this cycle; PWM and power of it."""
+    @property
+    def reasons(self) -> Mapping[int, str]:
+        """What each drive whose watchdog struck reports, by joint."""
+        return self._watchdogs.reasons
+
+    def pass_on(self, actuation: Actuation, motors: Motors, deaf: Collection[int]) -> Actuation:
+        """Give the drives what reaches them in this cycle; PWM and power of it.
+
+        Args:
+            actuation: Of the board.
+            motors: That follow.
+            deaf: Joints whose drive hears nothing.
+        """
         self._past = [actuation.set_points(), *self._past[:-1]]
-        now = self._arriving()
+        now = self._watchdogs.pass_on(self._arriving(), deaf, motors.position)
         motors.follow(now.kinds.tolist(), self._in_steps(now.values).T.tolist())
         return Actuation(now.pwm, now.powered.astype(np.float64), brakes=actuation.brakes)
 

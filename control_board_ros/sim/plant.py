@@ -30,11 +30,11 @@ import numpy as np
 from ..core.config.config import BoardConfig
 from ..core.terms.drives import SetPoint
 from ..core.terms.faults import FaultCode
-from ..core.terms.measurement import Actuation, Array, Measurement
+from ..core.terms.measurement import Actuation, Array, Measurement, Row
 from .bodies.ideal import IdealBody
 from .config import IDEAL, MUJOCO, PYBULLET, SimulationConfig
 from .errors import PlantError, PlantGone
-from .injection import Injector
+from .injection import DEAF, Injector
 from .link import DriveLink
 from .motor import Motors
 from .sensors import Sensors, Shafts
@@ -136,10 +136,14 @@ class SimulatedPlant:
         if self._faults.active:
             values = values.copy()
             self._faults.corrupt(values, self._cycle)
+        reasons = None if self._link is None else self._link.reasons
+        if reasons:
+            values = values.copy()
+            values[Row.ALARM, list(reasons)] = 1.0 + FaultCode.DRIVE
         brakes = self._motors.brakes() if self._motors.has_brakes else None
         shafts, applied = self._shafts.values, self._applied
         return Measurement(
-            self._cycle / self._rate, values, brakes=brakes, applied=applied, motors=shafts
+            self._cycle / self._rate, values, reasons or None, brakes, applied, shafts
         )
 
     def write(self, actuation: Actuation) -> None:
@@ -151,7 +155,8 @@ class SimulatedPlant:
         motors = self._motors
         torque = motors.applied
         if self._link is not None:
-            actuation = self._link.pass_on(actuation, motors)
+            deaf = self._faults.having(DEAF) if self._faults.active else ()
+            actuation = self._link.pass_on(actuation, motors, deaf)
         if (powered := actuation.powered.tobytes()) != self._powered:
             motors.switch(actuation.powered)
             self._faults.switch(actuation.powered)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from control_board_ros.core.terms.drives import KINDS, SetPoint
+from control_board_ros.core.terms.drives import KINDS, OnSilence, SetPoint
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.core.terms.vocabs import InteractionMode as I
@@ -155,3 +155,41 @@ def test_a_delay_is_whole_cycles_between_set_point_and_motor() -> None:
         assert float(board.state.measured[Row.POSITION, 0]) == pytest.approx(before, abs=1e-9)
         simulation.step(30)
         assert float(board.state.measured[Row.POSITION, 0]) > before + 1e-5
+
+
+@pytest.mark.parametrize("silence", list(OnSilence))
+def test_a_drive_that_hears_nothing_does_what_it_is_set_to(silence: OnSilence) -> None:
+    """S5, S7: within its watchdog's time, and tells it as a fault until it hears again."""
+    rest = {
+        "joint_defaults__drive_model__watchdog": 0.05,
+        "joint_defaults__on_silence": str(silence),
+    }
+    with arm(S.VELOCITY, physics="ideal", **rest) as simulation:
+        board = simulation.board
+        assert board.set_control_mode(0, M.VELOCITY)
+        assert board.velocity_move(0, 0.5, 5.0)
+        simulation.run(0.15)
+        simulation.plant.inject(0, "drive_deaf")
+        simulation.run(0.04)
+        assert board.get_encoder_speed()[0] == pytest.approx(0.5, rel=0.05)
+        assert board.get_control_mode(0) == [M.VELOCITY]
+        simulation.run(0.02)
+        assert board.get_control_mode(0) == [M.HW_FAULT]
+        assert "drive, watchdog: nothing heard for 50 ms" in board.get_faults(0)[0].text
+        assert board.get_control_mode(1) != [M.HW_FAULT]
+        simulation.run(1.0)
+        speed = abs(float(board.get_encoder_speed()[0]))
+        assert speed < {"free": 0.5, "damped": 0.05, "braked": 1e-3}[silence]
+        assert not board.set_control_mode(0, M.FORCE_IDLE), "F3: it still hears nothing"
+        simulation.plant.clear_injected()
+        simulation.run(0.01)
+        assert board.set_control_mode(0, M.FORCE_IDLE)
+        assert board.set_control_mode(0, M.POSITION)
+        simulation.run(0.1)
+        healthy(simulation)
+
+
+def test_a_motor_of_pwm_has_no_drive_that_could_be_deaf() -> None:
+    told = pytest.raises(ValueError, match="no drive that closes loops of its own")
+    with arm(S.PWM, physics="ideal") as simulation, told:
+        simulation.plant.inject(0, "drive_deaf")
