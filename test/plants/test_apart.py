@@ -23,7 +23,7 @@ from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.outputs import as_drives
 from control_board_ros.plants.watchdog import Watchdog
 from control_board_ros.testing import BoardProcess, board_process
-from control_board_ros.testing.plants import plant_contract
+from control_board_ros.testing.plant_contract import plant_contract
 
 SUPPORT = Path(__file__).parents[1] / "support"
 NEVER = 1e6  # s

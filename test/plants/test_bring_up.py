@@ -26,7 +26,7 @@ from control_board_ros.plants.drives.bring_up import (
 )
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveLimits, JointDescription
-from control_board_ros.testing.plants import board_for
+from control_board_ros.testing.plant_contract import board_for
 
 pytest.importorskip("moteus")
 ROBOT = """\

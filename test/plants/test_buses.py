@@ -12,7 +12,7 @@ from control_board_ros.core.terms.set_points import VALUES, SetPoints, Value
 from control_board_ros.plants import Description, DriveFault, JointDescription, Readings, SetPoint
 from control_board_ros.plants.buses import Buses
 from control_board_ros.plants.interface import Setup
-from control_board_ros.testing.plants import plant_contract
+from control_board_ros.testing.plant_contract import plant_contract
 
 
 class Servos:

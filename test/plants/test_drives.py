@@ -17,7 +17,7 @@ from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Readings
 from control_board_ros.plants.virtual.can_bus import VirtualCanBus
-from control_board_ros.testing.plants import board_for, plant_contract
+from control_board_ros.testing.plant_contract import board_for, plant_contract
 
 ROOT = Path(__file__).parents[2]
 #: By driver: its library, and options that make it take all that it can.
@@ -100,7 +100,13 @@ def contract(driver: str) -> Callable[..., None]:
         benches.append(Bench(driver, options=DRIVERS[driver][1]))
         return benches[-1].plant
 
-    return plant_contract(made)
+    def wait(seconds: float) -> None:
+        benches[-1].pass_time(seconds)
+
+    def fail(joint: int) -> None:
+        benches[-1].drives[joint].fail(benches[-1].drives[joint].SOME_FAULT)
+
+    return plant_contract(made, wait=wait, fail=fail)
 
 
 test_moteus_keeps_the_contract = contract("moteus")

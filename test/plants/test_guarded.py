@@ -19,7 +19,7 @@ from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.node.loop.loop import ControlLoop
 from control_board_ros.plants import Readings
 from control_board_ros.plants.guarded import GuardedPlant
-from control_board_ros.testing.plants import board_for, plant_contract
+from control_board_ros.testing.plant_contract import board_for
 
 TIMEOUT = 0.1
 
@@ -362,21 +362,3 @@ def test_a_plant_that_is_not_there_at_start_is_a_fault_and_no_end() -> None:
         assert bench.board.set_control_mode(None, "fidl")
     finally:
         bench.guarded.close()
-
-
-test_levers_keep_the_contract = plant_contract(lambda: Levers("left", "right"))
-
-
-class Careless(Levers):
-    """Applies outputs without power."""
-
-    def write(self, pwm):
-        super().write(pwm)
-        return pwm
-
-
-def test_the_contract_finds_what_is_wrong() -> None:
-    from control_board_ros.testing.plants import it_applies_nothing_without_power
-
-    with pytest.raises(AssertionError):
-        it_applies_nothing_without_power(lambda: Careless("left"))

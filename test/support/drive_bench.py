@@ -18,7 +18,7 @@ from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Readings, Setup
 from control_board_ros.plants.virtual.world import World, free_world
-from control_board_ros.testing.plants import asked
+from control_board_ros.testing.plant_contract import asked
 
 PERIOD = 2e-3
 TIMEOUT = 0.1

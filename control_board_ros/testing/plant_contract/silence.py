@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of silence, of either side (SPEC B3, B5, S5), behind the guard of the node."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ...core.terms.measurement import Actuation, Row
+from ...core.terms.set_points import SetPoints
+from ...plants.guarded import GuardedPlant
+from ...plants.interface import Description, DrivePlant, Readings, Setup
+from .bench import TIMEOUT, Subject, UnseenError, at_rest, board_for, expect, off
+from .checks import cleared
+
+#: s, a guard against what never comes; and s from one look to the next.
+PATIENCE, LOOK = 60.0, 2e-3
+
+
+class Noted:
+    """A DrivePlant around another one, that notes calls, and hangs or raises where it is told to.
+
+    Attributes: driven, left (there was an exchange with power; it was let go), gate (exchanges
+    wait for it), trouble (what the next exchange raises), connections.
+    """
+
+    def __init__(self, plant: DrivePlant) -> None:
+        self._plant = plant
+        self.driven, self.left, self.gate = threading.Event(), threading.Event(), threading.Event()
+        self.gate.set()
+        self.trouble: Exception | None = None
+        self.connections = 0
+
+    def describe(self) -> Description:
+        return self._plant.describe()
+
+    def connect(self, setup: Setup) -> None:
+        self._plant.connect(setup)
+        self.connections += 1
+
+    def exchange(self, wanted: SetPoints) -> Readings:
+        self.gate.wait()
+        if self.trouble is not None:
+            trouble, self.trouble = self.trouble, None
+            raise trouble
+        found = self._plant.exchange(wanted)
+        if wanted.powered.any():
+            self.driven.set()
+        return found
+
+    def clear_fault(self, joint: int) -> None:
+        self._plant.clear_fault(joint)
+
+    def let_go(self) -> None:
+        self._plant.let_go()
+        self.left.set()
+
+    def close(self) -> None:
+        self._plant.close()
+
+
+class Loop:
+    """A control loop on a guarded plant, a cycle at a time."""
+
+    def __init__(self, guarded: GuardedPlant, noted: Noted) -> None:
+        self.guarded, self._noted = guarded, noted
+        self._pause = threading.Event()
+
+    def cycle(self, wanted: Actuation) -> dict[int, str]:
+        """One cycle; the joints that have an alarm, and why."""
+        found = self.guarded.read()
+        self.guarded.write(wanted)
+        self._pause.wait(LOOK)
+        return dict(found.reasons or {})
+
+    def until(self, good: Callable[[dict[int, str]], bool], wanted: Actuation, what: str) -> None:
+        """Go on until the alarms are so."""
+        for _ in range(round(PATIENCE / LOOK)):
+            if good(told := self.cycle(wanted)):
+                return
+        expect(False, f"{what}; {'; '.join(set(told.values())) or 'no alarm'}")
+
+    def drive(self, wanted: Actuation) -> None:
+        """Go on until the plant was given power."""
+        for _ in range(round(PATIENCE / LOOK)):
+            told = self.cycle(wanted)
+            if self._noted.driven.is_set():
+                return
+        expect(False, f"it never gets power; {'; '.join(set(told.values()))}")
+
+
+@contextlib.contextmanager
+def looped(subject: Subject, timeout: float) -> Iterator[tuple[Noted, Loop, Actuation, Actuation]]:
+    """A plant behind its guard; what holds its joints where they are, and what takes the power."""
+    with subject.made() as plant:
+        noted, n = Noted(plant), len(plant.describe().joints)
+        guarded = GuardedPlant(noted, board_for(plant.describe()), timeout, first=PATIENCE)
+        try:
+            loop, on, none = Loop(guarded, noted), np.ones(n), np.zeros(n)
+            idle = Actuation(none, none)
+            loop.until(lambda told: not told, idle, "before it gets power")
+            position = guarded.read().values[Row.POSITION].copy()
+            held = at_rest(plant.describe().joints, position)
+            yield noted, loop, Actuation(none, on, held.kinds, held.values, brakes=none), idle
+        finally:
+            noted.gate.set()
+            guarded.close()
+
+
+def a_board_reads_it_without_an_alarm(subject: Subject) -> None:
+    """Behind the guard of the node, in its thread."""
+    with looped(subject, PATIENCE) as (_, loop, _, idle):
+        for _ in range(20):
+            told = loop.cycle(idle)
+            expect(not told, f"an alarm without a cause: {_words(told)}")
+            found = loop.guarded.read().values[[Row.POSITION, Row.VELOCITY]]
+            expect(bool(np.isfinite(found).all()), "position or velocity is not finite")
+
+
+def it_is_let_go_when_the_board_falls_silent(subject: Subject) -> None:
+    """B5: after plant_timeout without a set-point; it goes on once the board knows."""
+    with looped(subject, TIMEOUT) as (noted, loop, held, idle):
+        loop.drive(held)
+        noted.left.wait(PATIENCE)
+        expect(noted.left.is_set(), "the board fell silent, and let_go() is never called")
+        expect(bool(loop.guarded.read().reasons), "the board fell silent, and no joint says so")
+        loop.until(lambda told: not told, idle, "it does not answer any more after let_go()")
+
+
+def a_board_bears_that_it_hangs(subject: Subject) -> None:
+    """B3: a fault within plant_timeout; it goes on once it answers again."""
+    with looped(subject, TIMEOUT) as (noted, loop, _, idle):
+        noted.gate.clear()
+        loop.until(bool, idle, "it hangs, and no joint says so")
+        noted.gate.set()
+        loop.until(lambda told: not told, idle, "it hung, and does not answer any more")
+
+
+def it_comes_back_after_an_error(subject: Subject) -> None:
+    """B3: an exchange that fails under power; it is connected anew, without power."""
+    with looped(subject, PATIENCE) as (noted, loop, held, idle):
+        loop.drive(held)
+        noted.trouble = OSError("the cable is out")
+        loop.until(lambda told: "the cable is out" in _words(told), held, "an error is not told")
+        loop.until(lambda told: not told, idle, "after an error and connect() it does not answer")
+        expect(noted.connections > 1, "after an error it is not connected anew")
+
+
+def its_drives_end_what_nobody_renews(subject: Subject) -> None:
+    """S5: the drives' own watchdog, for a computer that is stopped; told as a fault."""
+    with subject.connected() as (plant, n):
+        joints, found = plant.describe().joints, plant.exchange(off(plant))
+        held = at_rest(joints, found.position)
+        subject.drive(plant, held)
+        subject.wait(3.0 * TIMEOUT)
+        if not any(plant.exchange(held).faults):
+            raise UnseenError(
+                "no drive tells of a watchdog: where this computer stops, the last set-point "
+                "stays; set the drives' own in connect(), to setup.timeout at most"
+            )
+        left = cleared(subject, plant, range(n))
+        expect(not left, f"after a watchdog, clear_fault() leaves {left}")
+
+
+def _words(reasons: object) -> str:
+    return "; ".join(dict.fromkeys(reasons.values())) if isinstance(reasons, dict) else ""
