@@ -63,10 +63,15 @@ class Noted:
 
 
 class Loop:
-    """A control loop on a guarded plant, a cycle at a time."""
+    """A control loop on a guarded plant, a cycle at a time.
 
-    def __init__(self, guarded: GuardedPlant, noted: Noted) -> None:
-        self.guarded, self._noted = guarded, noted
+    Attributes: time (of the guard, s: it passes where a check lets it, on a busy machine, too).
+    """
+
+    def __init__(self, noted: Noted, timeout: float) -> None:
+        self.time, self._noted = 0.0, noted
+        board = board_for(noted.describe())
+        self.guarded = GuardedPlant(noted, board, timeout, lambda: self.time, first=PATIENCE)
         self._pause = threading.Event()
 
     def cycle(self, wanted: Actuation) -> dict[int, str]:
@@ -76,9 +81,16 @@ class Loop:
         self._pause.wait(LOOK)
         return dict(found.reasons or {})
 
-    def until(self, good: Callable[[dict[int, str]], bool], wanted: Actuation, what: str) -> None:
-        """Go on until the alarms are so."""
+    def until(
+        self,
+        good: Callable[[dict[int, str]], bool],
+        wanted: Actuation,
+        what: str,
+        step: float = 0.0,
+    ) -> None:
+        """Go on until the alarms are so; with a step, s, the time of the guard passes."""
         for _ in range(round(PATIENCE / LOOK)):
+            self.time += step
             if good(told := self.cycle(wanted)):
                 return
         expect(False, f"{what}; {'; '.join(set(told.values())) or 'no alarm'}")
@@ -97,17 +109,16 @@ def looped(subject: Subject, timeout: float) -> Iterator[tuple[Noted, Loop, Actu
     """A plant behind its guard; what holds its joints where they are, and what takes the power."""
     with subject.made() as plant:
         noted, n = Noted(plant), len(plant.describe().joints)
-        guarded = GuardedPlant(noted, board_for(plant.describe()), timeout, first=PATIENCE)
+        loop, on, none = Loop(noted, timeout), np.ones(n), np.zeros(n)
         try:
-            loop, on, none = Loop(guarded, noted), np.ones(n), np.zeros(n)
             idle = Actuation(none, none)
             loop.until(lambda told: not told, idle, "before it gets power")
-            position = guarded.read().values[Row.POSITION].copy()
+            position = loop.guarded.read().values[Row.POSITION].copy()
             held = at_rest(plant.describe().joints, position)
             yield noted, loop, Actuation(none, on, held.kinds, held.values, brakes=none), idle
         finally:
             noted.gate.set()
-            guarded.close()
+            loop.guarded.close()
 
 
 def a_board_reads_it_without_an_alarm(subject: Subject) -> None:
@@ -124,6 +135,7 @@ def it_is_let_go_when_the_board_falls_silent(subject: Subject) -> None:
     """B5: after plant_timeout without a set-point; it goes on once the board knows."""
     with looped(subject, TIMEOUT) as (noted, loop, held, idle):
         loop.drive(held)
+        loop.time += 10.0 * TIMEOUT
         noted.left.wait(PATIENCE)
         expect(noted.left.is_set(), "the board fell silent, and let_go() is never called")
         expect(bool(loop.guarded.read().reasons), "the board fell silent, and no joint says so")
@@ -134,7 +146,7 @@ def a_board_bears_that_it_hangs(subject: Subject) -> None:
     """B3: a fault within plant_timeout; it goes on once it answers again."""
     with looped(subject, TIMEOUT) as (noted, loop, _, idle):
         noted.gate.clear()
-        loop.until(bool, idle, "it hangs, and no joint says so")
+        loop.until(bool, idle, "it hangs, and no joint says so", step=LOOK)
         noted.gate.set()
         loop.until(lambda told: not told, idle, "it hung, and does not answer any more")
 
