@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,21 +13,23 @@ import pytest
 from drive_bench import TIMEOUT, Bench
 
 from control_board_ros.core.config.parts import Pid
-from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.core.terms.drives import OnSilence, SetPoint
 from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Readings
+from control_board_ros.plants.odrive_can import frames as f
 from control_board_ros.plants.virtual.can_bus import VirtualCanBus
 from control_board_ros.testing.plant_contract import board_for, plant_contract
 
 ROOT = Path(__file__).parents[2]
-#: By driver: its library, and options that make it take all that it can.
-DRIVERS: dict[str, tuple[str, dict[str, str]]] = {
-    "moteus": ("moteus", {"unwatched": "1"}),
-    "dynamixel": ("dynamixel_sdk", {}),
-    "mit_can": ("can", {}),
-    "cia402": ("canopen", {}),
-    "odrive_can": ("can", {}),
+#: By name of a test: driver, its library, and options that make it take all that it can.
+DRIVERS: dict[str, tuple[str, str, dict[str, str]]] = {
+    "moteus": ("moteus", "moteus", {"unwatched": "1"}),
+    "dynamixel": ("dynamixel", "dynamixel_sdk", {}),
+    "mit_can": ("mit_can", "can", {}),
+    "robstride": ("mit_can", "can", {"model": "rs02", "unwatched": "1"}),
+    "cia402": ("cia402", "canopen", {}),
+    "odrive_can": ("odrive_can", "can", {}),
 }
 MOUNTED = {"left.direction": "-1", "left.ratio": "2", "left.offset": "0.3"}
 OFF, POSITION, VELOCITY = SetPoint.OFF, SetPoint.POSITION, SetPoint.VELOCITY
@@ -44,13 +47,13 @@ PARAMS = [pytest.param(name, marks=() if name == "moteus" else SLOW) for name in
 
 @pytest.fixture(params=PARAMS)
 def make(request: pytest.FixtureRequest) -> Iterator[Make]:
-    library, options = DRIVERS[request.param]
+    driver, library, options = DRIVERS[request.param]
     pytest.importorskip(library)
     made = []
 
     def bench(**more: object) -> Bench:
         given = {**options, **MOUNTED, **more.pop("options", {})}
-        made.append(Bench(request.param, options=given, **more))
+        made.append(Bench(driver, options=given, **more))
         return made[-1]
 
     yield bench
@@ -91,13 +94,14 @@ def named(bench: Bench, joint: int) -> Callable[[Readings], bool]:
     return lambda found: bool(found.faults[joint]) and not found.faults[1 - joint]
 
 
-def contract(driver: str) -> Callable[..., None]:
+def contract(name: str) -> Callable[..., None]:
     benches: list[Bench] = []
+    driver, _, options = DRIVERS[name]
 
     def made() -> object:
         while benches:
             benches.pop().__exit__(None, None, None)
-        benches.append(Bench(driver, options=DRIVERS[driver][1]))
+        benches.append(Bench(driver, options=options))
         return benches[-1].plant
 
     def wait(seconds: float) -> None:
@@ -112,6 +116,7 @@ def contract(driver: str) -> Callable[..., None]:
 test_moteus_keeps_the_contract = contract("moteus")
 test_dynamixel_keeps_the_contract = pytest.mark.slow(contract("dynamixel"))
 test_mit_can_keeps_the_contract = pytest.mark.slow(contract("mit_can"))
+test_robstride_keeps_the_contract = pytest.mark.slow(contract("robstride"))
 test_cia402_keeps_the_contract = pytest.mark.slow(contract("cia402"))
 test_odrive_can_keeps_the_contract = pytest.mark.slow(contract("odrive_can"))
 
@@ -121,7 +126,7 @@ def test_every_driver_is_tested_documented_and_an_extra() -> None:
         (ROOT / name).read_text("utf-8") for name in ("docs/howto/drives.md", "setup.py")
     )
     install = (ROOT / "docs/install.md").read_text("utf-8")
-    assert set(DRIVERS) == set(IN_THE_BOX)
+    assert {driver for driver, _, _ in DRIVERS.values()} == set(IN_THE_BOX)
     for name in IN_THE_BOX:
         assert f"\n## {name}\n" in page
         assert page.count(f"\n| `{name}` |") == 2, f"{name}: drives, and rows of S1"
@@ -252,7 +257,7 @@ def test_a_drive_that_started_anew_does_not_go_on_by_itself(bench: Bench) -> Non
     kind = bench.takes[0]
     bench.follow(kind, 30)
     bench.drives[1].reboot()
-    bench.until(named(bench, 1), kind)
+    bench.until(named(bench, 1), kind, position=0.3, velocity=0.3, torque=0.3)
     torque = [abs(bench.drives[1].torque) for _ in range(50) if bench.follow(kind, position=9.0)]
     assert max(torque[5:]) < 1e-6
     recover(bench)
@@ -379,3 +384,88 @@ def test_position_gains_that_do_not_fit_an_mit_frame_are_refused() -> None:
             bench.connect()
         bench.joints = joints
         bench.connect()
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"model": "rs02"}, "left: no MIT frame sets the watchdog .* canTimeout .* unwatched=1"),
+        ({"right.model": "rs99"}, "right.model=rs99: unknown; known: damiao, rs00, .*"),
+        ({"model": "rs02", "unwatched": "1", "scales": "1/2"}, "left.scales=1/2: .* is wanted"),
+        ({"ids": "1,16"}, "right.id=16: 1 to 15 is wanted"),
+    ],
+)
+def test_mit_motors_that_cannot_be_are_refused(options: dict[str, str], told: str) -> None:
+    """S5: what the frames of a make cannot do, the user confirms."""
+    with pytest.raises(PlantSettingsError, match=told):
+        Bench("mit_can", options=options)
+
+
+def test_both_makes_of_mit_motors_share_a_bus() -> None:
+    """S1: each with its own scales, and its own scheme of ids."""
+    with Bench(
+        "mit_can", options={"right.model": "rs04", "ids": "2 18", "unwatched": "1"}
+    ) as bench:
+        bench.connect()
+        names = [joint.drive for joint in bench.plant.describe().joints]
+        assert names == ["Damiao 5013", "RobStride RS04"]
+        bench.follow(IMPEDANCE, 1500, position=0.3, stiffness=8.0, damping=1.0)
+        np.testing.assert_allclose(bench.world.state[0], 0.3, atol=5e-3)
+
+
+def test_an_odrive_of_another_firmware_needs_its_own_table_of_parameters(tmp_path: Path) -> None:
+    """S5: parameters are numbers that change from firmware to firmware."""
+    known = {f.WATCHDOG_TIMEOUT: "float", f.WATCHDOG_ENABLED: "bool"}
+    file = tmp_path / "flat_endpoints.json"
+    table = {
+        name: {"id": endpoint.id, "type": known.get(name, "float"), "access": "rw"}
+        for name, endpoint in f.KNOWN["0.6.11", "4.4"].items()
+    }
+    about = {"fw_version": "0.6.11", "hw_version": "4.4.58", "endpoints": table}
+    file.write_text(json.dumps(about))
+    version = f.Version(2, "4.4", "0.6.11")
+    assert f.endpoints(version, str(file)) == f.KNOWN["0.6.11", "4.4"]
+    for other, given, told in (
+        (version._replace(firmware="0.6.8"), "", "of firmware 0.6.8 .* endpoints=FILE"),
+        (version._replace(firmware="0.6.8"), str(file), "is of firmware 0.6.11 .* has 0.6.8"),
+        (version, str(tmp_path), "flat_endpoints.json of the drives' firmware is wanted"),
+    ):
+        with pytest.raises(PlantSettingsError, match=told):
+            f.endpoints(other, given)
+
+
+def test_a_canopen_drive_that_lacks_a_mode_or_a_unit_is_refused_with_the_way_out() -> None:
+    """S1: what a drive does not say, its options do."""
+    pytest.importorskip("canopen")
+    with Bench("cia402") as bench:
+        drive = bench.drives[0]
+        drive.node.object_dictionary[0x6502].default = 0x280
+        with pytest.raises(PlantSettingsError, match="left: id 1 has no CSV; add 'modes=csp cst'"):
+            bench.connect()
+        drive.node.object_dictionary[0x6502].default = 0x380
+        drive.node.object_dictionary[0x6076].default = 0
+        with pytest.raises(PlantSettingsError, match=r"rated_torque .* add left.rated_torque="):
+            bench.connect()
+        drive.node.object_dictionary[0x1000].default = 401
+        with pytest.raises(PlantSettingsError, match="id 1 has profile 401; 402"):
+            bench.connect()
+
+
+def test_a_canopen_drive_that_is_braked_holds_where_it_stopped() -> None:
+    """S5: quick stop, until it is heard again and set free."""
+    pytest.importorskip("canopen")
+    with Bench("cia402") as bench:
+        bench.joints = tuple(
+            replace(joint, on_silence=OnSilence.BRAKED)
+            for joint in board_for(bench.plant.describe()).joints
+        )
+        bench.connect()
+        bench.until(lambda _: (bench.world.state[1] > 0.3).all(), VELOCITY, velocity=0.4)
+        bench.pass_time(10 * TIMEOUT)
+        with bench.world.lock:
+            bench.world.state[1] = 1.0
+        bench.pass_time(10 * TIMEOUT)
+        assert np.abs(bench.world.state[1]).max() < 0.02
+        found = bench.until(lambda found: all(found.faults), VELOCITY, velocity=0.4)
+        assert "watchdog" in str(found.faults[0])
+        recover(bench)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Damiao motors in MIT mode: one frame down and one up for each, k, d and τ in the motor.
+"""Damiao and RobStride motors in MIT mode: a frame down and one up for each, k, d, τ in the motor.
 
 They take ``impedance`` as it is, and ``torque`` as an impedance with k = d = 0.
 """
@@ -14,16 +14,18 @@ from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
-from ..drives.axes import Options
+from ..drives.axes import Axis, Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.maker import maker, only
 from ..drives.plant import RESTARTED, Answers, Found, Traits
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
+from . import robstride as r
 
-#: Answers tell four bits of an id.
-IDS = range(1, 16)
+IDS = range(1, 128)
+#: Of Damiao's, whose answers tell four bits of an id.
+SHORT_IDS = range(1, 16)
 
 
 class MitDrives:
@@ -39,35 +41,56 @@ class MitDrives:
             temperature=True,
         )
         self._line: CanLine | None = None
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
-        self._ranges = [f.Ranges(12.5, 30.0, 10.0)] * n
-        self._masters = [0] * n
+        self._ranges = [self._check(axis) for axis in self._axes]
+        #: Of RobStride's motors; whose faults are asked for next.
+        self._power = {k: r.Power(self._ranges[k]) for k, axis in enumerate(self._axes)
+                       if axis.own["model"] != f.DAMIAO}  # fmt: skip
+        self._turn = 0
+        #: By the id of an answer's frame, and that in its first byte.
+        self._places: dict[tuple[int, int], int] = {}
+        self._masters: set[int] = set()
+        self._words = [0] * n
         self._powered, self._enabled, self._restarted = [False] * n, [False] * n, [False] * n
+
+    def _check(self, axis: Axis) -> f.Ranges:
+        """Its ranges, as far as they are known before it is asked.
+
+        Raises:
+            PlantSettingsError: no such model or id, or a watchdog that cannot be set.
+        """
+        if axis.own["model"] == f.DAMIAO:
+            if axis.id not in SHORT_IDS:
+                raise PlantSettingsError(
+                    f"{axis.name}.id={axis.id}: 1 to 15 is wanted: answers tell four bits of it"
+                )
+            return f.Ranges(12.5, 30.0, 10.0)
+        found = r.ranges(axis)
+        if not self._options.own["unwatched"]:
+            raise PlantSettingsError(
+                f"{axis.name}: no MIT frame sets the watchdog of a RobStride motor; store its "
+                "canTimeout with the maker's tool, then add unwatched=1 to plant_arguments"
+            )
+        return found
 
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the bus; see ``drives.plant.Driver``."""
         self._line = CanLine(self._options.bus, bitrate=int(self._options.own["bitrate"]))
         self._setup, self._joints = setup, joints
         self._wait = budget(setup.period)
+        self._places.clear()
         return [self._set_up(k) for k in range(len(self._axes))]
 
     def _set_up(self, k: int) -> Found:
         """No power, MIT mode, watchdog; returns what it is."""
-        line, drive = self._opened, self._axes[k].id
         self._check_gains(k)
-        told = registers(line, drive, f.MASTER_ID, first=True)
-        self._masters[k] = only(told, self._axes[k], self._options.bus, "mit_can")
-        line.send(drive, f.DISABLE)
-        put(line, drive, f.CONTROL_MODE, f.MIT_MODE)
-        put(line, drive, f.TIMEOUT, int(self._setup.timeout / f.TIMEOUT_STEP))
-        ranges = f.Ranges(*(get(line, drive, f.POSITION_RANGE + n) for n in range(3)))
-        self._ranges[k] = ranges
         self._powered[k] = self._enabled[k] = self._restarted[k] = False
+        firmware = self._set_up_robstride(k) if k in self._power else self._set_up_damiao(k)
+        ranges, model = self._ranges[k], str(self._axes[k].own["model"])
         return Found(
-            id=drive,
-            type="Damiao",
-            firmware=f"{int(get(line, drive, f.SOFTWARE))}",
+            id=self._axes[k].id,
+            type="Damiao" if model == f.DAMIAO else f"RobStride {model.upper()}",
+            firmware=firmware,
             limits=DriveLimits(
                 lower=-ranges.position,
                 upper=ranges.position,
@@ -76,13 +99,35 @@ class MitDrives:
             ),
         )
 
+    def _set_up_damiao(self, k: int) -> str:
+        line, axis = self._opened, self._axes[k]
+        told = registers(line, axis.id, f.MASTER_ID, first=True)
+        master = only(told, axis, self._options.bus, "mit_can")
+        self._places[master, axis.id] = k
+        self._masters.add(master)
+        line.send(axis.id, f.DISABLE)
+        put(line, axis.id, f.CONTROL_MODE, f.MIT_MODE)
+        put(line, axis.id, f.TIMEOUT, int(self._setup.timeout / f.TIMEOUT_STEP))
+        self._ranges[k] = f.Ranges(*(get(line, axis.id, f.POSITION_RANGE + n) for n in range(3)))
+        return f"{int(get(line, axis.id, f.SOFTWARE))}"
+
+    def _set_up_robstride(self, k: int) -> str:
+        line, axis = self._opened, self._axes[k]
+        only(disabled(line, axis.id), axis, self._options.bus, "mit_can")
+        self._places[r.MASTER, axis.id] = k
+        self._masters.add(r.MASTER)
+        line.send(axis.id, r.RUN_MIT)
+        self._power[k], self._words[k] = r.Power(self._ranges[k]), 0
+        return ""
+
     def _check_gains(self, k: int) -> None:
         """Positions are followed by k and d of the board's own gains: they must fit the frame."""
         axis, joint = self._axes[k], self._joints[k]
         if joint is None:
             return
         gains = joint.position_pid
-        for what, value, bound in (("kp", gains.kp, f.STIFFEST), ("kd", gains.kd, f.MOST_DAMPED)):
+        bounds = self._ranges[k].stiffest, self._ranges[k].most_damped
+        for what, value, bound in zip(("kp", "kd"), (gains.kp, gains.kd), bounds, strict=True):
             if value > (most := bound * axis.ratio**2):
                 raise PlantSettingsError(
                     f"{axis.name}: position_pid.{what}={value:.3g} is not allowed; its motor "
@@ -99,7 +144,8 @@ class MitDrives:
             if kind is None:
                 continue
             drive = self._axes[k].id
-            on = kind != SetPoint.OFF and not self._restarted[k]
+            lost = k in self._power and (self._power[k].lost or self._words[k])
+            on = kind != SetPoint.OFF and not (self._restarted[k] or lost)
             if on and not self._powered[k]:
                 line.send(drive, f.ENABLE)
             self._powered[k] = on
@@ -107,15 +153,22 @@ class MitDrives:
                 self._enabled[k] = False
             line.send(drive, self._command(k, SetPoint(kind), columns[k]) if on else f.DISABLE)
             asked.append(drive)
+        if faults := [k for k in self._power if kinds[k] is not None]:
+            self._turn += 1
+            line.send(self._axes[faults[self._turn % len(faults)]].id, r.READ_FAULTS)
         line.gather(self._take, asked, self._wait)
 
     def clear_fault(self, drive: int) -> None:
         """Clear, and set up anew what started anew."""
-        if self._restarted[drive]:
-            if registers(self._opened, self._axes[drive].id, f.MASTER_ID):
-                self._set_up(drive)
-        else:
-            self._opened.send(self._axes[drive].id, f.CLEAR)
+        line, axis = self._opened, self._axes[drive].id
+        if drive in self._power:
+            for data in (f.CLEAR, f.DISABLE, r.RUN_MIT):
+                line.send(axis, data)
+            self._power[drive], self._powered[drive] = r.Power(self._ranges[drive]), False
+        elif not self._restarted[drive]:
+            line.send(axis, f.CLEAR)
+        elif registers(line, axis, f.MASTER_ID):
+            self._set_up(drive)
 
     def close(self) -> None:
         """Power off, and leave the bus."""
@@ -131,32 +184,56 @@ class MitDrives:
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         springs = kind is SetPoint.IMPEDANCE
-        return f.packed(
-            self._ranges[k],
+        asked = (
             value[Value.POSITION],
             value[Value.VELOCITY],
             value[Value.STIFFNESS] if springs else 0.0,
             value[Value.DAMPING] if springs else 0.0,
             value[Value.TORQUE],
         )
+        if k in self._power:
+            self._power[k].asked = asked
+        return f.packed(self._ranges[k], *asked)
 
     def _take(self, message: Any) -> int | None:
-        answers, data = self._answers, bytes(message.data)
-        if len(data) != 8 or message.arbitration_id not in self._masters or data[2] == f.GET:
-            answers.malformed += len(data) != 8
+        answers, data, source = self._answers, bytes(message.data), message.arbitration_id
+        if source not in self._masters:
             return None
-        k = self._places.get(data[0] & 0xF)
-        if k is None or message.arbitration_id != self._masters[k]:
+        if len(data) != 8:
+            answers.malformed += 1
+            return None
+        k = self._places.get((source, data[0] if source == r.MASTER else data[0] & 0xF))
+        if k is None:
             answers.foreign += 1
-            return None
-        state = data[0] >> 4
-        answers.position[k], answers.velocity[k], answers.torque[k] = f.readings(
-            self._ranges[k], data
-        )
-        answers.temperature[k] = data[7]
-        answers.faults[k] = self._judge(k, state)
+        elif k in self._power:
+            return self._hear_robstride(k, data)
+        elif data[2] != f.GET:
+            self._move(k, data)
+            answers.temperature[k] = data[7]
+            answers.faults[k] = self._judge(k, data[0] >> 4)
+            return self._axes[k].id
+        return None
+
+    def _move(self, k: int, data: bytes) -> tuple[float, float, float]:
+        """Take over what an answer tells of the motion; rad, rad/s, N·m."""
+        answers = self._answers
+        found = f.readings(self._ranges[k], data)
+        answers.position[k], answers.velocity[k], answers.torque[k] = found
         answers.came(k, data)
-        return data[0] & 0xF
+        return found
+
+    def _hear_robstride(self, k: int, data: bytes) -> int | None:
+        power, word = self._power[k], r.fault_word(data)
+        if word is None:
+            found = self._move(k, data)
+            self._answers.temperature[k] = 0.1 * int.from_bytes(data[6:], "big")
+            if self._powered[k]:
+                power.hear(*found)
+        else:
+            self._words[k] = word
+        lost = r.POWERLESS if power.lost else None
+        self._answers.faults[k] = r.fault(self._words[k]) or lost
+        return self._axes[k].id if word is None else None
 
     def _judge(self, k: int, state: int) -> DriveFault | None:
         if state == f.ENABLED:
@@ -166,6 +243,17 @@ class MitDrives:
         if state not in (f.DISABLED, f.ENABLED):
             return DriveFault(state, f.FAULTS.get(state, "see its manual"))
         return RESTARTED if self._restarted[k] else None
+
+
+def disabled(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[bytes]:
+    """What RobStride motors of that id answer when they are told to have no power."""
+
+    def pick(message: Any) -> bytes | None:
+        data = bytes(message.data)
+        mine = message.arbitration_id == r.MASTER and len(data) == 8 and data[0] == drive
+        return data if mine and r.fault_word(data) is None else None
+
+    return line.answers(drive, f.DISABLE, pick, attempts)
 
 
 def registers(line: CanLine, drive: int, number: int, *, first: bool = False) -> list[int]:
@@ -216,7 +304,7 @@ def _register(message: Any, drive: int, number: int) -> bytes | None:
     return None
 
 
-def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
+def scan(bus: str, ids: Sequence[int] = SHORT_IDS) -> list[Found]:
     """What answers on a bus."""
     line = CanLine(bus)
     try:
@@ -234,9 +322,23 @@ def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
                         fault=DriveFault(fault, f.FAULTS[fault]) if fault else None,
                     )
                 )
+        for drive in IDS:
+            line.send(drive, f.DISABLE)
+        mine = [m for m in line.collect(2.0 * PATIENCE) if m.arbitration_id == r.MASTER]
+        for drive in sorted({m.data[0] for m in mine if len(m.data) == 8}):
+            line.send(drive, r.READ_FAULTS)
+            told = (r.fault_word(bytes(m.data)) for m in line.collect(PATIENCE / 5))
+            word = next((word for word in told if word is not None), 0)
+            found.append(Found(id=drive, type="RobStride", fault=r.fault(word)))
         return found
     finally:
         line.close()
 
 
-make = maker(MitDrives, bus="socketcan:can0", ids=IDS, whole={"bitrate": 0.0})
+make = maker(
+    MitDrives,
+    bus="socketcan:can0",
+    ids=IDS,
+    whole={"bitrate": 0.0, "unwatched": 0.0},
+    each={"model": f.DAMIAO, "scales": ""},
+)

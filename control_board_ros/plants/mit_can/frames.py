@@ -3,13 +3,15 @@
 
 Command    q 16 bit · q̇ 12 · k 12 · d 12 · τ 12
 Answer     id and state · q 16 · q̇ 12 · τ 12 · temperature of bridge and winding, °C
+
+Registers, states and faults are Damiao's; those of RobStride are in ``robstride``.
 """
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-STIFFEST, MOST_DAMPED = 500.0, 5.0
+DAMIAO = "damiao"
 ENABLE, DISABLE, CLEAR = (b"\xff" * 7 + bytes([last]) for last in (0xFC, 0xFD, 0xFB))
 #: Where registers are read and written: frame, orders.
 REGISTERS, GET, SET = 0x7FF, 0x33, 0x55
@@ -31,19 +33,21 @@ FAULTS = {
 
 
 class Ranges(NamedTuple):
-    """What the ends of the numbers mean: ± rad, ± rad/s, ± N·m."""
+    """What the ends of the numbers mean: ± rad, ± rad/s, ± N·m, N·m/rad, N·m·s/rad."""
 
     position: float
     velocity: float
     torque: float
+    stiffest: float = 500.0
+    most_damped: float = 5.0
 
 
 def packed(ranges: Ranges, q: float, dq: float, k: float, d: float, torque: float) -> bytes:
     """A command; what is beyond a range is cut."""
     bits = _number(q, -ranges.position, ranges.position, 16) << 48
     bits |= _number(dq, -ranges.velocity, ranges.velocity, 12) << 36
-    bits |= _number(k, 0.0, STIFFEST, 12) << 24
-    bits |= _number(d, 0.0, MOST_DAMPED, 12) << 12
+    bits |= _number(k, 0.0, ranges.stiffest, 12) << 24
+    bits |= _number(d, 0.0, ranges.most_damped, 12) << 12
     bits |= _number(torque, -ranges.torque, ranges.torque, 12)
     return bits.to_bytes(8, "big")
 
@@ -54,18 +58,18 @@ def command(ranges: Ranges, data: bytes) -> tuple[float, float, float, float, fl
     return (
         _value(bits >> 48, -ranges.position, ranges.position, 16),
         _value(bits >> 36, -ranges.velocity, ranges.velocity, 12),
-        _value(bits >> 24, 0.0, STIFFEST, 12),
-        _value(bits >> 12, 0.0, MOST_DAMPED, 12),
+        _value(bits >> 24, 0.0, ranges.stiffest, 12),
+        _value(bits >> 12, 0.0, ranges.most_damped, 12),
         _value(bits, -ranges.torque, ranges.torque, 12),
     )
 
 
-def answer(ranges: Ranges, drive: int, state: int, q: float, dq: float, torque: float) -> bytes:
-    """What a drive answers, at 30 and 35 °C."""
+def answer(ranges: Ranges, head: int, q: float, dq: float, torque: float, heat: bytes) -> bytes:
+    """What a drive answers: id and state first, temperatures last."""
     bits = _number(q, -ranges.position, ranges.position, 16) << 24
     bits |= _number(dq, -ranges.velocity, ranges.velocity, 12) << 12
     bits |= _number(torque, -ranges.torque, ranges.torque, 12)
-    return bytes([drive & 0xF | state << 4]) + bits.to_bytes(5, "big") + bytes([30, 35])
+    return bytes([head]) + bits.to_bytes(5, "big") + heat
 
 
 def readings(ranges: Ranges, data: bytes) -> tuple[float, float, float]:

@@ -11,6 +11,8 @@ from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
 from ..virtual.world import World
 from . import frames as f
+from . import robstride
+from .virtual_robstride import VirtualRobStride
 
 LOST = 0xD
 USUAL = f.Ranges(12.5, 30.0, 10.0)
@@ -78,12 +80,9 @@ class VirtualMit:
         elif frame_id == self.id:
             self._quiet = 0.0
             self._obey(data)
-            yield (
-                master,
-                f.answer(
-                    self.ranges, self.id, self.state, self._position, self._velocity, self.torque
-                ),
-            )
+            moves = self._position, self._velocity, self.torque
+            head = self.id & 0xF | self.state << 4
+            yield master, f.answer(self.ranges, head, *moves, bytes([30, 35]))
 
     def _obey(self, data: bytes) -> None:
         fault = self.state not in (f.DISABLED, f.ENABLED)
@@ -115,8 +114,10 @@ class VirtualMit:
         return self.torque
 
 
-def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMit:
-    """A motor whose ranges fit a joint."""
+def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMit | VirtualRobStride:
+    """A motor of the joint's make; that of Damiao has ranges that fit the joint."""
+    if axis.own["model"] != f.DAMIAO:
+        return VirtualRobStride(axis.id, robstride.ranges(axis))
     if joint is None:
         return VirtualMit(axis.id)
     limits = joint.limits
@@ -131,6 +132,8 @@ def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMit:
     )
 
 
-def virtual_bus(world: World, drives: Sequence[VirtualMit], address: str = "") -> VirtualCanBus:
+def virtual_bus(
+    world: World, drives: Sequence[VirtualMit | VirtualRobStride], address: str = ""
+) -> VirtualCanBus:
     """The motors on a bus of python-can."""
     return VirtualCanBus(world, drives, address)

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""RobStride motors in their MIT protocol: scales by model, faults, and a loss of power.
+
+Answer    id · q 16 bit · q̇ 12 · τ 12 · temperature 16, 0.1 °C; from the master's id
+Faults    asked for: id · 32 bits, lowest byte first · zeros
+
+An answer tells no state, and no frame of this protocol sets the watchdog: a motor that its
+watchdog or a restart took the power from is noticed by the torque that it does not give.
+"""
+
+from __future__ import annotations
+
+from ..drives.axes import Axis
+from ..errors import PlantSettingsError
+from ..interface import DriveFault
+from . import frames as f
+
+#: The id of the host that motors answer to, as their maker sets it.
+MASTER = 0xFD
+RUN_MIT, READ_FAULTS = (b"\xff" * 6 + bytes([0, last]) for last in (0xFC, 0xFB))
+#: Published ranges by model.
+MODELS = {
+    "rs00": f.Ranges(12.57, 33.0, 14.0),
+    "rs01": f.Ranges(12.57, 44.0, 17.0),
+    "rs02": f.Ranges(12.57, 44.0, 17.0),
+    "rs03": f.Ranges(12.57, 20.0, 60.0, 5000.0, 100.0),
+    "rs04": f.Ranges(12.57, 15.0, 120.0, 5000.0, 100.0),
+    "rs05": f.Ranges(12.57, 50.0, 5.5),
+    "rs06": f.Ranges(12.57, 50.0, 36.0, 5000.0, 100.0),
+}
+FAULTS = {
+    0: "over temperature",
+    1: "driver chip",
+    2: "under-voltage",
+    3: "over-voltage",
+    4: "over-current of phase B",
+    5: "over-current of phase C",
+    7: "encoder not calibrated",
+    8: "hardware identification",
+    9: "position initialization",
+    14: "stall overload",
+    16: "over-current of phase A",
+}
+#: Share of its range from which a torque that is asked for counts; share of that which is none;
+#: answers until it is told.
+ASKED, GIVEN, PATIENT = 0.02, 0.1, 20
+POWERLESS = DriveFault(0, "no torque, though it is on: its watchdog acted, or it restarted")
+
+
+def ranges(axis: Axis) -> f.Ranges:
+    """The ranges of a motor: of its model, or as its option ``scales`` says.
+
+    Raises:
+        PlantSettingsError: the model is unknown, or the scales are none.
+    """
+    model, scales = str(axis.own["model"]), str(axis.own["scales"])
+    if model not in MODELS:
+        known = ", ".join([f.DAMIAO, *MODELS])
+        raise PlantSettingsError(f"{axis.name}.model={model}: unknown; known: {known}")
+    if not scales:
+        return MODELS[model]
+    try:
+        found = f.Ranges(*map(float, scales.split("/")))
+    except (TypeError, ValueError):
+        found = f.Ranges(0.0, 0.0, 0.0)
+    if not all(value > 0.0 for value in found):
+        raise PlantSettingsError(
+            f"{axis.name}.scales={scales}: rad/(rad/s)/(N·m)/(N·m/rad)/(N·m·s/rad) is wanted, "
+            "as 12.57/44/17/500/5"
+        )
+    return found
+
+
+def fault(word: int) -> DriveFault | None:
+    """What a word of faults says."""
+    names = ", ".join(name for bit, name in FAULTS.items() if word >> bit & 1)
+    return DriveFault(word, names or "see its manual") if word else None
+
+
+def fault_word(data: bytes) -> int | None:
+    """The faults that an answer tells; None: it tells its motion."""
+    return int.from_bytes(data[1:5], "little") if data[5:] == bytes(3) else None
+
+
+class Power:
+    """Whether a motor gives the torque that it is asked for."""
+
+    def __init__(self, ranges: f.Ranges) -> None:
+        self._ranges, self._without = ranges, 0
+        self.asked = (0.0, 0.0, 0.0, 0.0, 0.0)
+        self.lost = False
+
+    def hear(self, q: float, dq: float, torque: float) -> None:
+        """Compare an answer (rad, rad/s, N·m) with the command before it."""
+        at, rate, k, d, forward = self.asked
+        wanted = abs(forward + k * (at - q) + d * (rate - dq))
+        wanted = min(wanted, self._ranges.torque)
+        none = wanted > ASKED * self._ranges.torque and abs(torque) < GIVEN * wanted
+        self._without = self._without + 1 if none else 0
+        self.lost = self.lost or self._without >= PATIENT
