@@ -5,6 +5,6 @@ COPY . /source
 RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels /source
 FROM python:3.12-slim-bookworm
 COPY --from=build /wheels /wheels
-RUN pip install --no-cache-dir /wheels/*.whl && useradd --create-home board
-USER board
+RUN pip install --no-cache-dir /wheels/*.whl && useradd --create-home --uid 1000 board
+USER 1000
 CMD ["control_board"]

@@ -48,6 +48,7 @@ def lint(lines: list[str]) -> set[str]:
             line.startswith("COPY ") and not line.split()[-1].startswith("/") for line in lines
         ),
         "DL3059": any(a.startswith("RUN ") and b.startswith("RUN ") for a, b in pairs),
+        "DL3066": any(not user.isdigit() for user in users),
         "DL4006": any(
             line.startswith("RUN ") and re.search(r"[^|]\|[^|]", line) for line in lines
         ),
@@ -71,7 +72,7 @@ def test_what_hadolint_would_say_is_said() -> None:
     ]
     rules = ["02", "04", "06", "08", "09", "14", "15", "20", "25", "42", "45", "59"]
     assert lint(bad) == {f"DL30{rule}" for rule in rules} | {"DL4006"}
-    assert lint(["FROM debian:latest", "USER board"]) == {"DL3007"}
+    assert lint(["FROM debian:latest", "USER board"]) == {"DL3007", "DL3066"}
 
 
 def test_the_dev_container_sets_up_by_make() -> None:
