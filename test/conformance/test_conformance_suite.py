@@ -13,7 +13,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from conformance_sessions import ARM, RATE, session_on
-from plants import ENGINES
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_json, as_junit, as_text
 from control_board_ros.conformance.outcomes import NotTestable
@@ -21,12 +20,16 @@ from control_board_ros.conformance.rules import in_order
 from control_board_ros.conformance.runner import lightest, run
 from control_board_ros.testing import board_process
 
+SOAK = pytest.mark.soak
+
 # -- boards ------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
 @pytest.mark.ros
-@pytest.mark.parametrize("physics", [*ENGINES, pytest.param("ideal", marks=pytest.mark.soak)])
+@pytest.mark.parametrize(
+    "physics", ["mujoco", *(pytest.param(name, marks=SOAK) for name in ("pybullet", "ideal"))]
+)
 def test_our_board_keeps_all_and_is_left_as_found(physics: str, tmp_path: Path) -> None:
     """B1: whatever moves the joints."""
     report = tmp_path / "report.xml"

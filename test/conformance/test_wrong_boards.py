@@ -126,7 +126,7 @@ def test_exactly_the_broken_rule_is_reported(name: str) -> None:
     assert set(not_held(results)) == {wrong.rule}, not_held(results)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.ros
 def test_exactly_the_broken_rules_are_reported() -> None:
     with wrong_board(*THREE) as board:

@@ -67,15 +67,13 @@ def run(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     "verb",
     [
-        "modes",
         "modes --json",
         "mode __proto__ pos",
-        "faults",
-        "poses",
-        "impedance",
-        "clear",
-        "move constructor=0.1",
         "watch --once",
+        *(
+            pytest.param(verb, marks=pytest.mark.soak)
+            for verb in ("modes", "faults", "poses", "impedance", "clear", "move constructor=0.1")
+        ),
     ],
 )
 def test_cbctl(domain: int, verb: str) -> None:

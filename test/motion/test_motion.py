@@ -26,6 +26,7 @@ finally:
 
 pytestmark = [pytest.mark.physics, pytest.mark.slow, pytest.mark.timeout(300)]
 
+SOAK = pytest.mark.soak
 #: robot -> the pose and the joints that are watched: a strong one and a light one.
 WATCHED = {
     "iiwa": ("stretched", (1, 5)),
@@ -48,7 +49,14 @@ TURNED = ("snake", "home", (4,))
 SHORT = ("freed", "short_move", "u_ff", "stop", "hard_stop", "weak_stop", "aborted")
 
 
-@pytest.fixture(scope="module", params=WATCHED)
+@pytest.fixture(
+    scope="module",
+    params=[
+        "panda",
+        "xarm6",
+        *(pytest.param(name, marks=SOAK) for name in ("iiwa", "lift")),
+    ],
+)
 def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
     made = Rig.load(ROBOTS[request.param])
     yield made

@@ -198,7 +198,7 @@ super(type(build), build).run()  # the messages aside
 """
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_build_without_a_compiler_goes_on_and_says_so_in_one_line(tmp_path: Path) -> None:
     """What an earlier build has left behind does not go into this one."""
     leftover = tmp_path / f"lib/control_board_ros/core/laws/laws{SUFFIX}"

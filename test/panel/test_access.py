@@ -55,7 +55,7 @@ def busy(page: Any, client: ControlBoardClient) -> Iterator[None]:
         page.get_by_label("Remove all plots").click()
 
 
-@pytest.mark.parametrize("theme", ["dark", "light"])
+@pytest.mark.parametrize("theme", ["dark", pytest.param("light", marks=pytest.mark.soak)])
 def test_axe_finds_nothing(page: Any, busy: None, theme: str) -> None:
     """With cards and with the table, and with a question."""
     page.emulate_media(color_scheme=theme)

@@ -132,6 +132,7 @@ def in_process() -> Iterator[tuple[int, Boards]]:
         context.try_shutdown()
 
 
+@pytest.mark.soak
 def test_whole_body_references_for_a_minute(
     in_process: tuple[int, Boards], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -414,8 +414,9 @@ def test_wrong_overrides_say_so() -> None:
 
 
 @pytest.mark.slow
-def test_fuzzed_files_never_raise_anything_else(tmp_path: Path) -> None:
-    """2,000 mutations of the shipped file: accepted or one line."""
+@pytest.mark.parametrize("count", [400, pytest.param(2000, marks=pytest.mark.soak)])
+def test_fuzzed_files_never_raise_anything_else(tmp_path: Path, count: int) -> None:
+    """Mutations of the shipped file: accepted or one line."""
     seed = find_config("iiwa").read_bytes()
     head, _, tail = seed.partition(b"    joint_defaults:")
     small = head + b"    joint_defaults:" + tail[: tail.index(b"    lbr_iiwa_joint_2:")]
@@ -447,7 +448,7 @@ def test_fuzzed_files_never_raise_anything_else(tmp_path: Path) -> None:
         b"|",
         b">",
     ]
-    for _ in range(2000):
+    for _ in range(count):
         data = bytearray(small)
         for _ in range(random_.randint(1, 4)):
             at = random_.randrange(len(data))
@@ -468,7 +469,7 @@ def test_fuzzed_files_never_raise_anything_else(tmp_path: Path) -> None:
             refused += 1
             lines += str(error).count("\n")
     assert lines == 0
-    assert 200 < refused < 2000
+    assert count // 10 < refused < count
 
 
 # Changes at run time ------------------------------------------------------------------------
