@@ -369,7 +369,8 @@ DYNAMIXEL = ["dynamixel-sdk>=4.0"]
 MIT_CAN = ["python-can>=4.3"]
 CIA402 = ["canopen>=2.3", "python-can>=4.3"]
 ODRIVE_CAN = ["python-can>=4.3"]
-DRIVES = [*MOTEUS, *DYNAMIXEL, *MIT_CAN, *CIA402, *ODRIVE_CAN]
+FEETECH = ["feetech-servo-sdk>=1.0", "pyserial>=3.5"]
+DRIVES = [*MOTEUS, *DYNAMIXEL, *MIT_CAN, *CIA402, *ODRIVE_CAN, *FEETECH]
 TEST = [
     "axe-playwright-python>=0.1.8",
     "control>=0.10",
@@ -463,6 +464,7 @@ setup(
         "mit_can": MIT_CAN,
         "cia402": CIA402,
         "odrive_can": ODRIVE_CAN,
+        "feetech": FEETECH,
         "bench": BENCH,
         "site": SITE,
         "dev": DEV,

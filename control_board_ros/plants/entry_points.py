@@ -13,7 +13,7 @@ from .interface import DrivePlant, RobotPlant
 
 GROUP = "control_board_ros.plants"
 #: Drivers in the box, by the name of their folder, which is that of their extra.
-DRIVERS = ("moteus", "mit_can", "dynamixel", "cia402", "odrive_can")
+DRIVERS = ("moteus", "mit_can", "dynamixel", "cia402", "odrive_can", "feetech")
 #: What an entry point names: from the joints of the board and the user's arguments to a plant.
 Maker = Callable[[Sequence[str], Mapping[str, str]], RobotPlant | DrivePlant]
 

@@ -30,6 +30,7 @@ DRIVERS: dict[str, tuple[str, str, dict[str, str]]] = {
     "robstride": ("mit_can", "can", {"model": "rs02", "unwatched": "1"}),
     "cia402": ("cia402", "canopen", {}),
     "odrive_can": ("odrive_can", "can", {}),
+    "feetech": ("feetech", "scservo_sdk", {"unwatched": "1"}),
 }
 MOUNTED = {"left.direction": "-1", "left.ratio": "2", "left.offset": "0.3"}
 OFF, POSITION, VELOCITY = SetPoint.OFF, SetPoint.POSITION, SetPoint.VELOCITY
@@ -119,6 +120,7 @@ test_mit_can_keeps_the_contract = pytest.mark.slow(contract("mit_can"))
 test_robstride_keeps_the_contract = pytest.mark.slow(contract("robstride"))
 test_cia402_keeps_the_contract = pytest.mark.slow(contract("cia402"))
 test_odrive_can_keeps_the_contract = pytest.mark.slow(contract("odrive_can"))
+test_feetech_keeps_the_contract = pytest.mark.slow(contract("feetech"))
 
 
 def test_every_driver_is_tested_documented_and_an_extra() -> None:
@@ -240,6 +242,8 @@ def test_a_fault_has_number_and_name_and_is_cleared_in_the_drive(bench: Bench) -
 
 def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> None:
     """S5: and says so when it is heard again; it needs a joint without power to go on."""
+    if not bench.plant.driver.traits.watchdog:
+        pytest.skip("it has no watchdog")
     kind = VELOCITY if VELOCITY in bench.takes else IMPEDANCE
     asked = {"velocity": 0.4, "stiffness": 0.0, "damping": 2.0}
     bench.until(lambda _: (bench.world.state[1] > 0.3).all(), kind, **asked)

@@ -84,7 +84,10 @@ class Answers:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Traits:
-    """What all drives of a driver have; see ``JointDescription``."""
+    """What all drives of a driver have; see ``JointDescription``.
+
+    Attributes: watchdog (their own acts when they hear nothing).
+    """
 
     set_points: tuple[SetPoint, ...]
     on_silence: tuple[OnSilence, ...]
@@ -94,6 +97,7 @@ class Traits:
     current: bool = False
     temperature: bool = False
     voltage: bool = False
+    watchdog: bool = True
     control: dict[str, float] = field(default_factory=dict)
 
 

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The memory table of the STS and SMS series as published: addresses, lengths, units, models."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+
+class Item(NamedTuple):
+    """A place of the table: address, and length in bytes."""
+
+    address: int
+    length: int
+
+
+FIRMWARE, MODEL, ID = Item(0, 2), Item(3, 2), Item(5, 1)
+MIN_POSITION, MAX_POSITION, CURRENT_LIMIT = Item(9, 2), Item(11, 2), Item(28, 2)
+MODE, TORQUE, ACCELERATION, LOCK, SPEED_LIMIT = (
+    Item(33, 1), Item(40, 1), Item(41, 1), Item(55, 1), Item(84, 1),
+)  # fmt: skip
+#: Goal position, goal time (PWM in that mode), goal velocity.
+GOALS = Item(42, 6)
+POSITION, VELOCITY, LOAD, VOLTAGE = Item(56, 2), Item(58, 2), Item(60, 2), Item(62, 1)
+TEMPERATURE, STATUS, CURRENT = Item(63, 1), Item(65, 1), Item(69, 2)
+#: What is read in each exchange: torque switch, goals, readings.
+READ = Item(TORQUE.address, CURRENT.address + 2 - TORQUE.address)
+
+POSITION_MODE, VELOCITY_MODE, PWM_MODE = 0, 1, 2
+#: Bits of the sign; the numbers are magnitudes.
+SIGN, PWM_SIGN = 15, 10
+COUNT = 2.0 * math.pi / 4096.0  # rad; velocities are in counts/s
+CENTRE = 2048
+SPEED_LIMIT_STEP = 50.0  # counts/s
+AMPERE, VOLT = 6.5e-3, 0.1
+FULL_PWM = 1000
+MODELS = {777: "STS3215", 2825: "STS3250", 11272: "SM8512BL"}
+ERRORS = {
+    1: "input voltage",
+    2: "angle sensor",
+    4: "overheating",
+    8: "over-current",
+    32: "overload",
+}
+
+
+def error_name(bits: int) -> str:
+    """Errors in words."""
+    return ", ".join(name for bit, name in ERRORS.items() if bits & bit) or "see its manual"
+
+
+def signed(number: int, sign: int = SIGN) -> int:
+    """The value of a magnitude with a bit for its sign."""
+    return -(number & ~(1 << sign)) if number >> sign & 1 else number
+
+
+def magnitude(value: float, sign: int = SIGN) -> int:
+    """A value as a magnitude with a bit for its sign, at its end where it is beyond."""
+    number = min((1 << sign) - 1, round(abs(value)))
+    return number | (1 << sign if value < 0.0 and number else 0)
