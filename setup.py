@@ -376,6 +376,7 @@ TEST = [
     "control>=0.10",
     "hypothesis>=6.100",
     "matplotlib>=3.8",
+    "msgpack>=1.0",
     "playwright>=1.50",
     "pytest>=8.2",
     "pytest-timeout>=2.3",

@@ -14,6 +14,8 @@ from ..errors import PlantSettingsError
 FLOOD = 8
 #: s to wait for what a drive says at the beginning, and how often it is asked.
 PATIENCE, ATTEMPTS = 0.05, 5
+#: The largest id of 11 bits.
+SHORT = 0x7FF
 #: Flag of a frame's id, as socketcan has it: a remote frame, which asks for that of its id.
 REMOTE = 0x40000000
 #: Bit of an error frame, as socketcan numbers them: the interface left the bus.
@@ -52,13 +54,13 @@ class CanLine:
                 f"bus {text}: {error}; use INTERFACE:CHANNEL, as socketcan:can0"
             ) from None
 
-    def send(self, frame_id: int, data: bytes, *, extended: bool = False) -> None:
-        """One frame; a remote one where its id has the flag REMOTE."""
+    def send(self, frame_id: int, data: bytes) -> None:
+        """One frame, of 29 bits where its id needs them; a remote one where it has REMOTE."""
         message = self._message(
             arbitration_id=frame_id & ~REMOTE,
             is_remote_frame=bool(frame_id & REMOTE),
             data=data,
-            is_extended_id=extended,
+            is_extended_id=frame_id & ~REMOTE > SHORT,
             is_fd=self._fd,
             bitrate_switch=self._fd,
         )

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
-from ..drives.can_line import BUS_OFF, REMOTE
+from ..drives.can_line import BUS_OFF, REMOTE, SHORT
 from .wire import Wire
 from .world import World
 
@@ -34,7 +34,6 @@ class VirtualCanBus:
         drives: Its drives, and others that nothing hangs on.
         address: Interface and channel; empty: a channel of this process that nobody has.
         fd: With CAN FD frames.
-        extended: With identifiers of 29 bits.
 
     Attributes:
         address: As a driver is given it.
@@ -48,7 +47,6 @@ class VirtualCanBus:
         address: str = "",
         *,
         fd: bool = False,
-        extended: bool = False,
     ) -> None:
         import can
 
@@ -56,7 +54,7 @@ class VirtualCanBus:
         self.address = address or f"virtual:drives {next(_numbers)}"
         interface, _, channel = self.address.partition(":")
         self.to_drives, self.from_drives = Wire(checked=True), Wire(checked=True, seed=1)
-        self._fd, self._extended, self._message = fd, extended, can.Message
+        self._fd, self._message = fd, can.Message
         more: dict[str, Any] = {}
         if interface == "virtual":
             more["protocol"] = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
@@ -96,13 +94,15 @@ class VirtualCanBus:
                         self._message(
                             arbitration_id=frame_id,
                             data=data,
-                            is_extended_id=self._extended,
+                            is_extended_id=frame_id > SHORT,
                             is_fd=self._fd,
                             bitrate_switch=self._fd,
                         )
                     )
 
     def _answers(self, message: Any) -> Iterator[tuple[int, bytes]]:
+        if (message.arbitration_id > SHORT) is not message.is_extended_id:
+            return  # its upper bits would not get onto a real bus
         remote = REMOTE if message.is_remote_frame else 0
         frame = message.arbitration_id | remote, bytes(message.data)
         for frame_id, data in self.to_drives.carry(iter([frame])):

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drivers and virtual drives in two processes, on a bus of UDP multicast."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from drives_elsewhere import NAMES
+
+from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.plants.interface import Setup
+from control_board_ros.testing.plants import asked
+
+can = pytest.importorskip("can")
+ELSEWHERE = Path(__file__).parents[1] / "support" / "drives_elsewhere.py"
+LIBRARIES = {"moteus": "moteus", "mit_can": "can", "cia402": "canopen", "odrive_can": "can"}
+
+
+@pytest.fixture
+def address() -> str:
+    """A bus that nobody else is on."""
+    number = random.SystemRandom().randrange(1 << 16)
+    channel = f"239.{80 + number % 100}.{number >> 8}.{number & 0xFF}"
+    try:
+        can.Bus(interface="udp_multicast", channel=channel).shutdown()
+    except (can.CanError, OSError) as error:
+        pytest.skip(f"no UDP multicast here: {error}")
+    return f"udp_multicast:{channel}"
+
+
+@pytest.fixture(params=LIBRARIES)
+def driver(request: pytest.FixtureRequest, address: str) -> Iterator[str]:
+    pytest.importorskip(LIBRARIES[request.param])
+    command = [sys.executable, str(ELSEWHERE), request.param, address]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        yield request.param
+        process.communicate()
+    assert process.returncode == 0
+
+
+@pytest.mark.slow
+def test_drives_of_another_process_are_driven_by_can_frames_over_udp(
+    driver: str, address: str
+) -> None:
+    """S1: every CAN driver, remote frames and CAN FD included."""
+    plant = import_module(f"control_board_ros.plants.{driver}.driver").make(
+        NAMES, {"bus": address}
+    )
+    takes = plant.driver.traits.set_points
+    kind = SetPoint.POSITION if SetPoint.POSITION in takes else SetPoint.IMPEDANCE
+    rows = {"position": np.full(2, 0.2), "stiffness": np.full(2, 8.0), "damping": np.full(2, 1.0)}
+    try:
+        plant.connect(Setup(period=0.5, timeout=5.0, joints=(None, None)))
+        for _ in range(20_000):
+            found = plant.exchange(asked([kind] * 2, **rows))
+            assert not any(found.faults), found.faults
+            if np.abs(found.position - 0.2).max() < 0.02:
+                break
+        np.testing.assert_allclose(found.position, 0.2, atol=0.02)
+    finally:
+        plant.close()
