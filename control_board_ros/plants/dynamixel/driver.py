@@ -8,6 +8,7 @@ exchange torque off, mode, goal, torque on. Positions go without velocity and fe
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -293,7 +294,9 @@ def connect(bus: str, baudrate: int) -> tuple[Any, Any]:
 def identify(port: Any, protocol: Any, drive: int) -> list[int]:
     """The models that answer as a drive: none, one, or two, if two answer each time."""
     found: list[int] = []
-    for _ in range(ATTEMPTS):
+    for attempt in range(ATTEMPTS):
+        time.sleep(attempt * PATIENCE)  # a late answer to the last attempt is no second drive
+        port.clearPort()
         model, result, _ = protocol.ping(port, drive)
         if result != 0:
             continue

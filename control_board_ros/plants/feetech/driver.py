@@ -10,6 +10,7 @@ feed-forward.
 from __future__ import annotations
 
 import struct
+import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -268,7 +269,9 @@ def connect(bus: str, baudrate: int) -> tuple[Any, Any]:
 def identify(port: Any, protocol: Any, drive: int, attempts: int = ATTEMPTS) -> list[int]:
     """The models that answer as a drive: none, one, or two, if two answer each time."""
     found: list[int] = []
-    for _ in range(attempts):
+    for attempt in range(attempts):
+        time.sleep(attempt * PATIENCE)  # a late answer to the last attempt is no second drive
+        port.clearPort()
         data, result, _ = protocol.readTxRx(port, drive, *t.MODEL)
         if result != 0 or len(data) != t.MODEL.length:
             continue
