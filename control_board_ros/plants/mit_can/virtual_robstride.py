@@ -9,7 +9,7 @@ from . import frames as f
 from . import robstride as r
 
 #: s of silence after which it stops, as it is stored by the maker's tool.
-CAN_TIMEOUT = 0.1
+CAN_TIMEOUT = 1.0
 
 
 class VirtualRobStride:

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``plant:=virtual/NAME``: each driver in the box turns the joints of the robot's own body."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.plants.entry_points import DRIVERS
+from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.interface import Setup
+from control_board_ros.plants.offers import within
+from control_board_ros.plants.virtual.plant import make_virtual
+from control_board_ros.settings.loading import Settings, load
+from control_board_ros.testing.plants import asked
+
+ARM = Path(__file__).parents[1] / "support" / "arm.urdf"
+LIBRARIES = {"moteus": "moteus", "dynamixel": "dynamixel_sdk", "cia402": "canopen",
+             "feetech": "scservo_sdk", "mit_can": "can", "odrive_can": "can"}  # fmt: skip
+#: What a board must say of its joints, where the default is not for these drives.
+NEEDED = {
+    "mit_can": {"joint_defaults.position_pid.kp": 200.0, "joint_defaults.position_pid.kd": 4.0},
+    "feetech": {"joint_defaults.on_silence": "braked"},
+}
+
+
+def settings(needed: dict[str, float | str]) -> Settings:
+    return load(None, {"robot": str(ARM), "physics": "ideal", **needed})
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_the_drives_of_a_virtual_plant_move_the_robots_body(driver: str) -> None:
+    """S1, B2: read at home, then moved; the board offers what the drives take."""
+    pytest.importorskip(LIBRARIES[driver])
+    told = settings(NEEDED.get(driver, {}))
+    plant = make_virtual(f"virtual/{driver}", told, [])
+    try:
+        offered = within(told, f"virtual/{driver}", plant.describe())
+        n = len(offered.board.joints)
+        kind = offered.board.joints[0].drive[0]
+        plant.connect(Setup(period=0.5, timeout=5.0, joints=offered.board.joints))
+        home = plant.exchange(asked([SetPoint.OFF] * n)).position
+        rows = {"position": home + 0.1, "stiffness": np.full(n, 100.0), "damping": np.full(n, 4.0)}
+        assert kind in (SetPoint.POSITION, SetPoint.IMPEDANCE)
+        for _ in range(20_000):
+            found = plant.exchange(asked([kind] * n, **rows))
+            assert not any(found.faults), found.faults
+            if (found.position - home > 0.05).all():
+                break
+        assert (plant.world.state[0] - home > 0.04).all()
+    finally:
+        plant.close()
+
+
+def test_drives_that_only_hold_on_want_a_board_that_says_so() -> None:
+    """S5."""
+    pytest.importorskip("scservo_sdk")
+    told = settings({})
+    plant = make_virtual("virtual/feetech", told, [])
+    try:
+        with pytest.raises(PlantSettingsError, match=r"on_silence: .* one of braked"):
+            within(told, "virtual/feetech", plant.describe())
+    finally:
+        plant.close()
