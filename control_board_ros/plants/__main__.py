@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from ..core.config.checks import ConfigError
 from ..settings.loading import Settings, load
@@ -24,9 +24,18 @@ from .errors import PlantSettingsError
 PERIOD = 5e-3
 
 
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print it and end."""
+        print(f"cbctl: {message}; see cbctl drives --help", file=sys.stderr)
+        sys.exit(2)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Scan a bus, or try the drives of a robot; 0, 1 (it did not work), 2 (usage)."""
-    parser = argparse.ArgumentParser(prog="cbctl drives")
+    parser = Parser(prog="cbctl drives")
     verbs = parser.add_subparsers(dest="verb", required=True)
     scan = verbs.add_parser("scan")
     scan.add_argument("plant", choices=DRIVERS)

@@ -323,6 +323,8 @@ def test_stop_everything_and_recover(cbctl: Any, ask: Any) -> None:
     one = ask("recover", "0")
     assert (one["success"], one["modes"], one["wait"]) == (True, {FIRST: "pos"}, {FIRST: 0.0})
     assert cbctl("recover").out.startswith(f"recovered: {SECOND} pos, ")
+    again = cbctl("recover")
+    assert (again.code, again.out) == (0, "nothing to recover: none of 7 is in fault\n")
     frame = ask("faults", "--frame", "0")
     assert frame["fault"]["joint"] == FIRST
     assert len(frame["position"]) == len(frame["stamps"]) > 0
@@ -330,6 +332,13 @@ def test_stop_everything_and_recover(cbctl: Any, ask: Any) -> None:
     assert "emergency stop, asked for" in drawn.out
     assert "position" in drawn.out
     assert cbctl("estop", "now").code == 1
+
+
+def test_a_word_that_no_brake_knows(cbctl: Any, ask: Any) -> None:
+    """The answer names what is valid."""
+    wrong = cbctl("brake", "0", "opened")
+    assert wrong.code == 1
+    assert wrong.err.endswith("; brakes are automatic, open, closed\n")
 
 
 def test_an_emergency_stop_that_waits_for_time_says_so(cbctl: Any, ask: Any) -> None:

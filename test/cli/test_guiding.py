@@ -103,3 +103,7 @@ def test_joints_that_cannot_be_soft_are_named(cbctl: Cbctl, ask: Asker) -> None:
     answer = cbctl("guide")
     assert answer.code == 2
     assert "--for" in answer.err
+    answer = cbctl("guide", "joint_7", "--for", "0.2s")
+    assert answer.code == 0
+    assert "guiding" in answer.err
+    assert "p saves" not in answer.err  # no key can be pressed

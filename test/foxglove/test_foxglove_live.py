@@ -24,6 +24,7 @@ from talk import TIMEOUT, Talker
 from tf2_msgs.msg import TFMessage
 from websockets.sync.client import ClientConnection, connect
 
+from control_board_ros.cli.verbs.foxglove import layout
 from control_board_ros.foxglove.frames import frames_of
 from control_board_ros.interface import PUBLISHED, SERVICES, TF, TF_STATIC
 from control_board_ros.testing import BoardProcess
@@ -142,6 +143,10 @@ def process(board: BoardProcess) -> Iterator[tuple[str, int]]:
 def foxglove(process: tuple[str, int], talker: Talker) -> Iterator[Foxglove]:
     with connect(process[0], subprotocols=["foxglove.sdk.v1"], max_size=None) as connection:  # type: ignore[list-item]
         yield Foxglove(connection)
+
+
+def test_the_layout_that_it_names_is_installed() -> None:
+    assert layout().is_file()
 
 
 def test_all_topics_and_services_are_offered(foxglove: Foxglove) -> None:

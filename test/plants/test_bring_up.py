@@ -201,3 +201,13 @@ def test_ctrl_c_takes_the_power_off(tmp_path: Path) -> None:
     _, error = process.communicate(timeout=60)
     assert process.returncode == 1
     assert error.strip() == "cbctl: interrupted; all joints are without power"
+
+
+def test_a_plant_that_no_driver_has_is_named_in_one_line(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["scan", "moteuss", "--bus", "socketcan:can0"])
+    said = capsys.readouterr().err
+    assert said.startswith("cbctl: argument plant: invalid choice: 'moteuss' (choose from")
+    assert said.count("\n") == 1

@@ -5,11 +5,20 @@ from __future__ import annotations
 
 import threading
 from importlib.util import find_spec
+from pathlib import Path
 
 from ..board.session import Session
 from ..line.arguments import argument, takes
 from ..line.words import Refused, UsageError
 from ..text.output import DONE, note, put, put_json
+
+
+def layout() -> Path:
+    """Where the layout is installed."""
+    from ament_index_python.packages import get_package_share_directory
+
+    share = Path(get_package_share_directory("control_board_ros"))
+    return share / "config/foxglove/control_board.json"
 
 
 @takes(
@@ -62,7 +71,7 @@ def foxglove(session: Session, host: str, port: int, read_only: bool) -> int:
             put(f"{live.board} is served" + (", to look only:" if read_only else ":"))
             put(f"  {live.address}  (in Foxglove: Open connection, Foxglove WebSocket)")
             put(f"  {live.app}")
-            put("Layout: config/foxglove/control_board.json. Ctrl-C ends it.")
+            put(f"Layout: {layout()}. Ctrl-C ends it.")
         live.run(ended)
     except CannotServe as error:
         raise Refused(str(error)) from None

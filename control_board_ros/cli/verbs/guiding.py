@@ -95,6 +95,7 @@ def attend(session: Session, names: list[str], seconds: float | None, poses: lis
     """Let joints be guided until the end; why it came, where nobody asked for it."""
     begun = asked = clock.monotonic()
     keyboard = sys.stdin.isatty() and not session.options.json
+    keys = f": {KEYS}" if keyboard else ""
     with contextlib.ExitStack() as stack:
         terminal = stack.enter_context(keys_at_once()) if keyboard else None
         bar = stack.enter_context(Bar(session, "guiding", endless=seconds is None))
@@ -109,7 +110,7 @@ def attend(session: Session, names: list[str], seconds: float | None, poses: lis
             share = 0.0 if seconds is None else (now - begun) / seconds
             saved = f", {len(poses)} poses saved" if poses else ""
             bar.update(
-                share, f"{', '.join(short_names(names, session.names).values())}: {KEYS}{saved}"
+                share, f"{', '.join(short_names(names, session.names).values())}{keys}{saved}"
             )
             if now - asked >= LOOK_AT_MODES:
                 asked = now

@@ -130,7 +130,10 @@ def brake(session: Session, words: list[str]) -> int:
     """
     wanted = words[-1].lower() if words and words[-1].lower() in set(BrakeMode) else ""
     named = words[:-1] if wanted else words
-    names = session.joints(named) if named else None
+    try:
+        names = session.joints(named) if named else None
+    except Refused as error:
+        raise Refused(f"{error}; brakes are {', '.join(BrakeMode)}") from None
     if not wanted:
         rows = read_brakes(session, names or list(session.names))
         show(session, rows, lambda: brake_table(session, rows))
@@ -142,8 +145,10 @@ def brake(session: Session, words: list[str]) -> int:
 
 def brake_table(session: Session, rows: Rows) -> Any:
     columns = {
-        "worked": [row["mode"] or "no brake" for row in rows.values()],
-        "is": ["closed" if row["closed"] else "open" * bool(row["mode"]) for row in rows.values()],
+        "control": [row["mode"] or "no brake" for row in rows.values()],
+        "state": [
+            "closed" if row["closed"] else "open" * bool(row["mode"]) for row in rows.values()
+        ],
     }
     return grid({"joint": list(rows), **columns}, names=session.names)
 

@@ -27,9 +27,16 @@ from ..text.tables import grid
 )
 def recover(session: Session, joints: list[str], partial: bool) -> int:
     """Leave a fault for the modes before it, where the joints are; none: all in fault."""
-    names = session.joints(joints) if joints else None
-    reply = session.client.recover(names, partial)
-    modes = {n: mode.code for n, mode in zip(reply.joints, reply.modes, strict=False)}
+    names = session.joints(joints)
+    faults = faults_now(session, names)
+    if not faults:
+        return nothing_in_fault(session, "recover", names, modes={}, wait={})
+    reply = session.client.recover(names if joints else None, partial)
+    modes = {
+        name: mode.code
+        for name, mode in zip(reply.joints, reply.modes, strict=False)
+        if name in faults
+    }
     waits = dict(zip(reply.joints, reply.waits, strict=False))
     text = "recovered: " + ", ".join(f"{name} {code}" for name, code in modes.items())
     return conclude(session, reply, text, modes=modes, wait=waits)
@@ -65,11 +72,9 @@ def estop(session: Session, word: str | None) -> int:
 def clear(session: Session, joints: list[str]) -> int:
     """Send FORCE_IDLE to the joints in fault; tell which causes persist."""
     names = session.joints(joints)
-    faults = {name: row for name, row in read_faults(session, names).items() if row["active"]}
+    faults = faults_now(session, names)
     if not faults:
-        nothing = f"nothing to clear: none of {len(names)} is in fault"
-        show(session, {"success": True, "joints": {}}, lambda: nothing)
-        return DONE
+        return nothing_in_fault(session, "clear", names, joints={})
     reply = session.client.set_control_mode(list(faults), "fidl")
     rows = cleared_rows(faults, reply)
     show(session, {"success": bool(reply), "joints": rows}, lambda: cleared_table(session, rows))
@@ -78,6 +83,18 @@ def clear(session: Session, joints: list[str]) -> int:
         next_step = advice(reply, session.names, session.line)
         note(session, "; ".join(filter(None, (reply.message, next_step))))
     return DONE if reply else REFUSED
+
+
+def faults_now(session: Session, names: list[str]) -> Rows:
+    """The faults of the joints that are in fault now."""
+    return {name: row for name, row in read_faults(session, names).items() if row["active"]}
+
+
+def nothing_in_fault(session: Session, verb: str, names: list[str], **empty: Any) -> int:
+    """There is nothing to do; the exit code."""
+    text = f"nothing to {verb}: none of {len(names)} is in fault"
+    show(session, {"success": True} | empty, lambda: text)
+    return DONE
 
 
 def cleared_rows(faults: Rows, reply: Reply) -> Rows:
