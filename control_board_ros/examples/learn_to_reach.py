@@ -3,9 +3,9 @@
 
     python -m control_board_ros.examples.learn_to_reach
 
-``--steps 60000`` (about a minute), ``--seed 1``. Needs ``pip install 'control_board_ros[gym]'
+``--steps 60000`` (one to two minutes), ``--seed 1``. Needs ``pip install 'control_board_ros[gym]'
 stable-baselines3``. Prints the mean distance of the tip from its goals at the ends of 20 episodes,
-before and after.
+before and after: 0.45 m and 0.15, 0.13, 0.14 m with the seeds 1, 2, 3.
 """
 
 from __future__ import annotations
@@ -49,9 +49,11 @@ def distance(model: Any, episodes: int = 20) -> float:
 
 def learn(steps: int = STEPS, seed: int = 1) -> tuple[float, float]:
     """Mean distances before and after learning, m."""
+    import torch
     from stable_baselines3 import PPO
     from stable_baselines3.common.env_util import make_vec_env
 
+    torch.set_num_threads(1)  # small networks gain nothing by more, and a seed learns the same
     arms = make_vec_env(make, n_envs=ARMS, seed=seed)
     model = PPO(
         "MlpPolicy",

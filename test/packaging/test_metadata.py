@@ -35,6 +35,7 @@ OPTIONAL = {
     "pygame",
     "pytest",
     "stable_baselines3",
+    "torch",
     "hypothesis",
     "PIL",
     "argcomplete",
