@@ -22,6 +22,7 @@ NOT_ROS = {
 }
 OPTIONAL = {
     "can",
+    "canopen",
     "cython",
     "dynamixel_sdk",
     "foxglove",
@@ -34,6 +35,7 @@ OPTIONAL = {
     "sqlalchemy",  # comes with optuna
     "pygame",
     "pytest",
+    "scservo_sdk",
     "stable_baselines3",
     "torch",
     "hypothesis",
