@@ -135,6 +135,7 @@ def test_features_are_known_without_a_connection(robot: Any) -> None:
     assert len(robot.observation_features) == 21
     assert next(iter(robot.action_features)) == "lbr_iiwa_joint_1.pos"
     assert set(robot.observation_features.values()) == {float}
+    assert len(robot.cameras) == 0  # lerobot-record asks for it
     assert not robot.is_connected
     with pytest.raises(ConnectionError, match="not connected"):
         robot.get_observation()

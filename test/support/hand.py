@@ -42,6 +42,10 @@ class Hand:
         """Of the joint, rad."""
         return float(self._client.get_encoder(JOINT)[0])
 
+    def speed(self) -> float:
+        """Of the joint, rad/s."""
+        return float(self._client.get_encoder_speed(JOINT)[0])
+
     def is_soft(self) -> bool:
         """Whether the joint gives way to a hand."""
         return self._client.get_interaction_mode(JOINT)[0] is InteractionMode.COMPLIANT

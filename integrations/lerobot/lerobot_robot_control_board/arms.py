@@ -63,6 +63,7 @@ class RosArm:
         from control_board_ros.client import connect
 
         self.board = connect(name)
+        self._before: tuple[Any, Any, Any] | None = None
 
     def pass_time(self, seconds: float) -> None:
         """Its time is real."""
@@ -72,14 +73,30 @@ class RosArm:
 
     def be_guided(self) -> None:
         on = {f"{name}.gravity_compensation": True for name in self.board.names}
+        self._before = (
+            self.board.get_parameters(list(on)),
+            self.board.get_impedance(),
+            self.board.get_interaction_mode(),
+        )
         check(self.board.set_parameters(on))
         check(self.board.set_interaction_mode(None, "comp"))
         check(self.board.set_impedance(None, 0.0))
         check(self.board.set_control_mode(None, "posd"))
 
     def close(self) -> None:
-        self.board.stop()
-        self.board.close()
+        try:
+            if self._before is not None:
+                self._hold(*self._before)
+            self.board.stop()
+        finally:
+            self.board.close()
+
+    def _hold(self, compensation: Any, impedance: Any, interaction: Any) -> None:
+        """Hold the arm where the hand has left it, then set what was set before."""
+        check(self.board.set_interaction_mode(None, "stif"))
+        check(self.board.set_parameters(compensation))
+        check(self.board.set_impedance(None, *impedance))
+        check(self.board.set_interaction_mode(None, interaction))
 
 
 def check(reply: Any) -> None:

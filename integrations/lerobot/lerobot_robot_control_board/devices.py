@@ -117,6 +117,7 @@ class ControlBoardRobot(Robot):
     def __init__(self, config: ControlBoardRobotConfig) -> None:
         super().__init__(config)
         self.config = config
+        self.cameras: dict[str, Any] = {}  # a board has none; lerobot-record counts them
         self._connection = Connection(config)
 
     @property
