@@ -53,7 +53,9 @@ def _torque_step(rig: Rig, j: int, way: float) -> float:
 
 
 def _output_step(rig: Rig, j: int, part: float) -> float:
-    """The top speed after a step of the output in OPENLOOP."""
+    """The top speed after a step of the output in OPENLOOP; 0 where the joint has none."""
+    if not rig.has(j, M.OPENLOOP):
+        return 0.0
     _go(rig, j, part)
     rig.enter(j, M.OPENLOOP, Way.STIFF)
     rig.expect(rig.board.set_output(j, part * rig.joints[j].limits.output))

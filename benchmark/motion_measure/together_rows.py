@@ -37,6 +37,8 @@ def halt(rig: Rig, joints: Sequence[int]) -> dict[int, Figures]:
     found: dict[int, Figures] = {j: {} for j in joints}
     for key, after in (("torq", (M.TORQUE, Way.STIFF)), ("comp", (M.POSITION, Way.COMPLIANT))):
         able = [j for j in range(rig.board.count) if rig.has(j, *after)]
+        if not able:
+            continue
         random = np.random.default_rng(SEED)
         for _ in range(TRIALS):
             signs = random.choice([-1.0, 1.0], rig.board.count)

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Drives in another process than the board: no torque without it, whatever stops it (B5, S5)."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+from control_board_msgs import msg, srv
+from levers import IIWA
+from talk import Talker, talking_to, until
+
+from control_board_ros.testing import BoardProcess, board_process
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+SUPPORT = Path(__file__).parents[1] / "support"
+JOINT = IIWA[1]  # it carries the arm: held, it needs torque
+TIMEOUT = 0.5  # s, plant_timeout
+BURNERS = 6
+
+
+class FarEnd:
+    """Virtual drives in a process of their own, and what they print.
+
+    Attributes: bus (as plant_arguments have it).
+    """
+
+    def __init__(self, driver: str, bus: str) -> None:
+        line = [sys.executable, "-m", "control_board_ros.plants.virtual", driver]
+        line += ["--physics", "mujoco", *(["--bus", bus] if bus else [])]
+        self.process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        self.bus = self.process.stdout.readline().split()[-1]
+        self._changed = threading.Condition()
+        self._last: dict[str, tuple[float, str]] = {}
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        for line in self.process.stdout or ():
+            stamp, joint, what = line.split()
+            with self._changed:
+                self._last[joint] = float(stamp), what
+                self._changed.notify_all()
+
+    def until(self, what: str, seconds: float = 120.0) -> float:
+        """When (s, monotonic) the joint came to have torque, or to be free."""
+
+        def so() -> bool:
+            return self._last.get(JOINT, (0.0, ""))[1] == what
+
+        with self._changed:
+            assert self._changed.wait_for(so, seconds), f"it never is {what}: {self._last}"
+            return self._last[JOINT][0]
+
+    def close(self) -> None:
+        self.process.terminate()
+        self.process.wait(30.0)
+        self._reader.join(30.0)
+        self.process.stdout.close()
+
+
+@pytest.fixture
+def drives() -> Iterator[FarEnd]:
+    """Controllers on a bus that processes share."""
+    pytest.importorskip("moteus")
+    pytest.importorskip("msgpack")
+    number = os.getpid()
+    end = FarEnd("moteus", f"udp_multicast:239.74.{number >> 8 & 0xFF}.{number & 0xFF}")
+    yield end
+    end.close()
+
+
+@contextlib.contextmanager
+def driven(
+    end: FarEnd, plant: str = "moteus", exit_code: int = 0, command: Sequence[str] | None = None
+) -> Iterator[tuple[BoardProcess, Talker]]:
+    """A board that holds a joint with them."""
+    params = {
+        "plant": plant,
+        "plant_arguments": [end.bus],
+        "plant_timeout": TIMEOUT,
+        "control_rate": 200.0,
+        "joint_defaults.startup_mode": "idl",
+    }
+    with (
+        board_process(params, exit_code=exit_code, command=command) as board,
+        talking_to(board) as talker,
+    ):
+        until(lambda: talker.set_mode([JOINT], "fidl").success)
+        assert talker.set_mode([JOINT], "pos").success
+        end.until("torque")
+        yield board, talker
+
+
+def plant_process(board: BoardProcess) -> int:
+    """The process that holds the plant."""
+    children = Path(f"/proc/{board.process.pid}/task/{board.process.pid}/children").read_text()
+    tasks = Path(f"/proc/{board.process.pid}/task").iterdir()
+    found = {int(pid) for task in tasks for pid in (task / "children").read_text().split()}
+    (one,) = found | {int(pid) for pid in children.split()}
+    return one
+
+
+def back(talker: Talker, end: FarEnd) -> None:
+    """The board says what happened; FORCE_IDLE, and then the joint has torque again."""
+    talker.wait("modes", lambda modes: modes.control_modes[1] == "hwfa")
+    fault = talker.call("get_faults", srv.GetFaults, names=[JOINT]).faults[0]
+    assert fault.text
+    until(lambda: talker.set_mode([JOINT], "fidl").success)
+    assert talker.set_mode([JOINT], "pos").success
+    raised(talker, end)
+
+
+def raised(talker: Talker, end: FarEnd) -> None:
+    """It may have fallen to where it needs no torque: raise it."""
+    message = msg.PositionCommand(names=[JOINT], positions=[0.5])
+    talker.until_state(
+        lambda: talker.command("command/position", message),
+        lambda state: not state.motion_done[1],
+    )
+    end.until("torque")
+
+
+def test_a_killed_board_leaves_no_torque(drives: FarEnd) -> None:
+    """B5: the plant's own process ends it."""
+    with driven(drives, exit_code=-signal.SIGKILL) as (board, _):
+        board.process.kill()
+        drives.until("free")
+
+
+def test_a_board_killed_with_its_plant_leaves_no_torque(drives: FarEnd) -> None:
+    """S5: only the drives' own watchdog is left."""
+    with driven(drives, exit_code=-signal.SIGKILL) as (board, _):
+        plant = plant_process(board)
+        os.kill(plant, signal.SIGSTOP)  # it cannot let go
+        board.process.kill()
+        os.kill(plant, signal.SIGKILL)
+        drives.until("free")
+
+
+@pytest.mark.parametrize("whole", [False, True], ids=["the board", "and its plant"])
+def test_a_stopped_board_has_no_torque(drives: FarEnd, whole: bool) -> None:
+    """B5, S5: SIGSTOP; it says so when it goes on, and recovers by FORCE_IDLE."""
+    with driven(drives) as (board, talker):
+        stopped = [board.process.pid, *([plant_process(board)] if whole else [])]
+        for pid in stopped:
+            os.kill(pid, signal.SIGSTOP)
+        try:
+            drives.until("free")
+        finally:
+            for pid in stopped:
+                os.kill(pid, signal.SIGCONT)
+        back(talker, drives)
+
+
+def test_a_stalled_hook_leaves_no_torque(drives: FarEnd, tmp_path: Path) -> None:
+    """B5: the control thread hangs in a hook, the rest of the node goes on."""
+    stall = tmp_path / "stall"
+    command = [sys.executable, str(SUPPORT / "stalled_node.py"), str(stall)]
+    with driven(drives, command=command) as (_, talker):
+        stall.touch()
+        try:
+            drives.until("free")
+        finally:
+            stall.unlink()
+        back(talker, drives)
+
+
+@pytest.mark.soak
+def test_an_exhausted_processor_is_no_danger(drives: FarEnd) -> None:
+    """B5: starved, the board drives, or the joint has no torque and says why; then all is well."""
+    with driven(drives) as (board, talker):
+        processor = min(os.sched_getaffinity(0))
+        pids = [board.process.pid, plant_process(board)]
+        tasks = [int(t.name) for pid in pids for t in Path(f"/proc/{pid}/task").iterdir()]
+        everywhere = os.sched_getaffinity(0)
+        burners = [
+            subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(BURNERS)
+        ]
+        try:
+            for pid in [*tasks, *(one.pid for one in burners)]:
+                os.sched_setaffinity(pid, {processor})
+            for pid in tasks:
+                os.setpriority(os.PRIO_PROCESS, pid, 19)
+            time.sleep(3.0)
+        finally:
+            for one in burners:
+                one.kill()
+                one.wait()
+            for pid in tasks:
+                with contextlib.suppress(ProcessLookupError):
+                    os.sched_setaffinity(pid, everywhere)
+        if talker.modes()[1] == "hwfa":
+            back(talker, drives)
+        raised(talker, drives)
+        assert talker.modes()[1] == "pos"
+
+
+@pytest.mark.soak
+def test_dynamixels_on_a_pseudo_terminal_hold_still() -> None:
+    """S5: their watchdog stops them, and they hold: what on_silence says that they can."""
+    pytest.importorskip("dynamixel_sdk")
+    end = FarEnd("dynamixel", "")
+    try:
+        with driven(end, "dynamixel", exit_code=-signal.SIGKILL) as (board, _):
+            board.process.kill()
+            end.until("torque")
+    finally:
+        end.close()
