@@ -174,8 +174,8 @@ DIAGNOSTICS = topic(
     "diagnostic_msgs/msg/DiagnosticArray",
     STREAM,
     "Once a second: loop rate, overruns, worst latency, rejected commands (those for unknown "
-    "joints, too), faults. One entry for the board and one per joint, whose names begin with the "
-    "board's full name.",
+    "joints, too), faults; of drives the answers that came too late for their exchange. One entry "
+    "for the board and one per joint, whose names begin with the board's full name.",
 )
 CLOCK = topic(
     "/clock",

@@ -21,6 +21,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -34,6 +35,7 @@ from ..core.terms.set_points import SetPoints
 from ..text import clean
 from .exchange import Exchange, Sample
 from .interface import Clock, DrivePlant, RobotPlant
+from .offers import told
 from .outputs import as_drives
 
 RETRY = 0.2
@@ -41,6 +43,8 @@ RETRY = 0.2
 CYCLES = 3.0
 #: s beyond the timeout that the thread sleeps, so that it wakes after it.
 LEAST_WAIT = 1e-4
+#: Lines that are kept until the node takes them.
+NEWS = 1000
 #: s that a start waits for the first sample; after it the joints begin in HW_FAULT.
 FIRST_SAMPLE = 5.0
 ALARM, DRIVE = 1.0 + FaultCode.PLANT, 1.0 + FaultCode.DRIVE
@@ -91,6 +95,9 @@ class GuardedPlant:
         first: float = FIRST_SAMPLE,
     ) -> None:
         self._plant, self._timeout, self._clock = as_drives(plant), timeout, clock
+        self._joints = board.joints
+        self._limits: set[str] = set()  # lines about those that differ, told already
+        self._news: deque[str] = deque(maxlen=NEWS)
         self._patience = patience(timeout, board.period)
         self._exchange = Exchange(self._plant, board, timeout)
         self._owns_clock = plant.describe().clock is Clock.PLANT
@@ -162,6 +169,10 @@ class GuardedPlant:
         self._wanted = Wanted(self._cycle, now, self._off if self._silence else wanted)
         self._turn.set()
 
+    def take_news(self) -> list[str]:
+        """Where limits of drives that were connected differ from the board's (S4), once each."""
+        return [self._news.popleft() for _ in range(len(self._news))]
+
     def close(self) -> None:
         """Take the power off and let go of the plant, unless it hangs; safe to call twice."""
         self._ending.set()
@@ -203,6 +214,7 @@ class GuardedPlant:
         while not self._ending.is_set():
             try:
                 self._exchange.connect()
+                self._compare_limits()
                 self._talk()
             except Exception as error:  # noqa: BLE001 - somebody else's code; told as a fault
                 self._error = f"{type(error).__name__}: {' '.join(clean(error, 200).split())}"
@@ -212,6 +224,13 @@ class GuardedPlant:
                 self._ending.wait(RETRY)
         with contextlib.suppress(Exception):  # it ends; whoever wants to know has had the fault
             self._plant.close()
+
+    def _compare_limits(self) -> None:
+        """Drives tell their limits when connected; one that comes back may have others (S4)."""
+        has = {joint.name: joint for joint in self._plant.describe().joints}
+        lines = [line for joint in self._joints for line in told(joint, has[joint.name])]
+        self._news += [line for line in lines if line not in self._limits]
+        self._limits = set(lines)
 
     def _talk(self) -> None:
         wanted, sample = self._wanted, self._exchange.run(self._off, {})  # no power before it

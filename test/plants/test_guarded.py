@@ -6,6 +6,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from control_board_ros.core.board import Board
 from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.node.loop.loop import ControlLoop
-from control_board_ros.plants import Readings
+from control_board_ros.node.wiring.diagnostics import Diagnostics
+from control_board_ros.plants import Description, DriveLimits, Readings
 from control_board_ros.plants.guarded import GuardedPlant
 from control_board_ros.testing.plant_contract import board_for
 
@@ -360,5 +362,57 @@ def test_a_plant_that_is_not_there_at_start_is_a_fault_and_no_end() -> None:
         bench.until(lambda: not bench.guarded.read().reasons)
         bench.cycle()
         assert bench.board.set_control_mode(None, "fidl")
+    finally:
+        bench.guarded.close()
+
+
+class Telling(Levers):
+    """Its drives tell their limits when they are connected."""
+
+    allowed = iter((None, 1.0, 1.0, 0.5))
+
+    def connect(self) -> None:
+        super().connect()
+        limits = DriveLimits(velocity=next(self.allowed))
+        joints = tuple(replace(joint, limits=limits) for joint in self.description.joints)
+        self.description = Description(joints=joints)
+
+
+def test_limits_are_compared_when_a_drive_comes_back() -> None:
+    """S4: a line for each joint that differs, and none twice."""
+    plant = Telling("left")
+    bench = Bench(plant)
+    try:
+        for lines in (
+            [],
+            ["velocity 57.3°/s, less than 171.9°/s"],
+            [],
+            ["velocity 28.6°/s, less"],
+        ):
+            bench.until(lambda: not bench.guarded.read().reasons)
+            news = bench.guarded.take_news()
+            assert len(news) == len(lines), news
+            for line, text in zip(news, lines, strict=True):
+                assert line.startswith(f"left: its drive allows {text}")
+            plant.trouble = OSError("the cable is out")
+            bench.until(lambda: bool(bench.guarded.read().reasons))
+            plant.trouble = None
+    finally:
+        plant.allowed = iter(())
+        bench.guarded.close()
+
+
+def test_late_answers_are_counted_and_shown() -> None:
+    """S4: of each joint, in /diagnostics."""
+    plant = Levers("left", "right")
+    plant.answer = Readings(position=np.zeros(2), ages=np.array([0.0, 0.004]))
+    bench = Bench(plant)
+    try:
+        bench.until(lambda: bench.guarded.late[1] >= 2)
+        loop = ControlLoop(bench.board, bench.guarded)
+        statuses = Diagnostics(loop, ["left", "right"], "levers", 500.0).joint_statuses()
+        shown = [{one.key: one.value for one in status.values} for status in statuses]
+        assert shown[0]["late answers"] == "0"
+        assert int(shown[1]["late answers"]) >= 2
     finally:
         bench.guarded.close()

@@ -112,6 +112,17 @@ class ControlLoop:
         """What holds the lock for users of a group."""
         return Exclusive(self._lock, group, self.end_exclusive)
 
+    @property
+    def late_answers(self) -> list[int]:
+        """Answers of each joint's drive that came too late for their exchange; or no entries."""
+        late = getattr(self._plant, "late", None)
+        return [] if late is None else late.tolist()
+
+    def news(self) -> list[str]:
+        """What the plant found out since the last call, one line each."""
+        take = getattr(self._plant, "take_news", None)
+        return [] if take is None else take()
+
     # -- life ---------------------------------------------------------------------------------
 
     def start(self) -> None:

@@ -188,6 +188,8 @@ class Boards:
     def _each_second(self) -> None:
         for board in self._boards:
             board.each_second()
+        for line in self.loop.news():
+            self.main.reporter.log.warning(line)
         now = stamp(self.loop.snapshots.now())
         self._diagnostics_publisher.publish(self._diagnostics.message(now))
 

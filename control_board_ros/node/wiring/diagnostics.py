@@ -68,7 +68,7 @@ class Diagnostics:
         """One for each joint."""
         snapshots = self._snapshots
         state, modes, faults = snapshots.latest.snapshot, snapshots.modes, snapshots.faults
-        rejected = state.rejected_commands.tolist()
+        rejected, late = state.rejected_commands.tolist(), self._loop.late_answers
         found = [
             self._joint_status(
                 name,
@@ -79,6 +79,7 @@ class Diagnostics:
                 float(state.current[j]),
                 float(state.overload[j]),
                 (bool(state.brake[j]), bool(state.brake_slips[j])),
+                late[j] if late else None,
             )
             for j, name in enumerate(self._names)
         ]
@@ -135,6 +136,7 @@ class Diagnostics:
         current: float,
         overload: float,
         brake: tuple[bool, bool],
+        late: int | None,
     ) -> DiagnosticStatus:
         level, text = DiagnosticStatus.OK, modes[0].name
         if fault.active:
@@ -161,6 +163,8 @@ class Diagnostics:
             "I2t (%)": f"{100.0 * overload:.0f}",
             "brake": "slips" if brake[1] else "closed" if brake[0] else "open or none",
         }
+        if late is not None:
+            values["late answers"] = late
         return self._status(name, level, text, values.items())
 
     def _status(
