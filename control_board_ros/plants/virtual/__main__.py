@@ -13,6 +13,7 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from typing import Never
 
 from ...core.config.checks import ConfigError
 from ...settings.loading import load
@@ -56,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         far_end.close()
 
 
-def watch(names: Sequence[str], far_end: FarEnd) -> None:
+def watch(names: Sequence[str], far_end: FarEnd) -> Never:
     """Print what changes, for ever."""
     before = [False] * len(names)
     while True:

@@ -51,6 +51,47 @@ def make_virtual(name: str, settings: Settings, arguments: Sequence[str]) -> Vir
         ) from None
 
 
+class FarEnd:
+    """Virtual drives on a bus, and the body that they turn: all that is beyond the cable.
+
+    Args:
+        driver: Its folder's name, as ``moteus``.
+        board: Its joints, in its order.
+        simulation: The body that the drives move.
+        arguments: Of the user, for the driver; without ``bus``.
+        address: Of a bus that other processes reach, interface and channel; empty: one of ours.
+
+    Attributes: world, bus, drives.
+    """
+
+    def __init__(
+        self,
+        driver: str,
+        board: BoardConfig,
+        simulation: SimulationConfig,
+        arguments: Mapping[str, str],
+        address: str = "",
+    ) -> None:
+        room = f"control_board_ros.plants.{driver}"
+        maker, virtual = import_module(f"{room}.driver").make, import_module(f"{room}.virtual")
+        axes = maker(board.names, arguments).axes
+        self.drives: Sequence[Any] = [
+            virtual.virtual_drive(axis, joint)
+            for axis, joint in zip(axes, board.joints, strict=True)
+        ]
+        simulation = replace(simulation, physics_rate=1.0 / STEP)
+        body = make_body(board, simulation)
+        home = np.array([joint.home for joint in simulation.joints])
+        self.world = World(axes, self.drives, body, friction(board, simulation), home)
+        body.restore(self.world.state.copy())
+        self.bus = virtual.virtual_bus(self.world, self.drives, *([address] if address else []))
+
+    def close(self) -> None:
+        """Nothing is at the other end any more; safe to call twice."""
+        self.bus.close()
+        self.world.body.close()
+
+
 class VirtualPlant:
     """A DrivePlant whose drives are virtual.
 
@@ -62,7 +103,7 @@ class VirtualPlant:
 
     Attributes:
         plant: The driver's own.
-        world, bus, drives: What is at the other end.
+        far_end: What is at the other end.
     """
 
     def __init__(
@@ -72,21 +113,11 @@ class VirtualPlant:
         simulation: SimulationConfig,
         arguments: Mapping[str, str],
     ) -> None:
-        room = f"control_board_ros.plants.{driver}"
-        maker, virtual = import_module(f"{room}.driver").make, import_module(f"{room}.virtual")
         given = {key: value for key, value in arguments.items() if key != "bus"}
-        axes = maker(board.names, given).axes
-        self.drives: Sequence[Any] = [
-            virtual.virtual_drive(axis, joint)
-            for axis, joint in zip(axes, board.joints, strict=True)
-        ]
-        simulation = replace(simulation, physics_rate=1.0 / STEP)
-        body = make_body(board, simulation)
-        home = np.array([joint.home for joint in simulation.joints])
-        self.world = World(axes, self.drives, body, friction(board, simulation), home)
-        body.restore(self.world.state.copy())
-        self.bus = virtual.virtual_bus(self.world, self.drives)
-        self.plant: DrivesPlant = maker(board.names, {**given, "bus": self.bus.address})
+        self.far_end = FarEnd(driver, board, simulation, given)
+        maker = import_module(f"control_board_ros.plants.{driver}.driver").make
+        bus = self.far_end.bus.address
+        self.plant: DrivesPlant = maker(board.names, {**given, "bus": bus})
 
     def describe(self) -> Description:
         return self.plant.describe()
@@ -105,8 +136,7 @@ class VirtualPlant:
 
     def close(self) -> None:
         self.plant.close()
-        self.bus.close()
-        self.world.body.close()
+        self.far_end.close()
 
 
 def friction(board: BoardConfig, simulation: SimulationConfig) -> Array:
