@@ -11,6 +11,7 @@ from typing import Any
 
 from interface_page import header, row
 
+from control_board_ros.settings.couplings import ROWS as COUPLING_ROWS
 from control_board_ros.settings.poses import POSITION_ROW, SPEED_ROW
 from control_board_ros.settings.schema import BOARD, JOINT, Parameter
 
@@ -70,6 +71,7 @@ def rows() -> Iterator[Parameter]:
     for found in JOINT:
         yield replace(found, name=f"<joint>.{found.name}")
     yield from (POSITION_ROW, SPEED_ROW)
+    yield from COUPLING_ROWS.values()
 
 
 def line(found: Parameter) -> str:

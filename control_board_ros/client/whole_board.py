@@ -63,7 +63,12 @@ class WholeBoard(Interface):
             )
         values, count = list(response.matrix), len(axes)
         rows = tuple(tuple(values[k * count : (k + 1) * count]) for k in range(len(joints)))
-        return Coupling(axes, joints, rows)
+        try:
+            return Coupling(axes, joints, rows)
+        except ValueError as error:
+            raise BoardError(
+                f"the coupling that came is none; it would have to be {error}"
+            ) from None
 
     @operation
     async def get_faults(self, joints: Joints = None) -> list[FaultRecord]:

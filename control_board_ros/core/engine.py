@@ -4,7 +4,7 @@
 Below are ``machine`` (modes, faults, calibrations, brakes), ``requests`` (for modes),
 ``start_up``, ``commands`` (references of users), ``references`` (what runs), ``controller`` (the
 laws), ``monitor`` (causes of faults), ``emergency`` (the stop of all), ``frames`` (what was around
-faults), ``motors`` and ``feedforward``.
+faults), ``motors`` and ``feedforward``, ``mix`` (of motors that are coupled).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .laws.timeouts import ReferenceTimeouts
 from .machine.commands import Commands, timeout_cycles
 from .machine.feedforward import Feedforward
 from .machine.machine import Machine
-from .machine.motors import MotorAccess
+from .machine.motors import MotorAccess, mix_of
 from .machine.requests import Requests
 from .machine.start_up import StartUp
 from .machine.stops import Stops
@@ -68,14 +68,16 @@ class Engine:
         self.machine.on_fault = self.frames.fault
         self.machine.joint = self.torques.joint
         self.brakes = brakes = self.machine.brakes
-        self._actuation = Actuation(
-            state.output, state.powered, state.kinds, state.set_points, brakes.orders
-        )
+        self.mix = mix_of(config)
+        output, powered = state.output, state.powered
+        if self.mix is not None:
+            output, powered = self.mix.pwm, self.mix.powered
+        self._actuation = Actuation(output, powered, state.kinds, state.set_points, brakes.orders)
         self.start_up = StartUp(self.machine)
         self.requests = Requests(self.machine)
         self.commands = Commands(self.machine, self.limits)
         self.feedforward = Feedforward(self.machine)
-        self.motors = MotorAccess(self.machine, self.limits)
+        self.motors = MotorAccess(self.machine, self.limits, self.mix)
         self.stops = Stops(self.machine)
         for zone in zones:
             self._start(zone)
@@ -106,6 +108,10 @@ class Engine:
             machine.warn_of_limits()
         self.state.cycle += 1
         self.frames.note()
+        if self.mix is not None:
+            state, most = self.state, self.controller.caps[1]
+            self.mix.drive(state.output, state.velocity, state.powered, most)
+            monitor.feed(self.mix.powered)
         return self._actuation
 
     def _read(self, measurement: Measurement) -> None:
@@ -113,6 +119,8 @@ class Engine:
         state.time = measurement.time
         self._before[:] = state.measured
         state.measured[:] = measurement.values
+        if self.mix is not None:
+            state.current[:] = self.mix.axis_currents(state.current)
         if measurement.applied is not None:  # where a drive chooses it
             np.copyto(state.output, measurement.applied, where=state.kinds > SetPoint.PWM)
         if measurement.motors is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -24,14 +24,16 @@ class Motors:
     """Motor data of a board's joints, not part of the URDF.
 
     Attributes: rotors (J N² by joint, kg·m²; kg for sliding joints), coulomb and viscous (friction
-    by joint, N·m and N·m·s/rad), in_links (rotors turn with their whole link, as in pybullet;
-    see ``rotor``; otherwise each acts on its own joint only).
+    by joint, N·m and N·m·s/rad), moved (inertia of what a coupled axis moves, kg·m² or kg),
+    in_links (rotors turn with their whole link, as in pybullet; see ``rotor``; otherwise each acts
+    on its own joint only).
     """
 
     rotors: Mapping[str, float]
     coulomb: Mapping[str, float]
     viscous: Mapping[str, float]
     in_links: bool
+    moved: Mapping[str, float] = field(default_factory=dict)
 
 
 def arm_model(
@@ -48,11 +50,16 @@ def arm_model(
         names: The joints, in the board's order.
         motors: Of the same joints.
         standing: Positions of other joints, rad or m; default zero. Followers are placed by their
-            leaders.
+            leaders. The joints of coupled axes stand, too: for the others they are part of
+            what they carry, and the axes have an inertia of their own.
         gravity: In world axes, m/s².
     """
     tree = urdf.tree
     places = dict(standing)
+    for one in urdf.coupled:
+        at = np.array([standing.get(axis, 0.0) for axis in one.coupling.axes])
+        where = one.coupling.positions(at).tolist()
+        places |= dict(zip(one.coupling.physical_joints, where, strict=True))
     for mimic in urdf.mimics.values():
         places.setdefault(
             mimic.follower, mimic.multiplier * places.get(mimic.leader, 0.0) + mimic.offset
@@ -77,14 +84,25 @@ def arm_model(
         frames[child] = carrier, position, rotation
         if carrier != BASE and (own := inertial_of(tree.links[child])) is not None:
             bodies[carrier] += own.moved(position, rotation)
+    slides = {joint.name: joint.kind.slides for joint in urdf.axes}
     links = tuple(
-        replace(
+        _axis(name, motors, slides=slides[name])
+        if j not in placed
+        else replace(
             _link(*placed[j], bodies[j], name, motors, slides=tree.slides(tree.joints[name])),
             axes=tuple(axes[name].T.reshape(-1).tolist()),
         )
         for j, name in enumerate(names)
     )
     return ArmModel(links=links, gravity=gravity)
+
+
+def _axis(name: str, motors: Motors, *, slides: bool) -> Link:
+    """A coupled axis: an inertia of its own, without weight."""
+    rotor = motors.rotors.get(name, 0.0) + motors.moved.get(name, 0.0)
+    nothing = Inertial(0.0, np.zeros(3), np.zeros((3, 3)))
+    alone = replace(motors, rotors={name: rotor}, in_links=False)
+    return _link(BASE, np.zeros(3), np.eye(3), nothing, name, alone, slides=slides)
 
 
 def _link(

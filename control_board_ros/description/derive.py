@@ -11,9 +11,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from ..core.config.checks import ConfigError
 from ..core.config.parts import DEGREE
+from ..core.model.coupling import Coupling, rotors_of_motors
 from ..core.terms.joint_kind import JointKind
 from .assumed import Assumed
+from .couplings import beyond_limits
 from .derive_gains import gains
 from .derive_motor import current_loop, electrical, friction, limits, rotor, thermal
 from .loads import MotorLoad, loads
@@ -30,6 +35,7 @@ def complete(
     urdf: Urdf,
     gravity: tuple[float, float, float],
     control_rate: float,
+    motors: Coupling | None = None,
 ) -> Assumed:
     """Complete the parameters of all joints of a board, in place.
 
@@ -38,15 +44,26 @@ def complete(
         urdf: The robot.
         gravity: In world axes, m/s².
         control_rate: Hz.
+        motors: Coupling of the same joints with their motors; None: each has its own.
 
     Returns:
         The assumptions.
+
+    Raises:
+        ConfigError: an axis could move a joint beyond its limits (Y3).
     """
-    joints = {joint.name: joint for joint in urdf.joints}
+    joints = {joint.name: joint for joint in urdf.axes}
     assumed = Assumed()
     for name, given in values.items():
         assumed.count(name, given)
         _travel(given, joints[name])
+    stops = {
+        name: (given["limits.hard_lower"], given["limits.hard_upper"])
+        for name, given in values.items()
+    }
+    if (beyond := beyond_limits(urdf, stops)) is not None:
+        axis, allowed = beyond
+        raise ConfigError(f"{axis}.limits.hard_upper", stops[axis][1], allowed)
     ranges = {
         name: (given["limits.lower"], given["limits.upper"]) for name, given in values.items()
     }
@@ -66,6 +83,9 @@ def complete(
         name: given["motor.inertia"] * given["motor.gear_ratio"] ** 2
         for name, given in values.items()
     }
+    if motors is not None:
+        felt = rotors_of_motors(motors, np.array([reflected[name] for name in motors.axes]))
+        reflected |= dict(zip(motors.axes, felt.tolist(), strict=True))
     for name, moved in robot_loads.with_rotors(reflected).items():
         given = values[name]
         _moved(given, moved, load_of[name].gravity)

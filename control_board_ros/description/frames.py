@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..core.terms.measurement import Array
+from .couplings import coupling_of
 from .geometry import axis_of, numbers_of, origin_of, quaternion_of_rpy
 from .urdf import Mimic, Urdf
 from .urdf_tree import Tree
@@ -49,7 +50,9 @@ class Frames:
     """
 
     def __init__(self, urdf: Urdf, names: Sequence[str]) -> None:
-        index = {name: j for j, name in enumerate(names)}
+        self._coupling = coupling_of(urdf, names, followers=False)
+        physical = names if self._coupling is None else self._coupling.physical_joints
+        index = {name: j for j, name in enumerate(physical)}
         followed = {
             name: mimic
             for name, mimic in urdf.mimics.items()
@@ -85,6 +88,8 @@ class Frames:
         Args:
             positions: of the joints, shape (n,), rad or m.
         """
+        if self._coupling is not None:
+            positions = self._coupling.positions(positions)
         q = positions[self._source] * self._multiplier + self._offset
         half = (q * self._half)[:, None]
         made = np.empty((len(q), POSE))

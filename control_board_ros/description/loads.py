@@ -13,12 +13,13 @@ from the base up to its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..core.terms.measurement import Array
+from .couplings import rotors_at_joints
 from .kinematics import MovedJoint, gravity_torque, inertia_matrix, inward, moved_joints
 from .urdf import Urdf
 
@@ -66,21 +67,25 @@ class Loads:
     """The loads of n joints in P poses.
 
     Attributes: joints (from the base outwards), matrix (M, shape (P, n, n)), gravity (τ_j, shape
-    (n, P)).
+    (n, P)), urdf (the robot), axes (names of what moves the joints, shape (a,)), shares (J of the
+    joints by the axes, shape (P, n, a); None: the axes are the joints).
     """
 
     joints: tuple[MovedJoint, ...]
     matrix: Array
     gravity: Array
+    urdf: Urdf
+    axes: tuple[str, ...] = ()
+    shares: Array | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
-        return tuple(joint.name for joint in self.joints)
+        return self.axes or tuple(joint.name for joint in self.joints)
 
     @property
     def inertia(self) -> Array:
         """M_jj, shape (n, P)."""
-        return np.array(np.einsum("pnn->np", self.matrix))
+        return np.array(np.einsum("pnn->np", self._of_axes(self.matrix)))
 
     @property
     def by_name(self) -> dict[str, Load]:
@@ -88,9 +93,22 @@ class Loads:
         return {
             name: Load(float(row.min()), float(row.mean()), float(row.max()), float(torque))
             for name, row, torque in zip(
-                self.names, self.inertia, np.abs(self.gravity).max(axis=1), strict=True
+                self.names, self.inertia, np.abs(self._torques()).max(axis=1), strict=True
             )
         }
+
+    def _of_axes(self, matrix: Array) -> Array:
+        """Jᵀ M J, shape (P, a, a)."""
+        if self.shares is None:
+            return matrix
+        found: Array = self.shares.transpose(0, 2, 1) @ matrix @ self.shares
+        return found
+
+    def _torques(self) -> Array:
+        """Jᵀ τ, shape (a, P)."""
+        if self.shares is None:
+            return self.gravity
+        return np.array(np.einsum("pna,np->ap", self.shares, self.gravity))
 
     def with_rotors(self, reflected: Mapping[str, float]) -> dict[str, MotorLoad]:
         """The inertia moved by each motor, rotors included.
@@ -98,16 +116,17 @@ class Loads:
         Args:
             reflected: J N² by joint name, kg·m² (kg where it slides); default none.
         """
-        matrix = self.matrix.copy()
+        matrix, at_joints = self.matrix.copy(), rotors_at_joints(self.urdf, reflected)
         for k, joint in enumerate(self.joints):
-            own = reflected.get(joint.name, 0.0)
+            own = at_joints.get(joint.name, 0.0)
             if joint.slides:
                 matrix[:, k, k] += own
             elif own:
                 matrix += own * self._rotor_coupling(k)
+        matrix = self._of_axes(matrix)
         standing = np.einsum("pnn->np", matrix)
-        few = matrix if len(self.joints) <= MANY else matrix[::FEWER]
-        inverse = np.linalg.inv(few + TINY * np.eye(len(self.joints)))
+        few = matrix if len(self.names) <= MANY else matrix[::FEWER]
+        inverse = np.linalg.inv(few + TINY * np.eye(len(self.names)))
         least = (1.0 / np.einsum("pnn->np", inverse)).min(axis=1)
         return {
             name: MotorLoad(float(free), 0.5 * float(row.min() + row.max()), float(row.max()))
@@ -139,12 +158,43 @@ def loads(
     if limits is None:
         limits = {
             joint.name: (_or(joint.lower, -math.pi), _or(joint.upper, math.pi))
-            for joint in urdf.joints
-            if joint.mimic is None
+            for joint in urdf.axes
         }
-    joints = moved_joints(urdf.tree, sample_poses(urdf, limits), limits)
+    poses = sample_poses(urdf, limits)
+    joints = moved_joints(urdf.tree, poses, _driven(urdf, limits))
     torques = [gravity_torque(joint, np.array(gravity)) for joint in joints]
-    return Loads(tuple(joints), inertia_matrix(joints), np.array(torques))
+    axes = tuple(name for name in limits if name in poses) if urdf.coupled else ()
+    shares = _shares(urdf, axes, poses, [joint.name for joint in joints]) if axes else None
+    return Loads(tuple(joints), inertia_matrix(joints), np.array(torques), urdf, axes, shares)
+
+
+def _driven(urdf: Urdf, names: Collection[str]) -> set[str]:
+    """The physical joints of axes."""
+    coupled = [one.coupling for one in urdf.coupled if set(one.coupling.axes) <= set(names)]
+    return {*names} | {joint for coupling in coupled for joint in coupling.physical_joints}
+
+
+def _shares(
+    urdf: Urdf, axes: tuple[str, ...], poses: Mapping[str, Array], joints: Sequence[str]
+) -> Array:
+    """J of joints by axes, shape (P, n, a)."""
+    found = np.zeros((POSES, len(joints), len(axes)))
+    for k, axis in enumerate(axes):
+        if axis in joints:
+            found[:, joints.index(axis), k] = 1.0
+    for one in urdf.coupled:
+        coupling = one.coupling
+        if not set(coupling.axes) <= set(axes):
+            continue
+        rows = [joints.index(joint) for joint in coupling.physical_joints]
+        columns = [axes.index(axis) for axis in coupling.axes]
+        at = np.array([poses[axis] for axis in coupling.axes]).T
+        if not coupling.curved:
+            at = at[:1]
+        found[:, rows, :] = 0.0
+        blocks = np.array([coupling.jacobian(pose) for pose in at])
+        found[np.ix_(range(POSES), rows, columns)] = blocks
+    return found
 
 
 def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
@@ -156,7 +206,7 @@ def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
     """
     half = POSES // 2
     found: dict[str, Array] = {}
-    for joint in urdf.joints:
+    for joint in urdf.axes:
         if joint.name not in limits:
             continue
         spread = evenly_spread(1 + len(found), POSES)
@@ -170,6 +220,12 @@ def sample_poses(urdf: Urdf, limits: Mapping[str, Range]) -> dict[str, Array]:
         positions = np.concatenate([low + (high - low) * spread[:half], edges])
         positions[0] = rest
         found[joint.name] = positions
+    for one in urdf.coupled:
+        axes = one.coupling.axes
+        if set(axes) <= found.keys():
+            at = np.array([found[axis] for axis in axes]).T
+            places = np.array([one.coupling.positions(pose) for pose in at]).T
+            found |= dict(zip(one.coupling.physical_joints, places, strict=True))
     for mimic in urdf.mimics.values():
         if mimic.leader in found:
             found[mimic.follower] = mimic.multiplier * found[mimic.leader] + mimic.offset

@@ -55,6 +55,8 @@ ROBOTS = {
     # The rest of the robot has links without inertia.
     "icub_left_arm": NamedRobot(_ICUB, ("chest", "l_hand")),
     "icub_right_arm": NamedRobot(_ICUB, ("chest", "r_hand")),
+    "icub_hand_mk3": NamedRobot(partial(_icub_models, "robots/left_hand_mk3/model.urdf")),
+    "icub_hand": NamedRobot(lambda: SHIPPED / "icub_left_hand.urdf"),
 }
 
 #: Robots assembled from others.
@@ -67,7 +69,15 @@ ASSEMBLIES = {
         Piece("iiwa"),
         Piece(str(SHIPPED / "gripper.urdf"), on="lbr_iiwa_link_7", xyz=(0.0, 0.0, 0.045)),
     ),
+    "icub_hands": (
+        Piece("icub"),
+        Piece(str(SHIPPED / "icub_eyes.urdf"), on="head", xyz=(0.0, 0.13, 0.06)),
+        Piece(str(SHIPPED / "icub_left_hand.urdf"), on="l_hand", xyz=(0.03, 0.0, 0.02)),
+        Piece(str(SHIPPED / "icub_right_hand.urdf"), on="r_hand", xyz=(-0.03, 0.0, 0.02)),
+    ),
 }
+#: Robots whose parameters are those of another one, and more.
+EXTENDS = {"icub_hands": "icub"}
 NAMES = (*ROBOTS, *ASSEMBLIES)
 
 

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ..core.model.coupling import Coupling
 from ..core.terms.joint_kind import JointKind
 from ..urdf_xml import joint_of
 from .chain import cut
@@ -23,7 +24,7 @@ from .urdf_tree import Tree
 from .urdf_xml import SIZE_CAP, UrdfError, check_expanded, check_numbers, parse_xml
 from .xacro_file import expand, is_xacro
 
-__all__ = ["MOVABLE", "Mimic", "Urdf", "UrdfError", "UrdfJoint", "load", "parse"]
+__all__ = ["MOVABLE", "CoupledAxes", "Mimic", "Urdf", "UrdfError", "UrdfJoint", "load", "parse"]
 
 MOVABLE = tuple(JointKind)
 FLOATING = "; for a base that floats leave the joint out and set base_fixed to false"
@@ -63,12 +64,22 @@ class UrdfJoint:
 
 
 @dataclass(frozen=True, slots=True)
+class CoupledAxes:
+    """Axes, as if they were joints of the robot, and what they move (SPEC Y3)."""
+
+    name: str
+    coupling: Coupling
+    axes: tuple[UrdfJoint, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Urdf:
     """A checked robot description.
 
     Attributes: name, source (the file), text (mesh paths are absolute), tree (the same, parsed;
     read-only, modify ``tree.copy()``), joints (all movable ones, from the base outwards), warnings
-    (one line each).
+    (one line each), coupled (axes that move several joints, or parts of their motion; see
+    ``couplings``).
     """
 
     name: str
@@ -77,11 +88,27 @@ class Urdf:
     tree: Tree = field(repr=False, compare=False)
     joints: tuple[UrdfJoint, ...]
     warnings: tuple[str, ...] = ()
+    coupled: tuple[CoupledAxes, ...] = ()
+
+    @property
+    def axes(self) -> tuple[UrdfJoint, ...]:
+        """What can be driven: movable joints that neither follow nor are coupled, and axes.
+
+        Axes are where the first of their joints is.
+        """
+        first = {one.coupling.physical_joints[0]: one.axes for one in self.coupled}
+        coupled = {name for one in self.coupled for name in one.coupling.physical_joints}
+        found: list[UrdfJoint] = []
+        for joint in self.joints:
+            found += first.get(joint.name, ())
+            if joint.mimic is None and joint.name not in coupled:
+                found.append(joint)
+        return tuple(found)
 
     @property
     def independent(self) -> tuple[str, ...]:
-        """Names of the joints that can be driven: movable and not followers."""
-        return tuple(joint.name for joint in self.joints if joint.mimic is None)
+        """Names of what can be driven, see ``axes``."""
+        return tuple(joint.name for joint in self.axes)
 
     @property
     def mimics(self) -> dict[str, Mimic]:

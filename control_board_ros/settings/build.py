@@ -3,17 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from ..core.config.config import EXTERNAL, BoardConfig, ConfigError, JointConfig
 from ..core.config.parameter import Parameter, parameters_of, parts_of
 from ..core.model.arm_model import ArmModel
 from ..core.model.coupling import Coupling
-from ..description.arm_model import Motors, arm_model
+from ..description.arm_model import Motors as MotorData
+from ..description.arm_model import arm_model
+from ..description.couplings import coupling_of
 from ..description.urdf import Urdf
 from ..sim.config import IDEAL, PYBULLET, JointSimulation, SimulationConfig
+from .couplings import Motors, motor_coupling
 
 T = TypeVar("T")
 Values = Mapping[str, Any]
@@ -57,32 +60,32 @@ def joint(values: Values, name: str, kind: str) -> JointConfig:
     return configure(JointConfig, given, f"{name}.", name=name, kind=kind, **more)
 
 
-def board(values: Values, urdf: Urdf, names: tuple[str, ...]) -> BoardConfig:
+def board(
+    values: Values, urdf: Urdf, names: tuple[str, ...], motors: Sequence[Motors] = ()
+) -> BoardConfig:
     """The configuration of the board; raises ConfigError for a value that is not allowed."""
-    kinds = {one.name: one.kind for one in urdf.joints}
+    kinds = {one.name: one.kind for one in urdf.axes}
     joints = tuple(joint(values, name, kinds[name]) for name in names)
-    return board_of(values, joints, model(values, urdf, names), coupling(urdf, names))
+    return board_of(values, joints, model(values, urdf, names), couplings(urdf, names, motors))
 
 
-def coupling(urdf: Urdf, names: tuple[str, ...]) -> Coupling | None:
-    """The coupling of joints with those that follow them; None where none follows."""
-    followers = [mimic for mimic in urdf.mimics.values() if mimic.leader in names]
-    followers = [mimic for mimic in followers if mimic.follower not in names]
-    if not followers:
-        return None
-    plain = Coupling.plain(names)
-    return Coupling(
-        names,
-        (*names, *(mimic.follower for mimic in followers)),
-        (
-            *plain.rows,
-            *(
-                tuple(mimic.multiplier if name == mimic.leader else 0.0 for name in names)
-                for mimic in followers
-            ),
-        ),
-        (*plain.offset.tolist(), *(mimic.offset for mimic in followers)),
-    )
+class Couplings(NamedTuple):
+    """Of a board's joints with physical ones, and with motors; None: they are these."""
+
+    joints: Coupling | None
+    motors: Coupling | None
+
+
+def couplings(urdf: Urdf, names: tuple[str, ...], motors: Sequence[Motors]) -> Couplings:
+    """The couplings of a board's joints.
+
+    Raises:
+        ConfigError: some axes of a coupling are missing.
+    """
+    try:
+        return Couplings(coupling_of(urdf, names), motor_coupling(motors, names))
+    except ValueError as error:
+        raise ConfigError("joints", list(names), str(error)) from None
 
 
 def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None:
@@ -95,29 +98,30 @@ def model(values: Values, urdf: Urdf, names: tuple[str, ...]) -> ArmModel | None
     if not values["base_fixed"] or (values["physics"] == IDEAL and not plant):
         return None
     homes = {
-        one.name: values[f"{one.name}.home"] for one in urdf.joints if f"{one.name}.home" in values
+        one.name: values[f"{one.name}.home"] for one in urdf.axes if f"{one.name}.home" in values
     }
     rotors = {
         name: values[f"{name}.motor.inertia"] * values[f"{name}.motor.gear_ratio"] ** 2
         for name in names
     }
-    motors = Motors(
+    made = MotorData(
         rotors=rotors,
         coulomb={name: values[f"{name}.motor.coulomb"] for name in names},
         viscous={name: values[f"{name}.motor.viscous"] for name in names},
+        moved={name: values[f"{name}.inertia"] for name in names},
         in_links=values["physics"] == PYBULLET,
     )
     x, y, z = values["gravity"]
-    return replace(arm_model(urdf, names, motors, homes, (x, y, z)), trusted=not plant)
+    return replace(arm_model(urdf, names, made, homes, (x, y, z)), trusted=not plant)
 
 
 def board_of(
     values: Values,
     joints: tuple[JointConfig, ...],
     masses: ArmModel | None,
-    coupled: Coupling | None = None,
+    coupled: Couplings = Couplings(None, None),  # noqa: B008
 ) -> BoardConfig:
-    """The configuration of the board from its joints, their masses and their coupling.
+    """The configuration of the board from its joints, their masses and their couplings.
 
     Raises:
         ConfigError: a value is not allowed.
@@ -134,7 +138,8 @@ def board_of(
         "",
         joints=joints,
         model=masses,
-        coupling=coupled,
+        coupling=coupled.joints,
+        motor_coupling=coupled.motors,
         calibration_groups=tuple(
             tuple(name.strip() for name in group.split(","))
             for group in values["calibration_groups"]

@@ -22,12 +22,22 @@ from ..core.bring_up import complete_levels
 from ..core.config import stability
 from ..core.config.config import BoardConfig, ConfigError
 from ..core.goals.pose import Pose
+from ..core.model.coupling import Coupling
 from ..core.terms.modes import SENSE_TORQUE
 from ..description.derive import complete
-from ..description.robots import NAMES, load_robot, located
+from ..description.robots import EXTENDS, NAMES, load_robot, located
 from ..description.urdf import Urdf, UrdfError
 from ..sim.config import DEFAULT_PHYSICS, SimulationConfig
 from . import build
+from .couplings import (
+    COUPLINGS,
+    Coupled,
+    axes_of,
+    coupled,
+    prefixed_couplings,
+    take_couplings,
+)
+from .couplings import values_of as couplings_of
 from .layers import Entries, joints_of, merged, robot_of, typed, unknown, without_ros
 from .params_file import Entry, Layer, SettingsError, read_file
 from .parts import NAME, PARTS, Table, as_name, check_parts, groups_of, levels_of, take_parts
@@ -60,6 +70,7 @@ class Settings:
         where: The origin of each given value.
         poses: Those of the configuration, by name; always with home and park (R5).
         parts: The joints of each part; empty: a single board.
+        coupled: The couplings of the configuration (Y3).
     """
 
     board: BoardConfig
@@ -72,6 +83,7 @@ class Settings:
     where: dict[str, str] = field(default_factory=dict)
     poses: dict[str, Pose] = field(default_factory=dict)
     parts: Table = field(default_factory=dict)
+    coupled: Coupled = field(default_factory=lambda: Coupled({}, ()))
 
     @property
     def robot_name(self) -> str:
@@ -96,7 +108,15 @@ class Settings:
         by_name = {joint.name: joint for joint in self.board.joints}
         joints = tuple(by_name[joint] for joint in names)
         model = build.model(self.values, self.urdf, names) if self.board.model else None
-        board = replace(self.board, joints=joints, calibration_groups=groups, model=model)
+        couplings = build.couplings(self.urdf, names, self.coupled.motors)
+        board = replace(
+            self.board,
+            joints=joints,
+            calibration_groups=groups,
+            model=model,
+            coupling=couplings.joints,
+            motor_coupling=couplings.motors,
+        )
         values = {key: value for key, value in self.values.items() if not key.startswith(others)}
         values |= {
             "joints": list(names),
@@ -104,10 +124,17 @@ class Settings:
         }
         poses = {n: own for n, pose in self.poses.items() if (own := pose.of(names)) is not None}
         values = {k: v for k, v in values.items() if not k.startswith((f"{POSES}.", f"{PARTS}."))}
-        values |= values_of(poses)
+        values = {k: v for k, v in values.items() if not k.startswith(f"{COUPLINGS}.")}
+        values |= values_of(poses) | couplings_of(self.coupled.entries, names)
         return replace(
             self, board=board, values=values, warnings=(), notes=(), poses=poses, parts={}
         )
+
+    @property
+    def physical(self) -> Coupling | None:
+        """The coupling of the joints with physical ones that a file declares; None: they are."""
+        declared = {axis for one in self.urdf.coupled for axis in one.coupling.axes}
+        return self.board.coupling if declared.intersection(self.board.names) else None
 
     @property
     def description(self) -> str:
@@ -137,7 +164,8 @@ class Settings:
                 build.joint(values, one.name, one.kind) if one.name in touched else one
                 for one in self.board.joints
             )
-            board = build.board_of(values, joints, self.board.model, self.board.coupling)
+            own = build.Couplings(self.board.coupling, self.board.motor_coupling)
+            board = build.board_of(values, joints, self.board.model, own)
         except ConfigError as error:
             raise SettingsError(_blame(error, changes, values)) from None
         return replace(self, board=board, values=values)
@@ -178,26 +206,34 @@ def load_layers(layers: Iterable[Layer]) -> Settings:
     given = list(layers)
     robot, folder, where = robot_of(given)
     if robot in NAMES:
-        base = find_config(robot)
-        if all(layer.path != base.absolute() for layer in given):
-            given.insert(0, read_file(base))
+        for name in (robot, EXTENDS.get(robot)):
+            base = find_config(name) if name else None
+            if base is not None and all(layer.path != base.absolute() for layer in given):
+                given.insert(0, read_file(base))
     try:
         urdf = load_robot(robot, folder)
     except UrdfError as error:
         raise SettingsError(f"{where}: robot: {error}" if where else f"robot: {error}") from None
     ours, ros = without_ros(given)
     prefix = prefix_of(ours)
-    ours = [prefixed(one, urdf.independent, prefix) for one in ours]
-    urdf = urdf.with_prefix(prefix)
+    ours, couplings = take_couplings(ours)
+    names = {*urdf.independent, *axes_of(couplings)}
+    ours = [prefixed(one, names, prefix) for one in ours]
+    couplings = prefixed_couplings(couplings, prefix)
+    urdf, motors = coupled(urdf.with_prefix(prefix), couplings)
     ours, table = take_parts(ours)
     entries = merged([typed(one, urdf.independent) for one in ours], urdf)
     if "robot" in entries:
         entries["robot"] = Entry(located(robot, folder), where)
-    return _settings(entries, urdf, ros, table)
+    return _settings(entries, urdf, ros, table, Coupled(couplings, motors))
 
 
 def _settings(
-    entries: Mapping[str, Entry], urdf: Urdf, ros: dict[str, Any], table: Entries
+    entries: Mapping[str, Entry],
+    urdf: Urdf,
+    ros: dict[str, Any],
+    table: Entries,
+    coupled: Coupled,
 ) -> Settings:
     """Settings of the given entries, completed by defaults and derived values."""
     parts = check_parts(table, entries)
@@ -213,7 +249,8 @@ def _settings(
     joints = {name: _values(JOINT, entries, f"{name}.") for name in names}
     try:
         x, y, z = values["gravity"]
-        assumed = complete(joints, urdf, (x, y, z), rate)
+        motors = build.couplings(urdf, names, coupled.motors).motors
+        assumed = complete(joints, urdf, (x, y, z), rate, motors)
         for name, found in joints.items():
             if not found["torque_sensor"]:  # I7
                 found["control_modes"] = [m for m in found["control_modes"] if m not in SENSING]
@@ -225,7 +262,7 @@ def _settings(
             values["calibration_groups"] = groups_of(
                 values["calibration_groups"], set(urdf.independent) - set(names)
             )
-        board = build.board(values, urdf, names)
+        board = build.board(values, urdf, names, coupled.motors)
         if parts:
             complete_levels(levels_of(values["startup_levels"]), tuple(parts))
         simulation = build.simulation(values, urdf, names)
@@ -238,10 +275,13 @@ def _settings(
     poses, beyond = poses_of(entries, board, {name: values[f"{name}.home"] for name in names})
     values |= values_of(poses)
     values |= {f"{PARTS}.{part}": list(entry.value) for part, entry in table.items()}
+    values |= couplings_of(coupled.entries, names)
     warnings = urdf.warnings + assumed.warnings + _slow(rate) + beyond
     warnings += tuple(stability.warnings(board).values())
     notes = () if values["robot"] in NAMES else assumed.notes
-    return Settings(board, simulation, urdf, values, ros, warnings, notes, where, poses, parts)
+    return Settings(
+        board, simulation, urdf, values, ros, warnings, notes, where, poses, parts, coupled
+    )
 
 
 def _values(

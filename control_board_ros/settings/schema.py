@@ -16,6 +16,7 @@ from ..core.config.config import BoardConfig, JointConfig
 from ..core.config.parameter import Bound, Kind, Parameter, parameters_of, parts_of
 from ..core.terms.vocabs import Vocab
 from ..sim.config import JointSimulation, SimulationConfig
+from .couplings import coupling_row
 from .poses import pose_row
 
 __all__ = [
@@ -42,7 +43,8 @@ NODE = (
         kind=Kind.STRING,
         default="iiwa",
         text="Robot: iiwa, panda, icub, panda_pair, iiwa_gripper, icub_left_arm, icub_right_arm, "
-        "or the path of a URDF or xacro file; of a xacro file arguments may follow, name:=value",
+        "icub_hand, icub_hand_mk3, icub_hands, or the path of a URDF or xacro file; of a xacro "
+        "file arguments may follow, name:=value",
     ),
     Parameter(
         name="robot_name",
@@ -244,7 +246,7 @@ def find_row(name: str, joints: Iterable[str]) -> Parameter | None:
     """The row of a full parameter name; None if unknown."""
     if name in BOARD_BY_NAME:
         return BOARD_BY_NAME[name]
-    if (row := pose_row(name, joints)) is not None:
+    if (row := coupling_row(name) or pose_row(name, joints)) is not None:
         return row
     for owner in (JOINT_DEFAULTS, *joints):
         if name.startswith(owner + "."):

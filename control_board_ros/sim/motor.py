@@ -25,6 +25,7 @@ import numpy as np
 
 from ..core.config.config import BoardConfig, JointConfig
 from ..core.laws.control import PEAK_SHARE
+from ..core.model.coupling import rotors_of_motors
 from ..core.terms.measurement import Array
 from .config import DriveModel, JointSimulation, SimulationConfig
 from .drive import Drive, Drives
@@ -43,6 +44,8 @@ class Motors:
 
     Attributes:
         state: Position and velocity, refreshed by the body after each step, shape (2, n).
+        shafts: Those of the motors behind their gears, shape (2, n); coupled, they turn with
+            several joints.
         position, velocity, current, pwm: shape (n,); rad, rad/s, A, percent.
         torque: From the gearbox to the link in the last step, shape (n,), N·m, as sensed.
         applied: The same less the bearing's stiction, shape (n,), N·m.
@@ -59,23 +62,23 @@ class Motors:
         self.state = np.zeros((2, n))
         self.position, self.velocity = self.state
         self.pwm, self.current, self.torque, self.applied, self.acted = np.zeros((5, n))
+        self._coupling = board.motor_coupling
+        self.shafts, given, acting = self.state, self.torque, self.applied
+        if self._coupling is not None:
+            self.shafts = np.zeros((2, n))
+            self._torques = given, acting = np.zeros((2, n))
         models = [joint.motor for joint in simulation.joints]
         inertia = smoothing_inertia(board, simulation).tolist()
         self._drives = [
             make_drive(joint, own, least, simulation.physics_step)
             for joint, own, least in zip(board.joints, simulation.joints, inertia, strict=True)
         ]
-        rows = (
-            self.position,
-            self.velocity,
-            self.pwm,
-            self.current,
-            self.torque,
-            self.applied,
-            self.acted,
-        )
+        turn, speed = self.shafts
+        rows = (turn, speed, self.pwm, self.current, given, acting, self.acted)
         drives = Drives(self._drives, [row.data for row in rows])
         self.step, self.follow = drives.step, drives.follow
+        if self._coupling is not None:
+            self._step_drives, self.step = drives.step, self._step_coupled
         self.has_brakes = any(joint.brake.present for joint in board.joints)
         self._stuck: set[int] = set()
         self._worn: set[int] = set()
@@ -89,6 +92,19 @@ class Motors:
         period = self.heat_cycles * board.period
         self._cooling = -np.expm1(-period / (thermal * capacity))
         self.temperature = self._ambient.copy()
+
+    def turn_shafts(self) -> None:
+        """Let coupled shafts be where the joints are: φ = M q."""
+        if self._coupling is not None:
+            np.matmul(self.state, self._coupling.matrix.T, out=self.shafts)
+
+    def _step_coupled(self) -> None:
+        """One physics step of coupled motors: τ = Mᵀ τ_motors."""
+        self.turn_shafts()
+        self._step_drives()
+        assert self._coupling is not None
+        np.matmul(self._torques[0], self._coupling.matrix, out=self.torque)
+        np.matmul(self._torques[1], self._coupling.matrix, out=self.applied)
 
     def switch(self, powered: Array) -> None:
         """Close (1) and open (0) the bridges, shape (n,)."""
@@ -204,6 +220,12 @@ def reflected_inertia(board: BoardConfig, simulation: SimulationConfig) -> Array
             for joint, model in zip(board.joints, simulation.joints, strict=True)
         ]
     )
+
+
+def rotors_at_axes(board: BoardConfig, simulation: SimulationConfig) -> Array:
+    """The same as each axis feels it alone: of all motors that turn with it, shape (n,), kg·m²."""
+    own = reflected_inertia(board, simulation)
+    return own if board.motor_coupling is None else rotors_of_motors(board.motor_coupling, own)
 
 
 def smoothing_inertia(board: BoardConfig, simulation: SimulationConfig) -> Array:

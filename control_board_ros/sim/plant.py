@@ -113,7 +113,7 @@ class SimulatedPlant:
         self._pushed = False
         self._total = np.zeros(len(board.joints))
         self._powered = self._braked = b""
-        self._shafts = Shafts(board, simulation, self._motors.state)
+        self._shafts = Shafts(board, simulation, self._motors)
         self._cycle = 0
         self._alarmed = False
         self._applied: Array | None = None

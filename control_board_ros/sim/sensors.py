@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.config.config import BoardConfig
 from ..core.terms.faults import FaultCode
-from ..core.terms.measurement import MOTOR_ROWS, ROWS, Array, Motor, Row
+from ..core.terms.measurement import MOTOR_ROWS, ROWS, Motor, Row
 from .config import SimulationConfig
 from .drive import Sampler
 from .motor import Motors
@@ -19,8 +19,8 @@ class Shafts:
     Attributes: values (rows of Motor, shape (MOTOR_ROWS, n), reused from sample to sample).
     """
 
-    def __init__(self, board: BoardConfig, simulation: SimulationConfig, state: Array) -> None:
-        self._state = state
+    def __init__(self, board: BoardConfig, simulation: SimulationConfig, motors: Motors) -> None:
+        self._motors = motors
         self.values = np.zeros((MOTOR_ROWS, len(board.joints)))
         self.values[Motor.SUPPLY] = [joint.motor.supply_voltage for joint in board.joints]
         self._ratio = np.array(
@@ -34,7 +34,8 @@ class Shafts:
 
     def sample(self) -> None:
         """Read the shafts."""
-        np.multiply(self._state, self._ratio, self.turning)
+        self._motors.turn_shafts()
+        np.multiply(self._motors.shafts, self._ratio, self.turning)
 
 
 class Sensors:

@@ -5,10 +5,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.layout import joined
-from control_board_ros.core.model.coupling import Coupling, side_by_side
+from control_board_ros.core.model.coupling import Coupling, MotorMix, side_by_side
+from control_board_ros.core.model.four_bar import FourBar
+from control_board_ros.core.terms.measurement import Array
 from control_board_ros.settings.loading import load
 
 #: Three motors, three axes, as an iCub's shoulder has them.
@@ -81,3 +85,136 @@ def test_without_followers_axes_are_physical_joints() -> None:
         coupling = group.get_coupling()
         assert coupling.axes == coupling.physical_joints == config.names
         assert np.array_equal(coupling.matrix, np.eye(7))
+
+
+#: A finger whose last joint is turned by the first through a four-bar linkage.
+BAR = FourBar(ground=36.0, crank=12.0, coupler=30.0, rocker=14.0, zero=0.9)
+LINKED = Coupling(("bend",), ("proximal", "distal"), ((0.8,), (0.8,)), (0.05, 0.05), (None, BAR))
+ALL = pytest.mark.parametrize("coupling", [SHOULDER, FINGER, LINKED], ids=["3", "finger", "bar"])
+
+
+@ALL
+@settings(deadline=None, max_examples=40)
+@given(data=st.data())
+def test_rates_are_those_of_the_positions(coupling: Coupling, data: st.DataObject) -> None:
+    """Y3: velocities and accelerations are the derivatives of the positions, both ways."""
+    n = len(coupling.axes)
+    small = st.floats(-0.4, 0.4, allow_nan=False)
+    at, rate, acceleration = (
+        np.array(data.draw(st.lists(small, min_size=n, max_size=n))) for _ in range(3)
+    )
+    step = 1e-4
+
+    def place(t: float) -> Array:
+        return coupling.positions(at + rate * t + 0.5 * acceleration * t * t)
+
+    velocity = coupling.velocities(rate, at)
+    found = coupling.accelerations(acceleration, rate, at)
+    assert velocity == pytest.approx((place(step) - place(-step)) / (2 * step), abs=1e-6)
+    bent = (place(step) - 2 * place(0.0) + place(-step)) / step**2
+    assert found == pytest.approx(bent, abs=1e-5)
+    assert coupling.axis_positions(place(0.0)) == pytest.approx(at, abs=1e-9)
+    assert coupling.axis_velocities(velocity, at) == pytest.approx(rate, abs=1e-9)
+    assert coupling.axis_accelerations(found, rate, at) == pytest.approx(acceleration, abs=1e-9)
+
+
+@ALL
+@settings(deadline=None, max_examples=40)
+@given(data=st.data())
+def test_no_power_comes_or_goes(coupling: Coupling, data: st.DataObject) -> None:
+    """Y3: torque times velocity is the same on both sides, for torques of either side."""
+    n, m = len(coupling.axes), len(coupling.rows)
+    numbers = st.floats(-0.4, 0.4, allow_nan=False)
+    at, speed, axes = (
+        np.array(data.draw(st.lists(numbers, min_size=n, max_size=n))) for _ in range(3)
+    )
+    joints = np.array(data.draw(st.lists(numbers, min_size=m, max_size=m)))
+    moved = coupling.velocities(speed, at)
+    assert coupling.axis_torques(joints, at) @ speed == pytest.approx(joints @ moved, abs=1e-12)
+    assert coupling.torques(axes, at) @ moved == pytest.approx(axes @ speed, abs=1e-12)
+
+
+def test_a_four_bar_linkage_keeps_its_lengths() -> None:
+    """Y3: crank, coupler and rocker are as long as they were, wherever the crank is."""
+    for x in np.linspace(-0.5, 0.8, 7):
+        crank = BAR.zero + x
+        start = BAR._rocker(np.zeros(1))[0]
+        rocker = start + BAR.value(np.array([x]))[0]
+        tip = BAR.crank * np.array([np.cos(crank), np.sin(crank)])
+        end = np.array([BAR.ground, 0.0]) + BAR.rocker * np.array([np.cos(rocker), np.sin(rocker)])
+        assert np.linalg.norm(end - tip) == pytest.approx(BAR.coupler)
+    assert BAR.value(np.zeros(1)) == pytest.approx([0.0])
+
+
+def test_joints_follow_by_gears() -> None:
+    """Y3: what leads is a joint, and the others follow it, along a curve where there is one."""
+    assert FINGER.leads == (0, 3)
+    gears = {gear.follower: gear for gear in FINGER.gears}
+    assert set(gears) == {"middle", "distal"}
+    assert gears["middle"].place(0.5) == pytest.approx((0.1 + 1.13 * 0.5, 1.13))
+    (gear,) = LINKED.gears
+    at = np.array([0.3])
+    leader, follower = LINKED.positions(at)
+    place, slope = gear.place(leader)
+    assert place == pytest.approx(follower)
+    assert slope == pytest.approx(LINKED.jacobian(at)[1, 0] / LINKED.jacobian(at)[0, 0])
+    mixed = Coupling(("a", "b"), ("x", "y", "z"), ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0)))
+    with pytest.raises(ValueError, match="z following one joint; it follows x and y"):
+        _ = mixed.gears
+
+
+@pytest.mark.parametrize(
+    ("rows", "text"),
+    [
+        (((1.0, 0.0), (0.0, 1.0), (0.0,)), "6 numbers: 3 rows of 2.*it has 5"),
+        (((1.0, 0.0), (0.0, 1.0)), "it has 4"),
+        (((1.0, 1.0), (2.0, 2.0), (3.0, 3.0)), "not singular"),
+        (((1.0, float("nan")), (2.0, 2.0), (3.0, 3.0)), "not singular"),
+    ],
+)
+def test_what_is_no_coupling(rows: tuple[tuple[float, ...], ...], text: str) -> None:
+    """Y3: sizes, and a matrix by which axes could not be told apart."""
+    with pytest.raises(ValueError, match=text):
+        Coupling(("a", "b"), ("x", "y", "z"), rows)
+
+
+def test_motors_share_what_the_axes_ask_for() -> None:
+    """Y3: unlike motors give the torques of the axes, at standstill and in motion."""
+    rng = np.random.default_rng(3)
+    torque_per_ampere, ohms, emf, percent = rng.uniform(0.5, 2.0, size=(4, 3))
+    mix = MotorMix(SHOULDER, torque_per_ampere, ohms, emf, percent)
+    wanted, speed = rng.normal(size=3), rng.normal(size=3)
+    output = percent * (ohms / torque_per_ampere * wanted + emf * speed)
+    mix.drive(output, speed, np.ones(3), np.full(3, 1e6))
+    turning = SHOULDER.velocities(speed)
+    currents = (mix.pwm / percent - emf * turning) / ohms
+    assert SHOULDER.axis_torques(torque_per_ampere * currents) == pytest.approx(wanted)
+    assert mix.axis_currents(currents) * torque_per_ampere == pytest.approx(wanted)
+
+
+def test_an_axis_without_power_asks_for_no_torque() -> None:
+    """Y3: its motors run along for the others, and have no power where none needs them."""
+    ones = np.ones(3)
+    mix = MotorMix(SHOULDER, ones, ones, ones, ones)
+    speed = np.array([0.3, -0.2, 0.1])
+    powered = np.array([0.0, 1.0, 0.0])
+    mix.drive(np.array([5.0, 2.0, 7.0]), speed, powered, np.full(3, 100.0))
+    assert mix.powered.tolist() == [1.0, 1.0, 0.0]
+    currents = (mix.pwm - SHOULDER.velocities(speed)) * mix.powered
+    torques = SHOULDER.axis_torques(currents)
+    assert torques == pytest.approx([0.0, 2.0 - speed[1], 0.0])
+    mix.drive(np.zeros(3), speed, np.zeros(3), np.full(3, 100.0))
+    assert mix.powered.tolist() == mix.pwm.tolist() == [0.0] * 3
+
+
+def test_an_axis_has_what_its_motors_can_give() -> None:
+    """Y3: beyond the bound of a motor, the outputs of the axes are what acts."""
+    ones = np.ones(3)
+    mix = MotorMix(SHOULDER, ones, ones, ones, ones)
+    speed = np.array([0.3, -0.2, 0.1])
+    output = np.full(3, 300.0)
+    mix.drive(output, speed, ones, np.full(3, 90.0))
+    assert np.abs(mix.pwm).max() == 90.0
+    torques = SHOULDER.axis_torques(mix.pwm - SHOULDER.velocities(speed))
+    assert output - speed == pytest.approx(torques)
+    assert output.max() < 300.0

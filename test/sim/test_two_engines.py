@@ -103,7 +103,7 @@ def mass_matrix_of_mujoco(body: MujocoBody) -> tuple[np.ndarray, np.ndarray]:
     mujoco.mj_forward(model, data)
     full = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, full)
-    dofs = [model.joint(name).dofadr[0] for name in body._board.names] + list(body._driven)
+    dofs = [model.joint(name).dofadr[0] for name in body._fitted.names] + list(body._driven)
     matrix = (full - np.diag(model.dof_armature))[np.ix_(dofs, dofs)]
     return matrix, data.qfrc_bias[dofs]
 

@@ -12,6 +12,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import field
 
+import numpy as np
+
 from ...text import clean_name
 from ..model.arm_model import ArmModel
 from ..model.coupling import Coupling
@@ -304,6 +306,10 @@ class JointConfig:
         return [m.code for m in self.control_modes]
 
 
+#: Why an axis cannot have what belongs to one motor.
+SHARED = "its motors are coupled with those of other axes"
+
+
 def spring_damping(stiffness: float, inertia: float) -> float:
     """Damping of a spring: d = 2 ζ √(k J), N·m·s/rad; ζ = DAMPING_RATIO."""
     return 2.0 * DAMPING_RATIO * math.sqrt(stiffness * inertia)
@@ -329,6 +335,7 @@ class BoardConfig:
             no group form the last one.
         model: The masses of the arm; None: not known, each joint is taken by itself.
         coupling: Of its joints with physical ones; None: they are the physical joints.
+        motor_coupling: Of its joints with the motors; None: each has its own.
         parts: The parts of a robot by name, each with a configuration of its own, and with it its
             model, calibration groups and constraints; made by ``layout.joined``.
     """
@@ -336,6 +343,7 @@ class BoardConfig:
     joints: tuple[JointConfig, ...]
     model: ArmModel | None = None
     coupling: Coupling | None = None
+    motor_coupling: Coupling | None = None
     parts: Mapping[str, BoardConfig] = field(default_factory=dict)
     control_rate: float = parameter(
         "Control cycles; the gains hold from 200 to 4000, the log warns below",
@@ -377,12 +385,26 @@ class BoardConfig:
         if self.model is not None and len(self.model.links) != len(self.joints):
             raise ConfigError("model", len(self.model.links), f"{len(self.joints)} links")
         check_parameters("", self)
+        self._check_couplings()
         if self.output not in OUTPUTS:
             raise ConfigError("output", self.output, _one_of(OUTPUTS))
         grouped = [name for group in self.calibration_groups for name in group]
         for name in grouped:
             if name not in names or grouped.count(name) > 1:
                 raise ConfigError("calibration_groups", name, "joints of the board, each once")
+
+    def _check_couplings(self) -> None:
+        """What belongs to a motor of its own is not for axes that share motors."""
+        if self.motor_coupling is None:
+            return
+        shared = np.count_nonzero(self.motor_coupling.matrix - np.eye(len(self.joints)), axis=0)
+        shared += np.count_nonzero(self.motor_coupling.matrix - np.eye(len(self.joints)), axis=1)
+        for joint, count in zip(self.joints, shared.tolist(), strict=True):
+            if count and joint.brake.present:
+                raise ConfigError(f"{joint.name}.brake.present", True, f"false: {SHARED}")
+            if count and joint.takes != (SetPoint.PWM,):
+                codes = [kind.code for kind in joint.takes]
+                raise ConfigError(f"{joint.name}.drive", codes, f"[pwm], or empty: {SHARED}")
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -57,6 +57,11 @@ def joined(parts: Mapping[str, BoardConfig]) -> BoardConfig:
                 raise ConfigError(
                     f"parts.{part}.{key}", getattr(config, key), "the same for all parts"
                 )
+    motors = None
+    if any(config.motor_coupling for config in parts.values()):
+        motors = side_by_side(
+            [config.motor_coupling or Coupling.plain(config.names) for config in parts.values()]
+        )
     return BoardConfig(
         heartbeat_timeout=max(config.heartbeat_timeout for config in parts.values()),
         joints=tuple(joint for config in parts.values() for joint in config.joints),
@@ -67,4 +72,5 @@ def joined(parts: Mapping[str, BoardConfig]) -> BoardConfig:
         coupling=side_by_side(
             [config.coupling or Coupling.plain(config.names) for config in parts.values()]
         ),
+        motor_coupling=motors,
     )

@@ -8,9 +8,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ...protocols import Floats
+from ..config.config import BoardConfig
 from ..config.limits import BoardLimits
 from ..laws.laws import Joint
 from ..laws.laws import Pid as Gains
+from ..model.coupling import MotorMix
 from ..selection import Selection
 from ..state import StateArrays
 from ..terms.measurement import Motor
@@ -27,19 +29,22 @@ class MotorAccess:
     Args:
         machine: whose joints they are.
         limits: of the same joints.
+        mix: of their motors, where these are coupled.
     """
 
-    def __init__(self, machine: Machine, limits: BoardLimits) -> None:
-        self._machine, self.limits = machine, limits
+    def __init__(self, machine: Machine, limits: BoardLimits, mix: MotorMix | None = None) -> None:
+        self._machine, self.limits, self._mix = machine, limits, mix
 
     def motors(self, joints: list[int]) -> Motors:
         """Motors and amplifiers as they are now."""
         machine, state = self._machine, self._machine.state
         own = [machine.config.joints[j] for j in joints]
-        laws = [machine.controller.joints[j] for j in joints]
         ratios = np.array([one.motor.gear_ratio for one in own])
         shafts = shaft_readings(state)[:, joints]
-        accelerations = np.array([joint.acceleration for joint in laws]) * ratios
+        accelerations = np.array([joint.acceleration for joint in machine.controller.joints])
+        if self._mix is not None:
+            accelerations = self._mix.motor_rates(accelerations)
+        accelerations = accelerations[joints] * ratios
         accelerations[np.isnan(shafts[Motor.POSITION])] = np.nan
         caps = machine.controller.caps[:, joints]
         return Motors(
@@ -135,6 +140,20 @@ class MotorAccess:
         calibrations.set_offset(j, float(state.position[j] + state.offset[j]) - position)
         machine.references.reset([j], bounded=bool(state.calibrated[j]))
         return JointAnswer()
+
+
+def mix_of(config: BoardConfig) -> MotorMix | None:
+    """What leads the coupled motors of a board; None where each axis has its own."""
+    if config.motor_coupling is None:
+        return None
+    motors = [joint.motor for joint in config.joints]
+    return MotorMix(
+        config.motor_coupling,
+        np.array([motor.torque_per_ampere for motor in motors]),
+        np.array([motor.resistance for motor in motors]),
+        np.array([motor.back_emf for motor in motors]),
+        np.array([100.0 / motor.supply_voltage for motor in motors]),
+    )
 
 
 def shaft_readings(state: StateArrays) -> Floats:

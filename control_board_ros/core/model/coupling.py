@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the axes of a board and the physical joints of its robot hang together (SPEC Y3).
+"""How the axes of a board hang together with what they move (SPEC Y3); the one place for it.
 
-Linear in the positions, with the matrix J of shape (m, n), m physical joints and n axes::
+On the far side are the physical joints of the robot, or the motors. With the matrix R of shape
+(m, n), m joints or motors and n axes, and where a row has one, a function f of its joint::
 
-    q_joints = J q_axes + offset      dq_joints = J dq_axes      ddq_joints = J ddq_axes
-    τ_axes   = Jᵀ τ_joints            (the same power on both sides)
+    q_joints   = f(x),  x = R q_axes + offset     J = f'(x) R
+    dq_joints  = J dq_axes                        ddq_joints = J ddq_axes + f''(x) (R dq_axes)²
+    τ_axes     = Jᵀ τ_joints                      (the same power on both sides)
 
-The way back is the least-squares one: exact where the physical joints are on the coupling, and for
-torques the smallest ones that make those of the axes.
+The way back is the least-squares one: exact where the joints are on the coupling, and for torques
+the smallest ones that make those of the axes. Positions go back by the rows without a function.
 """
 
 from __future__ import annotations
@@ -15,27 +17,74 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from ..terms.measurement import Array
+from .four_bar import FourBar
+
+#: A matrix whose condition number is beyond this is singular.
+SINGULAR = 1e9
+
+
+class Gear(NamedTuple):
+    """A joint that another one drives along: f(ratio · leader + offset), rad or m."""
+
+    follower: str
+    leader: str
+    ratio: float
+    offset: float
+    function: FourBar | None
+
+    def place(self, leader: float) -> tuple[float, float]:
+        """Where the follower is for a place of its leader, and how it changes with it."""
+        x = self.ratio * leader + self.offset
+        if self.function is None:
+            return x, self.ratio
+        at = np.array([x])
+        return float(self.function.value(at)[0]), self.ratio * float(self.function.slope(at)[0])
 
 
 @dataclass(frozen=True)
 class Coupling:
-    """A linear coupling.
+    """A coupling.
 
     Args:
         axes: names of the n axes, the board's joints.
-        physical_joints: names of the m physical joints.
+        physical_joints: names of the m physical joints, or of the motors.
         rows: of the matrix, one for each physical joint.
         offsets: of the positions of the physical joints, rad or m; empty: zeros.
+        functions: of the physical joints, None where there is none; empty: none at all.
+
+    Raises:
+        ValueError: sizes that do not fit, or a singular matrix; the message says which, in a line.
     """
 
     axes: tuple[str, ...]
     physical_joints: tuple[str, ...]
     rows: tuple[tuple[float, ...], ...]
     offsets: tuple[float, ...] = ()
+    functions: tuple[FourBar | None, ...] = ()
+
+    def __post_init__(self) -> None:
+        n, m = len(self.axes), len(self.physical_joints)
+        given = {len(row) for row in self.rows}
+        if len(self.rows) != m or not given <= {n}:
+            numbers = sum(len(row) for row in self.rows)
+            raise ValueError(
+                f"{m * n} numbers: {m} rows of {n}, one for each axis; it has {numbers}"
+            )
+        for name, some in (("offsets", self.offsets), ("functions", self.functions)):
+            if some and len(some) != m:
+                raise ValueError(f"{m} {name}, one for each joint; it has {len(some)}")
+        plain = self.matrix[self._plain]
+        finite = bool(np.isfinite(plain).all())
+        if not finite or len(plain) < n or not np.linalg.cond(plain) < SINGULAR:
+            raise ValueError(
+                "a matrix that is not singular: every motion of the axes moves joints, also "
+                "without those that have a function"
+            )
 
     @classmethod
     def plain(cls, axes: Sequence[str]) -> Coupling:
@@ -44,48 +93,225 @@ class Coupling:
 
     @cached_property
     def matrix(self) -> Array:
-        """J, shape (m, n)."""
+        """R, shape (m, n); without functions J, too."""
         return np.array(self.rows, dtype=np.float64).reshape(-1, len(self.axes))
 
     @cached_property
     def inverse(self) -> Array:
-        """The pseudo-inverse of J, shape (n, m)."""
+        """The pseudo-inverse of R, shape (n, m)."""
         return np.asarray(np.linalg.pinv(self.matrix), dtype=np.float64)
 
     @cached_property
     def offset(self) -> Array:
-        """Of the positions of the physical joints, shape (m,)."""
+        """Of x, shape (m,)."""
         return np.array(self.offsets or [0.0] * len(self.physical_joints))
+
+    @cached_property
+    def curved(self) -> dict[int, FourBar]:
+        """The functions, by row."""
+        return {i: one for i, one in enumerate(self.functions) if one is not None}
+
+    @cached_property
+    def _plain(self) -> list[int]:
+        """Rows without a function."""
+        return [i for i in range(len(self.physical_joints)) if i not in self.curved]
+
+    @cached_property
+    def _straight(self) -> tuple[Array, Array]:
+        """The way back from the rows without a function: its matrix, shape (n, m), and offset."""
+        back = np.zeros((len(self.axes), len(self.physical_joints)))
+        back[:, self._plain] = np.linalg.pinv(self.matrix[self._plain])
+        return back, back @ self.offset
+
+    def jacobian(self, at: Array | None = None) -> Array:
+        """J, shape (m, n), at positions of the axes, shape (n,); None: at zero."""
+        return self.matrix * self._slopes(at)[:, None] if self.curved else self.matrix
 
     def positions(self, axes: Array) -> Array:
         """Positions of the physical joints, shape (m,), for those of the axes, shape (n,)."""
         found: Array = self.matrix @ axes + self.offset
+        for i, function in self.curved.items():
+            found[i] = function.value(found[i : i + 1])[0]
         return found
 
-    def velocities(self, axes: Array) -> Array:
-        """Velocities, or accelerations, of the physical joints for those of the axes."""
-        found: Array = self.matrix @ axes
+    def velocities(self, axes: Array, at: Array | None = None) -> Array:
+        """Velocities of the physical joints for those of the axes, at their positions."""
+        found: Array = self.jacobian(at) @ axes
         return found
 
-    def torques(self, axes: Array) -> Array:
+    def accelerations(
+        self, axes: Array, rates: Array | None = None, at: Array | None = None
+    ) -> Array:
+        """Accelerations of the physical joints for those of the axes at their rates and places."""
+        found: Array = self.jacobian(at) @ axes + self._bending(rates, at)
+        return found
+
+    def torques(self, axes: Array, at: Array | None = None) -> Array:
         """The smallest torques of the physical joints, shape (m,), that make those of the axes."""
-        found: Array = self.inverse.T @ axes
+        found: Array = self._back(at).T @ axes
         return found
 
     def axis_positions(self, joints: Array) -> Array:
         """Positions of the axes, shape (n,), for those of the physical joints, shape (m,)."""
-        found: Array = self.inverse @ (joints - self.offset)
+        back, offset = self._straight if self.curved else (self.inverse, self._back_offset)
+        found: Array = back @ joints - offset
         return found
 
-    def axis_velocities(self, joints: Array) -> Array:
-        """Velocities, or accelerations, of the axes for those of the physical joints."""
-        found: Array = self.inverse @ joints
+    def axis_velocities(self, joints: Array, at: Array | None = None) -> Array:
+        """Velocities of the axes for those of the physical joints, at positions of the axes."""
+        found: Array = self._back(at) @ joints
         return found
 
-    def axis_torques(self, joints: Array) -> Array:
+    def axis_accelerations(
+        self, joints: Array, rates: Array | None = None, at: Array | None = None
+    ) -> Array:
+        """Accelerations of the axes for those of the physical joints, at rates of the axes."""
+        found: Array = self._back(at) @ (joints - self._bending(rates, at))
+        return found
+
+    def axis_torques(self, joints: Array, at: Array | None = None) -> Array:
         """Torques of the axes for those of the physical joints: τ_axes = Jᵀ τ_joints."""
-        found: Array = self.matrix.T @ joints
+        found: Array = self.jacobian(at).T @ joints
         return found
+
+    @cached_property
+    def leads(self) -> tuple[int, ...]:
+        """N rows without a function that determine the axes, the first ones."""
+        found: list[int] = []
+        for i in self._plain:
+            if np.linalg.matrix_rank(self.matrix[[*found, i]], tol=1e-9) > len(found):
+                found.append(i)
+        return tuple(found)
+
+    @cached_property
+    def lead_inverse(self) -> Array:
+        """Axes by the leads, shape (n, n)."""
+        return np.asarray(np.linalg.inv(self.matrix[list(self.leads)]), dtype=np.float64)
+
+    @cached_property
+    def gears(self) -> tuple[Gear, ...]:
+        """How the other joints follow the leads.
+
+        Raises:
+            ValueError: a joint follows several leads; one line.
+        """
+        found, leads, names = [], list(self.leads), self.physical_joints
+        shares = self.matrix @ self.lead_inverse
+        for i, name in enumerate(names):
+            if i in leads:
+                continue
+            by = [k for k in range(len(leads)) if abs(shares[i, k]) > 1e-12]
+            if len(by) > 1:
+                several = " and ".join(names[leads[k]] for k in by)
+                raise ValueError(f"{name} following one joint; it follows {several}")
+            leader = leads[by[0]] if by else leads[0]  # one of zeros stands still
+            ratio = float(shares[i, leads.index(leader)])
+            offset = float(self.offset[i] - ratio * self.offset[leader])
+            found.append(Gear(name, names[leader], ratio, offset, self.curved.get(i)))
+        return tuple(found)
+
+    @cached_property
+    def _back_offset(self) -> Array:
+        found: Array = self.inverse @ self.offset
+        return found
+
+    def _back(self, at: Array | None) -> Array:
+        """The pseudo-inverse of J, shape (n, m)."""
+        if not self.curved:
+            return self.inverse
+        return np.asarray(np.linalg.pinv(self.jacobian(at)), dtype=np.float64)
+
+    def _inputs(self, at: Array | None) -> Array:
+        """x, shape (m,)."""
+        found: Array = self.offset if at is None else self.matrix @ at + self.offset
+        return found
+
+    def _slopes(self, at: Array | None) -> Array:
+        """f'(x), shape (m,)."""
+        x, found = self._inputs(at), np.ones(len(self.physical_joints))
+        for i, function in self.curved.items():
+            found[i] = function.slope(x[i : i + 1])[0]
+        return found
+
+    def _bending(self, rates: Array | None, at: Array | None) -> Array:
+        """f''(x) (R dq)², shape (m,)."""
+        found = np.zeros(len(self.physical_joints))
+        if rates is not None and self.curved:
+            x, speeds = self._inputs(at), self.matrix @ rates
+            for i, function in self.curved.items():
+                found[i] = function.bend(x[i : i + 1])[0] * speeds[i] ** 2
+        return found
+
+
+class MotorMix:
+    """From the outputs of axes to those of coupled motors, and back from their currents.
+
+    An axis is led as if its own motor moved it alone; with the constants K (N·m/A), R, E (back-EMF
+    at the joint) and p (percent per volt) of both, and the motors' turns φ = M q::
+
+        u_axis  = p (R/K τ + E dq)          τ_motors = M⁻ᵀ τ_axes
+        u_motor = p (R/K τ + E dφ)          K i_axes = Mᵀ K i_motors
+
+    Of motors alike, the currents of the axes then obey the equation of one motor each.
+
+    Args:
+        coupling: square, of the axes with the motors.
+        torque_per_ampere, resistance, back_emf, percent_per_volt: of each motor, at its joint,
+            shape (n,).
+
+    Attributes: pwm (percent) and powered (1.0 where a bridge is on) of the motors, shape (n,), as
+    ``drive`` leaves them; moves (which axes a motor moves, shape (motors, axes)).
+    """
+
+    def __init__(
+        self,
+        coupling: Coupling,
+        torque_per_ampere: Array,
+        resistance: Array,
+        back_emf: Array,
+        percent_per_volt: Array,
+    ) -> None:
+        per_torque = percent_per_volt * resistance / torque_per_ampere
+        sharing = coupling.inverse.T
+        self._coupling = coupling
+        self._sharing = per_torque[:, None] * sharing / per_torque
+        self._together = per_torque[:, None] * coupling.matrix.T / per_torque
+        self._axis_emf = percent_per_volt * back_emf
+        self._motor_emf = self._axis_emf[:, None] * coupling.matrix
+        self._currents = coupling.matrix.T * torque_per_ampere / torque_per_ampere[:, None]
+        self.moves = np.abs(coupling.matrix) > 0.0
+        self._needs = (np.abs(sharing) > 1e-12).astype(np.float64)
+        self.pwm, self.powered = np.zeros((2, len(coupling.axes)))
+
+    def drive(self, output: Array, velocity: Array, powered: Array, most: Array) -> None:
+        """Turn the outputs of axes (percent) into those of motors, at most so much of each.
+
+        An axis without power asks for no torque; its motors run along for the others. Where a
+        motor gives less than was asked, ``output`` becomes what acts on the axes.
+        """
+        torque_part = (output - self._axis_emf * velocity) * powered
+        self.powered[:] = self._needs @ powered > 0.0
+        wanted = self._sharing @ torque_part + self._motor_emf @ velocity
+        np.clip(wanted, -most, most, out=self.pwm)
+        if not np.array_equal(self.pwm, wanted):
+            acting = self._together @ (self.pwm - self._motor_emf @ velocity)
+            np.copyto(output, acting + self._axis_emf * velocity, where=powered > 0.0)
+        self.pwm *= self.powered
+
+    def axis_currents(self, motors: Array) -> Array:
+        """What the currents of the motors are for the axes, A."""
+        found: Array = self._currents @ motors
+        return found
+
+    def motor_rates(self, axes: Array) -> Array:
+        """Velocities or accelerations of the motors, at their joints, for those of the axes."""
+        return self._coupling.velocities(axes)
+
+
+def rotors_of_motors(motors: Coupling, rotors: Array) -> Array:
+    """Inertia of rotors for each axis alone, the diagonal of Mᵀ diag(rotors) M, shape (n,)."""
+    found: Array = (motors.matrix**2).T @ rotors
+    return found
 
 
 def side_by_side(couplings: Sequence[Coupling]) -> Coupling:
@@ -98,4 +324,5 @@ def side_by_side(couplings: Sequence[Coupling]) -> Coupling:
         before += len(one.axes)
     joints = tuple(name for one in couplings for name in one.physical_joints)
     offsets = tuple(value for one in couplings for value in one.offset.tolist())
-    return Coupling(axes, joints, tuple(rows), offsets)
+    functions = tuple(one.curved.get(i) for one in couplings for i in range(len(one.rows)))
+    return Coupling(axes, joints, tuple(rows), offsets, functions if any(functions) else ())

@@ -64,7 +64,8 @@ class FaultMonitor:
         self.reasons: Mapping[int, str] | None = None
         self._emergency = emergency or EmergencyStop(0.0)
         self._warned: list[set[str]] = [set() for _ in config.joints]
-        rows = (state.position, state.output, self.travelled, self.used)
+        rows = (state.position, state.current, state.output, self.travelled, self.used)
+        self._movers = movers_of(config)
         self.monitor = Monitor(
             self.joints,
             [self._values[row].data for row in ROWS_OF.values()],
@@ -128,7 +129,14 @@ class FaultMonitor:
             powered: of all joints, shape (n,).
         """
         for j in joints:
-            self.joints[j].live, self.joints[j].switched = float(powered[j]), True
+            joint, on = self.joints[j], float(powered[j])
+            joint.live = joint.fed = on
+            joint.switched = True
+
+    def feed(self, powered: Array) -> None:
+        """Say which bridges of coupled motors are on, whatever the power of their axes."""
+        for joint, on in zip(self.joints, powered.tolist(), strict=True):
+            joint.fed = on
 
     def let_cool(self, j: int, code: FaultCode) -> None:
         """After a fault by heat the joint must cool some way below the limit, not just to it."""
@@ -153,14 +161,27 @@ class FaultMonitor:
 
     def unhealthy(self) -> list[int]:
         """The joints that the last reading found to have a cause to be in HW_FAULT."""
-        return [j for j, monitor in enumerate(self.joints) if monitor.failed()]
+        found = {j for j, monitor in enumerate(self.joints) if monitor.failed()}
+        found |= {j for j in self._movers if self._failed_mover(j) is not None}
+        return sorted(found)
+
+    def _failed_mover(self, j: int) -> int | None:
+        """Another motor that moves a joint and has failed (Y3)."""
+        for k in self._movers.get(j, ()):
+            if self.joints[k].failed() in OF_MOTORS:
+                return k
+        return None
 
     def cause(self, j: int) -> Cause | None:
         """What the last reading found wrong with a joint; None when nothing (F3)."""
         monitor, joint = self.joints[j], self._configs[j]
         failed = monitor.failed()
         if not failed:
-            return None
+            if (k := self._failed_mover(j)) is None:
+                return None
+            cause = self.cause(k)
+            name = self._configs[k].name
+            return cause and cause._replace(text=f"the motor of {name}: {cause.text}")
         check = Check(failed)
         if check is Check.ALARM and self._emergency.holds:
             return Cause(FaultCode.EMERGENCY_STOP, *self._emergency.reason)
@@ -199,6 +220,19 @@ class FaultMonitor:
         """
         measured = self._state.measured
         np.copyto(measured, last, where=~(np.abs(measured) <= CREDIBLE))
+
+
+#: What fails in a motor, and with it in every axis that it moves.
+OF_MOTORS = (Check.ALARM, Check.CURRENT, Check.TEMPERATURE, Check.OVERLOAD)
+
+
+def movers_of(config: BoardConfig) -> dict[int, list[int]]:
+    """The other motors that move each joint, of those that have any."""
+    if config.motor_coupling is None:
+        return {}
+    shares = config.motor_coupling.matrix != 0.0
+    np.fill_diagonal(shares, False)
+    return {j: np.flatnonzero(row).tolist() for j, row in enumerate(shares.T) if row.any()}
 
 
 def travel_constants(joint: JointConfig, period: float) -> dict[str, float]:

@@ -76,6 +76,7 @@ class JointMonitor:
 
     # --- state ------------------------------------------------------------------------------
     live = cython.declare(cython.double, visibility="public")  # 1 with power, 0 without
+    fed = cython.declare(cython.double, visibility="public")  # the same of its motor, if coupled
     switched = cython.declare(cython.bint, visibility="public")  # since the last reading
     seen = cython.declare(cython.bint, visibility="public")  # there is a last position
     last = cython.declare(cython.double, visibility="public")  # position, no offset taken off
@@ -86,6 +87,7 @@ class JointMonitor:
     mark = cython.declare(cython.double, visibility="public")  # position where they begin
     first = cython.declare(cython.double, visibility="public")  # current where they begin
     current = cython.declare(cython.double, visibility="public")  # at the last reading, A
+    drawn = cython.declare(cython.double, visibility="public")  # that of its motor, if coupled
     travel = cython.declare(cython.double, visibility="public")  # of motor less encoder
     overrun = cython.declare(cython.double, visibility="public")  # position from the middle
     overload = cython.declare(cython.double, visibility="public")  # s of I²t, A² s
@@ -213,7 +215,7 @@ def check_overload(m: JointMonitor, current: cython.double, elapsed: cython.doub
     A current beyond the peak is an overcurrent, whose joint gets no power; it counts as the peak.
     """
     current = min(fabs(current), m.max_current)
-    m.overload += (current * current * m.live - m.nominal_squared) * elapsed
+    m.overload += (current * current * m.fed - m.nominal_squared) * elapsed
     m.overload = max(m.overload, 0.0)
     m.used = m.overload / m.budget
     m.overloaded = not m.overload <= m.max_overload
@@ -237,8 +239,9 @@ class Monitor:
         joints: Of class JointMonitor.
         readings: As measured, no offset taken off: alarm, current, encoder age, position,
             velocity, age of the torque, torque, temperature: a buffer of n doubles each.
-        rows: Position of the joint and output in force (read), travel of the motors since
-            power-on and part of the I²t budget used (written), the same.
+        rows: Position, current and output in force of the joint (read; the current differs
+            from that of its motor where motors are coupled), travel of the motors since power-on
+            and part of the I²t budget used (written), the same.
         slow: Cycles from one look at the slow checks to the next.
         period: Of control, s.
         forget: What is left of a travel error from one look to the next.
@@ -263,6 +266,7 @@ class Monitor:
     torque: cython.double[::1]
     temperature: cython.double[::1]
     joint_position: cython.double[::1]
+    joint_current: cython.double[::1]
     output: cython.double[::1]
     travelled: cython.double[::1]
     used: cython.double[::1]
@@ -290,7 +294,7 @@ class Monitor:
             self.torque,
             self.temperature,
         ) = readings
-        self.joint_position, self.output, self.travelled, self.used = rows
+        self.joint_position, self.joint_current, self.output, self.travelled, self.used = rows
 
     def step(self) -> bool:
         """Watch one reading of all joints; false when any of them has a cause to fault."""
@@ -311,8 +315,8 @@ class Monitor:
             else:
                 m.seen = False
                 m.expect_anything()
-            position, current = m.last, known(self.current[k], m.current)
-            m.current = current
+            position, current = m.last, known(self.joint_current[k], m.current)
+            m.current, m.drawn = current, known(self.current[k], m.drawn)
             m.currents += current
             m.outputs += self.output[k]
             if m.switched:
@@ -358,7 +362,7 @@ class Monitor:
         check_travel(m, travelled, position, current, self.forget)
         if fabs(self.joint_position[k]) <= BEYOND:
             check_overrun(m, self.joint_position[k])
-        check_overload(m, current, self.elapsed)
+        check_overload(m, m.drawn, self.elapsed)
         self.used[k] = m.used
         if warn(m, known(self.temperature[k], m.temperature)):
             self.news = True

@@ -103,7 +103,9 @@ class BoardNode:
         )
         names = settings.board.names
         description = None if role.below else settings.description
-        self.publisher = StatePublisher(node, member, names, description, role.joint_states)
+        self.publisher = StatePublisher(
+            node, member, names, description, role.joint_states, settings.physical
+        )
         self._trajectories = TrajectoryTopic(member, follower, reporter.warn)
         stop = partial(follower.stop, member.board)
         self._services = Services(member, injection, self._later, stop, role.for_all)

@@ -19,6 +19,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from ...core.config import stability
 from ...core.terms.measurement import NO_SIMULATION
+from ...settings.couplings import coupling_row
 from ...settings.loading import Settings, load_layers
 from ...settings.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
 from ...settings.parts import PARTS, PARTS_ROW, ROBOT
@@ -211,6 +212,8 @@ class Parameters:
         for name, value in values.items():  # also of parts that are left out
             if name.startswith(f"{PARTS}."):
                 found.append(Declaration(name, value, PARTS_ROW, True))
+            elif (own := coupling_row(name)) is not None:
+                found.append(Declaration(name, value, own, True))
         for name, value in values_of(self.settings.poses).items():
             row = SPEED_ROW if name.endswith(f".{SPEED}") else POSITION_ROW
             found.append(Declaration(name, value, row, True))

@@ -7,8 +7,9 @@ Publishing uses frozen snapshots and never the loop's lock; see ``state_thread``
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 from control_board_msgs.msg import BoardState
 from rclpy.duration import Duration
 from rclpy.event_handler import PublisherEventCallbacks
@@ -17,7 +18,9 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from ...core.model.coupling import Coupling
 from ...core.state import Snapshot
+from ...core.terms.measurement import Array
 from ...interface import (
     CLOCK,
     CONTROLLER_STATE,
@@ -55,6 +58,24 @@ def publisher(node: Node, topic: Endpoint) -> Any:
     )
 
 
+class Physical(NamedTuple):
+    """Readings of physical joints, shape (m,), in rad, rad/s, N·m; m, m/s, N."""
+
+    position: Array
+    velocity: Array
+    torque: Array
+
+    @classmethod
+    def of(cls, snapshot: Snapshot, coupling: Coupling) -> Physical:
+        """Those that go with the axes' (Y3)."""
+        at, torque = snapshot.position, snapshot.torque
+        known = np.nan_to_num(torque)
+        shared = coupling.torques(known, at)
+        unknown = (np.abs(coupling.matrix) > 0.0) @ np.isnan(torque)
+        shared[unknown] = np.nan
+        return cls(coupling.positions(at), coupling.velocities(snapshot.velocity, at), shared)
+
+
 class StatePublisher:
     """Publishes joint_states, ~/state, ~/controller_state, ~/modes, ~/faults, robot_description
     and /clock.
@@ -65,6 +86,7 @@ class StatePublisher:
         names: of the joints.
         description: the URDF; None: another node publishes it, and the time.
         joint_states: where the readings go.
+        coupling: of the joints with physical ones, whose readings go there then (Y3).
 
     Attributes: also (called in the publishing thread with each state and its stamp, ns).
     """
@@ -76,6 +98,7 @@ class StatePublisher:
         names: tuple[str, ...],
         description: str | None,
         joint_states: Endpoint = JOINT_STATES,
+        coupling: Coupling | None = None,
     ) -> None:
         self._snapshots, self._names, self._node = member.snapshots, names, node
         self.also: list[Callable[[Snapshot, int], None]] = []
@@ -85,7 +108,9 @@ class StatePublisher:
         self._modes = publisher(node, MODES)
         self._faults = publisher(node, FAULTS)
         self._clock: Any = None
-        self._joint_state = StateMessage(JointState(name=list(names)), JOINT_STATE, len(names))
+        self._coupling = coupling
+        shown = names if coupling is None else coupling.physical_joints
+        self._joint_state = StateMessage(JointState(name=list(shown)), JOINT_STATE, len(shown))
         self._board_state = StateMessage(BoardState(names=list(names)), BOARD_STATE, len(names))
         if reason := self._board_state.fallback or self._joint_state.fallback:
             node.get_logger().info(reason)
@@ -96,6 +121,10 @@ class StatePublisher:
                 self.announce_clock()
             self._description = publisher(node, ROBOT_DESCRIPTION)
             self._description.publish(String(data=description))
+
+    def _physical(self, snapshot: Snapshot) -> Snapshot | Physical:
+        """What the physical joints do."""
+        return snapshot if self._coupling is None else Physical.of(snapshot, self._coupling)
 
     def announce_clock(self) -> None:
         """Offer /clock; called where no publishing goes on: at start or by the executor."""
@@ -123,7 +152,7 @@ class StatePublisher:
             state = snapshots.states.popleft()
             snapshot, stamp = state.snapshot, state.stamp
             if self._joint_states.get_subscription_count():
-                self._joint_states.publish(self._joint_state.of(snapshot, stamp))
+                self._joint_states.publish(self._joint_state.of(self._physical(snapshot), stamp))
             if self._states.get_subscription_count():
                 self._states.publish(self._board_state.of(snapshot, stamp))
             if self._controller_states.get_subscription_count():

@@ -224,10 +224,10 @@ class Services:
 
     def get_coupling(self, _request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
-            coupling = board.get_coupling()
+            coupling, at = board.get_coupling(), board.get_encoder()
         response.axes = list(coupling.axes)
         response.physical_joints = list(coupling.physical_joints)
-        response.matrix = doubles(coupling.matrix.ravel())
+        response.matrix = doubles(coupling.jacobian(at).ravel())
         return succeeded(response)
 
     # -- faults and life ----------------------------------------------------------------------

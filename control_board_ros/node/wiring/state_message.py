@@ -18,7 +18,6 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from rclpy.serialization import deserialize_message, serialize_message
 
-from ...core.state import Snapshot
 from .messages import set_stamp, split_time
 
 STAMP = Struct("=iI")
@@ -70,8 +69,8 @@ class StateMessage:
             except Exception as error:  # noqa: BLE001 - whatever it is, whole messages can go out
                 self._fall_back(str(error) if isinstance(error, UnknownLayout) else repr(error))
 
-    def of(self, snapshot: Snapshot, nanoseconds: int) -> Any:
-        """The message of a snapshot, stamped: its bytes, or the message itself."""
+    def of(self, snapshot: Any, nanoseconds: int) -> Any:
+        """The message of what has the sources, stamped: its bytes, or the message itself."""
         if self.fallback:
             return self._plain(snapshot, nanoseconds)
         self._parts[1::2] = [
@@ -118,7 +117,7 @@ class StateMessage:
     def _try(self, count: int) -> None:
         """Read a message from bytes, and compare it with the original."""
         trial = TrialSnapshot(self._fields, self._kinds, count)
-        made = deserialize_message(self.of(trial, TRIAL), type(self._message))  # type: ignore[arg-type]
+        made = deserialize_message(self.of(trial, TRIAL), type(self._message))
         if made != self._plain(trial, TRIAL):
             raise UnknownLayout("a message made of bytes reads otherwise")
 

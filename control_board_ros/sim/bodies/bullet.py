@@ -10,6 +10,7 @@ picture.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NoReturn
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.config.config import BoardConfig
+from ...core.model.coupling import Gear
 from ...core.terms.measurement import Array
 from ...description.rotor import Moments
 from ..config import SimulationConfig
@@ -26,6 +28,7 @@ from ..errors import PlantError, PlantGone
 from .camera import Camera
 from .followers import Followers
 from .prepare import prepare
+from .transmission import Transmission
 from .world import Box, bullet, connect, load
 
 MOVING = (bullet.JOINT_REVOLUTE, bullet.JOINT_PRISMATIC)
@@ -43,17 +46,20 @@ class BulletBody:
     """
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
-        self._model, self._simulation, self._board = prepare(board, simulation), simulation, board
+        self._model, self._simulation = prepare(board, simulation), simulation
+        fitted = self._model.fitted
+        self._transmission = Transmission(fitted.coupling, board.names)
         self._camera: Camera | None = None
         self._boxes: dict[int, Box] = {}
-        self._followers = Followers(self._model.mimics, board.names)
+        self._followers = Followers(fitted.mimics, fitted.names)
+        self._gears: list[tuple[Gear, int, int]] = []
         self._client = connect(gui=simulation.gui)
         try:
             self._load(shapes=simulation.gui)
         except BaseException:
             self.close()
             raise
-        self.attach(np.zeros((2, len(self._joints))))
+        self.attach(np.zeros((2, len(board.joints))))
         self._saved = bullet.saveState(physicsClientId=self._client)
 
     def _load(self, *, shapes: bool) -> None:
@@ -62,11 +68,13 @@ class BulletBody:
         text, gui = self._model.text(shapes=shapes), self._simulation.gui
         self._body = load(self._client, text, self._simulation, visuals=gui)
         joints = self._find_joints(self._model.moments)
-        self._joints = [joints[name] for name in self._board.names]
+        self._joints = [joints[name] for name in self._model.fitted.names]
         self._disable_motors(list(joints.values()))
-        for joint, index in zip(self._board.joints, self._joints, strict=True):
-            if joint.kind != "continuous":
-                self._limit(index, joint.limits.hard_lower, joint.limits.hard_upper)
+        for stop, index in zip(self._model.fitted.joints, self._joints, strict=True):
+            if math.isfinite(stop.upper - stop.lower):
+                self._limit(index, stop.lower, stop.upper)
+        gears = self._model.fitted.gears
+        self._gears = [(gear, self._mesh(gear, joints), joints[gear.leader]) for gear in gears]
         self._following = [joints[name] for name in self._followers.joints]
         self._apply: Callable[..., None] = partial(
             bullet.setJointMotorControlArray,
@@ -91,8 +99,11 @@ class BulletBody:
 
     def attach(self, state: Array) -> None:
         """Refresh ``state``, shape (2, n), position and velocity, from now on."""
-        self._state = state
-        self._read_states = StateReader(state[0].data, state[1].data).read
+        self._state = self._joint_state = state
+        if self._transmission.there:
+            self._joint_state = np.zeros((2, len(self._joints)))
+        rows = [row.data for row in self._joint_state]
+        self._read_states = StateReader(*rows).read
         self._refresh()
 
     def step(self, torque: Array) -> bool:
@@ -102,9 +113,13 @@ class BulletBody:
             PlantGone: the physics server is gone.
         """
         try:
+            if self._transmission.there:
+                torque = self._transmission.torques(torque, self._state)
             self._apply(forces=torque.tolist())
             if self._following:
                 self._drive_followers()
+            if self._gears:
+                self._bend_gears()
             bullet.stepSimulation(self._client)
             return self._refresh()
         except bullet.error:
@@ -118,10 +133,11 @@ class BulletBody:
         try:
             bullet.restoreState(self._saved, physicsClientId=self._client)
             self._state[:] = state
-            positions, velocities = self._followers.targets(state)
+            self._joint_state[:] = joints = self._transmission.joints(state)
+            positions, velocities = self._followers.targets(joints)
             indices = [*self._joints, *self._following]
-            positions = [*state[0].tolist(), *positions]
-            velocities = [*state[1].tolist(), *velocities]
+            positions = [*joints[0].tolist(), *positions]
+            velocities = [*joints[1].tolist(), *velocities]
             for index, position, velocity in zip(indices, positions, velocities, strict=True):
                 bullet.resetJointState(self._body, index, position, velocity, self._client)
         except bullet.error:
@@ -158,7 +174,7 @@ class BulletBody:
         """Origin of the child link of a joint, m, in world axes."""
         x, y, z = bullet.getLinkState(
             self._body,
-            self._joints[joint],
+            self._joints[self._model.fitted.names.index(self._transmission.movers[joint])],
             computeForwardKinematics=True,
             physicsClientId=self._client,
         )[4]
@@ -179,7 +195,46 @@ class BulletBody:
         return self._camera.picture(positions, list(self._boxes.values()), width, height)
 
     def _refresh(self) -> bool:
-        return self._read_states(bullet.getJointStates(self._body, self._joints, self._client))
+        states = bullet.getJointStates(self._body, self._joints, self._client)
+        good: bool = self._read_states(states)
+        if self._transmission.there:
+            self._transmission.read(self._joint_state, self._state)
+        return good
+
+    def _mesh(self, gear: Gear, joints: dict[str, int]) -> int:
+        """Let a joint be moved along with another; returns the constraint's number."""
+        made = bullet.createConstraint(
+            self._body,
+            joints[gear.follower],
+            self._body,
+            joints[gear.leader],
+            jointType=bullet.JOINT_GEAR,
+            jointAxis=[0.0, 0.0, 1.0],
+            parentFramePosition=[0.0] * 3,
+            childFramePosition=[0.0] * 3,
+            physicsClientId=self._client,
+        )
+        self._bend(gear, made, 0.0)
+        return int(made)
+
+    def _bend(self, gear: Gear, constraint: int, at: float) -> None:
+        """Lay a gear along its tangent where its leader is."""
+        place, ratio = gear.place(at)
+        bullet.changeConstraint(
+            constraint,
+            gearRatio=-ratio,
+            relativePositionTarget=place - ratio * at,
+            erp=1.0,
+            maxForce=FOLLOWING_FORCE,
+            physicsClientId=self._client,
+        )
+
+    def _bend_gears(self) -> None:
+        """Per step: the gears that are curved are straight lines, along their tangent."""
+        for gear, constraint, leader in self._gears:
+            if gear.function is not None:
+                at = bullet.getJointState(self._body, leader, self._client)[0]
+                self._bend(gear, constraint, at)
 
     def _save(self) -> None:
         bullet.removeState(self._saved, physicsClientId=self._client)
@@ -236,7 +291,7 @@ class BulletBody:
 
     def _drive_followers(self) -> None:
         """Per step: followers track their leaders, without feedback to them."""
-        positions, velocities = self._followers.targets(self._state)
+        positions, velocities = self._followers.targets(self._joint_state)
         bullet.setJointMotorControlArray(
             self._body,
             self._following,

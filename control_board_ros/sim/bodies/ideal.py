@@ -10,7 +10,7 @@ import numpy as np
 from ...core.config.config import BoardConfig
 from ...core.terms.measurement import Array
 from ..config import SimulationConfig
-from ..motor import reflected_inertia
+from ..motor import rotors_at_axes
 
 
 class IdealBody:
@@ -22,7 +22,7 @@ class IdealBody:
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
         inertia = np.array([joint.inertia for joint in simulation.joints])
         self._step = simulation.physics_step
-        self._gain = self._step / (inertia + reflected_inertia(board, simulation))
+        self._gain = self._step / (inertia + rotors_at_axes(board, simulation))
         self._lower = np.array([joint.limits.hard_lower for joint in board.joints])
         self._upper = np.array([joint.limits.hard_upper for joint in board.joints])
         self._change = np.zeros(len(inertia))

@@ -22,8 +22,9 @@ from ..config import SimulationConfig
 from ..errors import PlantGone
 from .followers import Followers
 from .mujoco_camera import RayCamera
-from .mujoco_spec import FOLLOWER_ARMATURE, Builder
+from .mujoco_spec import FOLLOWER_ARMATURE, GEAR, Builder
 from .prepare import fit
+from .transmission import Transmission
 
 Indices = slice | NDArray[np.intp]
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -43,9 +44,11 @@ class MujocoBody:
 
     def __init__(self, board: BoardConfig, simulation: SimulationConfig) -> None:
         mujoco.set_mju_user_warning(_let_pass)
-        self._board, self._simulation = board, simulation
-        self._fitted = fit(board, simulation)
-        self._followers = Followers(self._fitted.mimics, board.names)
+        self._simulation = simulation
+        self._fitted = fitted = fit(board, simulation)
+        self._transmission = Transmission(fitted.coupling, board.names)
+        self._followers = Followers(fitted.mimics, fitted.names)
+        self._curved = [gear for gear in fitted.gears if gear.function is not None]
         self._period = simulation.physics_step
         self._camera: RayCamera | None = None
         self._boxes: dict[int, Box] = {}
@@ -56,7 +59,9 @@ class MujocoBody:
 
     def attach(self, state: Array) -> None:
         """Refresh ``state``, shape (2, n), position and velocity, from now on."""
-        self._state = state
+        self._state = self._joint_state = state
+        if self._transmission.there:
+            self._joint_state = np.zeros((2, len(self._fitted.names)))
         self._refresh()
 
     def step(self, torque: Array) -> bool:
@@ -65,9 +70,13 @@ class MujocoBody:
         Raises:
             PlantGone: the body is closed.
         """
+        if self._transmission.there:
+            torque = self._transmission.torques(torque, self._state)
         self._force[self._dofs] = torque
         if self._driven:
             self._drive_followers()
+        if self._curved:
+            self._bend_gears()
         self._advance(self._model, self._data)
         return self._refresh()
 
@@ -81,8 +90,9 @@ class MujocoBody:
             self._gone()
         mujoco.mj_resetData(self._model, self._data)
         self._state[:] = state
-        self._positions[self._coordinates], self._velocities[self._dofs] = state
-        positions, velocities = self._followers.targets(state)
+        self._joint_state[:] = joints = self._transmission.joints(state)
+        self._positions[self._coordinates], self._velocities[self._dofs] = joints
+        positions, velocities = self._followers.targets(joints)
         self._positions[self._following], self._velocities[self._driven] = positions, velocities
 
     def close(self) -> None:
@@ -107,7 +117,7 @@ class MujocoBody:
     def link_position(self, joint: int) -> tuple[float, float, float]:
         """Origin of the child link of a joint, m, in world axes."""
         mujoco.mj_kinematics(self._model, self._data)
-        name = self._board.names[joint]
+        name = self._transmission.movers[joint]
         x, y, z = self._data.xpos[self._model.joint(name).bodyid[0]].tolist()
         return x, y, z
 
@@ -119,7 +129,7 @@ class MujocoBody:
     def render(self, width: int = 640, height: int = 480) -> NDArray[np.uint8]:
         """A picture of the robot and the obstacles, RGB, shape (height, width, 3)."""
         if self._camera is None:
-            self._camera = RayCamera(self._fitted, self._board, self._simulation)
+            self._camera = RayCamera(self._fitted, self._simulation)
         return self._camera.picture(self._positions, list(self._boxes.values()), width, height)
 
     def _change_boxes(self) -> None:
@@ -131,7 +141,7 @@ class MujocoBody:
     def _load(self) -> None:
         """Build the world with its obstacles."""
         shapes = "collision" if self._boxes else ""
-        builder = Builder(self._fitted, self._board, self._simulation, shapes)
+        builder = Builder(self._fitted, self._simulation, shapes)
         for box in self._boxes.values():
             builder.add_box(*box)
         self._model = model = builder.build()
@@ -139,16 +149,20 @@ class MujocoBody:
         # Views of MuJoCo's arrays: each attribute access would create one.
         self._positions, self._velocities = data.qpos, data.qvel
         self._force = data.qfrc_applied
-        names, joints = self._board.names, self._followers.joints
+        names, joints = self._fitted.names, self._followers.joints
         self._coordinates = _as_slice([model.joint(name).qposadr[0] for name in names])
         self._dofs = _as_slice([model.joint(name).dofadr[0] for name in names])
         self._following = [model.joint(name).qposadr[0] for name in joints]
         self._driven = [model.joint(name).dofadr[0] for name in joints]
+        self._bent = [model.equality(GEAR + gear.follower).id for gear in self._curved]
+        self._leads = [model.joint(gear.leader).qposadr[0] for gear in self._curved]
 
     def _refresh(self) -> bool:
-        position, velocity = self._state
+        position, velocity = self._joint_state
         position[:] = self._positions[self._coordinates]
         velocity[:] = self._velocities[self._dofs]
+        if self._transmission.there:
+            self._transmission.read(self._joint_state, self._state)
         return math.isfinite(position.dot(position))
 
     def _drive_followers(self) -> None:
@@ -156,11 +170,18 @@ class MujocoBody:
 
         a = (v + e/h − v_f)/h: the leader's speed plus removal of the error e in one step.
         """
-        positions, velocities = self._followers.targets(self._state)
+        positions, velocities = self._followers.targets(self._joint_state)
         for k, (coordinate, dof) in enumerate(zip(self._following, self._driven, strict=True)):
             error = positions[k] - self._positions[coordinate]
             wanted = velocities[k] + error / self._period - self._velocities[dof]
             self._force[dof] = FOLLOWER_ARMATURE * wanted / self._period
+
+    def _bend_gears(self) -> None:
+        """Per step: the gears that are curved are straight lines, along their tangent."""
+        for gear, number, lead in zip(self._curved, self._bent, self._leads, strict=True):
+            at = self._positions[lead]
+            place, ratio = gear.place(at)
+            self._model.eq_data[number, :2] = place - ratio * at, ratio
 
     def _gone(self, *_: Any) -> NoReturn:
         raise PlantGone("the physics is closed; start the board anew")

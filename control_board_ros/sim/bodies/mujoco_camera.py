@@ -13,7 +13,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.config.config import BoardConfig
 from ...core.terms.measurement import Array
 from ..config import SimulationConfig
 from .mujoco_spec import Builder
@@ -36,8 +35,8 @@ class RayCamera:
         PlantError: the description cannot be loaded with its visual shapes.
     """
 
-    def __init__(self, fitted: Fitted, board: BoardConfig, simulation: SimulationConfig) -> None:
-        self._described = fitted, board, simulation
+    def __init__(self, fitted: Fitted, simulation: SimulationConfig) -> None:
+        self._described = fitted, simulation
         self._boxes: list[Box] | None = None
 
     def picture(

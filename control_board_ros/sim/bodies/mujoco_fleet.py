@@ -36,10 +36,12 @@ class MujocoFleet:
         fitted = fit(board, simulation)
         if fitted.mimics:
             raise PlantError(f"{fitted.mimics[0].follower} follows another joint; take one arm")
-        one = Builder(fitted, board, simulation, "").build()
-        world = Builder(fit(board, simulation), board, simulation, "").spec
+        if fitted.coupling is not None:
+            raise PlantError("the arm has coupled joints; take one arm")
+        one = Builder(fitted, simulation, "").build()
+        world = Builder(fit(board, simulation), simulation, "").spec
         for k in range(1, count):
-            arm = Builder(fit(board, simulation), board, simulation, "").spec
+            arm = Builder(fit(board, simulation), simulation, "").spec
             world.attach(arm, prefix=f"{k}/", frame=world.worldbody.add_frame())
         self._model = model = world.compile()
         model.body_inertia[1:] = np.tile(one.body_inertia[1:], (count, 1))

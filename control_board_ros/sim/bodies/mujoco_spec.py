@@ -12,6 +12,7 @@ Link for link the description that pybullet loads. Differences:
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ...core.config.config import BoardConfig
+from ...core.model.coupling import Gear
 from ...core.terms.measurement import Array
 from ...description.geometry import axis_of, inertia_of, numbers_of, origin_of
 from ...description.urdf_tree import Tree
@@ -45,6 +46,7 @@ GREY = (0.75, 0.75, 0.78, 1.0)
 MESHES = (".obj", ".stl")
 #: Prefix of link names: MuJoCo reserves "world".
 LINK = "link "
+GEAR = "gear of "
 UNSCALED = (1.0, 1.0, 1.0)
 
 
@@ -53,7 +55,6 @@ class Builder:
 
     Args:
         fitted: The robot.
-        board: Its hard stops.
         simulation: Gravity, physics step, whether the base is fixed.
         shapes: ``collision``, ``visual``, or empty for masses and joints alone.
 
@@ -61,11 +62,9 @@ class Builder:
         spec: The specification; can be extended before compilation.
     """
 
-    def __init__(
-        self, fitted: Fitted, board: BoardConfig, simulation: SimulationConfig, shapes: str
-    ) -> None:
+    def __init__(self, fitted: Fitted, simulation: SimulationConfig, shapes: str) -> None:
         self._tree, self._shapes, self._rotors = fitted.tree, shapes, fitted.rotors
-        self._stops = {joint.name: joint for joint in board.joints}
+        self._stops = {stop.name: stop for stop in fitted.joints}
         self._solref = [STIFFEST * simulation.physics_step, DAMPING_RATIO]
         self._colours = _colours(fitted.tree.root)
         self._meshes: dict[str, str] = {}
@@ -83,6 +82,8 @@ class Builder:
         if not simulation.base_fixed:
             base.add_freejoint()
         self._add_beyond(base, self._tree)
+        for gear in fitted.gears:
+            self._add_gear(gear)
 
     def build(self) -> Any:
         """Compile the model; raises PlantError, one line with MuJoCo's message, where MuJoCo
@@ -111,6 +112,20 @@ class Builder:
             contype=2,
             conaffinity=1,
             rgba=GREY,
+        )
+
+    def _add_gear(self, gear: Gear) -> None:
+        """Let a joint be moved along with another; one felt by the other as it is."""
+        place, ratio = gear.place(0.0)
+        self.spec.add_equality(
+            name=GEAR + gear.follower,
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=gear.follower,
+            name2=gear.leader,
+            data=[place, ratio, *[0.0] * (mujoco.mjNEQDATA - 2)],
+            solref=[self._solref[0], 1.0],
+            solimp=[HARDEST, HARDEST, 1e-3, 0.5, 2.0],
         )
 
     def _add_beyond(self, base: Any, tree: Tree) -> None:
@@ -153,9 +168,9 @@ class Builder:
         )
         made.limited = mujoco.mjtLimited.mjLIMITED_FALSE
         stop = self._stops.get(name)
-        if stop is not None and stop.kind != "continuous":
+        if stop is not None and math.isfinite(stop.upper - stop.lower):
             made.limited = mujoco.mjtLimited.mjLIMITED_TRUE
-            made.range = [stop.limits.hard_lower, stop.limits.hard_upper]
+            made.range = [stop.lower, stop.upper]
             made.solref_limit = self._solref
             made.solimp_limit = [HARDEST, HARDEST, 1e-3, 0.5, 2.0]
 

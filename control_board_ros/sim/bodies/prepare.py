@@ -3,17 +3,22 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from ...core.config.config import BoardConfig, ConfigError
+from ...core.model.coupling import Coupling, Gear
+from ...core.terms.joint_kind import JointKind
+from ...description.couplings import coupling_of, rotors_at_joints
 from ...description.geometry import as_text, axis_of
 from ...description.merge import merge_fixed
 from ...description.rotor import Moments, add_rotor_inertia
-from ...description.urdf import Mimic
+from ...description.urdf import Mimic, Urdf
 from ...description.urdf_tree import Tree
 from ..config import SimulationConfig
-from ..motor import reflected_inertia
+from ..motor import rotors_at_axes
 
 SHAPES = ("visual", "collision")
 
@@ -22,25 +27,47 @@ SHAPES = ("visual", "collision")
 class Fitted:
     """A robot with the joints of its board and their followers, without fixed ones.
 
-    Attributes: tree (modifiable by its owner), mimics (followers of the board's joints), rotors
-    (rotor inertia at the joints, by joint, kg·m²).
+    Attributes: tree (modifiable by its owner), joints (that the board moves, and their stops; in
+    the order of the coupling), mimics (followers of the board's joints), rotors (rotor inertia at
+    the joints, by joint, kg·m²), coupling (of the board's axes with the joints; None: they are the
+    joints).
     """
 
     tree: Tree
+    joints: tuple[Stops, ...]
     mimics: tuple[Mimic, ...]
     rotors: dict[str, float]
+    coupling: Coupling | None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def gears(self) -> tuple[Gear, ...]:
+        """How joints follow others by a coupling."""
+        return () if self.coupling is None else self.coupling.gears
+
+
+class Stops(NamedTuple):
+    """Hard stops of a joint, rad or m; none where they are infinite."""
+
+    name: str
+    lower: float
+    upper: float
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
     """The description loaded by pybullet.
 
-    Attributes: root (of the URDF), mimics (followers of the board's joints), moments (inertia to
-    set afterwards, by link, kg·m²; see ``rotor``).
+    Attributes: root (of the URDF), fitted (the robot), moments (inertia to set afterwards, by
+    link, kg·m²; see ``rotor``).
     """
 
     root: ET.Element
-    mimics: tuple[Mimic, ...]
+    fitted: Fitted
     moments: Moments
 
     def text(self, *, shapes: bool) -> str:
@@ -67,24 +94,56 @@ def fit(board: BoardConfig, simulation: SimulationConfig) -> Fitted:
     """
     if (urdf := simulation.urdf) is None:
         raise ConfigError("simulation.urdf", None, "a robot, for a body that has links")
-    moving = [joint.name for joint in urdf.joints]
+    moving = [*urdf.independent, *urdf.mimics]
     for name in board.names:
         if name not in moving:
             raise ConfigError("joints", name, f"a joint of the URDF: {', '.join(moving)}")
+    coupling, stops = _coupled(board, urdf)
+    names = [stop.name for stop in stops]
     mimics = {
         name: mimic
         for name, mimic in urdf.mimics.items()
-        if name not in board.names and mimic.leader in board.names
+        if name not in names and mimic.leader in names
     }
     tree = urdf.tree.copy()
     for joint in urdf.joints:
         element = tree.joints[joint.name]
-        if joint.name not in board.names and joint.name not in mimics:
+        if joint.name not in names and joint.name not in mimics:
             element.set("type", "fixed")
         elif (axis := element.find("axis")) is not None:  # its length would be a lever in pybullet
             axis.set("xyz", as_text(axis_of(element)))
-    rotors = dict(zip(board.names, reflected_inertia(board, simulation).tolist(), strict=True))
-    return Fitted(merge_fixed(tree), tuple(mimics.values()), rotors)
+    reflected = dict(zip(board.names, rotors_at_axes(board, simulation).tolist(), strict=True))
+    rotors = dict.fromkeys(names, 0.0) | rotors_at_joints(urdf, reflected)
+    return Fitted(merge_fixed(tree), stops, tuple(mimics.values()), rotors, coupling)
+
+
+def _coupled(board: BoardConfig, urdf: Urdf) -> tuple[Coupling | None, tuple[Stops, ...]]:
+    """The coupling of a board's axes with joints that they drive, and the stops of these."""
+    own = {
+        joint.name: Stops(joint.name, -math.inf, math.inf)
+        if joint.kind == JointKind.CONTINUOUS
+        else Stops(joint.name, joint.limits.hard_lower, joint.limits.hard_upper)
+        for joint in board.joints
+    }
+    try:
+        coupling = coupling_of(urdf, board.names, followers=False)
+        if coupling is None:
+            return None, tuple(own.values())
+        _ = coupling.gears
+    except ValueError as error:
+        raise ConfigError("couplings", ", ".join(board.names), str(error)) from None
+    coupled = {joint for one in urdf.coupled for joint in one.coupling.physical_joints}
+    given = {joint.name: joint for joint in urdf.joints}
+    return coupling, tuple(
+        own[name]
+        if name not in coupled
+        else Stops(name, _or(given[name].lower, -math.inf), _or(given[name].upper, math.inf))
+        for name in coupling.physical_joints
+    )
+
+
+def _or(value: float | None, default: float) -> float:
+    return default if value is None else value
 
 
 def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
@@ -97,4 +156,4 @@ def prepare(board: BoardConfig, simulation: SimulationConfig) -> Model:
     root = fitted.tree.root
     moments = add_rotor_inertia(fitted.tree, fitted.rotors)
     ET.indent(root)  # pybullet cannot read long lines
-    return Model(root, fitted.mimics, moments)
+    return Model(root, fitted, moments)

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Coupled axes over ROS: modes, moves, joint_states, ~/get_coupling, parameters (SPEC Y3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from control_board_msgs import srv
+from sensor_msgs.msg import JointState
+from talk import Talker, talking_to, until
+
+from control_board_ros.client import ControlBoardClient
+from control_board_ros.testing import board_process
+
+pytestmark = [pytest.mark.ros, pytest.mark.physics]
+
+PATIENT = {"find_timeout": 60.0, "answer_timeout": 60.0}
+
+
+@pytest.fixture(scope="module")
+def talker() -> Iterator[Talker]:
+    values = {"robot": "icub_hand", "allow_fault_injection": True, "physics": "mujoco"}
+    with board_process(values) as process, talking_to(process) as talking:
+        talking.wait("modes", lambda m: set(m.control_modes) == {"pos"})
+        yield talking
+
+
+def test_a_hand_is_moved_over_ros(talker: Talker) -> None:
+    """Y3: axes are what a client names; joint_states has the physical joints where they are."""
+    with ControlBoardClient(talker.node, talker.board, **PATIENT) as client:
+        assert client.get_axes() == 9
+        coupling = client.get_coupling()
+        assert coupling.axes == tuple(talker.names)
+        assert len(coupling.physical_joints) == 20
+        assert client.set_ref_speed("l_pinky", 2.0)
+        assert client.position_move("l_pinky", 2.4)
+        until(lambda: client.check_motion_done("l_pinky"))
+        until(lambda: abs(client.get_encoder("l_pinky")[0] - 2.4) < 0.01)
+        heard: list[JointState] = []
+        listening = talker.node.create_subscription(JointState, "/joint_states", heard.append, 10)
+        until(lambda: bool(heard))
+        talker.node.destroy_subscription(listening)
+        state = heard[-1]
+        assert tuple(state.name) == coupling.physical_joints
+        found = dict(zip(state.name, state.position, strict=True))
+        for finger in ("ring", "little"):
+            for k in (1, 2, 3):
+                assert found[f"l_hand_{finger}_{k}_joint"] == pytest.approx(0.8, abs=0.01)
+        assert len(state.velocity) == len(state.effort) == 20
+        assert np.isfinite(state.effort).all()
+
+
+def test_fingers_have_modes_and_faults_of_their_own(talker: Talker) -> None:
+    """Y3: one in torque, one in idle, one in fault, the others as they were."""
+    with ControlBoardClient(talker.node, talker.board, **PATIENT) as client:
+        names = ["l_index_distal", "l_middle_distal"]
+        assert client.set_control_mode(names, ["torq", "idl"])
+        asked = srv.InjectFault.Request(names=["l_thumb_distal"], fault="external")
+        assert talker.call("inject_fault", srv.InjectFault, names=asked.names, fault=asked.fault)
+        until(lambda: client.get_control_mode("l_thumb_distal")[0].code == "hwfa")
+        codes = dict(zip(talker.names, (m.code for m in client.get_control_mode()), strict=True))
+        assert (codes["l_index_distal"], codes["l_middle_distal"]) == ("torq", "idl")
+        assert [code for code in codes.values() if code == "hwfa"] == ["hwfa"]
+        assert client.get_parameters(["couplings.l_pinky.axes"]) == {
+            "couplings.l_pinky.axes": ["l_pinky"]
+        }
