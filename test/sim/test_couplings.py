@@ -49,7 +49,7 @@ def hand(request: pytest.FixtureRequest) -> Iterator[Simulation]:
 
 
 def middle(simulation: Simulation, share: float = 0.5) -> Array:
-    limits = simulation.board.limits
+    limits = simulation.board.engine.limits
     found: Array = limits.lower + share * (limits.upper - limits.lower)
     return found
 
@@ -146,8 +146,8 @@ def test_no_joint_passes_its_limits(hand: Simulation) -> None:
         board.set_ref_torque(None, torque)
         hand.run(1.2)
         reached = board.get_encoder()
-        assert np.all(reached <= board.limits.upper + 0.04)
-        assert np.all(reached >= board.limits.lower - 0.04)
+        assert np.all(reached <= board.engine.limits.upper + 0.04)
+        assert np.all(reached >= board.engine.limits.lower - 0.04)
     assert not [fault for fault in board.get_faults() if fault.active]
 
 
@@ -175,7 +175,7 @@ def test_a_linkage_bends_the_last_joint_along_its_curve(tmp_path: Path, engine: 
         board = simulation.board
         simulation.run(0.02)
         assert board.set_control_mode(None, "pos")
-        upper = float(board.limits.upper[0])
+        upper = float(board.engine.limits.upper[0])
         assert board.position_move(0, upper, 1.0)
         coupling = board.get_coupling()
         bent = []
