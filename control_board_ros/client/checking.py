@@ -5,19 +5,25 @@ from __future__ import annotations
 
 from typing import Any
 
-from control_board_ros.core.terms.vocabs import BrakeMode, ControlMode, InteractionMode
+from control_board_ros.core.terms.vocabs import (
+    YARP_4_PWM,
+    BrakeMode,
+    ControlMode,
+    InteractionMode,
+    encode,
+)
 from control_board_ros.interface import MOST_JOINTS, Endpoint
 from control_board_ros.text import clean, clean_names
 
 from .errors import InvalidAnswer
 
 CODES = {
-    "control": frozenset(mode.code for mode in ControlMode),
+    "control": frozenset({YARP_4_PWM, *(mode.code for mode in ControlMode)}),
     "interaction": frozenset(mode.code for mode in InteractionMode),
     "brake": frozenset({"", *BrakeMode}),
 }
 VOCABS = {
-    "control": frozenset(map(int, ControlMode)),
+    "control": frozenset({encode(YARP_4_PWM), *map(int, ControlMode)}),
     "interaction": frozenset(map(int, InteractionMode)),
 }
 #: Fields whose length differs from that of ``names``.

@@ -54,7 +54,7 @@ class ModeRequests(Interface):
     async def get_control_mode(self, joints: Joints = None) -> list[ControlMode]:
         """Current modes, including the statuses HW_FAULT, CALIBRATING, …"""
         response = await self._services.read(GET_CONTROL_MODE, joints)
-        return [ControlMode(vocab) for vocab in response.vocabs]
+        return [parse_control_mode(vocab) for vocab in response.vocabs]
 
     @operation
     async def set_interaction_mode(

@@ -14,7 +14,7 @@ from typing import Any
 
 from ..core.config.config import BoardConfig, JointConfig
 from ..core.config.parameter import Bound, Kind, Parameter, parameters_of, parts_of
-from ..core.terms.vocabs import Vocab
+from ..core.terms.vocabs import YARP_4_PWM, ControlMode, Vocab
 from ..sim.config import JointSimulation, SimulationConfig
 from .couplings import coupling_row
 from .poses import pose_row
@@ -187,6 +187,14 @@ NODE = (
         kind=Kind.BOOL,
         default=False,
         text="Offer the topics and services of YARP's controlBoard_nws_ros2, too",
+    ),
+    Parameter(
+        name="pwm_name",
+        kind=Kind.STRING,
+        default=ControlMode.OPENLOOP.code,
+        text="Name of OPENLOOP in answers of ~/get_control_mode: open, as in YARP 3, or ipwm, as "
+        "YARP 4 reads back",
+        choices={name: name for name in (ControlMode.OPENLOOP.code, YARP_4_PWM)},
     ),
     Parameter(
         name="yarp_msgs_name",

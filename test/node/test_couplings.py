@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 from talk import Talker, talking_to, until
 
 from control_board_ros.client import ControlBoardClient
+from control_board_ros.core.terms.vocabs import ControlMode, encode
 from control_board_ros.testing import board_process
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
@@ -22,6 +23,7 @@ PATIENT = {"find_timeout": 60.0, "answer_timeout": 60.0}
 @pytest.fixture(scope="module")
 def talker() -> Iterator[Talker]:
     values = {"robot": "icub_hand", "allow_fault_injection": True, "physics": "mujoco"}
+    values |= {"pwm_name": "ipwm"}
     with board_process(values) as process, talking_to(process) as talking:
         talking.wait("modes", lambda m: set(m.control_modes) == {"pos"})
         yield talking
@@ -66,3 +68,15 @@ def test_fingers_have_modes_and_faults_of_their_own(talker: Talker) -> None:
         assert client.get_parameters(["couplings.l_pinky.axes"]) == {
             "couplings.l_pinky.axes": ["l_pinky"]
         }
+
+
+def test_open_loop_is_what_yarp_4_reads_back(talker: Talker) -> None:
+    """Y3: with pwm_name: ipwm a mode that is read has that name; all others are ours."""
+    name = "l_hand_finger"
+    assert talker.set_mode([name], "ipwm").modes == ["open"]
+    read = talker.call("get_control_mode", srv.GetControlMode, names=[name, "l_thumb_oppose"])
+    assert list(read.modes) == ["ipwm", "pos"]
+    assert list(read.vocabs) == [encode("ipwm"), encode("pos")]
+    with ControlBoardClient(talker.node, talker.board, **PATIENT) as client:
+        assert client.get_control_mode(name) == [ControlMode.OPENLOOP]
+    assert talker.set_mode([name], "pos").success

@@ -260,7 +260,7 @@ class MotorMix:
             shape (n,).
 
     Attributes: pwm (percent) and powered (1.0 where a bridge is on) of the motors, shape (n,), as
-    ``drive`` leaves them; moves (which axes a motor moves, shape (motors, axes)).
+    ``drive`` leaves them.
     """
 
     def __init__(
@@ -271,17 +271,21 @@ class MotorMix:
         back_emf: Array,
         percent_per_volt: Array,
     ) -> None:
-        per_torque = percent_per_volt * resistance / torque_per_ampere
-        sharing = coupling.inverse.T
+        whole = coupling.matrix
+        apart = whole != np.eye(len(whole))
+        self._shared = shared = np.flatnonzero(apart.any(axis=0) | apart.any(axis=1))
+        block = np.ix_(shared, shared)
+        matrix, sharing = whole[block], coupling.inverse.T[block]
+        torque, percent = torque_per_ampere[shared], percent_per_volt[shared]
+        per_torque = percent * resistance[shared] / torque
         self._coupling = coupling
         self._sharing = per_torque[:, None] * sharing / per_torque
-        self._together = per_torque[:, None] * coupling.matrix.T / per_torque
-        self._axis_emf = percent_per_volt * back_emf
-        self._motor_emf = self._axis_emf[:, None] * coupling.matrix
-        self._currents = coupling.matrix.T * torque_per_ampere / torque_per_ampere[:, None]
-        self.moves = np.abs(coupling.matrix) > 0.0
+        self._together = per_torque[:, None] * matrix.T / per_torque
+        self._axis_emf = percent * back_emf[shared]
+        self._motor_emf = self._axis_emf[:, None] * matrix
+        self._currents = matrix.T * torque / torque[:, None]
         self._needs = (np.abs(sharing) > 1e-12).astype(np.float64)
-        self.pwm, self.powered = np.zeros((2, len(coupling.axes)))
+        self.pwm, self.powered = np.zeros((2, len(whole)))
 
     def drive(self, output: Array, velocity: Array, powered: Array, most: Array) -> None:
         """Turn the outputs of axes (percent) into those of motors, at most so much of each.
@@ -289,18 +293,23 @@ class MotorMix:
         An axis without power asks for no torque; its motors run along for the others. Where a
         motor gives less than was asked, ``output`` becomes what acts on the axes.
         """
-        torque_part = (output - self._axis_emf * velocity) * powered
-        self.powered[:] = self._needs @ powered > 0.0
-        wanted = self._sharing @ torque_part + self._motor_emf @ velocity
-        np.clip(wanted, -most, most, out=self.pwm)
-        if not np.array_equal(self.pwm, wanted):
-            acting = self._together @ (self.pwm - self._motor_emf @ velocity)
-            np.copyto(output, acting + self._axis_emf * velocity, where=powered > 0.0)
-        self.pwm *= self.powered
+        shared = self._shared
+        on, speed, bound = powered[shared], velocity[shared], most[shared]
+        emf = self._axis_emf * speed
+        running_along = self._motor_emf @ speed
+        wanted = self._sharing @ ((output[shared] - emf) * on) + running_along
+        given = np.maximum(np.minimum(wanted, bound), -bound)
+        if given.tobytes() != wanted.tobytes():
+            acting = self._together @ (given - running_along) + emf
+            output[shared] = np.where(on > 0.0, acting, output[shared])
+        needed = (self._needs @ on > 0.0).astype(np.float64)
+        self.pwm[:], self.powered[:] = output, powered
+        self.pwm[shared], self.powered[shared] = given * needed, needed
 
     def axis_currents(self, motors: Array) -> Array:
         """What the currents of the motors are for the axes, A."""
-        found: Array = self._currents @ motors
+        found = motors.copy()
+        found[self._shared] = self._currents @ motors[self._shared]
         return found
 
     def motor_rates(self, axes: Array) -> Array:

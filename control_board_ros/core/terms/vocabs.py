@@ -142,7 +142,8 @@ class BrakeMode(StrEnum):
 
 
 #: Other names a user may type: YARP's PWM mode is the source's OPENLOOP.
-ALIASES = {"ipwm": ControlMode.OPENLOOP, "pwm": ControlMode.OPENLOOP}
+YARP_4_PWM = "ipwm"
+ALIASES = {YARP_4_PWM: ControlMode.OPENLOOP, "pwm": ControlMode.OPENLOOP}
 
 V = TypeVar("V", bound=Vocab)
 

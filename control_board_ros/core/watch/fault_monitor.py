@@ -65,7 +65,7 @@ class FaultMonitor:
         self._emergency = emergency or EmergencyStop(0.0)
         self._warned: list[set[str]] = [set() for _ in config.joints]
         rows = (state.position, state.current, state.output, self.travelled, self.used)
-        self._movers = movers_of(config)
+        self._movers, self._fed = movers_of(config), b""
         self.monitor = Monitor(
             self.joints,
             [self._values[row].data for row in ROWS_OF.values()],
@@ -131,12 +131,14 @@ class FaultMonitor:
         for j in joints:
             joint, on = self.joints[j], float(powered[j])
             joint.live = joint.fed = on
-            joint.switched = True
+            joint.switched, self._fed = True, b""
 
     def feed(self, powered: Array) -> None:
         """Say which bridges of coupled motors are on, whatever the power of their axes."""
-        for joint, on in zip(self.joints, powered.tolist(), strict=True):
-            joint.fed = on
+        if (fed := powered.tobytes()) != self._fed:
+            self._fed = fed
+            for joint, on in zip(self.joints, powered.tolist(), strict=True):
+                joint.fed = on
 
     def let_cool(self, j: int, code: FaultCode) -> None:
         """After a fault by heat the joint must cool some way below the limit, not just to it."""

@@ -108,7 +108,9 @@ class BoardNode:
         )
         self._trajectories = TrajectoryTopic(member, follower, reporter.warn)
         stop = partial(follower.stop, member.board)
-        self._services = Services(member, injection, self._later, stop, role.for_all)
+        self._services = Services(
+            member, injection, self._later, stop, role.for_all, settings.values["pwm_name"]
+        )
         self._poses = Poses(member, names, settings.poses, UserPoses(settings.urdf.name))
         reporter.offer_services(requests, self._services, self._poses)
         self._commands = CommandTopics(

@@ -19,6 +19,7 @@ from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...core.terms.measurement import Simulation
 from ...core.terms.reply import Reply
+from ...core.terms.vocabs import ControlMode, encode
 from ..loop.member import Member
 from .messages import (
     answered,
@@ -41,6 +42,7 @@ class Services:
         later: runs a function in the executor's thread; safe to call from any thread.
         stop: stops the motion of joints, trajectories as well; called with the lock held.
         for_all: faults that reach all joints, whichever are named.
+        pwm_name: of OPENLOOP in answers of ~/get_control_mode.
     """
 
     def __init__(
@@ -50,7 +52,9 @@ class Services:
         later: Callable[[Callable[[], None]], None],
         stop: Callable[[Sequence[str]], Reply],
         for_all: Collection[str] = (),
+        pwm_name: str = ControlMode.OPENLOOP.code,
     ) -> None:
+        self._pwm = pwm_name, encode(pwm_name)
         self._member, self._loop = member, member.loop
         self._injection = injection
         self._later, self._stop, self._for_all = later, stop, for_all
@@ -61,7 +65,12 @@ class Services:
         return self._set_modes(request, response, lambda board: board.set_control_mode)
 
     def get_control_mode(self, request: Any, response: Any) -> Any:
-        return self._get_modes(request, response, lambda board: board.get_control_mode)
+        self._get_modes(request, response, lambda board: board.get_control_mode)
+        name, vocab = self._pwm
+        for k, code in enumerate(response.modes):
+            if code == ControlMode.OPENLOOP.code:
+                response.modes[k], response.vocabs[k] = name, vocab
+        return response
 
     def set_interaction_mode(self, request: Any, response: Any) -> Any:
         return self._set_modes(request, response, lambda board: board.set_interaction_mode)
