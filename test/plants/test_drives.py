@@ -256,6 +256,16 @@ def test_a_drive_that_hears_nothing_stops_by_its_own_watchdog(bench: Bench) -> N
     recover(bench)
 
 
+def test_what_a_watchdog_did_before_the_start_is_over_with_it(bench: Bench) -> None:
+    """S5: a program that was killed is started again; nothing is left to clear."""
+    bench.follow(bench.takes[0], 20)
+    bench.pass_time(25 * TIMEOUT)
+    bench.connect()
+    assert healthy(bench.follow(OFF, 10))
+    bench.follow(bench.takes[0], 30)
+    assert healthy(bench.follow(bench.takes[0]))
+
+
 def test_a_drive_that_started_anew_does_not_go_on_by_itself(bench: Bench) -> None:
     """Nothing moves unasked: it stays without power until its fault is cleared."""
     kind = bench.takes[0]

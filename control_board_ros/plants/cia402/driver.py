@@ -101,7 +101,8 @@ class Cia402Drives:
         """No power, watchdog, PDOs, and what it is; it is operational afterwards."""
         line, axis, sdo = self._opened, self._axes[k], Sdo(self._opened, self._axes[k].id)
         line.send(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))
-        sdo.put(o.CONTROL, 0, "<H", 0)
+        for word in (0, FAULT_RESET, 0):  # a fault of before, as that of its watchdog, is over
+            sdo.put(o.CONTROL, 0, "<H", word)
         modes = sdo.get(o.SUPPORTED_MODES, 0, "<I")
         for kind in self.traits.set_points:
             if not modes >> MODES[kind] - 1 & 1:
@@ -167,11 +168,14 @@ class Cia402Drives:
         self._reset[drive], self._left[drive] = True, None
 
     def close(self) -> None:
-        """Power off by a command that needs no SYNC, and leave the bus."""
+        """Power off and no watchdog, by commands that need no SYNC, and leave the bus."""
         line, self._line = self._line, None
         if line is not None:
             off = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
-            line.close((o.SDO_REQUEST | axis.id, off) for axis in self._axes)
+            unwatched = struct.pack("<BHBI", 0x23, o.CONSUMER_HEARTBEAT, 1, 0)
+            line.close(
+                (o.SDO_REQUEST | axis.id, data) for data in (off, unwatched) for axis in self._axes
+            )
 
     @property
     def _opened(self) -> CanLine:
@@ -192,7 +196,8 @@ class Cia402Drives:
         self._words[k] = word
         torque = whole(value[Value.TORQUE] * scale.torque, 1)
         target, offset = (torque, 0) if kind is SetPoint.TORQUE else (0, torque if on else 0)
-        first = struct.pack(o.RPDO1_FORMAT, word, MODES.get(kind, Mode.CST), target, offset)
+        mode = MODES[self.traits.set_points[0] if kind is SetPoint.OFF else kind]
+        first = struct.pack(o.RPDO1_FORMAT, word, mode, target, offset)
         follows = kind is SetPoint.POSITION
         line.send(o.RPDO1 | drive, first if self._offsets[k] else first[:-2])
         line.send(

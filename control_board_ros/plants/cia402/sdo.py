@@ -38,7 +38,7 @@ class Sdo:
         self._failed = canopen.SdoCommunicationError
         network = _network(line)
         self._sdo = network.add_node(canopen.RemoteNode(drive, canopen.ObjectDictionary())).sdo
-        self._sdo.RESPONSE_TIMEOUT, self._sdo.MAX_RETRIES = 1e-3, ATTEMPTS
+        self._sdo.RESPONSE_TIMEOUT, self._sdo.MAX_RETRIES = 1e-3, 4 * ATTEMPTS
 
     def get(self, index: int, subindex: int, form: str) -> int:
         """An object, in a format of ``struct``.

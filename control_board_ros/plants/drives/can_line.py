@@ -140,16 +140,17 @@ class CanLine:
             pick: What a frame answers, or None where it is no answer to this.
             attempts: How often it is asked until there is one, with more patience each time.
         """
+        heard: list[bytes] = []
+        several = False
         for attempt in range(attempts):
             self.drain(lambda _: None)
             self.send(frame_id, data)
             frames = self.collect(PATIENCE / 5 * 2**attempt)
             heard = [picked for m in frames if (picked := pick(m)) is not None]
-            if attempt:  # a late answer to the last attempt is no second drive
-                heard = list(dict.fromkeys(heard))
-            if heard:
+            if len(heard) == 1 or (heard and several):
                 return heard
-        return []
+            several = bool(heard)  # or one of them is late, of the question before
+        return heard
 
     def close(self, last: Iterable[tuple[int, bytes]] = ()) -> None:
         """Leave the bus; safe to call twice.

@@ -300,7 +300,7 @@ def identify(port: Any, protocol: Any, drive: int) -> list[int]:
         model, result, _ = protocol.ping(port, drive)
         if result != 0:
             continue
-        port.setPacketTimeoutMillis(2.0)
+        port.setPacketTimeoutMillis(0.5e3 * PATIENCE)
         second, result = protocol.rxPacket(port, False)
         if result != 0 or second[4] != drive:
             return [model]

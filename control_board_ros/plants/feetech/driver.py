@@ -275,7 +275,7 @@ def identify(port: Any, protocol: Any, drive: int, attempts: int = ATTEMPTS) -> 
         data, result, _ = protocol.readTxRx(port, drive, *t.MODEL)
         if result != 0 or len(data) != t.MODEL.length:
             continue
-        port.setPacketTimeoutMillis(2.0)
+        port.setPacketTimeoutMillis(0.5e3 * PATIENCE)
         second, result = protocol.rxPacket(port)
         model = int.from_bytes(bytes(data), "little")
         if result != 0 or second[2] != drive:

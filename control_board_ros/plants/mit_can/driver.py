@@ -106,6 +106,7 @@ class MitDrives:
         self._places[master, axis.id] = k
         self._masters.add(master)
         line.send(axis.id, f.DISABLE)
+        line.send(axis.id, f.CLEAR)
         put(line, axis.id, f.CONTROL_MODE, f.MIT_MODE)
         put(line, axis.id, f.TIMEOUT, int(self._setup.timeout / f.TIMEOUT_STEP))
         self._ranges[k] = f.Ranges(*(get(line, axis.id, f.POSITION_RANGE + n) for n in range(3)))
@@ -113,9 +114,11 @@ class MitDrives:
 
     def _set_up_robstride(self, k: int) -> str:
         line, axis = self._opened, self._axes[k]
-        only(disabled(line, axis.id), axis, self._options.bus, "mit_can")
+        only(faults(line, axis.id), axis, self._options.bus, "mit_can")
         self._places[r.MASTER, axis.id] = k
+        line.send(axis.id, f.DISABLE)
         self._masters.add(r.MASTER)
+        line.send(axis.id, f.CLEAR)
         line.send(axis.id, r.RUN_MIT)
         self._power[k], self._words[k] = r.Power(self._ranges[k]), 0
         return ""
@@ -153,9 +156,9 @@ class MitDrives:
                 self._enabled[k] = False
             line.send(drive, self._command(k, SetPoint(kind), columns[k]) if on else f.DISABLE)
             asked.append(drive)
-        if faults := [k for k in self._power if kinds[k] is not None]:
+        if blind := [k for k in self._power if kinds[k] is not None]:
             self._turn += 1
-            line.send(self._axes[faults[self._turn % len(faults)]].id, r.READ_FAULTS)
+            line.send(self._axes[blind[self._turn % len(blind)]].id, r.READ_FAULTS)
         line.gather(self._take, asked, self._wait)
 
     def clear_fault(self, drive: int) -> None:
@@ -245,15 +248,15 @@ class MitDrives:
         return RESTARTED if self._restarted[k] else None
 
 
-def disabled(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[bytes]:
-    """What RobStride motors of that id answer when they are told to have no power."""
+def faults(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[bytes]:
+    """What RobStride motors of that id answer for their faults."""
 
     def pick(message: Any) -> bytes | None:
         data = bytes(message.data)
         mine = message.arbitration_id == r.MASTER and len(data) == 8 and data[0] == drive
-        return data if mine and r.fault_word(data) is None else None
+        return data if mine and r.fault_word(data) is not None else None
 
-    return line.answers(drive, f.DISABLE, pick, attempts)
+    return line.answers(drive, r.READ_FAULTS, pick, attempts)
 
 
 def registers(line: CanLine, drive: int, number: int, *, first: bool = False) -> list[int]:
@@ -288,10 +291,10 @@ def _ask(line: CanLine, drive: int, data: bytes, number: int) -> bytes:
         found.append(told)
         return drive
 
-    for _ in range(ATTEMPTS):
+    for attempt in range(ATTEMPTS):
         line.drain(lambda _: None)
         line.send(f.REGISTERS, data)
-        line.gather(take, [drive], PATIENCE)
+        line.gather(take, [drive], PATIENCE * 2**attempt)
         if found:
             return found[0]
     raise ConnectionError(f"id {drive} does not answer for register {number}")
@@ -326,9 +329,7 @@ def scan(bus: str, ids: Sequence[int] = SHORT_IDS) -> list[Found]:
             line.send(drive, f.DISABLE)
         mine = [m for m in line.collect(2.0 * PATIENCE) if m.arbitration_id == r.MASTER]
         for drive in sorted({m.data[0] for m in mine if len(m.data) == 8}):
-            line.send(drive, r.READ_FAULTS)
-            told = (r.fault_word(bytes(m.data)) for m in line.collect(PATIENCE / 5))
-            word = next((word for word in told if word is not None), 0)
+            word = next((r.fault_word(data) or 0 for data in faults(line, drive)), 0)
             found.append(Found(id=drive, type="RobStride", fault=r.fault(word)))
         return found
     finally:

@@ -76,6 +76,7 @@ class OdriveDrives:
                 f"{version.protocol}; firmware {firmware}, CAN Simple {f.PROTOCOL} is supported"
             )
         line.send(frame(axis.id, f.STATE), struct.pack("<I", f.IDLE))
+        line.send(frame(axis.id, f.CLEAR), b"\0")
         if not self._options.own["unwatched"]:
             file = str(self._options.own["endpoints"])
             self._parameters[k] = f.endpoints(version, file)
@@ -204,7 +205,7 @@ class OdriveDrives:
         """A parameter."""
         line, drive, endpoint = self._opened, self._axes[k].id, self._parameters[k][name]
         question = struct.pack("<BHB", f.READ, endpoint.id, 0)
-        for _ in range(ATTEMPTS):
+        for attempt in range(ATTEMPTS):
             line.drain(lambda _: None)
             line.send(frame(drive, f.RX_SDO), question)
             told: list[bytes] = []
@@ -218,7 +219,7 @@ class OdriveDrives:
                 told.append(data[4:].ljust(4, b"\0"))
                 return drive
 
-            line.gather(take, [drive], PATIENCE)
+            line.gather(take, [drive], PATIENCE * 2**attempt)
             if told:
                 return float(struct.unpack_from(endpoint.form, told[0])[0])
         raise ConnectionError(f"id {drive} does not answer for {name}")
