@@ -251,10 +251,8 @@ class GuardedPlant:
 
     def _await_turn(self, wanted: Wanted) -> None:
         """Until there are other outputs than these, or these become too old (B5)."""
-        left = wanted.time + self._patience - self._clock()
-        watched = wanted.drives and left >= 0.0
-        while not self._turn.wait(left + LEAST_WAIT if watched else None):
-            left = wanted.time + self._patience - self._clock()
-            if left < 0.0:
+        watched = self._exchange.drives
+        while (left := wanted.time + self._patience - self._clock()) >= 0.0 or not watched:
+            if self._turn.wait(left + LEAST_WAIT if watched else None):
+                self._turn.clear()
                 return
-        self._turn.clear()

@@ -229,6 +229,20 @@ def test_a_silent_loop_leaves_no_power(bench: Bench) -> None:
     recovers(bench)
 
 
+def test_a_silent_loop_leaves_no_power_on_a_slow_plant(bench: Bench) -> None:
+    """B5: the time was up before the plant had answered to the last outputs."""
+    driven(bench)
+    until(lambda: not bench.guarded.owes_an_answer)
+    bench.plant.gate.clear()
+    while bench.plant.reads.acquire(blocking=False):
+        pass
+    bench.cycle()
+    bench.plant.reads.acquire(timeout=30.0)  # the plant's thread has what it is to do
+    bench.now += 0.2
+    bench.plant.gate.set()
+    until(lambda: bench.plant.on == [False, False])
+
+
 def test_what_a_loop_says_after_its_silence_does_not_count(bench: Bench) -> None:
     """B5: a hook that stalls between reading and writing leaves outputs of long ago."""
     driven(bench)
