@@ -41,6 +41,7 @@ GROUPS = {
     "B16": "b16_emergency_stop",
     "B17": "b17_drives",
     "B18": "b18_gym",
+    "B19": "b19_hands",
 }
 
 
