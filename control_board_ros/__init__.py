@@ -7,7 +7,7 @@ Importing this package costs nothing: import what you need from its modules.
 import os
 import sys
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 
 def _name_the_ros_prefix() -> None:

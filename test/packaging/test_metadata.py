@@ -4,6 +4,7 @@
 import ast
 import re
 import sys
+import tomllib
 import xml.etree.ElementTree as ET
 
 from package_descriptions import PYPROJECT, ROOT, XML, setup_list
@@ -62,9 +63,11 @@ def test_versions_agree() -> None:
     version = control_board_ros.__version__
     messages = ET.parse(ROOT / "msg_defs/package.xml").getroot()
     newest = re.search(r"^## (\d\S*)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    plug_in = tomllib.loads((ROOT / "integrations/lerobot/pyproject.toml").read_text())
     assert re.fullmatch(r"\d+\.\d+\.\d+", version)  # what package.xml allows
     assert XML.findtext("version") == version
     assert messages.findtext("version") == version
+    assert plug_in["project"]["version"] == version
     assert newest is not None
     assert newest[1] == version
 
