@@ -50,7 +50,7 @@ def test_the_drives_of_a_virtual_plant_move_the_robots_body(driver: str) -> None
             assert not any(found.faults), found.faults
             if (found.position - home > 0.05).all():
                 break
-        assert (plant.world.state[0] - home > 0.04).all()
+        assert (plant.far_end.world.state[0] - home > 0.04).all()
     finally:
         plant.close()
 
