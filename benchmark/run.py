@@ -42,6 +42,7 @@ GROUPS = {
     "B17": "b17_drives",
     "B18": "b18_gym",
     "B19": "b19_hands",
+    "B20": "b20_buses",
 }
 
 

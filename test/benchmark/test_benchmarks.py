@@ -39,6 +39,7 @@ FIGURES = {
     "B17": 2,
     "B18": 3 if find_spec("gymnasium") and find_spec("mujoco") else 0,
     "B19": 2 * sum(HAS_ICUB and bool(find_spec(name)) for name in ("pybullet", "mujoco")),
+    "B20": 3 if find_spec("moteus") and find_spec("msgpack") else 0,
 }
 LONG = ("B4", "B7", "B10", "B11", "B12", "B14")
 QUICK = [name for name in FIGURES if name not in LONG]
