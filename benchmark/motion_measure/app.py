@@ -14,10 +14,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from control_board_ros.core.terms.drives import KINDS
+from control_board_ros.core.terms.drives import KINDS, SetPoint
 
 from .measure import Finding, Line, measure, worst
-from .page import BEFORE, FIGURES, PAGE, load, notes_of, page
+from .page import BEFORE, DRIVEN, DRIVES, FIGURES, PAGE, load, notes_of, page
 from .rig import Rig
 from .robots import ROBOTS, find, poses
 from .rows import ROWS
@@ -31,8 +31,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
     if unknown := [row for row in rows if row not in ROWS]:
         parser.error(f"--rows {unknown[0]!r} unknown; choose from {','.join(ROWS)}")
-    if asked.page and (asked.rows or asked.joint or asked.drive):
-        parser.error("--page takes whole robots; leave out --rows, --joint and --drive")
+    if asked.page and (asked.rows or asked.joint or asked.delay):
+        parser.error("--page takes whole robots; leave out --rows, --joint and --delay")
+    if asked.page and asked.drive and asked.drive != SetPoint.PWM.code:
+        record_drive(asked, rows)
+        document(plots=False)
+        return 0
     only_draw = asked.plots and not asked.page
     record: dict[str, Any] = load(FIGURES) if asked.page else {}
     path = FIGURES if asked.page else asked.json and Path(asked.json)
@@ -51,6 +55,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def record_drive(asked: argparse.Namespace, rows: Sequence[str]) -> None:
+    """Measure the arm of the page with drives of one kind, and keep it beside the others."""
+    record = load(DRIVES)
+    record[asked.drive] = _one(DRIVEN, rows, asked)
+    save(DRIVES, record)
+
+
 def save(path: Path, record: Mapping[str, object]) -> None:
     """Keep what was measured: one line per list, so one per figure."""
     text = json.dumps(record, indent=1, ensure_ascii=False)
@@ -61,7 +72,7 @@ def save(path: Path, record: Mapping[str, object]) -> None:
 def document(*, plots: bool) -> None:
     """Write docs/motion.md, and its pictures, from the recorded figures."""
     now, before = load(FIGURES), load(BEFORE)
-    PAGE.write_text(page(now, before, notes_of(PAGE)), encoding="utf-8")
+    PAGE.write_text(page(now, before, load(DRIVES), notes_of(PAGE)), encoding="utf-8")
     if plots:
         from .plots import draw  # matplotlib, of the extra dev
 
@@ -87,7 +98,9 @@ def _parser() -> argparse.ArgumentParser:
         "--page", action="store_true", help="measure, record, write docs/motion.md"
     )
     parser.add_argument(
-        "--drive", choices=[kind.code for kind in KINDS], help="of every joint; else pwm (S7)"
+        "--drive",
+        choices=[kind.code for kind in KINDS],
+        help="of every joint; else pwm (S7); with --page a column of docs/motion.md",
     )
     parser.add_argument("--delay", type=float, default=0.0, help="of those drives, s")
     parser.add_argument("--plots", action="store_true", help="draw its pictures from the record")

@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from control_board_ros.core.terms.drives import KINDS
+
 from .robots import ROBOTS
 from .rows import ROWS, Quantity, Row
 from .scenes import SCENES
@@ -17,6 +19,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "motion.md"
 FIGURES = ROOT / "benchmark" / "motion.json"
 BEFORE = ROOT / "benchmark" / "motion_before.json"
+#: The arm on drives of each kind, and its figures by kind.
+DRIVEN, DRIVES = "iiwa", ROOT / "benchmark" / "motion_drives.json"
 #: What stands between these is written by hand, and kept.
 NOTES, END = "<!-- notes -->\n", "<!-- end of notes -->\n"
 
@@ -45,8 +49,10 @@ def load(path: Path) -> dict[str, Any]:
     return json.loads(path.read_text("utf-8")) if path.is_file() else {}
 
 
-def page(now: Mapping[str, Any], before: Mapping[str, Any], notes: str) -> str:
-    """The whole page; ``notes`` is its hand-written part."""
+def page(
+    now: Mapping[str, Any], before: Mapping[str, Any], drives: Mapping[str, Any], notes: str
+) -> str:
+    """The whole page; ``drives`` has a record by kind, ``notes`` is its hand-written part."""
     robots = [name for name in ROBOTS if name in now]
     parts = [HEAD, "## All robots\n\n", _overview(now, robots)]
     for name in robots:
@@ -55,6 +61,7 @@ def page(now: Mapping[str, Any], before: Mapping[str, Any], notes: str) -> str:
     parts += [
         "\n## Scenes\n\nWhat went wrong once, each on one robot; `--scenes` plays them.\n\n",
         _scenes(now.get("scenes", {}), before.get("scenes", {})),
+        *_drives({**drives, "pwm": now[DRIVEN]} if drives and DRIVEN in now else {}),
         "\n## Where physics forbids a figure\n\n",
         NOTES,
         notes,
@@ -73,6 +80,35 @@ def notes_of(path: Path) -> str:
     """The hand-written part of a page that exists; empty where there is none."""
     text = path.read_text("utf-8") if path.is_file() else ""
     return text.partition(NOTES)[2].partition(END)[0]
+
+
+BY_DRIVES = """
+## Drives that close loops of their own
+
+The iiwa with a drive of each kind at every joint (S1, S7), in the same rows: `make motion
+ARGS="--drive impedance"` prints a table, `--page` writes its column anew. Without `--delay` a
+set-point acts in the cycle after it was handed down. A dash: that row of S1 does not carry the
+law, so the joint does not implement the mode. Where a drive takes only positions or velocities,
+no torque reaches it, and there is neither TORQUE nor COMPLIANT.
+
+"""
+
+
+def _drives(records: Mapping[str, Any]) -> list[str]:
+    """The table of one arm on drives of each kind."""
+    kinds = [kind.code for kind in reversed(KINDS) if kind.code in records]
+    rows = []
+    for row, quantity in _quantities():
+        cells = []
+        for kind in kinds:
+            record = records[kind]
+            found = record["figures"].get(_key(row, quantity))
+            text = "–" if found is None else number(found[0])
+            missed = found is not None and not _reached(record, row, quantity)
+            cells.append(f"**{text}**" if missed and quantity.shipped else text)
+        goal = f"≤ {quantity.shipped:g} {quantity.unit}" if quantity.shipped else ""
+        rows.append([quantity.text, goal, *cells])
+    return [BY_DRIVES, _grid(["worst joint", "reach", *kinds], rows)] if kinds else []
 
 
 def _quantities() -> list[tuple[Row, Quantity]]:

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from control_board_ros.core.terms.drives import KINDS
+
 BENCHMARK = Path(__file__).resolve().parents[2] / "benchmark"
 sys.path.insert(0, str(BENCHMARK))
 try:
@@ -100,9 +102,12 @@ def test_a_fault_costs_the_figure_and_the_rig_goes_on() -> None:
 def test_the_page_is_what_was_recorded() -> None:
     """docs/motion.md says the recorded figures; `make motion` writes both."""
     now, before = page.load(page.FIGURES), page.load(page.BEFORE)
+    drives = page.load(page.DRIVES)
     assert set(now) <= {*ROBOTS, "scenes"}
     assert "scenes" in now
-    assert page.PAGE.read_text("utf-8") == page.page(now, before, page.notes_of(page.PAGE))
+    assert set(drives) == {kind.code for kind in KINDS} - {"pwm"}
+    notes = page.notes_of(page.PAGE)
+    assert page.PAGE.read_text("utf-8") == page.page(now, before, drives, notes)
 
 
 @pytest.mark.slow
