@@ -89,7 +89,8 @@ The iiwa with a drive of each kind at every joint (S1, S7), in the same rows: `m
 ARGS="--drive impedance"` prints a table, `--page` writes its column anew. Without `--delay` a
 set-point acts in the cycle after it was handed down. A dash: that row of S1 does not carry the
 law, so the joint does not implement the mode. Where a drive takes only positions or velocities,
-no torque reaches it, and there is neither TORQUE nor COMPLIANT.
+no torque reaches it, and there is neither TORQUE nor COMPLIANT. Bold: not reached, for the
+reason below.
 
 """
 
