@@ -39,6 +39,12 @@ class MotorModel:
         low=0.0,
         derived="URDF, or limits",
     )
+    breakaway: float = parameter(
+        "Dry friction at the joint when it leaves rest; below coulomb: as coulomb",
+        "N·m",
+        default=0.0,
+        low=0.0,
+    )
     inertia: float = parameter(
         "Rotor inertia on the motor side; gear_ratio² times this adds to the joint",
         "kg·m²",

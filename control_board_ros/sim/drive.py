@@ -4,7 +4,7 @@
 One joint at a time, one physics step h at a time, exact while the joint's speed dq is held::
 
     L di/dt = V − R i − Ke dq,   V = pwm/100 · Vs,   Ke = kt N
-    torque  = kt N η mean i − coulomb tanh(dq/eps) − viscous dq − brake
+    torque  = kt N η mean i − friction(dq) − brake
 
 Plain Python in Cython's pure mode: compiled where there is a compiler, and the same numbers, bit
 by bit, where there is none. Units: rad, rad/s, N·m, A, V, Ω, s; m and N for prismatic joints.
@@ -18,9 +18,9 @@ except ImportError:
     from ..core.model import nocython as cython
 
 if cython.compiled:
-    from cython.cimports.libc.math import rint, tanh
+    from cython.cimports.libc.math import exp, rint, tanh
 else:
-    from math import tanh
+    from math import exp, tanh
 
     def rint(value: float) -> float:
         """The nearest whole number, the even one of two; NaN stays NaN."""
@@ -55,6 +55,8 @@ class Drive:
     coulomb = cython.declare(cython.double, visibility="public")
     viscous = cython.declare(cython.double, visibility="public")
     inverse_slip_speed = cython.declare(cython.double, visibility="public")  # 1/eps
+    rise = cython.declare(cython.double, visibility="public")  # of breakaway above coulomb
+    inverse_peak_speed = cython.declare(cython.double, visibility="public")  # 1/v_b
     # --- stiction of the bearing ------------------------------------------------------------
     stiction_torque = cython.declare(cython.double, visibility="public")  # B
     bristle_stiffness = cython.declare(cython.double, visibility="public")  # σ h
@@ -146,8 +148,16 @@ def motor_torque(d: Drive, velocity: cython.double, pwm: cython.double) -> cytho
 
 @cython.cfunc
 def gearbox_friction(d: Drive, velocity: cython.double) -> cython.double:
-    """Friction before the torque sensor: coulomb tanh(dq/eps) + viscous dq."""
-    return d.coulomb * tanh(velocity * d.inverse_slip_speed) + d.viscous * velocity
+    """Friction before the torque sensor, with u = dq/v_b::
+
+    coulomb tanh(dq/eps) + rise u exp((1 − u²)/2) + viscous dq
+    """
+    dry: cython.double = d.coulomb * tanh(velocity * d.inverse_slip_speed)
+    u: cython.double
+    if d.rise > 0.0:
+        u = velocity * d.inverse_peak_speed
+        dry += d.rise * u * exp(0.5 - 0.5 * u * u)
+    return dry + d.viscous * velocity
 
 
 @cython.cfunc

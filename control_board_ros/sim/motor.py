@@ -5,7 +5,9 @@ The slip speed eps makes Coulomb friction a steep viscous one near standstill. A
 integration of an inertia M is stable, and never reverses a joint, while
 h · coulomb/eps ≤ M; eps = max(0.001 rad/s, 2 h · coulomb/M) keeps a factor of two. M is the
 reflected rotor inertia, a lower bound of the moved inertia, or the ideal body's inertia where the
-rotor has none. Back-EMF must fit the step too: h (Ke kt N η/R + viscous) < M.
+rotor has none. Friction peaks at ``breakaway`` near standstill, at v_b = max(0.003 rad/s, 3 eps),
+and is ``coulomb`` from 4 v_b on; eps is that of the peak. Back-EMF must fit the step too:
+h (Ke kt N η/R + viscous) < M.
 
 A small part of the Coulomb friction lies beyond the torque sensors: see ``stiction``.
 
@@ -32,6 +34,8 @@ from .drive import Drive, Drives
 from .stiction import bristle_constants
 
 SLIP_SPEED = 1e-3
+#: Speed v_b at which friction is that of breakaway, rad/s and m/s, and over eps.
+PEAK_SPEED, PEAK_SPEED_SLIDING, PEAK_SLIPS = 3e-3, 3e-4, 3.0
 HEAT_PERIOD = 0.05
 #: A brake as stiff, and as damped, as the integration bears: σ h²/M = c h/M of it.
 CLUTCH = 0.5
@@ -160,6 +164,9 @@ def make_drive(joint: JointConfig, own: JointSimulation, inertia: float, step: f
         joint, model, inertia, step
     )
     coulomb = model.coulomb - stiction_torque
+    rise = max(model.breakaway - model.coulomb, 0.0)
+    slip_speed = max(SLIP_SPEED, 2.0 * step * (coulomb + rise) / inertia)
+    peak_speed = joint.kind.choose(PEAK_SPEED, PEAK_SPEED_SLIDING)
     brake = joint.brake
     return Drive(
         resistance=plate.resistance,
@@ -170,7 +177,9 @@ def make_drive(joint: JointConfig, own: JointSimulation, inertia: float, step: f
         mean_response=1.0 - response / ratio,
         coulomb=coulomb,
         viscous=model.viscous,
-        inverse_slip_speed=1.0 / max(SLIP_SPEED, 2.0 * step * coulomb / inertia),
+        inverse_slip_speed=1.0 / slip_speed,
+        rise=rise,
+        inverse_peak_speed=1.0 / max(peak_speed, PEAK_SLIPS * slip_speed),
         stiction_torque=stiction_torque,
         bristle_stiffness=bristle_stiffness,
         bristle_damping=bristle_damping,
