@@ -40,6 +40,8 @@ SIGNALS = {
     "current": "A",
     "temperature": "°C",
 }
+#: The same of motors; NaN where a board does not tell them.
+OF_MOTORS = ("motor_position",)
 #: Field of a parameter's value, by rcl_interfaces/msg/ParameterType.
 VALUE_FIELDS = {
     1: "bool_value",
@@ -135,7 +137,7 @@ class BoardRecording:
         start: Stamp of the first state, s.
         names: Of the joints.
         time: Of each state, shape (n,).
-        signals: By the names of SIGNALS, shape (n, joints).
+        signals: By the names of SIGNALS and OF_MOTORS, shape (n, joints).
         motion_done: Shape (n, joints).
         rejected: Commands ignored, shape (n, joints).
         modes: In order; the first precedes the first state.
@@ -252,7 +254,8 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
         signals={
             name: np.array([getattr(message, name) for message in kept], dtype=np.float64)
             for name in SIGNALS
-        },
+        }
+        | {name: of_motors(kept, name) for name in OF_MOTORS},
         motion_done=np.array([message.motion_done for message in kept], dtype=bool),
         rejected=np.array([message.rejected_commands for message in kept], dtype=np.int64),
     )
@@ -267,6 +270,14 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
     recording.log = read_log(reader, recording)
     recording.notes = read_notes(reader, recording)
     return recording
+
+
+def of_motors(states: list[Any], name: str) -> Floats:
+    """A field of motors, shape (n, joints); NaN where a state lacks it."""
+    missing = np.full(len(states[0].names), np.nan)
+    rows = [getattr(state, name, missing) for state in states]
+    found: Floats = np.array([row if len(row) == missing.size else missing for row in rows])
+    return found
 
 
 def parameters_in(message: Any) -> dict[str, Any]:
