@@ -361,6 +361,7 @@ XACRO = ["xacro>=2.1"]
 PANEL = ["starlette>=1.0", "uvicorn>=0.50", "websockets>=15"]
 RECORD = ["matplotlib>=3.8", "rosbags>=0.11"]
 TUNE = ["optuna>=5.0"]
+IDENTIFY = [*RECORD, "scipy>=1.11"]
 TUNE_POSTGRESQL = [*TUNE, "psycopg[binary]>=3.2"]
 TUNE_GRPC = [*TUNE, "grpcio>=1.68", "protobuf>=5.28"]
 #: Drivers of motors, each with what its maker or its field offers.
@@ -388,6 +389,7 @@ TEST = [
     "pygame>=2.5",
     *PANEL,
     *RECORD,
+    *IDENTIFY,
     *TUNE_POSTGRESQL,
     *TUNE_GRPC,
     *DRIVES,
@@ -456,6 +458,7 @@ setup(
         "panel": PANEL,
         "record": RECORD,
         "tune": TUNE,
+        "identify": IDENTIFY,
         "gym": GYM,
         "foxglove": FOXGLOVE,
         "tune-postgresql": TUNE_POSTGRESQL,

@@ -33,6 +33,7 @@ OPTIONAL = {
     "moteus",
     "mujoco",
     "optuna",
+    "scipy",
     "sqlalchemy",  # comes with optuna
     "pygame",
     "pytest",

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motions that show what a joint is: slow ramps, sines and steps, one joint at a time or together.
+
+Every motion begins and ends at rest at the joint's centre, and stays within range, speed and
+acceleration of its bounds. Units: rad, rad/s, rad/s², s; m where joints slide.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.terms.joint_kind import JointKind
+from ..joint_limits import JointLimits
+from ..protocols import Floats
+from .shares import ACCELERATION, SPEED, TORQUE
+
+#: s between the points of a motion, and of rest where a joint reverses and at both ends.
+GRID, REST = 0.02, 0.4
+#: Half the range where none is given, rad and m.
+RANGE, RANGE_SLIDING = 0.35, 0.05
+#: Speeds of ramps, as shares of a joint's bound; the first ones are short, for the breakaway.
+SLOW, RAMPS = 0.06, (0.3, 0.6, 1.0)
+#: Duration of slow ramps, which accelerate half of it and brake the other half, s; their number.
+CRAWL, CRAWLS = 1.6, 6
+#: Frequencies of the two tones of a sine, Hz, with their shares; duration, s.
+TONES, SINES = ((0.5, 1.0), (1.3, 0.5)), 8.0
+#: Steps there and back.
+STEPS = 3
+#: Duration of a motion of all joints, s, its lowest frequency and the ratio from joint to joint.
+TOGETHER, LOWEST, RATIO = 16.0, 0.25, 1.17
+#: s in which the amplitude of sines grows and falls.
+FADE = 1.5
+#: Distance that motions keep from software limits, rad and m.
+CLEAR, CLEAR_SLIDING = 0.02, 0.002
+#: The least range that shows anything, as a share of the one asked for.
+LEAST = 0.2
+
+RAMP, SINE, STEP, ALL = "ramps", "sines", "steps", "together"
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What one joint may do.
+
+    Attributes: joint, centre (rad), reach (to either side, rad), speed (rad/s), acceleration
+    (rad/s²), torque (N·m; beyond it the motion is stopped).
+    """
+
+    joint: str
+    centre: float
+    reach: float
+    speed: float
+    acceleration: float
+    torque: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """A trajectory of some joints.
+
+    Attributes: what (RAMP, SINE, STEP, or ALL), joints, times (s, shape (n,)), positions (rad,
+    shape (n, k)), velocities (rad/s, shape (n, k)).
+    """
+
+    what: str
+    joints: tuple[str, ...]
+    times: Floats
+    positions: Floats
+    velocities: Floats
+
+    @property
+    def duration(self) -> float:
+        return float(self.times[-1])
+
+
+class NoRoomError(ValueError):
+    """A joint stands so near to a limit that nothing can be shown."""
+
+
+def bounds_of(
+    joint: str,
+    kind: JointKind,
+    limits: JointLimits,
+    position: float,
+    *,
+    reach: float | None = None,
+    speed: float = SPEED,
+    acceleration: float = ACCELERATION,
+    torque: float = TORQUE,
+) -> Bounds:
+    """The bounds of a joint around where it is, away from its limits where it has to be.
+
+    Args:
+        joint: Its name.
+        kind: Of the joint.
+        limits: In force.
+        position: Where it is, rad.
+        reach: To either side, rad; None: RANGE.
+        speed: Share of its limit.
+        acceleration: Likewise.
+        torque: Likewise.
+
+    Raises:
+        NoRoomError: the limits leave less than LEAST of the range.
+    """
+    wanted = kind.choose(RANGE, RANGE_SLIDING) if reach is None else reach
+    clear = kind.choose(CLEAR, CLEAR_SLIDING)
+    low, high = limits.lower + clear, limits.upper - clear
+    found = min(wanted, 0.5 * (high - low))
+    if not found > LEAST * wanted:
+        raise NoRoomError(
+            f"{joint} has {kind.position(limits.upper - limits.lower)} between its limits, too "
+            f"little to move {kind.position(wanted)} to either side; make --range smaller"
+        )
+    centre = min(max(position, low + found), high - found)
+    fastest = speed * limits.velocity
+    hardest = acceleration * limits.acceleration
+    return Bounds(joint, centre, found, fastest, hardest, torque * limits.torque)
+
+
+def motions_of(bounds: Sequence[Bounds]) -> list[Motion]:
+    """The motions of each joint alone, then, of several, of all together."""
+    found = []
+    for one in bounds:
+        for what, columns in ((RAMP, _ramps(one)), (SINE, _sines(one)), (STEP, _steps(one))):
+            found.append(_motion(what, (one.joint,), [columns]))
+    if len(bounds) > 1:
+        names = tuple(one.joint for one in bounds)
+        found.append(_motion(ALL, names, [_tones_of(k, one) for k, one in enumerate(bounds)]))
+    return found
+
+
+def _motion(what: str, joints: tuple[str, ...], columns: list[Floats]) -> Motion:
+    """A motion of columns, each with position and velocity, shape (2, n)."""
+    times: Floats = GRID * np.arange(columns[0].shape[1], dtype=np.float64)
+    whole: Floats = np.stack(columns, axis=-1)
+    positions, velocities = whole
+    return Motion(what, joints, times, positions, velocities)
+
+
+def _ramps(one: Bounds) -> Floats:
+    """Ways at constant speeds, with rests between: short ones that leave rest slowly first."""
+    slow = SLOW * one.speed
+    short = min(0.5 * slow * CRAWL, one.reach)
+    crawls = [(short if k % 2 == 0 else -short, slow) for k in range(CRAWLS)]
+    gentle = _ways(replace(one, acceleration=2.0 * slow / CRAWL), crawls)
+    ways = [(one.reach, one.speed)]
+    for share in RAMPS:
+        ways += [(-2.0 * one.reach, share * one.speed), (2.0 * one.reach, share * one.speed)]
+    ways.append((-one.reach, one.speed))
+    return np.concatenate([gentle, _ways(one, ways)], axis=1)
+
+
+def _steps(one: Bounds) -> Floats:
+    """Ways as fast as the bounds allow, all of them with both signs of acceleration."""
+    ways = [(one.reach, one.speed)]
+    ways += [(-2.0 * one.reach, one.speed), (2.0 * one.reach, one.speed)] * STEPS
+    return _ways(one, [*ways, (-one.reach, one.speed)], rest=0.25 * REST)
+
+
+def _ways(one: Bounds, ways: Sequence[tuple[float, float]], rest: float = REST) -> Floats:
+    """Position and velocity along ways (distance, speed) with constant acceleration."""
+    parts, place = [_still(one.centre, REST)], one.centre
+    for distance, speed in ways:
+        parts += [_way(place, distance, speed, one.acceleration), _still(place + distance, rest)]
+        place += distance
+    parts.append(_still(place, REST))
+    return np.concatenate(parts, axis=1)
+
+
+def _still(place: float, seconds: float) -> Floats:
+    count = round(seconds / GRID)
+    return np.array([np.full(count, place), np.zeros(count)])
+
+
+def _way(start: float, distance: float, speed: float, acceleration: float) -> Floats:
+    """A trapezoid of velocity, sampled; its last sample is at rest."""
+    size = abs(distance)
+    ramp = min(speed / acceleration, math.sqrt(size / acceleration))
+    top = acceleration * ramp
+    whole = size / top + ramp
+    count = max(math.ceil(whole / GRID), 1)
+    factor = whole / (count * GRID)  # a little slower, so that it ends on the grid
+    t = factor * GRID * np.arange(1, count + 1)
+    up, down = np.minimum(t, ramp), np.clip(t - (whole - ramp), 0.0, ramp)
+    velocity = acceleration * (up - down)
+    position = acceleration * (0.5 * up**2 + ramp * np.maximum(t - ramp, 0.0) - 0.5 * down**2)
+    sign = math.copysign(1.0, distance)
+    return np.array([start + sign * position, sign * factor * velocity])
+
+
+def _sines(one: Bounds) -> Floats:
+    """Two tones; their amplitude fills the tightest bound."""
+    return _filled(one, SINES, [(f, share, 0.0) for f, share in TONES])
+
+
+def _tones_of(k: int, one: Bounds) -> Floats:
+    """Three tones of joint k, at frequencies of its own."""
+    base = LOWEST * RATIO ** (k % 8)
+    tones = [(base, 1.0, 0.9 * k), (2.3 * base, 0.5, 2.1 * k), (4.1 * base, 0.25, 0.4 * k)]
+    return _filled(one, TOGETHER, tones)
+
+
+def _filled(one: Bounds, seconds: float, tones: Sequence[tuple[float, float, float]]) -> Floats:
+    """Tones (Hz, share, phase) that fade in and out, as large as the bounds allow."""
+    t = GRID * np.arange(round(seconds / GRID) + 1)
+    shape = np.zeros_like(t)
+    for frequency, share, phase in tones:
+        angular = 2.0 * math.pi * frequency
+        shape += share / frequency * np.sin(angular * t + phase)
+    edge = np.clip(np.minimum(t, t[-1] - t) / FADE, 0.0, 1.0)
+    shape *= edge**3 * (10.0 - 15.0 * edge + 6.0 * edge**2)
+    rate = np.gradient(shape, GRID)
+    rate[[0, -1]] = 0.0
+    most = (np.abs(row).max() for row in (shape, rate, np.gradient(rate, GRID)))
+    size = min(
+        bound / peak
+        for bound, peak in zip((one.reach, one.speed, one.acceleration), most, strict=True)
+    )
+    rest = _still(one.centre, REST)
+    moving = np.array([one.centre + size * shape, size * rate])
+    return np.concatenate([rest, moving, rest], axis=1)

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of an identification: measured against model, and what the model leaves."""
+
+from __future__ import annotations
+
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from ..core.terms.joint_kind import JointKind
+from ..recording.charts import Chart, Trace
+from ..recording.page import chart_section, document, table
+from .errors import IdentificationError
+from .files import TITLES, shown
+from .fit import FRICTION, MOTOR, SENSOR, WINDING, Traced
+from .outcome import Outcome
+
+#: Speeds over which friction is averaged, for its curve.
+SPEEDS = 40
+#: The longest time without samples that is drawn, s.
+PAUSE = 0.5
+NOTE = (
+    "Intervals hold 95 %. Measured and model are filtered alike (20 ms). Friction over speed: "
+    "what the motor gives beyond the joint's torque, mean at each speed. Time leaves out what "
+    "is not of the equation: other joints' motions, reversals, rest."
+)
+
+
+def write_report(path: Path, outcome: Outcome, source: str) -> None:
+    """Write the report.
+
+    Raises:
+        IdentificationError: it cannot be written.
+    """
+    sections = [overview(outcome)]
+    joints = [*outcome.troubles, *(outcome.fitted.joints if outcome.fitted else ())]
+    for joint in dict.fromkeys(joints):
+        sections.append(section(outcome, joint))
+    try:
+        path.write_text(document(f"{source}: identified", "".join(sections), NOTE), "utf-8")
+    except OSError as error:
+        raise IdentificationError(f"cannot write {path}: {error.strerror}") from error
+
+
+def overview(outcome: Outcome) -> str:
+    """All findings in one table, and joints with trouble."""
+    rows = [[joint, "", "", text] for joint, text in outcome.troubles.items()]
+    for finding in outcome.findings:
+        kind = outcome.robot.kind(finding.joint)
+        text = "written" if not finding.why else finding.why
+        rows.append([finding.joint, TITLES[finding.quantity], shown(finding, kind), text])
+    heads = ["joint", "quantity", "value", ""]
+    return f"<h2>{escape('What the data shows')}</h2>" + table(heads, rows, text=1)
+
+
+def section(outcome: Outcome, joint: str) -> str:
+    """A joint: its findings as tiles, and its charts."""
+    if joint in outcome.troubles:
+        return chart_section(joint, [("not identified", outcome.troubles[joint])], [])
+    kind, fitted = outcome.robot.kind(joint), outcome.fitted
+    facts = [
+        (TITLES[one.quantity], shown(one, kind) if not one.why else "not shown")
+        for one in outcome.findings
+        if one.joint == joint
+    ]
+    assert fitted is not None
+    traces = {name: traced for (own, name), traced in fitted.traces.items() if own == joint}
+    return chart_section(joint, facts, charts(traces, kind))
+
+
+def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
+    """Both sides of each equation over time, their difference, and friction over speed."""
+    force = kind.force_unit
+    names = {
+        MOTOR: (f"{kind.choose('Torque', 'Force')} of the motor", force),
+        SENSOR: (f"{kind.choose('Torque', 'Force')} at the joint", force),
+        WINDING: ("Voltage", "V"),
+    }
+    found = []
+    for name, (title, unit) in names.items():
+        if name not in traces:
+            continue
+        traced = parted(traces[name], PAUSE)
+        found.append(
+            Chart(
+                f"{title}: measured and model",
+                unit,
+                [
+                    Trace("measured", traced.time, traced.measured),
+                    Trace("model", traced.time, traced.model, "reference"),
+                ],
+            )
+        )
+        rest = Trace("measured − model", traced.time, traced.measured - traced.model, "error")
+        share = f"{100.0 * traces[name].unexplained:.2g} %"
+        found.append(Chart(f"{title}: what the model leaves, {share} of it", unit, [rest]))
+    if (rubbing := traces.get(FRICTION)) is not None:
+        found.insert(0, friction_chart(rubbing, kind))
+    return found
+
+
+def parted(traced: Traced, pause: float) -> Traced:
+    """The same with pauses no longer than ``pause``, s, and no line across them."""
+    steps = np.diff(traced.time, prepend=traced.time[0])
+    time = np.cumsum(np.minimum(steps, pause))
+    breaks = np.flatnonzero(steps >= pause)
+    rows = (np.insert(row, breaks, np.nan) for row in (traced.measured, traced.model))
+    return Traced(np.insert(time, breaks, time[breaks] - 0.5 * pause), *rows)
+
+
+def friction_chart(traced: Traced, kind: JointKind) -> Chart:
+    """Friction over speed, mean of the samples of each speed."""
+    speed = traced.time
+    edges = np.linspace(speed.min(), speed.max() + 1e-9, SPEEDS + 1)
+    rows = np.digitize(speed, edges) - 1
+    bins = [k for k in range(SPEEDS) if (rows == k).sum() > 2]
+    x, y, z = (
+        np.array([values[rows == k].mean() for k in bins])
+        for values in (speed, traced.measured, traced.model)
+    )
+    way = np.flatnonzero(np.diff(np.sign(x)) != 0.0) + 1  # nothing is known at rest
+    x, y, z = np.insert(x, way, 0.0), np.insert(y, way, np.nan), np.insert(z, way, np.nan)
+    factor = kind.shown_factor
+    return Chart(
+        "Friction over speed",
+        kind.force_unit,
+        [Trace("measured", factor * x, y), Trace("model", factor * x, z, "reference")],
+        x_unit=f"{kind.shown_unit}/s",
+    )

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The torques of the arm's masses, linear in what is not known of them.
+
+τ = τ_0 + Σ_j J_j y_j + m y_m + h·y_h + I·y_I: rotors J_j, and a point mass at one link with
+h = m c and I = m (c·c 1 − c cᵀ). The columns y are differences of recursive Newton-Euler
+(``core.model.dynamics``), which is linear in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..core.model.arm_model import COLUMNS, PLACES, ROWS, ArmModel
+from ..core.model.dynamics import Arm, Body
+from ..protocols import Floats
+from .samples import Samples
+
+#: Of a body's numbers: mass, moment, tensor.
+OF_MASS = ("mass", *PLACES["moment"], *PLACES["tensor"])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loads:
+    """Torques of samples, m of them, of the k identified joints.
+
+    Attributes: known (of masses that are known, shape (m, k)), rotors (per kg·m² of each of the k
+    rotors, shape (k, m, k)), payload (per mass, h and I of the point mass, shape (10, m, k); in
+    the axes of the URDF's link).
+    """
+
+    known: Floats
+    rotors: Floats
+    payload: Floats
+
+    def payload_torque(self, mass: float, center: Floats) -> Floats:
+        """Torques of a point mass, kg, at a centre, m, shape (m, k)."""
+        found: Floats = np.tensordot(numbers_of(mass, center), self.payload, axes=1)
+        return found
+
+
+def numbers_of(mass: float, center: Floats) -> Floats:
+    """Mass, moment and tensor of a point mass, shape (10,)."""
+    tensor = mass * (center @ center * np.eye(3) - np.outer(center, center))
+    return np.concatenate([[mass], mass * center, tensor[ROWS, COLUMNS]])
+
+
+def loads_of(
+    samples: Samples, model: ArmModel, columns: Sequence[int], carrier: int, in_links: bool
+) -> Loads:
+    """The torques of samples.
+
+    Args:
+        samples: Of the board's joints.
+        model: Of the arm, without their rotors.
+        columns: The joints that are identified.
+        carrier: The joint whose link carries the payload.
+        in_links: Rotors turn with their whole link, as in pybullet.
+    """
+    arm = model.arm()
+    bodies: list[Body] = arm.bodies
+    known = torques(arm, samples, columns)
+    link = model.links[carrier]
+
+    def added(body: Body, **numbers: float) -> Floats:
+        before = {name: getattr(body, name) for name in numbers}
+        for name, value in numbers.items():
+            setattr(body, name, before[name] + value)
+        found = torques(arm, samples, columns) - known
+        for name, value in before.items():
+            setattr(body, name, value)
+        return found
+
+    rotors = [
+        added(bodies[j], **{"izz" if in_links and not model.links[j].slides else "rotor": 1.0})
+        for j in columns
+    ]
+    axes = np.reshape(link.axes, (3, 3))
+    payload = []
+    for unit in np.eye(10):
+        mass, moment, tensor = unit[0], axes @ unit[1:4], np.zeros((3, 3))
+        tensor[ROWS, COLUMNS] = tensor[COLUMNS, ROWS] = unit[4:]
+        turned = (axes @ tensor @ axes.T)[ROWS, COLUMNS]
+        numbers = np.concatenate([[mass], moment, turned])
+        payload.append(added(bodies[carrier], **dict(zip(OF_MASS, numbers.tolist(), strict=True))))
+    return Loads(known, np.array(rotors), np.array(payload))
+
+
+def torques(arm: Arm, samples: Samples, columns: Sequence[int]) -> Floats:
+    """Torques of the samples' motion, shape (m, k)."""
+    position, velocity, acceleration, torque = (np.asarray(row) for row in arm.rows)
+    found = np.empty((len(samples.position), len(columns)))
+    for k, rows in enumerate(
+        zip(samples.position, samples.velocity, samples.acceleration, strict=True)
+    ):
+        position[:], velocity[:], acceleration[:] = rows
+        arm.inverse(1.0)
+        found[k] = torque[columns]
+    return found

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is known of a robot before it is identified: its parameters and its URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..core.model.arm_model import ArmModel
+from ..core.terms.drives import SetPoint
+from ..core.terms.joint_kind import JointKind
+from ..description.arm_model import Motors, arm_model
+from ..description.urdf import Urdf
+from ..protocols import Floats
+from ..settings.loading import Settings
+from ..sim.config import IDEAL, PYBULLET
+from .errors import IdentificationError
+
+#: Parameters of a joint that are used.
+USED = (
+    "motor.torque_constant",
+    "motor.gear_ratio",
+    "motor.efficiency",
+    "motor.resistance",
+    "motor.inductance",
+    "motor.supply_voltage",
+    "motor.inertia",
+    "inertia_min",
+    "limits.torque",
+    "limits.velocity",
+    "payload.mass",
+    "drive_delay",
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Robot:
+    """A board's joints as configured.
+
+    Attributes:
+        names: The board's n joints.
+        values: Parameters by full name.
+        urdf: The description.
+        name: The shipped configuration, or the path of the URDF.
+    """
+
+    names: tuple[str, ...]
+    values: Mapping[str, Any]
+    urdf: Urdf
+    name: str
+
+    @classmethod
+    def of(cls, settings: Settings) -> Robot:
+        """The robot of settings."""
+        names, values = settings.board.names, settings.values
+        return cls(names, values, settings.urdf, str(values["robot"]))
+
+    def number(self, joint: str, key: str) -> float:
+        """A numeric parameter of a joint.
+
+        Raises:
+            IdentificationError: there is none.
+        """
+        value = self.values.get(f"{joint}.{key}")
+        if not isinstance(value, int | float):
+            raise IdentificationError(f"the board has no parameter {joint}.{key}")
+        return float(value)
+
+    def numbers(self, key: str, joints: Sequence[str] | None = None) -> Floats:
+        """The same of several joints, or of all (None)."""
+        chosen = self.names if joints is None else joints
+        return np.array([self.number(joint, key) for joint in chosen])
+
+    def kind(self, joint: str) -> JointKind:
+        return next(one.kind for one in self.urdf.joints if one.name == joint)
+
+    @property
+    def period(self) -> float:
+        """Of control, s."""
+        return 1.0 / float(self.values["control_rate"])
+
+    @property
+    def rotors_in_links(self) -> bool:
+        """Rotors turn with their whole links, as in pybullet."""
+        return self.values["physics"] == PYBULLET and not self.values["plant"]
+
+    def hands_voltage(self, joint: str) -> bool:
+        """The board gives its drive a PWM: what the motor gets is known."""
+        return list(self.values.get(f"{joint}.drive") or [SetPoint.PWM.code]) == [
+            SetPoint.PWM.code
+        ]
+
+    def model(self, joints: Sequence[str]) -> ArmModel:
+        """The arm's masses, without friction, and without the rotors of some joints.
+
+        Args:
+            joints: Whose rotors are left out.
+
+        Raises:
+            IdentificationError: the joints do not feel the URDF's masses.
+        """
+        if not self.values["base_fixed"]:
+            raise IdentificationError(
+                "base_fixed is false: gravity's way through the arm is unknown"
+            )
+        if self.values["physics"] == IDEAL and not self.values["plant"]:
+            raise IdentificationError(
+                "physics: ideal has no masses to identify; start the board with mujoco or pybullet"
+            )
+        homes = {
+            one.name: float(self.values[f"{one.name}.home"])
+            for one in self.urdf.joints
+            if f"{one.name}.home" in self.values
+        }
+        x, y, z = self.values["gravity"]
+        others = [name for name in self.names if name not in joints]
+        inertias = self.numbers("motor.inertia", others)
+        ratios = self.numbers("motor.gear_ratio", others)
+        rotors = dict(zip(others, (inertias * ratios**2).tolist(), strict=True))
+        motors = Motors(rotors=rotors, coulomb={}, viscous={}, in_links=self.rotors_in_links)
+        return arm_model(self.urdf, self.names, motors, homes, (x, y, z))
+
+    def payload_joint(self) -> str:
+        """The joint whose link carries what the robot holds: the last one that turns."""
+        turning = [name for name in self.names if not self.kind(name).slides]
+        return (turning or list(self.names))[-1]

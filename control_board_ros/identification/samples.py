@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What was recorded of motions, and what a fit uses of it: smooth, with accelerations.
+
+All signals pass the same zero-phase low pass (a Gaussian), which leaves linear equations of motion
+true; the acceleration is the derivative of the filtered velocity. Units: rad, rad/s, rad/s², N·m,
+A, V, s; m and N where joints slide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from ..protocols import Floats
+from .motions import CRAWL, CRAWLS, RAMP, SLOW
+
+Bools = NDArray[np.bool_]
+Signals = dict[str, Floats]
+
+#: What is recorded of every joint.
+SIGNALS = (
+    "position",
+    "velocity",
+    "torque",
+    "current",
+    "output",
+    "position_reference",
+    "motor_position",
+)
+#: Standard deviation of the low pass, s.
+WIDTH = 0.02
+#: Cut at both ends, and around reversals, in standard deviations.
+TAIL = 4.0
+#: Least duration of a recording that is used, s.
+SHORTEST = 0.5
+#: Share of a joint's speed from which on its friction is that of motion.
+FRICTION = 0.25
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """The readings of one motion.
+
+    Attributes:
+        what: The kind of motion.
+        speeds: The greatest speed asked for, by the name of each joint that moves, rad/s.
+        time: Of each reading, s, shape (m,).
+        signals: By the names of SIGNALS: of the board's joints, shape (m, n); output in %, NaN
+            where something is not measured.
+        ended: Why it ended before its time; empty: it did not.
+    """
+
+    what: str
+    speeds: Mapping[str, float]
+    time: Floats
+    signals: Signals
+    ended: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Samples for a fit: m of them, of the board's n joints.
+
+    Attributes:
+        position, velocity, acceleration, torque, current: Filtered, shape (m, n); torque NaN
+            where it is not measured.
+        change: Of the current, A/s, shape (m, n).
+        voltage: Of the motors: value, per s, per s², shape (m, n, 3).
+        moving: The joint moves steadily in one direction, shape (m, n).
+        asked: The motion is one of the joint's, shape (m, n).
+        start: The joint is about to leave its rest: 1 or −1 for the direction, shape (m, n).
+        time: s from the first sample, without the time between motions, shape (m,).
+        block: Number of the second that a sample is of, shape (m,).
+    """
+
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+    torque: Floats
+    current: Floats
+    change: Floats
+    voltage: Floats
+    moving: Bools
+    asked: Bools
+    start: Floats
+    time: Floats
+    block: NDArray[np.intp]
+
+
+def samples_of(
+    records: Sequence[Record], names: Sequence[str], supply: Floats, gain: Floats
+) -> Samples:
+    """The samples of records.
+
+    Args:
+        records: Of the motions.
+        names: The board's n joints.
+        supply: Voltage of each at 100 % output, V, shape (n,).
+        gain: Torque per ampere of each, about, N·m/A, shape (n,).
+
+    Raises:
+        ValueError: nothing was recorded that is long enough.
+    """
+    parts: list[dict[str, Floats]] = []
+    blocks, since = 0, 0.0
+    for record in records:
+        if record.time.size < 8 or record.time[-1] - record.time[0] < SHORTEST:
+            continue
+        step, whole = smoothed(record, supply)
+        time: Floats = step * np.arange(len(whole["position"]), dtype=np.float64)
+        cut = int(np.ceil(TAIL * WIDTH / step))
+        whole["moving"] = steady(whole["velocity"], record.speeds, names, cut)
+        whole["asked"] = np.zeros_like(whole["velocity"])
+        whole["asked"][:, [list(names).index(joint) for joint in record.speeds]] = 1.0
+        whole["start"] = np.zeros_like(whole["velocity"])
+        rows = np.arange(cut, time.size - cut, max(round(WIDTH / step), 1))
+        rows = rows[~near_gaps(record.time - record.time[0], time[rows])]
+        if not rows.size:
+            continue
+        part = {name: values[rows] for name, values in whole.items()} | {"time": time[rows]}
+        if record.what == RAMP:
+            (joint, speed), *_ = record.speeds.items()
+            column = list(names).index(joint)
+            begun = starts(whole, step, column, float(gain[column]), SLOW * speed)
+            near = near_gaps(record.time - record.time[0], time[np.array(begun, dtype=np.intp)])
+            begun = [row for row, gap in zip(begun, near, strict=True) if not gap]
+            part = joined([part, of_starts(whole, begun, column, time)])
+        part["block"] = blocks + np.floor(part["time"])
+        blocks = int(part["block"].max()) + 1
+        part["time"] = part["time"] + since
+        since = float(part["time"].max()) + WIDTH
+        parts.append(part)
+    if not parts:
+        raise ValueError(
+            f"no motion was recorded for {SHORTEST:g} s without gaps of more than "
+            f"{1e3 * WIDTH:g} ms between readings; is the machine or the network overloaded?"
+        )
+    made = joined(parts)
+    found: dict[str, Any] = {field.name: made[field.name] for field in fields(Samples)}
+    found["block"] = made["block"].astype(np.intp)
+    return Samples(**found | {name: made[name] > 0.5 for name in ("moving", "asked")})
+
+
+def joined(parts: Sequence[dict[str, Floats]]) -> dict[str, Floats]:
+    """Rows of several parts, one after the other."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def smoothed(record: Record, supply: Floats) -> tuple[float, Signals]:
+    """Filtered signals on an even grid of time, shape (m, n), and its step, s."""
+    raw = record.time - record.time[0]
+    step = float(np.median(np.diff(raw)))
+    time = step * np.arange(round(raw[-1] / step) + 1)
+
+    def even(values: Floats, order: int = 0) -> Floats:
+        rows = np.column_stack([np.interp(time, raw, column) for column in values.T])
+        made = gaussian_filter1d(rows, WIDTH / step, axis=0, order=order, mode="nearest")
+        found: Floats = made / step**order
+        return found
+
+    signals = record.signals
+    volts = 0.01 * signals["output"] * supply
+    return step, {
+        "position": even(signals["position"]),
+        "velocity": even(signals["velocity"]),
+        "acceleration": even(signals["velocity"], 1),
+        "torque": even(signals["torque"]),
+        "current": even(signals["current"]),
+        "change": even(signals["current"], 1),
+        "voltage": np.stack([even(volts, order) for order in range(3)], axis=-1),
+        "reference": even(signals["position_reference"], 1),
+    }
+
+
+def near_gaps(readings: Floats, time: Floats) -> Bools:
+    """Which times are so near to a gap of readings that the low pass has nothing to pass, s."""
+    gaps = np.flatnonzero(np.diff(readings) > WIDTH)
+    found = np.zeros(time.size, dtype=np.bool_)
+    for begin, end in zip(readings[gaps], readings[gaps + 1], strict=True):
+        found |= (time > begin - TAIL * WIDTH) & (time < end + TAIL * WIDTH)
+    return found
+
+
+def steady(
+    velocity: Floats, speeds: Mapping[str, float], names: Sequence[str], cut: int
+) -> Floats:
+    """1 where a joint moves in one direction, and not slowly, for ``cut`` samples to each side."""
+    found = np.zeros_like(velocity)
+    for joint, speed in speeds.items():
+        column = list(names).index(joint)
+        for sign in (1.0, -1.0):
+            slow = ~(sign * velocity[:, column] > FRICTION * speed)
+            near = np.convolve(slow, np.ones(2 * cut + 1), mode="same")
+            found[:, column] += near < 0.5
+    return found
+
+
+def starts(signals: Signals, step: float, column: int, gain: float, slow: float) -> list[int]:
+    """Samples at which a joint leaves its rest: where friction is greatest, at every slow start.
+
+    Friction is what the current gives beyond the measured torque; without torque sensor, the
+    current itself, as the load hardly changes on so short a way. The starts are laid over each
+    other first: the greatest of the mean is not the greatest noise.
+
+    Args:
+        signals: Filtered, of ramps.
+        step: From sample to sample, s.
+        column: The joint.
+        gain: Torque per ampere, N·m/A.
+        slow: Speed of the slow ramps, rad/s.
+    """
+    rate = signals["reference"][:, column]
+    under_way = np.abs(rate) > 0.1 * slow
+    begins = np.flatnonzero(under_way[1:] & ~under_way[:-1])[:CRAWLS]
+    window = round(0.5 * CRAWL / step)
+    begins = begins[begins + window < rate.size]
+    if not begins.size:
+        return []
+    friction = gain * signals["current"][:, column]
+    measured = signals["torque"][:, column]
+    friction = friction - measured if np.isfinite(measured).all() else friction
+    ways = np.array([np.sign(rate[b + window // 2]) * friction[b : b + window] for b in begins])
+    peak = int(np.argmax(ways.mean(axis=0)))
+    return [int(begin) + peak for begin in begins]
+
+
+def of_starts(whole: Signals, rows: Sequence[int], column: int, time: Floats) -> dict[str, Floats]:
+    """The samples at which a joint leaves its rest."""
+    chosen = np.array(rows, dtype=np.intp)
+    part = {name: values[chosen] for name, values in whole.items()}
+    part["moving"], part["start"] = np.zeros_like(part["velocity"]), part["start"].copy()
+    part["start"][:, column] = np.sign(part["reference"][:, column])
+    return part | {"time": time[chosen]}

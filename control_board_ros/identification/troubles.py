@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joints that cannot be identified, and why: blocked, a loose belt, a wrong gear ratio.
+
+The motor's shaft turns N (q + play/2 sign(q̇)): its encoder shows the gear ratio, its direction,
+and the play between motor and joint. Without one, the voltage that a turning motor makes shows the
+product of torque constant and gear ratio (``judge``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..core.terms.joint_kind import JointKind
+from ..protocols import Floats
+from .robot import Robot
+from .samples import Record
+
+#: Share of its reference that a joint must move, and that a motor must for its belt to be torn.
+MOVED, TURNED = 0.2, 0.5
+#: Deviation of a gear ratio that is no inaccuracy of encoders.
+OFF = 0.02
+#: Play that is more than encoders and a stiff gearbox make, rad and m.
+PLAY, PLAY_SLIDING = 2e-3, 2e-4
+#: Least speed at which the side of the play is known, rad/s or m/s as a share of the greatest.
+SURE_SPEED = 0.1
+#: Way after a reversal in which play is taken up, rad and m.
+TAKEN_UP, TAKEN_UP_SLIDING = 0.015, 1.5e-3
+#: Least travel that shows a gear ratio, rad and m.
+TRAVEL, TRAVEL_SLIDING = 5e-3, 5e-4
+
+
+def troubles_of(robot: Robot, records: Sequence[Record], joints: Sequence[str]) -> dict[str, str]:
+    """What is wrong with joints, by name; of those with nothing wrong, nothing."""
+    found = {}
+    for joint in joints:
+        own = [record for record in records if joint in record.speeds]
+        if text := trouble(robot, own, joint):
+            found[joint] = text
+    return found
+
+
+def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
+    """What is wrong with a joint; empty: nothing."""
+    column = robot.names.index(joint)
+    if not any(record.time.size for record in records):
+        return "was not moved: no readings"
+    rows = {
+        name: np.concatenate([r.signals[name][:, column] for r in records if r.time.size])
+        for name in ("position", "velocity", "position_reference", "motor_position")
+    }
+    kind, ratio = robot.kind(joint), robot.number(joint, "motor.gear_ratio")
+    wanted, moved = float(np.ptp(rows["position_reference"])), float(np.ptp(rows["position"]))
+    why = next((r.ended for r in records if r.ended and blamed(r, joint)), "")
+    turned = float(np.ptp(rows["motor_position"])) / ratio
+    if moved < MOVED * wanted:
+        if turned > TURNED * wanted:
+            return (
+                f"its motor turns and the joint does not follow: {kind.position(turned)} at the "
+                f"motor, {kind.position(moved)} at the joint; a torn or loose belt, or a joint "
+                "encoder that does not turn"
+            )
+        if moved < kind.choose(TRAVEL, TRAVEL_SLIDING) or not np.isfinite(turned):
+            return (
+                f"does not move: {kind.position(moved)} of {kind.position(wanted)} asked for; a "
+                f"closed brake, an obstacle, a hard stop, or a motor without power{after(why)}"
+            )
+    if (text := of_gearbox(rows, kind, ratio)) or not why:
+        return text
+    if moved < MOVED * wanted:
+        ways = f"{kind.position(moved)} of {kind.position(wanted)} asked for"
+        return f"does not move: {ways}{after(why)}"
+    return f"was stopped: {why}"
+
+
+def blamed(record: Record, joint: str) -> bool:
+    """Whether it was this joint that ended a motion."""
+    return len(record.speeds) == 1 or record.ended.startswith(f"{joint} ")
+
+
+def after(why: str) -> str:
+    """The end of a sentence with what stopped the joint."""
+    return f" ({why})" if why else ""
+
+
+def of_gearbox(rows: dict[str, Floats], kind: JointKind, ratio: float) -> str:
+    """What the encoder of the motor tells against that of the joint; empty: nothing wrong.
+
+    Args:
+        rows: Of one joint: ``position``, ``velocity``, ``motor_position``.
+        kind: Of the joint.
+        ratio: Motor turns per joint turn, as configured.
+    """
+    position, velocity, motor = (rows[n] for n in ("position", "velocity", "motor_position"))
+    fast = np.abs(velocity) > SURE_SPEED * float(np.abs(velocity).max())
+    fast &= since_reversal(position, velocity) > kind.choose(TAKEN_UP, TAKEN_UP_SLIDING)
+    if not np.isfinite(motor).all() or fast.sum() < 10:
+        return ""
+    if float(np.ptp(position[fast])) < kind.choose(TRAVEL, TRAVEL_SLIDING):
+        return ""
+    q, dq, shaft = position[fast], velocity[fast], motor[fast]
+    columns = [q - q.mean(), np.ones_like(q), dq]
+    both = bool((dq > 0.0).any() and (dq < 0.0).any())
+    if both:
+        columns.append(np.sign(dq))
+    found = np.linalg.lstsq(np.column_stack(columns), shaft, rcond=None)[0]
+    turns = float(found[0])
+    if turns < 0.0 < ratio * OFF:
+        return (
+            f"motor and joint turn in opposite directions, {abs(turns):.4g} motor turns per joint "
+            "turn; the sign of one encoder, or the motor's phases, are the wrong way round"
+        )
+    if abs(turns / ratio - 1.0) > OFF:
+        return (
+            f"wrong gear ratio: its motor turns {turns:.4g} times per joint turn, "
+            f"motor.gear_ratio says {ratio:g}; correct the parameter and identify it again"
+        )
+    play = 2.0 * float(found[3]) / ratio if both else 0.0
+    if play > kind.choose(PLAY, PLAY_SLIDING):
+        shown = f"{kind.shown_factor * play:.2f} {kind.shown_unit}"
+        return (
+            f"loose belt or worn gearbox: {shown} of play between motor and joint; tighten it and "
+            "identify it again"
+        )
+    return ""
+
+
+def since_reversal(position: Floats, velocity: Floats) -> Floats:
+    """Way of a joint since its last reversal, shape (m,)."""
+    way = np.sign(velocity)
+    turned = np.concatenate([[True], way[1:] != way[:-1]])
+    last = np.maximum.accumulate(np.where(turned, np.arange(way.size), 0))
+    return np.abs(position - position[last])
