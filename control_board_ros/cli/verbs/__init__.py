@@ -49,6 +49,7 @@ SECTIONS = {
         "report": "recording",
         "step": "responses",
         "chirp": "responses",
+        "identify": "identifying",
         "tune": "tuning",
     },
     "Board": {

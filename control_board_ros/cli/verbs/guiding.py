@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 from ..board.guidance import Guidance
@@ -21,6 +20,7 @@ from ..board.recordings import read_boards, start
 from ..board.session import Session
 from ..board.status import cancelled, what_they_do
 from ..board.streaming import duration
+from ..board.trajectories import agreed, approach, followed
 from ..line.arguments import FOR, JOINTS, argument, takes
 from ..line.jogging import keys_at_once, pressed
 from ..line.words import Refused, UsageError, short_names
@@ -30,12 +30,8 @@ from ..text.output import DONE, REFUSED, complain, conclude, note, put, put_json
 LOOK, LOOK_AT_MODES = 0.05, 0.5
 KEYS = "p saves a pose, q ends"
 YES = argument("--yes", action="store_true", help="Do not ask.")
-#: What a replay leaves joints in, where it ends early.
-MOVING = (ControlMode.POSITION, ControlMode.POSITION_DIRECT)
 #: How near to the start of a way joints are so that nothing must be moved first, rad or m.
 NEAR = 5e-3
-#: Mean speed of the move to the start of a way, as a part of the speed limit.
-APPROACH = 0.1
 
 
 @takes(
@@ -275,8 +271,7 @@ def goes_on(session: Session, starts: dict[str, float], seconds: float, yes: boo
     note(session, f"{there}{', '.join(starts)} along the way for {seconds:.1f} s")
     if yes:
         return True
-    print("Go on? [y/N] ", end="", file=sys.stderr, flush=True)
-    return sys.stdin.readline().strip().lower() in ("y", "yes")
+    return agreed()
 
 
 def conclude_nothing(session: Session) -> int:
@@ -286,31 +281,3 @@ def conclude_nothing(session: Session) -> int:
     else:
         complain("nothing was moved")
     return REFUSED
-
-
-@contextlib.contextmanager
-def followed(session: Session, names: list[str]) -> Iterator[None]:
-    """Stop the joints in the end, and set their control modes as they were."""
-    client = session.client
-    before = client.get_control_mode(names)
-    try:
-        yield
-    finally:
-        now = client.get_control_mode(names)
-        changed = [k for k in range(len(names)) if now[k] is not before[k]]
-        back = [(names[k], before[k]) for k in changed if now[k] in MOVING]
-        back = [(name, mode) for name, mode in back if mode is not ControlMode.IDLE]
-        if back:
-            client.stop([name for name, _ in back])
-            client.set_control_mode([name for name, _ in back], [mode for _, mode in back])
-
-
-def approach(
-    session: Session, names: list[str], starts: dict[str, float], speeds: Sequence[float]
-) -> Reply:
-    """Move to the start of a way, in POSITION and STIFF."""
-    client = session.client
-    reply = client.set_control_mode(names, ControlMode.POSITION)
-    if reply:
-        return client.move(names, list(starts.values()), [APPROACH * one for one in speeds])
-    return reply

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joints that follow trajectories: the move to the start, and everything as before in the end."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Iterator, Sequence
+
+from control_board_ros.core.terms.reply import Reply
+from control_board_ros.core.terms.vocabs import ControlMode
+
+from .session import Session
+
+#: What joints are left in where it ends early.
+MOVING = (ControlMode.POSITION, ControlMode.POSITION_DIRECT)
+#: Mean speed of the move to the start, as a part of the speed limit.
+APPROACH = 0.1
+
+
+@contextlib.contextmanager
+def followed(session: Session, names: list[str]) -> Iterator[None]:
+    """Stop the joints in the end, and set their control modes as they were."""
+    client = session.client
+    before = client.get_control_mode(names)
+    try:
+        yield
+    finally:
+        now = client.get_control_mode(names)
+        changed = [k for k in range(len(names)) if now[k] is not before[k]]
+        back = [(names[k], before[k]) for k in changed if now[k] in MOVING]
+        back = [(name, mode) for name, mode in back if mode is not ControlMode.IDLE]
+        if back:
+            client.stop([name for name, _ in back])
+            client.set_control_mode([name for name, _ in back], [mode for _, mode in back])
+
+
+def approach(
+    session: Session, names: list[str], starts: dict[str, float], speeds: Sequence[float]
+) -> Reply:
+    """Move to the start of a trajectory, in POSITION and STIFF."""
+    client = session.client
+    reply = client.set_control_mode(names, ControlMode.POSITION)
+    if reply:
+        return client.move(names, list(starts.values()), [APPROACH * one for one in speeds])
+    return reply
+
+
+def agreed() -> bool:
+    """Ask whether it may move."""
+    print("Go on? [y/N] ", end="", file=sys.stderr, flush=True)
+    return sys.stdin.readline().strip().lower() in ("y", "yes")

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: Apache-2.0
+"""cbctl identify: motions that show what joints are, and what follows from them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+from control_board_ros.identification.shares import (
+    ACCELERATION,
+    LAG,
+    MOTIONS,
+    SPEED,
+    TORQUE,
+)
+
+from ..board.experiments import await_states, faster_states
+from ..board.progress import Bar
+from ..board.recordings import read_boards, start
+from ..board.session import Session
+from ..board.status import cancelled
+from ..board.trajectories import agreed, approach, followed
+from ..line.arguments import JOINTS, argument, takes
+from ..line.words import Refused, UsageError, quantity
+from ..text.output import DONE, REFUSED, complain, note, put_json
+
+if TYPE_CHECKING:
+    from control_board_ros.identification.motions import Bounds, Motion
+
+#: What fits has scipy, URDFs and parameter files in it, which cbctl does not know.
+PROGRAM = "control_board_ros.identification"
+
+
+@takes(
+    JOINTS,
+    argument("-o", "--output", required=True, metavar="FILE.yaml", help="The file to write."),
+    argument("--range", dest="reach", metavar="SIZE", help="To either side; 20deg, 50mm."),
+    argument("--speed", type=float, default=SPEED, metavar="SHARE", help="Of the speed limits."),
+    argument(
+        "--acceleration",
+        type=float,
+        default=ACCELERATION,
+        metavar="SHARE",
+        help="Of the acceleration limits.",
+    ),
+    argument(
+        "--torque",
+        type=float,
+        default=TORQUE,
+        metavar="SHARE",
+        help="Of the torque limits; beyond it, a motion is stopped.",
+    ),
+    argument("--no-payload", action="store_true", help="It carries only what its URDF has."),
+    argument("--keep", metavar="FOLDER", help="Keep the recording of the motions."),
+    argument("--data", metavar="FOLDER", help="Move nothing: a recording that was kept."),
+    argument("--yes", action="store_true", help="Do not ask."),
+)
+def identify(
+    session: Session,
+    joints: list[str],
+    output: str,
+    reach: str | None,
+    speed: float,
+    acceleration: float,
+    torque: float,
+    no_payload: bool,
+    keep: str | None,
+    data: str | None,
+    yes: bool,
+) -> int:
+    """Find friction, rotor inertia, motor constants, delay and payload from motions of a board.
+
+    Each joint moves in slow ramps, sines and steps around where it is, then all together. What
+    the data shows goes into a parameter file and a report, with 95 % intervals; what it does not
+    show is named. It asks before it moves.
+    """
+    from control_board_ros.identification.motions import motions_of
+
+    if not Path(output).absolute().parent.is_dir():
+        raise UsageError(f"{Path(output).parent} is no folder; make it first")
+    words = ["-o", output] + (["--no-payload"] if no_payload else [])
+    if data is not None:
+        return concluded(session, [data, *words])
+    shares = {"speed": speed, "acceleration": acceleration, "torque": torque}
+    for name, share in shares.items():
+        if not 0.0 < share <= 1.0:
+            raise UsageError(f"--{name} {share:g} is not valid; give a share above 0 and up to 1")
+    if not yes and not sys.stdin.isatty():
+        raise UsageError("nobody can be asked here whether it may move; give --yes")
+    if keep is not None and Path(keep).exists():
+        raise Refused(f"{keep} exists already; choose another name")
+    bounds = bounds_now(session, session.joints(joints), reach, shares)
+    motions = motions_of(bounds)
+    seconds = sum(motion.duration for motion in motions)
+    ways = ", ".join(way(session, one) for one in bounds)
+    note(session, f"for about {seconds / 60.0:.1f} min these joints move: {ways}")
+    if not yes and not agreed():
+        complain("nothing was moved")
+        return REFUSED
+    with contextlib.ExitStack() as stack:
+        temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="cbctl"))
+        folder = Path(keep) if keep else Path(temporary) / "motions"
+        try:
+            play(session, folder, bounds, motions)
+        except KeyboardInterrupt:
+            return cancelled(session, "identify", [one.joint for one in bounds])
+        return concluded(session, [str(folder), *words])
+
+
+def bounds_now(
+    session: Session, names: Sequence[str], reach: str | None, shares: dict[str, float]
+) -> list[Bounds]:
+    """What each joint may do around where it is.
+
+    Raises:
+        Refused: limits are not known, or leave no room.
+    """
+    from control_board_ros.identification.motions import NoRoomError, bounds_of
+
+    limits, state = session.limits(names), session.client.get_state()
+    size = None if reach is None else quantity(reach, "position")
+    found = []
+    for name in names:
+        own, kind = limits[name], session.kind(name)
+        if own is None:
+            raise Refused(f"the board does not tell the limits of {name}: nothing is moved")
+        column = session.names.index(name)
+        place = float(state.position[column])
+        asked = None if size is None else session.values([(name, size)])[name]
+        if asked is not None and not asked > 0.0:
+            raise UsageError(f"--range {reach} is not valid; give a size above 0")
+        try:
+            found.append(bounds_of(name, kind, own, place, reach=asked, **shares))
+        except NoRoomError as error:
+            raise Refused(str(error)) from error
+    return found
+
+
+def way(session: Session, one: Bounds) -> str:
+    """What a joint will do, for people."""
+    low, high = one.centre - one.reach, one.centre + one.reach
+    kind = session.kind(one.joint)
+    return f"{one.joint} {kind.travel(low, high)} at up to {kind.velocity(one.speed)}"
+
+
+def play(
+    session: Session, folder: Path, bounds: Sequence[Bounds], motions: Sequence[Motion]
+) -> None:
+    """Move and record; a joint that is stopped is left out of what follows.
+
+    Raises:
+        Refused: joints do not go to their centres, or the recording fails.
+    """
+    from control_board_ros.recording import RecordingError
+    from control_board_ros.recording.bag import Bag
+
+    names, left = [one.joint for one in bounds], {one.joint: one for one in bounds}
+    rows: list[dict[str, Any]] = []
+    whole = sum(motion.duration for motion in motions)
+    try:
+        with faster_states(session), stiff(session, names), followed(session, names):
+            recorder = start(session, read_boards(session), Bag(folder))
+            try:
+                await_states(session, recorder)
+                speeds = [limit.velocity for limit in session.limits(names).values() if limit]
+                centres = {one.joint: one.centre for one in bounds}
+                reply = approach(session, names, centres, speeds)
+                if reply:
+                    reply = session.client.set_control_mode(names, ControlMode.POSITION_DIRECT)
+                if not reply:
+                    raise Refused(reply.message)
+                with Bar(session, "identify") as bar:
+                    past = 0.0
+                    for motion in motions:
+                        label = f"{', '.join(motion.joints)}: {motion.what}"
+                        bar.update(past / whole, label)
+                        if all(joint in left for joint in motion.joints):
+                            rows.append(follow(session, motion, left))
+                            if why := rows[-1]["ended"]:
+                                note(session, why)
+                                for joint in motion.joints:
+                                    left.pop(joint)
+                        past += motion.duration
+                    bar.update(1.0, "done")
+            finally:
+                recorder.close()
+            if recorder.ended:
+                raise Refused(recorder.ended)
+    except RecordingError as error:
+        raise Refused(str(error)) from error
+    plan = {"board": session.client.board_name, "motions": rows}
+    (folder / MOTIONS).write_text(json.dumps(plan, indent=1), "utf-8")
+
+
+@contextlib.contextmanager
+def stiff(session: Session, names: list[str]) -> Iterator[None]:
+    """Joints in STIFF; their interaction modes as before in the end."""
+    client = session.client
+    before = client.get_interaction_mode(names)
+    reply = client.set_interaction_mode(names, InteractionMode.STIFF)
+    if not reply:
+        raise Refused(reply.message)
+    try:
+        yield
+    finally:
+        client.set_interaction_mode(names, before)
+
+
+class Stopped(Exception):  # noqa: N818
+    """A motion that is stopped, with the reason."""
+
+
+def follow(session: Session, motion: Motion, bounds: dict[str, Bounds]) -> dict[str, Any]:
+    """One motion, as ``motions.json`` has it."""
+    client = session.client
+    names, ended = list(motion.joints), ""
+    columns = [session.names.index(name) for name in names]
+
+    def look(_past: float) -> None:
+        state = client.get_state()
+        for name, column in zip(names, columns, strict=True):
+            if abs(state.torque[column]) > bounds[name].torque:
+                raise Stopped(f"{name} needs more torque than it may have")
+            behind = abs(state.position_reference[column] - state.position[column])
+            if behind > LAG * bounds[name].reach:
+                raise Stopped(f"{name} does not follow its reference")
+
+    begin = client.get_state().stamp
+    try:
+        reply = client.follow_trajectory(
+            names, motion.times, motion.positions, motion.velocities, look
+        )
+        ended = "" if reply else reply.message
+    except Stopped as error:
+        ended = str(error)
+    end = client.get_state().stamp
+    faults = [fault for fault in client.get_faults(names) if fault.active]
+    if faults:
+        ended = f"{faults[0].name} went into HW_FAULT: {faults[0].text}"
+    speeds = abs(motion.velocities).max(axis=0).tolist()
+    return {
+        "what": motion.what,
+        "speeds": dict(zip(names, speeds, strict=True)),
+        "begin": begin,
+        "end": end,
+        "ended": ended,
+    }
+
+
+def concluded(session: Session, words: Sequence[str]) -> int:
+    """Let the program fit and write, and print what it says."""
+    program = [sys.executable, "-m", PROGRAM, *words]
+    try:
+        if not session.options.json:
+            return subprocess.run(program, check=False).returncode
+        done = subprocess.run(program, check=False, capture_output=True, text=True)
+    except KeyboardInterrupt:
+        return REFUSED
+    lines = [*done.stdout.splitlines(), *done.stderr.splitlines()]
+    put_json({"success": done.returncode == DONE, "lines": lines})
+    return done.returncode
