@@ -18,6 +18,14 @@ OPTIONS: tuple[tuple[tuple[str, ...], dict[str, Any]], ...] = (
         ("-o", "--output"),
         {"required": True, "metavar": "FILE.yaml", "help": "The parameter file to write."},
     ),
+    (
+        ("--from",),
+        {
+            "dest": "found",
+            "metavar": "FOUND.yaml",
+            "help": "What cbctl identify found of the robot: a parameter file on top of its own.",
+        },
+    ),
     (("--joints",), {"metavar": "A,B", "help": "Only these joints, separated by commas."}),
     (
         ("--trials",),

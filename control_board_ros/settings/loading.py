@@ -178,13 +178,17 @@ class Settings:
 
 
 def load(
-    source: str | os.PathLike[str] | None = None, overrides: Mapping[str, Any] | None = None
+    source: str | os.PathLike[str] | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    on_top: Iterable[str | os.PathLike[str]] = (),
 ) -> Settings:
     """Settings of a file, of a shipped configuration by name, or of the default robot (None).
 
     Args:
         source: ``iiwa``, ``minimal``, …, or the path of a ROS parameter file.
-        overrides: Values by full parameter name, over those of the file.
+        overrides: Values by full parameter name, over those of the files.
+        on_top: Further files, over the first one, in ascending priority.
 
     Raises:
         SettingsError: one line: where, name, value, what is allowed, the next step.
@@ -193,6 +197,7 @@ def load(
     if source is not None:
         path = find_config(source) if isinstance(source, str) and _is_name(source) else source
         layers.append(read_file(Path(path)))
+    layers += [read_file(Path(path)) for path in on_top]
     layers.append(Layer({name: Entry(v, "overrides") for name, v in (overrides or {}).items()}))
     return load_layers(layers)
 

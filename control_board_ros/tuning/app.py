@@ -64,11 +64,12 @@ def tune(given: argparse.Namespace) -> None:
     output = Path(given.output)
     if not output.absolute().parent.is_dir():
         raise TuningError(f"{output.parent} is no folder; make it first")
-    settings = settings_of(given.robot)
+    found = "" if given.found is None else str(given.found)
+    settings = settings_of(given.robot, found)
     payload = payload_of(given.payload, settings)
     storage = given.storage or str(output.with_suffix(".journal"))
     storage_of(storage)
-    plan = Plan(given.robot, payload, given.trials, given.seed, storage)
+    plan = Plan(given.robot, payload, given.trials, given.seed, storage, found)
     tasks = tasks_of(settings, given.joints)
     jobs = given.jobs or os.cpu_count() or 1
     say(

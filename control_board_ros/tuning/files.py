@@ -61,8 +61,10 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
         "# In poses that the search did not see, mean figures before -> after:",
         *(f"#   {line}" for line in summary(outcomes, plan)),
     ]
-    if Path(plan.robot).is_file():
-        lines.append(f"# Use it on top: --params-file {plan.robot} --params-file {path.name}")
+    below = [file for file in (plan.robot, plan.found) if file and Path(file).is_file()]
+    if below:
+        files = " ".join(f"--params-file {file}" for file in (*below, path.name))
+        lines.append(f"# Use it on top: {files}")
     body = yaml.safe_dump(parameters(outcomes, plan.robot), sort_keys=False)
     try:
         path.write_text("\n".join(lines) + "\n" + body, "utf-8")

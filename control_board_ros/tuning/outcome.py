@@ -102,7 +102,7 @@ def harm(stage: str, before: Played, after: Played) -> str:
 
 def judge(plan: Plan, found: Sequence[Found]) -> list[Outcome]:
     """Accept gains that are better alone and combined; the others keep the present gains."""
-    settings = settings_of(plan.robot)
+    settings = settings_of(plan.robot, plan.found)
     fresh = scenes(settings, plan.payload, plan.seed, fresh=True)
     bench = Bench(settings, fresh)
 

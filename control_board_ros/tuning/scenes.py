@@ -62,8 +62,13 @@ def simulation_of(settings: Settings, scene: Scene) -> SimulationConfig:
         for joint, place in zip(whole.joints, scene.pose, strict=True)
     )
     urdf = whole.urdf
-    if urdf is not None and scene.payload > 0.0:
-        urdf = with_payload(urdf, settings.board.names, scene.payload)
+    if urdf is not None:
+        for one in settings.board.joints:  # what the robot carries always, as identified
+            if one.payload.mass > 0.0:
+                link = next(j.child for j in urdf.joints if j.name == one.name)
+                urdf = with_mass(urdf, link, one.payload.mass, one.payload.center, one.name)
+        if scene.payload > 0.0:
+            urdf = with_payload(urdf, settings.board.names, scene.payload)
     return replace(whole, joints=joints, urdf=urdf, gui=False)
 
 
@@ -76,17 +81,30 @@ def last_link(urdf: Urdf, names: Sequence[str]) -> str:
 
 def with_payload(urdf: Urdf, names: Sequence[str], mass: float) -> Urdf:
     """The robot with a cube of ``mass`` kg at its last link."""
+    return with_mass(urdf, last_link(urdf, names), mass)
+
+
+def with_mass(
+    urdf: Urdf,
+    parent: str,
+    mass: float,
+    center: Sequence[float] = (0.0, 0.0, 0.0),
+    name: str = "",
+) -> Urdf:
+    """The robot with a cube of ``mass`` kg at a place of a link, m; names tell several apart."""
     root = copy.deepcopy(urdf.tree.root)
-    link = ET.SubElement(root, "link", name="_payload")
+    link = ET.SubElement(root, "link", name=f"_payload{name}")
     inertial = ET.SubElement(link, "inertial")
     ET.SubElement(inertial, "mass", value=f"{mass:.9g}")
     moment = f"{mass * (2.0 * HALF_EDGE) ** 2 / 6.0:.9g}"
     moments = dict.fromkeys(("ixx", "iyy", "izz"), moment)
     moments |= dict.fromkeys(("ixy", "ixz", "iyz"), "0")
     ET.SubElement(inertial, "inertia", moments)
-    joint = ET.SubElement(root, "joint", name="_payload_joint", type="fixed")
-    ET.SubElement(joint, "parent", link=last_link(urdf, names))
-    ET.SubElement(joint, "child", link="_payload")
+    joint = ET.SubElement(root, "joint", name=f"_payload{name}_joint", type="fixed")
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=f"_payload{name}")
+    if any(center):
+        ET.SubElement(joint, "origin", xyz=" ".join(f"{x:.9g}" for x in center))
     return replace(urdf, text=ET.tostring(root, encoding="unicode"), tree=Tree(root, urdf.source))
 
 

@@ -32,18 +32,21 @@ MARGIN, MARGIN_SHARE = 1.8, 0.25
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What to search: robot (file or name), payload (kg), trials, seed, storage (file or URL)."""
+    """What to search: robot (file or name), payload (kg), trials, seed, storage (file or URL), and
+    what cbctl identify found (a file on top of the robot's; empty: none).
+    """
 
     robot: str
     payload: float
     trials: int
     seed: int
     storage: str
+    found: str = ""
 
     @property
     def digest(self) -> str:
         """Identifies the study of trials."""
-        text = json.dumps([robot_digest(self.robot), self.payload, self.seed])
+        text = json.dumps([robot_digest(self.robot, self.found), self.payload, self.seed])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -58,18 +61,25 @@ class Found:
     trials: int
 
 
-def settings_of(robot: str) -> Settings:
-    """The robot, without calibrations: they cost time and do not affect gains."""
-    settings = load(robot, {"gui": False})
+def settings_of(robot: str, found: str = "") -> Settings:
+    """The robot, without calibrations: they cost time and do not affect gains.
+
+    Args:
+        robot: A file, or a shipped robot.
+        found: A file on top of it; empty: none.
+    """
+    on_top = [found] if found else []
+    settings = load(robot, {"gui": False}, on_top=on_top)
     free = {f"{joint}.calibration.required": False for joint in settings.board.names}
     startup = {f"{joint}.startup_mode": "pos" for joint in settings.board.names}
-    return load(robot, {"gui": False, "autoconfigure": True, **free, **startup})
+    values = {"gui": False, "autoconfigure": True, **free, **startup}
+    return load(robot, values, on_top=on_top)
 
 
 @cache
-def robot_digest(robot: str) -> str:
+def robot_digest(robot: str, found: str) -> str:
     """Digest of all parameters of a robot."""
-    values = sorted((name, str(value)) for name, value in settings_of(robot).values.items())
+    values = sorted((name, str(value)) for name, value in settings_of(robot, found).values.items())
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 
 
@@ -78,16 +88,16 @@ def study_name(plan: Plan, joint: str, stage: str) -> str:
 
 
 @cache
-def bench_of(robot: str, payload: float, seed: int) -> Bench:
+def bench_of(robot: str, payload: float, seed: int, found: str) -> Bench:
     """The bench of this process, created once."""
-    settings = settings_of(robot)
+    settings = settings_of(robot, found)
     return Bench(settings, scenes(settings, payload, seed, fresh=False))
 
 
 @cache
-def space_in(robot: str, joint: str, stage: str) -> Space:
+def space_in(robot: str, joint: str, stage: str, found: str) -> Space:
     """The search space, loaded once per process."""
-    return space_of(settings_of(robot), joint, stage)
+    return space_of(settings_of(robot, found), joint, stage)
 
 
 def run(plan: Plan, joint: str, stage: str) -> Found:
@@ -97,7 +107,7 @@ def run(plan: Plan, joint: str, stage: str) -> Found:
         TuningError: the joint faults with the present gains, or the storage fails.
     """
     with kept_in(plan.storage):
-        return search(plan, space_in(plan.robot, joint, stage))
+        return search(plan, space_in(plan.robot, joint, stage, plan.found))
 
 
 def search(plan: Plan, space: Space) -> Found:
@@ -155,7 +165,7 @@ def base_figures(plan: Plan, space: Space) -> list[Figures]:
         TuningError: the joint faults with both.
     """
     bench, derived = (
-        bench_of(plan.robot, plan.payload, plan.seed),
+        bench_of(plan.robot, plan.payload, plan.seed, plan.found),
         dict.fromkeys(space.ranges, 0.0),
     )
     for changes in ({}, space.changes(derived)):
@@ -173,7 +183,7 @@ def value_of(
     plan: Plan, space: Space, exponents: Mapping[str, float], before: list[Figures]
 ) -> float:
     """The cost of gains, a quarter of it with the same gains times MARGIN at home."""
-    bench, stage = bench_of(plan.robot, plan.payload, plan.seed), space.stage
+    bench, stage = bench_of(plan.robot, plan.payload, plan.seed, plan.found), space.stage
     harder = {name: exponent + math.log2(MARGIN) for name, exponent in exponents.items()}
     try:
         found = [

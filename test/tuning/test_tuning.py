@@ -23,7 +23,7 @@ from control_board_ros.tuning.bench import Bench, Faulted, Motion, with_gains
 from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
 from control_board_ros.tuning.files import line_of, mean_text, parameters, write_parameters
 from control_board_ros.tuning.outcome import Played, decide, judge, mean, objection
-from control_board_ros.tuning.scenes import scenes, usual_payload, with_payload
+from control_board_ros.tuning.scenes import scenes, simulation_of, usual_payload, with_payload
 from control_board_ros.tuning.search import Found, Plan, run, settings_of
 from control_board_ros.tuning.space import COMPLIANT, POSITION, STAGES, space_of
 
@@ -356,3 +356,25 @@ def creeping() -> Motion:
     """A step that is still on its way at the end."""
     made = motion("step", 0.0)
     return replace(made, reference=np.ones(200), position=np.linspace(0.0, 0.9, 200))
+
+
+def test_a_search_starts_from_what_was_identified(crane: str, tmp_path: Path) -> None:
+    """Of cbctl tune --from: rotors, friction and payload of the file are those of its plant."""
+    found = tmp_path / "found.yaml"
+    body = {
+        "lift": {
+            "motor": {"coulomb": 3.5, "inertia": 4e-5},
+            "payload": {"mass": 1.5, "center": [0.0, 0.0, -0.1]},
+        }
+    }
+    found.write_text(yaml.safe_dump({"/**": {"ros__parameters": body}}), "utf-8")
+    settings = settings_of(crane, str(found))
+    (lift,) = (joint for joint in settings.simulation.joints if joint.name == "lift")
+    assert (lift.motor.coulomb, lift.motor.inertia) == (3.5, 4e-5)
+    assert settings.board.joints[settings.board.names.index("lift")].inertia_min > 0.0
+    (home, *_) = scenes(settings, 0.0, 1, fresh=False)
+    carried = simulation_of(settings, home).urdf
+    assert carried is not None
+    assert "_payloadlift" in carried.text
+    plan = Plan(crane, 0.0, 1, 1, "", str(found))
+    assert plan.digest != Plan(crane, 0.0, 1, 1, "").digest

@@ -15,6 +15,8 @@ from ..text.output import put_json
 
 #: The search has the simulation in it, which cbctl does not know: it is a program of its own.
 PROGRAM = "control_board_ros.tuning"
+#: Options whose values have another name.
+OPTION_OF = {"found": "--from"}
 
 
 @takes(*(argument(*names, **settings) for names, settings in OPTIONS))
@@ -28,7 +30,7 @@ def tune(session: Session, **values: Any) -> int:
     words = [str(values.pop("robot"))]
     for name, value in values.items():
         if value is not None:
-            words += [f"--{name.replace('_', '-')}", str(value)]
+            words += [OPTION_OF.get(name, f"--{name.replace('_', '-')}"), str(value)]
     program = [sys.executable, "-m", PROGRAM, *words]
     try:
         if not session.options.json:
