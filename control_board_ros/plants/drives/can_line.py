@@ -67,7 +67,10 @@ class CanLine:
         try:
             self.bus.send(message)
         except self._errors as error:
-            raise OSError(f"bus {self._text}: {error}; is the interface up?") from None
+            raise OSError(
+                f"bus {self._text}: {error}; is the interface up, and its queue long enough "
+                "(txqueuelen 1000)?"
+            ) from None
 
     def _receive(self, seconds: float) -> Any:
         """The next frame, or None; error frames, too.
