@@ -40,6 +40,7 @@ JOINT = {
     "control_modes": ["pos", "posd", "vel", "mix", "torq", "open", "idl"],
     "interaction_modes": ["stif", "comp"],
     "drive": {"set_points": ("pwm",), "loops": "pwm: all"},
+    "moves": [],
 }
 
 

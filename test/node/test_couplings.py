@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import json
+import subprocess
+import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -13,7 +16,7 @@ from talk import Talker, talking_to, until
 
 from control_board_ros.client import ControlBoardClient
 from control_board_ros.core.terms.vocabs import ControlMode, encode
-from control_board_ros.testing import board_process
+from control_board_ros.testing import board_process, child_environment
 
 pytestmark = [pytest.mark.ros, pytest.mark.physics]
 
@@ -80,3 +83,16 @@ def test_open_loop_is_what_yarp_4_reads_back(talker: Talker) -> None:
     with ControlBoardClient(talker.node, talker.board, **PATIENT) as client:
         assert client.get_control_mode(name) == [ControlMode.OPENLOOP]
     assert talker.set_mode([name], "pos").success
+
+
+def test_cbctl_shows_what_an_axis_moves(talker: Talker) -> None:
+    """Y3: ``cbctl info``, for people and for machines."""
+    domain = talker.node.context.get_domain_id()
+
+    def told(*options: str) -> str:
+        command = [sys.executable, "-m", "control_board_ros.cli", "info", *options]
+        return subprocess.check_output(command, env=child_environment(domain), text=True)
+
+    assert "l_hand_little_3_joint" in told()
+    joints = json.loads(told("--json"))["joints"]
+    assert joints["l_index_distal"]["moves"] == ["l_hand_index_2_joint", "l_hand_index_3_joint"]

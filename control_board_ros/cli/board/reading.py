@@ -142,11 +142,16 @@ def read_brakes(session: Session, names: list[str]) -> Rows:
 
 
 def read_joints(session: Session) -> Rows:
-    """Index, kind, limits in force (from the parameters), stops and modes of every joint."""
+    """Index, kind, limits in force (from the parameters), stops, modes, joints moved, of each."""
     names = session.names
     limits = session.limits(names)
     rows = {}
     client = session.client
+    coupling = client.get_coupling()
+    moved = [
+        [joint for joint, share in zip(coupling.physical_joints, column, strict=True) if share]
+        for column in coupling.matrix.T.tolist()
+    ]
     for k, (name, (control, interaction), drive) in enumerate(
         zip(names, client.get_available_modes(), client.get_drives(), strict=True)
     ):
@@ -159,5 +164,6 @@ def read_joints(session: Session) -> Rows:
             "control_modes": [mode.code for mode in control],
             "interaction_modes": [mode.code for mode in interaction],
             "drive": drive._asdict() | {"loops": drive.loops},
+            "moves": moved[k],
         }
     return rows

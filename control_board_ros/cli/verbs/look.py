@@ -69,7 +69,7 @@ def modes_table(session: Session, rows: Rows) -> Any:
 
 @several
 def info(session: Session) -> None:
-    """Show the board: joints with index, kind, limits, stops, modes, and which loop runs where."""
+    """Show the board: joints with index, kind, limits, stops, modes, loops, and what axes move."""
     board, rows = session.client.board_name, read_joints(session)
     show(session, {"board": board, "joints": rows}, lambda: joints_table(board, rows))
 
@@ -86,12 +86,14 @@ def joints_table(board: str, rows: Rows, width: int | None = None) -> Any:
     }
     if any(row["drive"]["set_points"] != ("pwm",) for row in rows.values()):
         columns["drive: laws"] = [row["drive"]["loops"] for row in rows.values()]
+    if any(row["moves"] and name not in row["moves"] for name, row in rows.items()):
+        columns["moves"] = [" ".join(row["moves"]) for row in rows.values()]
     return grid(
         columns,
         names=list(rows),
         keys=2,
         right=("", "limits", "stops"),
-        fold=("modes", "drive: laws"),
+        fold=("modes", "drive: laws", "moves"),
         title=board,
         width=width,
     )
