@@ -38,6 +38,8 @@ WIDTH = 0.02
 TAIL = 4.0
 #: Least duration of a recording that is used, s.
 SHORTEST = 0.5
+#: How far apart the peaks of friction of several starts are, s.
+NEAR = 0.2
 #: Share of a joint's speed from which on its friction is that of motion.
 FRICTION = 0.25
 
@@ -205,7 +207,7 @@ def starts(signals: Signals, step: float, column: int, gain: float, slow: float)
 
     Friction is what the current gives beyond the measured torque; without torque sensor, the
     current itself, as the load hardly changes on so short a way. The starts are laid over each
-    other first: the greatest of the mean is not the greatest noise.
+    other first, and smoothed: the greatest of the mean is not the greatest noise.
 
     Args:
         signals: Filtered, of ramps.
@@ -225,8 +227,13 @@ def starts(signals: Signals, step: float, column: int, gain: float, slow: float)
     measured = signals["torque"][:, column]
     friction = friction - measured if np.isfinite(measured).all() else friction
     ways = np.array([np.sign(rate[b + window // 2]) * friction[b : b + window] for b in begins])
-    peak = int(np.argmax(ways.mean(axis=0)))
-    return [int(begin) + peak for begin in begins]
+    ways = gaussian_filter1d(ways, 2.0 * WIDTH / step, axis=1, mode="nearest")
+    peak, near = int(np.argmax(ways.mean(axis=0))), round(NEAR / step)
+    first = max(peak - near, 0)
+    return [
+        int(begin) + first + int(np.argmax(way[first : peak + near]))
+        for begin, way in zip(begins, ways, strict=True)
+    ]
 
 
 def of_starts(whole: Signals, rows: Sequence[int], column: int, time: Floats) -> dict[str, Floats]:
