@@ -126,12 +126,18 @@ def board_of(
     Raises:
         ConfigError: a value is not allowed.
     """
+    known = [own.name for own in joints]
+    known = known if coupled.joints is None else [*coupled.joints.physical_joints]
     for own in joints:
-        if own.gravity_compensation and not values["base_fixed"]:
-            key = f"{own.name}.gravity_compensation"
+        if not own.gravity_compensation:
+            continue
+        key = f"{own.name}.gravity_compensation"
+        if not values["base_fixed"]:
             raise ConfigError(
                 key, True, "false where base_fixed is false: gravity's way is unknown"
             )
+        if own.name not in known:
+            raise ConfigError(key, True, "false for an axis of a coupling: its weight is unknown")
     return configure(
         BoardConfig,
         values,

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from parameter_files import refusal, written
 
+from control_board_ros.description.frames import Frames
 from control_board_ros.description.robots import SHIPPED
 from control_board_ros.settings.loading import load
 
@@ -120,6 +121,7 @@ LENGTHS = "ground=36, crank=12, coupler=30, rocker=14"
             INDEX + f'    functions: ["", "four_bar({LENGTHS}, zero=0.9)"]\n',
             ["links of l_hand_index_3_joint reach each other"],
         ),
+        (INDEX + "index.gravity_compensation: true\n", ["false for an axis of a coupling"]),
         (
             INDEX + "index.limits.hard_upper: 3.5\nindex.limits.upper: 3.4\n",
             ["hard_upper", "keeps l_hand_index_2_joint within 0…1.571", "to 1.75"],
@@ -199,3 +201,18 @@ def test_the_mk3_hand_has_the_ranges_of_its_joints() -> None:
     limits = {joint.name: joint.limits.hard_upper for joint in made.board.joints}
     assert np.degrees(limits["l_index"]) == pytest.approx(200.3, abs=0.1)
     assert np.degrees(limits["l_thumb"]) == pytest.approx(140.0, abs=0.1)
+
+
+def test_frames_of_links_follow_the_axes(tmp_path: Path) -> None:
+    """Y3: /tf has every link of a finger turned by its joint, not by the axis."""
+    made = load(written(tmp_path, START + INDEX))
+    frames = Frames(made.urdf, made.board.names)
+    assert len(frames.moving) == 20
+    at = np.zeros(19)
+    at[made.board.names.index("index")] = 1.0
+    turned = frames.poses(at) - frames.poses(np.zeros(19))
+    moved = {edge.child for edge, way in zip(frames.moving, turned, strict=True) if way.any()}
+    assert moved == {"l_hand_index_2", "l_hand_index_3"}
+    for edge, pose in zip(frames.moving, frames.poses(at), strict=True):
+        if edge.child in moved:
+            assert 2.0 * np.arccos(pose[6]) == pytest.approx(0.5)
