@@ -97,9 +97,10 @@ def named(bench: Bench, joint: int) -> Callable[[Readings], bool]:
 
 def contract(name: str) -> Callable[..., None]:
     benches: list[Bench] = []
-    driver, _, options = DRIVERS[name]
+    driver, library, options = DRIVERS[name]
 
     def made() -> object:
+        pytest.importorskip(library)
         while benches:
             benches.pop().__exit__(None, None, None)
         benches.append(Bench(driver, options=options))

@@ -31,6 +31,8 @@ Make = Callable[[], RobotPlant | DrivePlant]
 
 #: s without set-points permitted for a drive.
 TIMEOUT = 0.1
+#: Attempts to connect, and s from one to the next.
+ATTEMPTS, RETRY = 5, 0.2
 #: The first of these that a drive takes holds its joint; the others rest at 0.
 HOLDING = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY)
 AT_ZERO = (SetPoint.TORQUE, SetPoint.CURRENT, SetPoint.PWM)
@@ -73,7 +75,7 @@ class Subject:
     def connected(self) -> Iterator[tuple[DrivePlant, int]]:
         """A connected plant, and its number of joints."""
         with self.made() as plant:
-            plant.connect(setup_for(plant))
+            connect(plant)
             yield plant, len(plant.describe().joints)
 
     def drive(self, plant: DrivePlant, wanted: SetPoints, seconds: float = 0.05) -> Readings:
@@ -83,6 +85,23 @@ class Subject:
             found = plant.exchange(wanted)
             self.wait(period)
         return found
+
+
+def connect(plant: DrivePlant) -> None:
+    """Connect as the board does: again after an error, a few times, for a busy machine is one.
+
+    Raises:
+        Exception: what the last attempt raised.
+    """
+    for left in reversed(range(ATTEMPTS)):
+        try:
+            plant.connect(setup_for(plant))
+        except OSError:
+            if not left:
+                raise
+            time.sleep(RETRY)
+        else:
+            return
 
 
 def expect(good: bool, text: str) -> None:

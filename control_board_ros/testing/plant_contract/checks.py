@@ -11,7 +11,18 @@ import numpy as np
 
 from ...core.terms.drives import KINDS, SetPoint
 from ...plants.interface import Description, DriveFault, DriveLimits, DrivePlant, Readings
-from .bench import HOLDING, Subject, UnseenError, asked, at_rest, expect, off, resting, setup_for
+from .bench import (
+    HOLDING,
+    Subject,
+    UnseenError,
+    asked,
+    at_rest,
+    connect,
+    expect,
+    off,
+    resting,
+    setup_for,
+)
 
 #: Percent: too small to move most joints, yet distinguishable from zero.
 LITTLE = 1.0
@@ -45,7 +56,7 @@ def its_limits_and_rates_make_sense(subject: Subject) -> None:
     with subject.made() as plant:
         before = plant.describe()
         _sensible(before)
-        plant.connect(setup_for(plant))
+        connect(plant)
         after = plant.describe()
         _sensible(after)
         for one, other in zip(before.joints, after.joints, strict=True):
