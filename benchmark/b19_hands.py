@@ -21,8 +21,7 @@ from control_board_ros.simulation import Simulation, made_board
 CHUNK = 200
 #: Cycles until every joint is calibrated, and the arms have moved.
 READY, MOVED = 12_000, 3_000
-#: Largest share of a core at 1 kHz, %, and largest ratio to pybullet's bare cycle; MuJoCo's is
-#: some thirty microseconds.
+#: Largest share of a core at 1 kHz, %, and largest ratio to the bare cycle.
 PROCESSOR, RATIO = 60.0, 1.5
 
 
@@ -58,7 +57,7 @@ def _with(engine: str, effort: Effort) -> list[Figure]:
             f"iCub with hands, 53 axes and 75 joints: a cycle beside the engine's ({engine})",
             ratio,
             "×",
-            at_most(RATIO) if engine == "pybullet" else None,
+            at_most(RATIO),
             text,
         ),
         Figure(
