@@ -13,6 +13,7 @@ import json
 import pkgutil
 import re
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -31,10 +32,18 @@ PATIENCE = 120.0
 
 
 def extras(requirements: Iterable[str]) -> dict[str, str]:
-    """Distributions that only extras ask for, lower case with ``-``, and the extra of each."""
+    """Distributions that only extras ask for, lower case with ``-``, and the extra of each.
+
+    What the base needs with another Python only counts as not asked for.
+    """
     wanted: dict[str, str] = {}
     base = set()
     for requirement in requirements:
+        limit = re.search(r"python_version (<|>=) ['\"](\d+)\.(\d+)", requirement)
+        if limit:
+            reached = sys.version_info[:2] >= (int(limit[2]), int(limit[3]))
+            if reached != (limit[1] == ">="):
+                continue
         name = re.split(r"[^\w.-]", requirement, maxsplit=1)[0].lower().replace("_", "-")
         extra = re.search(r"extra == ['\"]([\w-]+)", requirement)
         if extra:

@@ -20,6 +20,13 @@ def test_what_only_extras_ask_for() -> None:
     assert installation.extras(REQUIRES) == {"starlette": "panel"}
 
 
+def test_the_engine_of_another_python_is_optional() -> None:
+    """Each Python has its engine in the base, and the other's as an extra."""
+    base = ['old>=1; python_version < "3.4"', 'new>=1; python_version >= "3.4"']
+    optional = [f"{name}>=1; extra == '{name}'" for name in ("old", "new")]
+    assert installation.extras([*base, *optional]) == {"old": "old"}
+
+
 @pytest.fixture
 def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[types.ModuleType]:
     """A package of one module, which imports what is not there."""
