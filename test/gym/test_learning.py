@@ -10,6 +10,7 @@ pytest.importorskip("mujoco", reason="extra mujoco")
 
 
 @pytest.mark.soak
+@pytest.mark.timeout(1800)
 def test_ppo_learns_to_reach() -> None:
     """The arm ends at less than half of the distance it ended at before.
 

@@ -34,6 +34,7 @@ def cluster() -> Iterator[None]:
 
 
 @pytest.mark.soak
+@pytest.mark.timeout(3 * PATIENCE)
 def test_two_workers_sample_episodes(cluster: None) -> None:
     """PPO trains twice on what the workers have sampled; each of the two samples when asked."""
     from ray.rllib.algorithms.ppo import PPOConfig

@@ -24,7 +24,12 @@ from hand import JOINT, Hand
 
 from control_board_ros.testing import BoardProcess, board_process
 
-pytestmark = [pytest.mark.soak, pytest.mark.ros, pytest.mark.physics]
+pytestmark = [
+    pytest.mark.soak,
+    pytest.mark.ros,
+    pytest.mark.physics,
+    pytest.mark.timeout(1800),
+]
 
 #: rad; the hand pushes to and fro between these.
 WAY = 0.3
