@@ -83,7 +83,5 @@ def test_statuses_of_others_are_left_to_them(analyzers: dict[str, dict[str, Any]
 
 
 def test_it_is_no_configuration_of_a_board() -> None:
-    with pytest.raises(
-        SettingsError, match=r"'diagnostics' unknown; .*known: icub, icub_left_arm"
-    ):
+    with pytest.raises(SettingsError, match=r"'diagnostics' unknown; .*known: icub, icub_hand, "):
         find_config("diagnostics")
