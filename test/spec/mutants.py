@@ -36,7 +36,7 @@ sys.path.insert(0, str(HERE.parent / "support"))
 
 from attempts import FOLDERS, PACKAGE, PAGES, ROOT, attempts, reach_of  # noqa: E402
 from mutations import Mutant, mutants, rows  # noqa: E402
-from reach import interval  # noqa: E402
+from reach import interval, module_name  # noqa: E402
 
 SURVIVORS = HERE / "survivors.txt"
 RECORD = ROOT / "build" / "mutants.txt"
@@ -53,16 +53,17 @@ def every() -> list[Mutant]:
         if path.stem in LEFT_OUT:
             continue
         text = path.read_text(encoding="utf-8")
-        if path.stem == "modes":
+        name = module_name(PACKAGE / "core", path)
+        if name == "terms.modes":
             from control_board_ros.core.terms import modes
 
             tables = {
-                name: value
-                for name, value in vars(modes).items()
-                if name.isupper() and isinstance(value, (dict, frozenset))
+                table: value
+                for table, value in vars(modes).items()
+                if table.isupper() and isinstance(value, (dict, frozenset))
             }
-            made += rows("modes", text, tables)
-        made += mutants(path.stem, text)
+            made += rows(name, text, tables)
+        made += mutants(name, text)
     return made
 
 

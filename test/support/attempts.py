@@ -69,7 +69,7 @@ class Copy:
 
     def try_one(self, mutant: Mutant, tests: list[str], seconds: float) -> int:
         """Try a mutant in a process with so much CPU time; its id."""
-        (path,) = (self.folder / PACKAGE.name / "core").rglob(f"{mutant.module}.py")
+        path = self.folder / PACKAGE.name / "core" / f"{mutant.module.replace('.', '/')}.py"
         self._whole = path, path.read_text(encoding="utf-8")
         path.write_text(mutant.source(), encoding="utf-8")
         files = list(dict.fromkeys(test.partition("::")[0] for test in tests))

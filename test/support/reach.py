@@ -24,6 +24,11 @@ import pytest
 CALLS, OFTEN = 40, 50
 
 
+def module_name(folder: Path, file: Path) -> str:
+    """A module of a folder, with the rooms that it is in: ``laws.control``."""
+    return ".".join(file.relative_to(folder).with_suffix("").parts)
+
+
 class Recorder:
     """A plugin of pytest that notes the lines of a folder, test by test.
 
@@ -41,6 +46,9 @@ class Recorder:
         self._fixtures: defaultdict[str, set[tuple[str, int]]] = defaultdict(set)
         self._seconds: dict[str, float] = {}
         self._imported: set[tuple[str, int]] = set()
+
+    def _name(self, file: str) -> str:
+        return module_name(Path(self._folder), Path(file))
 
     def _call(self, frame: FrameType, _event: str, _argument: Any) -> Any:
         code = frame.f_code
@@ -97,16 +105,16 @@ class Recorder:
         found = defaultdict(lambda: defaultdict(list))
         for k, (test, lines) in enumerate(self._tests.items()):
             for file, line in lines | self._fixtures[test.partition("::")[0]]:
-                found[Path(file).stem][line].append(k)
+                found[self._name(file)][line].append(k)
         imported: defaultdict[str, list[int]] = defaultdict(list)
         for file, line in self._imported:
-            imported[Path(file).stem].append(line)
+            imported[self._name(file)].append(line)
         often: defaultdict[str, defaultdict[str, list[int]]]
         often = defaultdict(lambda: defaultdict(list))
         for k, test in enumerate(self._tests):
             for code in self._often[test] | self._often[test.partition("::")[0]]:
                 last = max(line for _, _, line in code.co_lines() if line)
-                often[Path(code.co_filename).stem][f"{code.co_firstlineno} {last}"].append(k)
+                often[self._name(code.co_filename)][f"{code.co_firstlineno} {last}"].append(k)
         told = {"seconds": self._seconds, "lines": found, "imported": imported, "often": often}
         self._path.write_text(json.dumps(told), encoding="utf-8")
 
