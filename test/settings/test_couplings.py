@@ -187,6 +187,10 @@ def test_the_whole_icub_with_hands() -> None:
     assert arm.board.motor_coupling is not None
     assert made.part("torso").physical is None
     assert made.part("torso").board.motor_coupling is None
+    shoulder = arm.board.motor_coupling.matrix[:3, :3]
+    share = 40 / 65  # of iCubGenova04, matrixM2J in robotology/robots-configuration
+    axes_by_motors = [[1.0, 0.0, 0.0], [1.0, share, 0.0], [0.0, -share, share]]
+    np.testing.assert_allclose(shoulder @ axes_by_motors, np.eye(3), atol=1e-12)
     assert "couplings.l_pinky.axes" in arm.values
     assert "couplings.r_pinky.axes" not in arm.values
 

@@ -106,6 +106,35 @@ def test_a_fault_is_that_of_its_axis(hand: Simulation) -> None:
     assert board.set_control_mode("l_pinky", "pos")
 
 
+def test_axes_of_a_hand_are_calibrated(tmp_path: Path) -> None:
+    """Y3, K1, K5: an axis of six joints against its stop, one by its zero; the others go on."""
+    text = """\
+robot: icub_hand
+physics: mujoco
+l_pinky.calibration: {type: 5, required: true, output: -4.0, stop: 0.0}
+l_pinky.encoder.zero: 0.3
+l_middle_distal.calibration: {type: 3, required: true, zero: -0.2}
+l_middle_distal.encoder.zero: -0.2
+"""
+    made = load(written(tmp_path, text))
+    with Simulation(made.board, made.simulation) as simulation:
+        board = simulation.board
+        simulation.run(0.02)
+        assert board.get_control_mode("l_pinky") == [M.CALIBRATING]
+        assert board.get_control_mode("l_index_distal") == [M.POSITION]
+        for _ in range(80):
+            simulation.run(0.05)
+            if board.get_control_mode("l_pinky") == [M.POSITION]:
+                break
+        assert board.get_control_mode() == [M.POSITION] * 9
+        coupling = board.get_coupling()
+        wanted = dict(
+            zip(coupling.physical_joints, coupling.positions(board.get_encoder()), strict=True)
+        )
+        for name, position in joint_states(simulation.plant).items():
+            assert position == pytest.approx(wanted[name], abs=0.02), name
+
+
 def test_a_torque_of_an_axis_holds_the_loads_of_its_joints(hand: Simulation) -> None:
     """Y3, P7: weights of a bent finger's joints act on its axis as Jᵀ τ says, and are held.
 
@@ -275,6 +304,32 @@ def test_a_fault_of_a_motor_is_one_of_every_axis_that_it_moves(
         assert board.set_control_mode(None, "pos")
         shoulder.run(0.2)
         assert not [fault for fault in board.get_faults() if fault.active]
+
+
+def test_an_axis_finds_its_stop_while_its_motors_hold_the_others(tmp_path: Path) -> None:
+    """Y3, K2, K5: coupled motors push one axis against its stop; the others stay where they are."""
+    text = SHOULDER + (
+        "lbr_iiwa_joint_3.limits: {hard_lower: -0.2, lower: -0.15}\n"
+        "lbr_iiwa_joint_3.calibration: "
+        "{type: 5, required: true, output: -8.0, stop: -0.2, start: 0.1, speed: 0.5}\n"
+        "lbr_iiwa_joint_3.encoder.zero: 0.4\n"
+    )
+    made = load(written(tmp_path, text))
+    with Simulation(made.board, made.simulation) as simulation:
+        board = simulation.board
+        simulation.run(0.02)
+        assert board.set_control_mode([0, 1], "pos")
+        assert board.get_control_mode(2) == [M.CALIBRATING]
+        held, moved = board.get_encoder()[:2], 0.0
+        for _ in range(60):
+            simulation.run(0.05)
+            moved = max(moved, float(np.abs(board.get_encoder()[:2] - held).max()))
+            if board.get_control_mode(2) == [M.POSITION]:
+                break
+        assert board.get_control_mode() == [M.POSITION] * 3
+        assert moved < 0.01
+        assert board.get_encoder()[2] == pytest.approx(0.1, abs=0.01)
+        assert joint_states(simulation.plant)["lbr_iiwa_joint_3"] == pytest.approx(0.1, abs=0.01)
 
 
 def test_an_encoder_is_that_of_its_axis(shoulder: Simulation) -> None:
