@@ -20,7 +20,7 @@ import numpy as np
 
 from ..core.terms.measurement import Array
 from ..core.terms.set_points import SetPoints
-from .interface import Description, DriveFault, DrivePlant, Readings, Setup
+from .interface import OF_MOTORS, Description, DriveFault, DrivePlant, Readings, Setup
 
 #: Part of the period that is waited for the answers of all buses.
 PATIENCE = 0.6
@@ -132,6 +132,9 @@ class Buses:
         rows: dict[str, Any] = {}
         for name in [field.name for field in fields(Readings) if field.name != "faults"]:
             parts = [getattr(one, name) for one in found]
+            if name in OF_MOTORS and any(part is not None for part in parts):
+                nothing = [np.full_like(one.position, np.nan) for one in found]
+                parts = [n if p is None else p for p, n in zip(parts, nothing, strict=True)]
             if all(part is not None for part in parts):
                 rows[name] = np.concatenate(parts)
         own = rows.get("ages")

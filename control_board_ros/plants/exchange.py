@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ..core.config.config import BoardConfig
 from ..core.terms.drives import SetPoint
-from ..core.terms.measurement import ROWS, Array, Row
+from ..core.terms.measurement import MOTOR_ROWS, ROWS, Array, Motor, Row
 from ..core.terms.set_points import VALUES, SetPoints
 from ..text import clean
-from .interface import DrivePlant, Readings, Setup
+from .interface import OF_MOTORS, DrivePlant, Readings, Setup
 
 
 class NonsenseError(ValueError):
@@ -28,13 +28,15 @@ class Sample:
     """What an exchange gave.
 
     Attributes: values (shape (ROWS, n)), faults (of the drives, by joint), applied (percent of
-    PWM, shape (n,)), late (which joints answered too late for this exchange, shape (n,)).
+    PWM, shape (n,)), late (which joints answered too late for this exchange, shape (n,)), motors
+    (rows of Motor, NaN where there is no sensor; None: there is none).
     """
 
     values: Array
     faults: dict[int, str]
     applied: Array
     late: NDArray[np.bool_]
+    motors: Array | None = None
 
 
 class Exchange:
@@ -69,6 +71,7 @@ class Exchange:
         """After an error: nothing is known of power and positions."""
         self._wanted = SetPoints.off(len(self.numbers))
         self._before: Array | None = None
+        self._turned: Array | None = None
 
     def connect(self) -> None:
         """Open the way to the hardware, anew."""
@@ -137,7 +140,7 @@ class Exchange:
         if found.ages is not None:
             values[Row.ENCODER_AGE] = self._row("ages", found.ages)
         late = values[Row.ENCODER_AGE] > 0.0
-        return Sample(values, self._faults(found), applied, late)
+        return Sample(values, self._faults(found), applied, late, self._motors(found))
 
     def _settled(self, applied: Array, velocity: Array, torque: Array, wanted: SetPoints) -> Array:
         """The current that the winding settles at, i = (V − Ke dq)/R, or that the torque takes."""
@@ -146,6 +149,22 @@ class Exchange:
         current[~wanted.powered] = 0.0
         settled: Array = np.clip(current, -self._peak, self._peak)
         return settled
+
+    def _motors(self, found: Readings) -> Array | None:
+        """What is measured of motors; a velocity that is not is the change of the position."""
+        told = [getattr(found, name) for name in OF_MOTORS]
+        if all(value is None for value in told):
+            return None
+        rows = np.full((MOTOR_ROWS, len(self.numbers)), np.nan)
+        for row, name, value in zip(Motor, OF_MOTORS, told, strict=True):
+            if value is not None:
+                rows[row] = self._row(name, value)
+        velocity, position = rows[Motor.VELOCITY], rows[Motor.POSITION]
+        if self._turned is not None:
+            changed = (position - self._turned) / self._period
+            np.copyto(velocity, changed, where=np.isnan(velocity))
+        self._turned = position.copy()
+        return rows
 
     def _faults(self, found: Readings) -> dict[int, str]:
         if len(found.faults) not in (0, self._count):

@@ -136,9 +136,11 @@ class GuardedPlant:
         self._told = True
         error, sample = self._error, self._sample
         faults: dict[int, str] = {}
+        motors = None
         if sample is not None:
             self._values[:] = sample[2].values
             self.applied, faults = sample[2].applied, sample[2].faults
+            motors = sample[2].motors
         silent = self._silent(sample)
         if error:
             reasons = dict.fromkeys(self._everybody, error)
@@ -153,7 +155,11 @@ class GuardedPlant:
         if reasons and not error:
             alarm[[j for j in reasons if j in faults and j not in self._silence]] = DRIVE
         return Measurement(
-            self._cycle * self._period, self._values, reasons or None, applied=self.applied
+            self._cycle * self._period,
+            self._values,
+            reasons or None,
+            applied=self.applied,
+            motors=motors,
         )
 
     def write(self, actuation: Actuation) -> None:

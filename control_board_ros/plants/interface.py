@@ -67,7 +67,7 @@ class JointDescription:
         current_sensor: Without one nothing checks the encoder against the motor's own travel.
         output_sensor: It reads the PWM that acts, ``Readings.applied``: by that the encoder is
             checked against the motor's travel where a drive closes loops of its own.
-        motor_encoder: It reads position and velocity of the motor's shaft.
+        motor_encoder: It reads the position of the motor's shaft.
         temperature_sensor: It reads the winding's temperature.
         brake: It has a brake that ``SetPoints.released`` opens.
         power_switch: Power can be taken off; else IDLE is an output of 0.
@@ -144,8 +144,9 @@ class Readings:
         torque: At the joints' torque sensors, or as the drives estimate it.
         current: Of the motors; None: what their PWM and speed make of it.
         temperature: Of their windings; None: ambient.
-        motor_position, motor_velocity: Of the motors' shafts, at the shaft.
-        voltage: Of the supply, V.
+        motor_position, motor_velocity: Of the motors' shafts, at the shaft, positive as the joint;
+            NaN where a joint has no encoder there. Velocity None: the change of the position.
+        voltage: Of the supply, V; NaN where it is not measured.
         applied: PWM that truly acts, percent; None: the drive does not tell.
         ages: s since the joints' readings were taken, 0 where they are of this exchange: a joint
             whose answer is late has its last reading again, with the age that it has by now.
@@ -163,6 +164,10 @@ class Readings:
     applied: Array | None = None
     ages: Array | None = None
     faults: Sequence[str | DriveFault | None] = ()
+
+
+#: Readings of motors, in the order of ``measurement.Motor``.
+OF_MOTORS = ("motor_position", "motor_velocity", "voltage")
 
 
 class DrivePlant(Protocol):

@@ -33,6 +33,7 @@ class Servos:
         self.fault: DriveFault | None = None
         self.trouble: Exception | None = None
         self.went = self.cleared = -1
+        self.voltage: np.ndarray | None = None
 
     def describe(self):
         return self.description
@@ -46,7 +47,11 @@ class Servos:
             raise self.trouble
         self.asked.append(wanted.position.tolist())
         self.position = np.where(wanted.powered, wanted.position, self.position)
-        return Readings(position=self.position.copy(), faults=[self.fault] * len(self.position))
+        return Readings(
+            position=self.position.copy(),
+            voltage=self.voltage,
+            faults=[self.fault] * len(self.position),
+        )
 
     def clear_fault(self, joint):
         self.cleared = joint
@@ -84,6 +89,16 @@ def test_all_buses_have_their_own_joints(three) -> None:
     assert found.position.tolist() == [1, 2, 3, 4, 5, 6]
     assert servos[2].asked == [[4, 5, 6]]
     assert found.ages.tolist() == [0.0] * 6
+
+
+def test_what_one_bus_measures_of_motors_is_not_lost(three) -> None:
+    """Y5: the joints of the others have NaN there."""
+    servos, buses = three
+    assert buses.exchange(at(*[0.0] * 6)).voltage is None
+    servos[1].voltage = np.array([24.0])
+    found = buses.exchange(at(*[0.0] * 6)).voltage
+    assert np.isnan(found).tolist() == [True, True, False, True, True, True]
+    assert found[2] == 24.0
 
 
 def test_a_late_bus_is_not_waited_for_and_its_answer_is_used_next(three) -> None:

@@ -467,6 +467,34 @@ def test_a_canopen_drive_that_lacks_a_mode_or_a_unit_is_refused_with_the_way_out
             bench.connect()
 
 
+def test_a_motor_s_own_encoder_is_read_beside_the_joint_s() -> None:
+    """Y5: of a gear that twists, both sides as the drive measures them, positive as the joint."""
+    pytest.importorskip("canopen")
+    options = {"left.motor_counts": "131072", "left.direction": "-1", "right.motor_turns": "9"}
+    with Bench("cia402", options=options) as bench:
+        has = [joint.motor_encoder for joint in bench.plant.describe().joints]
+        assert has == [True, True]
+        bench.drives[0].gear, bench.drives[0].yielding = 50.0, 0.02
+        bench.connect()
+        found = bench.follow(TORQUE, 20, torque=0.5)
+        motor, speed = found.motor_position, found.motor_velocity
+        assert motor is not None
+        assert speed is not None
+        twist = motor / [50.0, 9.0] - found.position
+        assert twist == pytest.approx([0.02 * 0.5, 0.0], abs=1e-3)
+        assert np.isnan(speed[0])
+        assert found.velocity is not None
+        assert speed[1] == pytest.approx(9.0 * found.velocity[1])
+        found = bench.follow(OFF, 3)
+        assert found.motor_position is not None
+        assert found.motor_position[0] == pytest.approx(50.0 * found.position[0], abs=0.05)
+    with Bench("cia402") as bench:
+        bench.connect()
+        assert bench.follow(OFF).motor_position is None
+    with pytest.raises(PlantSettingsError, match=r"left.motor_turns=-1: a number from 0"):
+        Bench("cia402", options={"left.motor_turns": "-1"})
+
+
 def test_a_canopen_drive_that_is_braked_holds_where_it_stopped() -> None:
     """S5: quick stop, until it is heard again and set free."""
     pytest.importorskip("canopen")

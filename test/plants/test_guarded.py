@@ -153,6 +153,27 @@ def test_a_reading_that_is_no_number_faults_its_joint_alone(bench: Bench) -> Non
     assert bench.modes()[1] is M.OPENLOOP
 
 
+def test_motors_are_what_the_plant_measures_of_them(bench: Bench) -> None:
+    """Y5: shaft and supply; a velocity that is not read is that of the position; else NaN."""
+    driven(bench)
+    assert np.isnan(bench.board.get_motors().positions).all()
+    turned = np.array([3.0, np.nan])
+    bench.plant.answer = Readings(
+        position=bench.plant.position.copy(),
+        velocity=np.zeros(2),
+        motor_position=turned,
+        voltage=np.array([23.5, 24.0]),
+    )
+    bench.until(lambda: not np.isnan(bench.board.get_motors().positions[0]))
+    found = bench.board.get_motors()
+    assert found.positions == pytest.approx(turned, nan_ok=True)
+    assert found.supply_voltages.tolist() == [23.5, 24.0]
+    bench.until(lambda: bench.board.get_motors().velocities[0] == 0.0)
+    assert bench.board.set_encoders(0, 1.0, motor=True)
+    bench.cycle()
+    assert bench.board.get_motors().positions[0] == pytest.approx(1.0)
+
+
 def test_a_fault_of_a_drive_is_told_and_reset_on_it_without_power(bench: Bench) -> None:
     """F1, F2, F3: the drive's reason; refused while it persists; FORCE_IDLE when it is gone."""
     driven(bench)

@@ -307,7 +307,7 @@ def test_a_fault_of_a_motor_is_one_of_every_axis_that_it_moves(
 
 
 def test_an_axis_finds_its_stop_while_its_motors_hold_the_others(tmp_path: Path) -> None:
-    """Y3, K2, K5: coupled motors push one axis against its stop; the others stay where they are."""
+    """Y3, K2, K5: coupled motors push one axis against its stop; the others stay."""
     text = SHOULDER + (
         "lbr_iiwa_joint_3.limits: {hard_lower: -0.2, lower: -0.15}\n"
         "lbr_iiwa_joint_3.calibration: "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""CiA 402 drives on CANopen: two PDOs down and two up for each drive, by one SYNC for the bus.
+"""CiA 402 drives on CANopen: two PDOs down and two or three up, by one SYNC for the bus.
 
 A kind of set-point is a mode of operation, which comes in the PDO with its own targets::
 
@@ -69,6 +69,7 @@ class Cia402Drives:
             set_points=tuple(kind for kind, m in MODES.items() if m.name.lower() in names),
             on_silence=tuple(ON_SILENCE),
             torque=True,
+            motor_encoders=frozenset(k for k, counts in enumerate(self._counts()) if counts > 0.0),
         )
         self._line: CanLine | None = None
         self._places = {axis.id: k for k, axis in enumerate(self._axes)}
@@ -77,8 +78,14 @@ class Cia402Drives:
         self._raw = [0] * n  # position, counts
         self._states, self._errors, self._words = [State.SWITCH_ON_DISABLED] * n, [0] * n, [0] * n
         self._parts, self._powered, self._enabled = [0] * n, [False] * n, [0] * n
+        #: What an answer consists of: a bit for each PDO.
+        self._whole = [7 if k in self.traits.motor_encoders else 3 for k in range(n)]
         self._reset, self._restarted = [False] * n, [False] * n
         self._left: list[DriveFault | None] = [None] * n
+
+    def _counts(self) -> list[float]:
+        """Counts per turn of the encoders at the motors, 0 where there is none."""
+        return [float(axis.own["motor_counts"]) for axis in self._axes]
 
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the bus; see ``drives.plant.Driver``."""
@@ -117,6 +124,8 @@ class Cia402Drives:
         for function, mapped in o.MAPPED.items():
             kept = [item for item in mapped if item[0] != o.TORQUE_OFFSET or self._offsets[k]]
             map_pdo(sdo, function, axis.id, kept)
+        if k in self.traits.motor_encoders:
+            map_pdo(sdo, o.TPDO3, axis.id, o.MOTOR)
         self._powered[k] = self._reset[k] = self._restarted[k] = False
         self._enabled[k], self._left[k] = 0, None
         line.send(o.NMT, bytes([o.START, axis.id]))
@@ -217,7 +226,7 @@ class Cia402Drives:
         function, drive = frame & 0x780, frame & 0x7F
         k = self._places.get(drive)
         if k is None:
-            answers.foreign += function in (o.TPDO1, o.TPDO2)
+            answers.foreign += function in o.ANSWERS
             return None
         if function == o.HEARTBEAT and data[:1] == bytes([o.BOOT_UP]):
             self._restarted[k], answers.faults[k] = True, RESTARTED
@@ -225,15 +234,15 @@ class Cia402Drives:
             if function == o.SDO_ANSWER:
                 answers.came(k, data)
                 return drive
-        elif function in (o.TPDO1, o.TPDO2):
+        elif function in o.ANSWERS:
             self._hear(k, function, data)
-            return drive if self._parts[k] == 3 else None
+            return drive if self._parts[k] == self._whole[k] else None
         return None
 
     def _hear(self, k: int, function: int, data: bytes) -> None:
         """Take over one of the two PDOs of a drive."""
         answers, scale = self._answers, self._scales[k]
-        form = o.TPDO1_FORMAT if function == o.TPDO1 else o.TPDO2_FORMAT
+        part, form = o.ANSWERS[function]
         if len(data) != struct.calcsize(form):
             answers.malformed += 1
             return
@@ -243,11 +252,13 @@ class Cia402Drives:
             answers.position[k] = found[1] / scale.position
             answers.torque[k] = found[2] / scale.torque
             answers.came(k, data)
-        else:
+        elif function == o.TPDO2:
             answers.velocity[k] = found[0] / scale.velocity
             self._errors[k] = found[1]
+        else:
+            answers.motor_position[k] = found[0] * REV / float(self._axes[k].own["motor_counts"])
         answers.faults[k] = self._judge(k)
-        self._parts[k] |= 1 if function == o.TPDO1 else 2
+        self._parts[k] |= part
 
     def _judge(self, k: int) -> DriveFault | None:
         state, code = self._states[k], self._errors[k]
@@ -353,5 +364,5 @@ make = maker(
     bus="socketcan:can0",
     ids=IDS,
     whole={"bitrate": 0.0, "modes": "csp csv cst", "unwatched": 0.0},
-    each={"counts": 0.0, "velocity_counts": 0.0, "rated_torque": 0.0},
+    each={"counts": 0.0, "velocity_counts": 0.0, "rated_torque": 0.0, "motor_counts": 0.0},
 )

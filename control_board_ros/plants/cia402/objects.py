@@ -3,6 +3,7 @@
 
 RPDO1  control word, mode, target torque, torque offset    TPDO1  status word, position, torque
 RPDO2  target position, target velocity                    TPDO2  velocity, error code
+                                                           TPDO3  position of the motor, if asked
 
 All of them are synchronous, type 1: a drive acts on each SYNC, and answers to it.
 """
@@ -18,12 +19,13 @@ MODE, POSITION, VELOCITY, TORQUE = 0x6060, 0x6064, 0x606C, 0x6077
 TARGET_TORQUE, MAX_TORQUE, RATED_TORQUE = 0x6071, 0x6072, 0x6076
 SUPPLY, TARGET_POSITION, POSITION_LIMITS = 0x6079, 0x607A, 0x607D
 MAX_SPEED, RESOLUTION, TORQUE_OFFSET = 0x6080, 0x608F, 0x60B2
-TARGET_VELOCITY, SUPPORTED_MODES = 0x60FF, 0x6502
+TARGET_VELOCITY, SUPPORTED_MODES, MOTOR_POSITION = 0x60FF, 0x6502, 0x6063
 
 #: Profile number in the device type; bit 17 there: a servo drive.
 PROFILE, SERVO = 402, 0x00020192
 #: Frames: function code, plus the number of the drive where there is one.
 NMT, SYNC, TPDO1, RPDO1, TPDO2, RPDO2 = 0x000, 0x080, 0x180, 0x200, 0x280, 0x300
+TPDO3 = 0x380
 SDO_ANSWER, SDO_REQUEST, HEARTBEAT = 0x580, 0x600, 0x700
 #: Commands and states of NMT.
 START, STOP, PRE_OPERATIONAL = 0x01, 0x02, 0x80
@@ -39,9 +41,12 @@ MAPPED: dict[int, tuple[tuple[int, int], ...]] = {
     TPDO2: ((VELOCITY, 32), (ERROR_CODE, 16)),
 }
 #: Communication parameters of each PDO; its mapping is 0x200 further.
-PARAMETERS = {RPDO1: 0x1400, RPDO2: 0x1401, TPDO1: 0x1800, TPDO2: 0x1801}
+PARAMETERS = {RPDO1: 0x1400, RPDO2: 0x1401, TPDO1: 0x1800, TPDO2: 0x1801, TPDO3: 0x1802}
+#: That of the motor's encoder, mapped where there is one.
+MOTOR = ((MOTOR_POSITION, 32),)
 #: How the driver packs and reads them; RPDO1 without a torque offset has two bytes less.
 RPDO1_FORMAT, RPDO2_FORMAT, TPDO1_FORMAT, TPDO2_FORMAT = "<Hbhh", "<ii", "<Hih", "<iH"
+ANSWERS = {TPDO1: (1, TPDO1_FORMAT), TPDO2: (2, TPDO2_FORMAT), TPDO3: (4, "<i")}
 INVALID, SYNCHRONOUS = 1 << 31, 1
 
 #: Abort connection option, fault reaction, quick stop option.

@@ -55,6 +55,7 @@ VARIABLES: tuple[tuple[int, int, int | str, bool], ...] = (
     (o.TORQUE_OFFSET, I16, 0, True),
     (o.TARGET_VELOCITY, I32, 0, True),
     (o.SUPPORTED_MODES, U32, 0x380, False),
+    (o.MOTOR_POSITION, I32, 0, False),
 )
 ARRAYS: tuple[tuple[int, int, tuple[int, ...], bool], ...] = (
     (o.CONSUMER_HEARTBEAT, U32, (0,), True),
@@ -124,6 +125,8 @@ class VirtualCia402:
         node: Of the library: its objects are ``node.sdo``.
         stiffness, damping, integral: Of its position loop, N·m/rad, N·m·s/rad, N·m/(rad·s); its
             velocity loop has the damping.
+        gear, yielding: Turns of its motor per turn of its output, and by how much the gear twists,
+            rad/(N·m) at the output; its motor's encoder has COUNTS per turn.
         silent: It answers to nothing.
         torque: At its output now, N·m.
     """
@@ -133,6 +136,7 @@ class VirtualCia402:
     def __init__(self, drive: int, rated: float = 2.0) -> None:
         self.id, self.rated, self.silent, self.persists = drive, rated, False, 0
         self.stiffness, self.damping, self.integral = 60.0, 3.0, 0.0
+        self.gear, self.yielding = 1.0, 0.0
         self.stored: dict[int, int] = {}
         self._serial = next(_serials)
         self._position = self._velocity = self._hold = 0.0
@@ -234,13 +238,14 @@ class VirtualCia402:
             return self.state.word
         if index == o.ERROR_CODE:
             return self._error
-        if index == o.POSITION:
-            return round(self._position * COUNTS / REV)
-        if index == o.VELOCITY:
-            return round(self._velocity * COUNTS / REV)
-        if index == o.TORQUE:
-            return round(1e3 * self.torque / self.rated)
-        return None
+        turns = {
+            o.POSITION: self._position,
+            o.VELOCITY: self._velocity,
+            o.MOTOR_POSITION: self.gear * (self._position + self.yielding * self.torque),
+        }
+        if index in turns:
+            return round(turns[index] * COUNTS / REV)
+        return round(1e3 * self.torque / self.rated) if index == o.TORQUE else None
 
     def _value(self, index: int, subindex: int = 0) -> int:
         """A number among its objects."""

@@ -34,6 +34,8 @@ class Axis:
         direction: 1, or -1 where the drive turns the other way.
         ratio: Turns of the drive's output per turn of the joint.
         offset: Angle of the joint where the drive reads 0, rad.
+        motor_turns: Turns of the motor's shaft per turn of the drive's output, where the drive
+            measures the shaft; 0: it does not.
         own: Options of this driver for this joint, checked by ``options``.
     """
 
@@ -42,6 +44,7 @@ class Axis:
     direction: int = 1
     ratio: float = 1.0
     offset: float = 0.0
+    motor_turns: float = 0.0
     own: Mapping[str, str | float] = field(default_factory=dict)
 
     @property
@@ -71,6 +74,8 @@ class Axes:
         self.factor = np.array([axis.factor for axis in axes])
         self.sign = np.sign(self.factor)
         self.offset = np.array([axis.offset for axis in axes])
+        turns = np.array([axis.motor_turns or math.nan for axis in axes])
+        self.shaft = self.sign * turns
         self._to_drive = np.ones((VALUES, len(self.axes)))
         self._to_drive[[Value.PWM, Value.CURRENT]] = self.sign
         self._to_drive[Value.TORQUE] = 1.0 / self.factor
@@ -116,7 +121,7 @@ class Options:
         Args:
             joints: Names, in the board's order; their ids are 1, 2, 3, … unless given.
             arguments: Of the user: ``bus``, ``ids`` (``1,2,3``), ``JOINT.id``, ``JOINT.ratio``,
-                ``JOINT.direction``, ``JOINT.offset``, and those below.
+                ``JOINT.direction``, ``JOINT.offset``, ``JOINT.motor_turns``, and those below.
             bus: The one that is used when none is given.
             whole: Options of this driver with their defaults, whose type is theirs.
             each: The same, of one joint; given without a joint, of all.
@@ -126,7 +131,7 @@ class Options:
         """
         whole, each = dict(whole or {}), dict(each or {})
         per_joint: dict[str, str | float] = {"id": 0.0, "direction": 1.0, "ratio": 1.0}
-        per_joint |= {"offset": 0.0, **each}
+        per_joint |= {"offset": 0.0, "motor_turns": 0.0, **each}
         known = ["bus", "ids", *whole, *each, *(f"JOINT.{name}" for name in per_joint)]
         found = {name: dict(per_joint, id=float(k)) for k, name in enumerate(joints, 1)}
         if "ids" in arguments:
@@ -171,12 +176,17 @@ def _axis(name: str, found: Mapping[str, str | float], each: Mapping[str, str | 
         raise PlantSettingsError(
             f"{name}.ratio={ratio:g}: a number above 0 is wanted; direction=-1 turns it round"
         )
+    if (turns := float(found["motor_turns"])) < 0.0:
+        raise PlantSettingsError(
+            f"{name}.motor_turns={turns:g}: a number from 0 is wanted; 0: not measured"
+        )
     return Axis(
         name=name,
         id=int(number),
         direction=int(direction),
         ratio=ratio,
         offset=float(found["offset"]),
+        motor_turns=turns,
         own={key: found[key] for key in each},
     )
 

@@ -60,6 +60,8 @@ class Answers:
 
     Attributes:
         position, velocity, torque, current, temperature, voltage: rad, rad/s, N·m, A, °C, V.
+        motor_position: Of an encoder at the motor's shaft, beside that of the position, rad; NaN:
+            there is none.
         faults: Of each drive, or None.
         times: When each answered last, s; -inf: never.
         heard: What each said in this exchange, as it came.
@@ -71,6 +73,7 @@ class Answers:
         self._clock = clock
         (self.position, self.velocity, self.torque, self.current, self.temperature,
          self.voltage) = np.zeros((6, count))  # fmt: skip
+        self.motor_position = np.full(count, math.nan)
         self.faults: list[DriveFault | None] = [None] * count
         self.times = np.full(count, -math.inf)
         self.heard: list[dict[bytes, None]] = [{} for _ in range(count)]
@@ -86,7 +89,8 @@ class Answers:
 class Traits:
     """What all drives of a driver have; see ``JointDescription``.
 
-    Attributes: watchdog (their own acts when they hear nothing).
+    Attributes: watchdog (their own acts when they hear nothing), motor_encoders (which have one
+        beside the encoder of the position, by place).
     """
 
     set_points: tuple[SetPoint, ...]
@@ -98,6 +102,7 @@ class Traits:
     temperature: bool = False
     voltage: bool = False
     watchdog: bool = True
+    motor_encoders: frozenset[int] = frozenset()
     control: dict[str, float] = field(default_factory=dict)
 
 
@@ -143,6 +148,7 @@ class DrivesPlant:
         self.axes, self.driver = tuple(axes), driver
         self._clock: Callable[[], float] = time.monotonic
         self._axes = Axes(axes)
+        self._shafts = any(axis.motor_turns for axis in axes)
         self.answers = Answers(len(axes))
         self._timeout, self._free = math.inf, [True] * len(axes)
         self._found: tuple[Found | None, ...] = (None,) * len(axes)
@@ -175,8 +181,9 @@ class DrivesPlant:
                 torque_estimate=traits.torque,
                 current_sensor=traits.current,
                 temperature_sensor=traits.temperature,
+                motor_encoder=axis.motor_turns > 0.0 or k in traits.motor_encoders,
             )
-            for axis, found in zip(self.axes, self._found, strict=True)
+            for k, (axis, found) in enumerate(zip(self.axes, self._found, strict=True))
         )
         return Description(joints=tuple(joints))
 
@@ -215,6 +222,10 @@ class DrivesPlant:
             answers.missed += int(np.count_nonzero(late))
             for k in np.flatnonzero(now - self._asked > self._timeout).tolist():
                 faults[k] = silent(self.axes[k], ages[k])
+        shafts = axes.shaft * answers.position, axes.shaft * answers.velocity
+        own = ~np.isnan(answers.motor_position)
+        shafts[0][own], shafts[1][own] = (axes.sign * answers.motor_position)[own], math.nan
+        measured = own.any() or self._shafts
         return Readings(
             position=axes.position(answers.position),
             velocity=answers.velocity / axes.factor,
@@ -222,6 +233,8 @@ class DrivesPlant:
             current=answers.current * axes.sign if traits.current else None,
             temperature=answers.temperature.copy() if traits.temperature else None,
             voltage=answers.voltage.copy() if traits.voltage else None,
+            motor_position=shafts[0] if measured else None,
+            motor_velocity=shafts[1] if measured else None,
             ages=np.minimum(ages, self._timeout),
             faults=faults,
         )
