@@ -90,7 +90,7 @@ def test_yields_numbers(name: str, quick: list[Any]) -> None:
     are_numbers([figure for figure in quick if figure["number"] == name], name)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 @pytest.mark.parametrize("name", LONG)
 def test_a_long_one_yields_numbers(name: str, long: list[Any]) -> None:
     """The same of those that measure for seconds even in a tiny run."""

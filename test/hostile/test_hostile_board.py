@@ -7,7 +7,9 @@ import contextlib
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -64,48 +66,36 @@ def run(domain: int, *words: str) -> subprocess.CompletedProcess[str]:
     return done
 
 
-@pytest.mark.parametrize(
-    "verb",
-    [
-        "modes --json",
-        "mode __proto__ pos",
-        "watch --once",
-        *(
-            pytest.param(verb, marks=pytest.mark.soak)
-            for verb in ("modes", "faults", "poses", "impedance", "clear", "move constructor=0.1")
-        ),
-    ],
-)
-def test_cbctl(domain: int, verb: str) -> None:
+def cbctl(verb: str, domain: int, _: Path) -> None:
     """Every verb ends, with a table or with a line that says what is wrong."""
     run(domain, *COMMAND, *verb.split(), "--board", "hostile", "--timeout", "6")
 
 
-def test_recorder_and_report(domain: int, tmp_path: Path) -> None:
+def recorder_and_report(domain: int, folder: Path) -> None:
     """What it says is recorded as it came; the report of it, and its pictures, stay in place."""
-    folder = tmp_path / "inside" / "bag"
-    folder.parent.mkdir()
-    words = ["record", "-o", str(folder), "--for", "2s", "--csv"]
+    bag = folder / "inside" / "bag"
+    bag.parent.mkdir()
+    words = ["record", "-o", str(bag), "--for", "2s", "--csv"]
     run(domain, *COMMAND, *words, "--board", "hostile", "--timeout", "6")
-    if folder.exists():
-        page = tmp_path / "inside" / "report.html"
-        words = ["report", str(folder), "-o", str(page), "--png", str(tmp_path / "inside" / "png")]
+    if bag.exists():
+        page = folder / "inside" / "report.html"
+        words = ["report", str(bag), "-o", str(page), "--png", str(folder / "inside" / "png")]
         done = run(domain, *COMMAND, *words)
         if done.returncode == 0:
             text = page.read_text(encoding="utf-8")
             assert "<script>alert" not in text
             assert "<img src=x" not in text
-    assert [path.name for path in tmp_path.iterdir()] == ["inside"]
+    assert [path.name for path in folder.iterdir()] == ["inside"]
 
 
-def test_conformance(domain: int) -> None:
+def conformance(domain: int, _: Path) -> None:
     """It ends, and says why it tries nothing, or what is not held."""
     words = ["-m", "control_board_ros.conformance", "--yes", "--timeout", "3", "--rules", "V1"]
     done = run(domain, sys.executable, *words, "--board", "hostile")
     assert done.returncode == 1
 
 
-def test_panel_server(domain: int) -> None:
+def panel_server(domain: int, _: Path) -> None:
     """It opens, complains in lines, and ends when it is asked to."""
     panel = subprocess.Popen(
         [*COMMAND, "panel", "--port", "0", "--timeout", "3"],
@@ -129,3 +119,26 @@ def test_panel_server(domain: int) -> None:
     lines = [line for line in (out + err).splitlines() if "RTPS_" not in line]
     assert all(line.isprintable() for line in lines)
     assert len(err) < 20_000
+
+
+#: What listens to boards, each in a process of its own.
+LISTENERS: list[Callable[[int, Path], None]] = [
+    recorder_and_report,
+    conformance,
+    panel_server,
+    *(partial(cbctl, verb) for verb in ("modes --json", "mode __proto__ pos", "watch --once")),
+]
+OTHER_VERBS = ("modes", "faults", "poses", "impedance", "clear", "move constructor=0.1")
+
+
+def test_whatever_listens_ends_well(domain: int, tmp_path: Path) -> None:
+    """All at once: each waits for what never comes."""
+    with ThreadPoolExecutor(len(LISTENERS)) as pool:
+        for done in [pool.submit(listen, domain, tmp_path) for listen in LISTENERS]:
+            done.result()
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("verb", OTHER_VERBS)
+def test_cbctl(domain: int, verb: str, tmp_path: Path) -> None:
+    cbctl(verb, domain, tmp_path)

@@ -108,7 +108,7 @@ def kill(process: subprocess.Popen[bytes]) -> None:
     process.wait()
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_a_database_of_two_machines_one_of_which_dies(
     crane: str, postgresql: str, workers: Workers, tmp_path: Path
 ) -> None:
