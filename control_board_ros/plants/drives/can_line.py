@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterable
+from functools import cache
 from typing import Any
 
 from ..errors import PlantSettingsError
@@ -20,6 +21,23 @@ SHORT = 0x7FF
 REMOTE = 0x40000000
 #: Bit of an error frame, as socketcan numbers them: the interface left the bus.
 BUS_OFF = 0x40
+
+
+@cache
+def frame() -> Any:
+    """A message of python-can that shares its data with its copies.
+
+    A virtual bus copies each message for each who hears it, and the data is what takes long.
+    """
+    import can
+
+    class Frame(can.Message):
+        __slots__ = ()
+
+        def __deepcopy__(self, memo: object) -> Any:
+            return self.__copy__()
+
+    return Frame
 
 
 class CanLine:
@@ -39,7 +57,7 @@ class CanLine:
                 "python-can is not installed; pip install the extra of your drives' "
                 "name, as 'control_board_ros[moteus]'"
             ) from None
-        self._message, self._errors, self._text = can.Message, (can.CanError, OSError), text
+        self._message, self._errors, self._text = frame(), (can.CanError, OSError), text
         interface, _, channel = text.partition(":")
         more: dict[str, Any] = {"fd": True} if fd and interface != "virtual" else {}
         if interface == "virtual":

@@ -206,26 +206,28 @@ class DrivesPlant:
     def exchange(self, wanted: SetPoints) -> Readings:
         """Set-points down, readings up; a drive that is silent has its last reading again."""
         axes, answers, traits = self._axes, self.answers, self.driver.traits
-        begin = self._clock()
+        begin, kinds = self._clock(), wanted.kinds.tolist()
         for heard in answers.heard:
             heard.clear()
-        self.driver.exchange(wanted.kinds.tolist(), axes.to_drive(wanted), answers)
-        self._notice_clashes(wanted.kinds.tolist())
-        now, late = self._clock(), answers.times < begin
-        ages = np.where(late, now - answers.times, 0.0)
-        self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
+        self.driver.exchange(kinds, axes.to_drive(wanted), answers)
+        self._notice_clashes(kinds)
+        late = answers.times < begin
         faults: list[str | DriveFault | None] = list(answers.faults)
         for k, count in enumerate(self._clashes):
             if count >= CLASHES:
                 faults[k] = f"two drives answer as id {self.axes[k].id}; change that of one"
         if late.any():
+            now = self._clock()
+            ages = np.where(late, now - answers.times, 0.0)
+            self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
             answers.missed += int(np.count_nonzero(late))
             for k in np.flatnonzero(now - self._asked > self._timeout).tolist():
                 faults[k] = silent(self.axes[k], ages[k])
-        shafts = axes.shaft * answers.position, axes.shaft * answers.velocity
-        own = ~np.isnan(answers.motor_position)
-        shafts[0][own], shafts[1][own] = (axes.sign * answers.motor_position)[own], math.nan
-        measured = own.any() or self._shafts
+            np.minimum(ages, self._timeout, out=ages)
+        else:
+            ages = np.zeros(len(faults))
+            self._asked.fill(math.inf)
+        shafts = self._at_shafts() if self._shafts or traits.motor_encoders else (None, None)
         return Readings(
             position=axes.position(answers.position),
             velocity=answers.velocity / axes.factor,
@@ -233,17 +235,25 @@ class DrivesPlant:
             current=answers.current * axes.sign if traits.current else None,
             temperature=answers.temperature.copy() if traits.temperature else None,
             voltage=answers.voltage.copy() if traits.voltage else None,
-            motor_position=shafts[0] if measured else None,
-            motor_velocity=shafts[1] if measured else None,
-            ages=np.minimum(ages, self._timeout),
+            motor_position=shafts[0],
+            motor_velocity=shafts[1],
+            ages=ages,
             faults=faults,
         )
+
+    def _at_shafts(self) -> tuple[Array, Array]:
+        """Position and velocity of the motors' shafts; NaN where they are not measured."""
+        axes, answers = self._axes, self.answers
+        position, velocity = axes.shaft * answers.position, axes.shaft * answers.velocity
+        own = ~np.isnan(answers.motor_position)
+        position[own], velocity[own] = (axes.sign * answers.motor_position)[own], math.nan
+        return position, velocity
 
     def _notice_clashes(self, kinds: Sequence[int | None]) -> None:
         """More answers than questions, that differ from each other, are those of two drives."""
         for k, heard in enumerate(self.answers.heard):
             owed = min(LATEST, self._owed[k] + (kinds[k] is not None))
-            owed -= len(heard) if len(heard) > 1 else len(heard.keys() - {self._last[k]})
+            owed -= len(heard) if len(heard) > 1 else self._last[k] not in heard and len(heard)
             self._owed[k] = max(0, owed)
             if owed < 0:
                 self._clashes[k] += 1.0

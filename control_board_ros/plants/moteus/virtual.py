@@ -7,60 +7,47 @@ library. Positions are in revolutions here, as in the drive.
 
 from __future__ import annotations
 
-import io
 import math
-from collections.abc import Iterator, Sequence
-
-from moteus import multiplex as mp
-from moteus.protocol import Register, Writer, scale_register
+from collections.abc import Iterator, Mapping, Sequence
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..virtual.can_bus import VirtualCanBus
 from ..virtual.world import World
+from .virtual_frames import (
+    R_COMMAND_D_CURRENT,
+    R_COMMAND_FEEDFORWARD_TORQUE,
+    R_COMMAND_ILIMIT_SCALE,
+    R_COMMAND_KD_SCALE,
+    R_COMMAND_KP_SCALE,
+    R_COMMAND_POSITION,
+    R_COMMAND_POSITION_MAX_TORQUE,
+    R_COMMAND_Q_CURRENT,
+    R_COMMAND_TIMEOUT,
+    R_COMMAND_VELOCITY,
+    R_FAULT,
+    R_FIRMWARE_VERSION,
+    R_MODE,
+    R_MULTIPLEX_ID,
+    R_POSITION,
+    R_Q_CURRENT,
+    R_REGISTER_MAP_VERSION,
+    R_TEMPERATURE,
+    R_TORQUE,
+    R_VELOCITY,
+    R_VOLTAGE,
+    R_VOLTAGEDQ_D,
+    R_VOLTAGEDQ_Q,
+    answer,
+    padded,
+    read,
+)
 
-#: Registers, as plain numbers: they are looked up in every step.
-R_COMMAND_D_CURRENT = int(Register.COMMAND_D_CURRENT)
-R_COMMAND_FEEDFORWARD_TORQUE = int(Register.COMMAND_FEEDFORWARD_TORQUE)
-R_COMMAND_ILIMIT_SCALE = int(Register.COMMAND_ILIMIT_SCALE)
-R_COMMAND_KD_SCALE = int(Register.COMMAND_KD_SCALE)
-R_COMMAND_KP_SCALE = int(Register.COMMAND_KP_SCALE)
-R_COMMAND_POSITION = int(Register.COMMAND_POSITION)
-R_COMMAND_POSITION_MAX_TORQUE = int(Register.COMMAND_POSITION_MAX_TORQUE)
-R_COMMAND_Q_CURRENT = int(Register.COMMAND_Q_CURRENT)
-R_COMMAND_TIMEOUT = int(Register.COMMAND_TIMEOUT)
-R_COMMAND_VELOCITY = int(Register.COMMAND_VELOCITY)
-R_D_CURRENT = int(Register.D_CURRENT)
-R_FAULT = int(Register.FAULT)
-R_FIRMWARE_VERSION = int(Register.FIRMWARE_VERSION)
-R_MODE = int(Register.MODE)
-R_MOTOR_TEMPERATURE = int(Register.MOTOR_TEMPERATURE)
-R_MULTIPLEX_ID = int(Register.MULTIPLEX_ID)
-R_POSITION = int(Register.POSITION)
-R_Q_CURRENT = int(Register.Q_CURRENT)
-R_REGISTER_MAP_VERSION = int(Register.REGISTER_MAP_VERSION)
-R_TEMPERATURE = int(Register.TEMPERATURE)
-R_TORQUE = int(Register.TORQUE)
-R_VELOCITY = int(Register.VELOCITY)
-R_VOLTAGE = int(Register.VOLTAGE)
-R_VOLTAGEDQ_D = int(Register.VOLTAGEDQ_D)
-R_VOLTAGEDQ_Q = int(Register.VOLTAGEDQ_Q)
 REV = 2.0 * math.pi
 STOPPED, FAULT, ENABLING, VOLTAGE, CURRENT, POSITION, TIMEOUT = 0, 1, 2, 8, 9, 10, 11
 ZERO_VELOCITY, BRAKE = 12, 15
 #: s that a drive prepares its bridge after it was stopped.
 ENABLE_TIME = 5e-3
-#: What each int8, int16 and int32 means, by register.
-SCALES = {
-    R_POSITION: (0.01, 1e-4, 1e-5),
-    R_VELOCITY: (0.1, 2.5e-4, 1e-5),
-    R_TORQUE: (0.5, 0.01, 1e-3),
-    R_Q_CURRENT: (1.0, 0.1, 1e-3),
-    R_D_CURRENT: (1.0, 0.1, 1e-3),
-    R_VOLTAGE: (0.5, 0.1, 1e-3),
-    R_TEMPERATURE: (1.0, 0.1, 1e-3),
-    R_MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
-}
 #: What a command that does not name a register means.
 UNNAMED = {
     R_COMMAND_POSITION: 0.0,
@@ -141,33 +128,22 @@ class VirtualMoteus:
         """The frames that it answers with."""
         if frame_id & 0x7F != self.id or frame_id & 0x80 or self.silent:
             return
-        writes: dict[int, float] = {}
-        reads: list[tuple[int, int]] = []
-        answer = b""
         try:
-            for part in mp.parse_frame(data):
-                kind = part.type
-                if kind is mp.SubframeType.WRITE:
-                    writes[part.register] = scale_register(
-                        part.register, part.resolution, part.value
-                    )
-                elif kind is mp.SubframeType.READ:
-                    reads.append((part.register, part.resolution))
-                elif kind is mp.SubframeType.STREAM_CLIENT_TO_SERVER:
-                    self._hear(part.data)
-                elif kind is mp.SubframeType.STREAM_CLIENT_POLL_SERVER:
-                    most = part.data[0]
-                    piece, self._stream = self._stream[:most], self._stream[most:]
-                    answer += bytes([0x41, part.channel, len(piece)]) + piece
-            if R_MODE in writes:
-                self._order(int(writes[R_MODE]), writes)
-            answer = self._read(reads) + answer
+            found = read(data)
+            for line in found.said:
+                self._hear(line)
+            if R_MODE in found.writes:
+                self._order(int(found.writes[R_MODE]), found.writes)
+            told = answer(found.reads, self._registers()) if found.reads else b""
+            for channel, most in found.wanted:
+                piece, self._stream = self._stream[:most], self._stream[most:]
+                told += bytes([0x41, channel, len(piece)]) + piece
         except Exception:  # noqa: BLE001 - no frame of its protocol: it does nothing
             return
-        if frame_id & 0x8000 and 0 < len(answer) <= 64:
-            yield self.id << 8 | frame_id >> 8 & 0x7F, _padded(answer)
+        if frame_id & 0x8000 and 0 < len(told) <= 64:
+            yield self.id << 8 | frame_id >> 8 & 0x7F, padded(told)
 
-    def _order(self, mode: int, writes: dict[int, float]) -> None:
+    def _order(self, mode: int, writes: Mapping[int, float]) -> None:
         if mode == STOPPED:
             self.mode, self.fault = (FAULT, self.persists) if self.persists else (STOPPED, 0)
             self._control = math.nan
@@ -201,31 +177,9 @@ class VirtualMoteus:
         elif math.isnan(self._control):
             self._control = self._position
 
-    def _read(self, reads: list[tuple[int, int]]) -> bytes:
-        """Replies, registers of one resolution that follow each other in one subframe."""
-        buffer = io.BytesIO()
-        writer = Writer(buffer)
-        place = 0
-        while place < len(reads):
-            register, resolution = reads[place]
-            count = 1
-            while place + count < len(reads) and reads[place + count] == (
-                register + count,
-                resolution,
-            ):
-                count += 1
-            writer.write_int8(0x20 | resolution << 2 | (count if count < 4 else 0))
-            if count >= 4:
-                writer.write_varuint(count)
-            writer.write_varuint(register)
-            for number in range(register, register + count):
-                scales = SCALES.get(number, (1, 1, 1))
-                writer.write_mapped(self._register(number), *scales, resolution)
-            place += count
-        return buffer.getvalue()
-
-    def _register(self, number: int) -> float:
-        table = {
+    def _registers(self) -> dict[int, float]:
+        """What can be read of it."""
+        return {
             R_MODE: self.mode,
             R_POSITION: self._position,
             R_VELOCITY: self._velocity,
@@ -238,7 +192,6 @@ class VirtualMoteus:
             R_REGISTER_MAP_VERSION: self.register_map,
             R_MULTIPLEX_ID: self.id,
         }
-        return float(table.get(number, 0))
 
     def _hear(self, data: bytes) -> None:
         """A line of the diagnostic protocol."""
@@ -317,11 +270,6 @@ class VirtualMoteus:
         stiffness = conf["servo.pid_position.kp"] * command[R_COMMAND_KP_SCALE]
         damping = conf["servo.pid_position.kd"] * command[R_COMMAND_KD_SCALE]
         return stiffness * error + damping * (rate - self._velocity) + self._integral
-
-
-def _padded(data: bytes) -> bytes:
-    sizes = (*range(9), 12, 16, 20, 24, 32, 48, 64)
-    return data.ljust(next(size for size in sizes if size >= len(data)), b"\x50")
 
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualMoteus:

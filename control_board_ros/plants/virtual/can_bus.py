@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
-from ..drives.can_line import BUS_OFF, REMOTE, SHORT
+from ..drives.can_line import BUS_OFF, REMOTE, SHORT, frame
 from .wire import Wire
 from .world import World
 
@@ -54,7 +54,7 @@ class VirtualCanBus:
         self.address = address or f"virtual:drives {next(_numbers)}"
         interface, _, channel = self.address.partition(":")
         self.to_drives, self.from_drives = Wire(checked=True), Wire(checked=True, seed=1)
-        self._fd, self._message = fd, can.Message
+        self._fd, self._message = fd, frame()
         more: dict[str, Any] = {}
         if interface == "virtual":
             more["protocol"] = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
@@ -104,7 +104,7 @@ class VirtualCanBus:
         if (message.arbitration_id > SHORT) is not message.is_extended_id:
             return  # its upper bits would not get onto a real bus
         remote = REMOTE if message.is_remote_frame else 0
-        frame = message.arbitration_id | remote, bytes(message.data)
-        for frame_id, data in self.to_drives.carry(iter([frame])):
+        came = message.arbitration_id | remote, bytes(message.data)
+        for frame_id, data in self.to_drives.carry(iter([came])):
             for drive in self.drives:
                 yield from drive.on_frame(frame_id, data)

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames of a virtual moteus: what a controller reads in one, and how it writes its answer.
+
+The maker's library reads frames and writes numbers. What comes again and again is kept as it did
+so: questions, and numbers of few values. The floats of its usual command stand where it has them.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Mapping
+from functools import lru_cache
+from itertools import groupby
+from typing import NamedTuple
+
+from moteus import multiplex as mp
+from moteus.protocol import Register, Writer, scale_register
+
+#: Registers, as plain numbers: they are looked up in every step.
+R_COMMAND_D_CURRENT = int(Register.COMMAND_D_CURRENT)
+R_COMMAND_FEEDFORWARD_TORQUE = int(Register.COMMAND_FEEDFORWARD_TORQUE)
+R_COMMAND_ILIMIT_SCALE = int(Register.COMMAND_ILIMIT_SCALE)
+R_COMMAND_KD_SCALE = int(Register.COMMAND_KD_SCALE)
+R_COMMAND_KP_SCALE = int(Register.COMMAND_KP_SCALE)
+R_COMMAND_POSITION = int(Register.COMMAND_POSITION)
+R_COMMAND_POSITION_MAX_TORQUE = int(Register.COMMAND_POSITION_MAX_TORQUE)
+R_COMMAND_Q_CURRENT = int(Register.COMMAND_Q_CURRENT)
+R_COMMAND_TIMEOUT = int(Register.COMMAND_TIMEOUT)
+R_COMMAND_VELOCITY = int(Register.COMMAND_VELOCITY)
+R_D_CURRENT = int(Register.D_CURRENT)
+R_FAULT = int(Register.FAULT)
+R_FIRMWARE_VERSION = int(Register.FIRMWARE_VERSION)
+R_MODE = int(Register.MODE)
+R_MOTOR_TEMPERATURE = int(Register.MOTOR_TEMPERATURE)
+R_MULTIPLEX_ID = int(Register.MULTIPLEX_ID)
+R_POSITION = int(Register.POSITION)
+R_Q_CURRENT = int(Register.Q_CURRENT)
+R_REGISTER_MAP_VERSION = int(Register.REGISTER_MAP_VERSION)
+R_TEMPERATURE = int(Register.TEMPERATURE)
+R_TORQUE = int(Register.TORQUE)
+R_VELOCITY = int(Register.VELOCITY)
+R_VOLTAGE = int(Register.VOLTAGE)
+R_VOLTAGEDQ_D = int(Register.VOLTAGEDQ_D)
+R_VOLTAGEDQ_Q = int(Register.VOLTAGEDQ_Q)
+#: What each int8, int16 and int32 means, by register.
+SCALES = {
+    R_POSITION: (0.01, 1e-4, 1e-5),
+    R_VELOCITY: (0.1, 2.5e-4, 1e-5),
+    R_TORQUE: (0.5, 0.01, 1e-3),
+    R_Q_CURRENT: (1.0, 0.1, 1e-3),
+    R_D_CURRENT: (1.0, 0.1, 1e-3),
+    R_VOLTAGE: (0.5, 0.1, 1e-3),
+    R_TEMPERATURE: (1.0, 0.1, 1e-3),
+    R_MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
+}
+#: The usual command: mode 10 and floats, with what stands before each row of these.
+COMMAND = struct.Struct("<6s6f2sf2sf")
+HEADS = (b"\x01\x00\x0a\x0c\x06\x20", b"\x0d\x27", b"\x0d\x2b")
+COMMANDED = (
+    R_COMMAND_POSITION,
+    R_COMMAND_VELOCITY,
+    R_COMMAND_FEEDFORWARD_TORQUE,
+    R_COMMAND_KP_SCALE,
+    R_COMMAND_KD_SCALE,
+    R_COMMAND_POSITION_MAX_TORQUE,
+)
+F32, FLOAT = int(mp.F32), struct.Struct("<f")
+#: The next length that CAN FD has, by length.
+LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+
+
+class Read(NamedTuple):
+    """A frame: what it writes, by register; registers that it asks for, with their resolutions;
+    what it says on the diagnostic stream, and how much (bytes) it wants of it, by channel.
+    """
+
+    writes: Mapping[int, float]
+    reads: tuple[tuple[int, int], ...]
+    said: tuple[bytes, ...] = ()
+    wanted: tuple[tuple[int, int], ...] = ()
+
+
+def read(data: bytes) -> Read:
+    """Read a frame.
+
+    Raises:
+        Exception: it is none of the protocol.
+    """
+    if len(data) > COMMAND.size:
+        first, q, dq, torque, kp, kd, most, second, timeout, third, integral = COMMAND.unpack_from(
+            data
+        )
+        if (first, second, third) == HEADS:
+            rest = question(data[COMMAND.size :])
+            if not (rest.writes or rest.said or rest.wanted):
+                writes = dict(zip(COMMANDED, (q, dq, torque, kp, kd, most), strict=True))
+                writes[R_MODE] = 10
+                writes[R_COMMAND_TIMEOUT], writes[R_COMMAND_ILIMIT_SCALE] = timeout, integral
+                return Read(writes, rest.reads)
+    return parse(data)
+
+
+def parse(data: bytes) -> Read:
+    """Read a frame as the library does, whatever is in it."""
+    writes: dict[int, float] = {}
+    reads, said, wanted = [], [], []
+    for part in mp.parse_frame(data):
+        kind = part.type
+        if kind is mp.SubframeType.WRITE:
+            writes[part.register] = scale_register(part.register, part.resolution, part.value)
+        elif kind is mp.SubframeType.READ:
+            reads.append((part.register, part.resolution))
+        elif kind is mp.SubframeType.STREAM_CLIENT_TO_SERVER:
+            said.append(part.data)
+        elif kind is mp.SubframeType.STREAM_CLIENT_POLL_SERVER:
+            wanted.append((part.channel, part.data[0]))
+    return Read(writes, tuple(reads), tuple(said), tuple(wanted))
+
+
+question = lru_cache(64)(parse)
+
+
+def answer(reads: tuple[tuple[int, int], ...], registers: Mapping[int, float]) -> bytes:
+    """Replies to what was asked for; a register that is not there is 0."""
+    parts = []
+    for head, numbers, resolution in runs(reads):
+        parts.append(head)
+        for number in numbers:
+            parts.append(mapped(number, resolution, float(registers.get(number, 0.0))))
+    return b"".join(parts)
+
+
+@lru_cache(64)
+def runs(reads: tuple[tuple[int, int], ...]) -> list[tuple[bytes, list[int], int]]:
+    """Registers of one resolution that follow each other, with the head of their subframe."""
+    found = []
+    ordered = groupby(enumerate(reads), lambda each: (each[1][0] - each[0], each[1][1]))
+    for (_, resolution), run in ordered:
+        numbers = [register for _, (register, _) in run]
+        count = len(numbers)
+        writer = Writer(buffer := io.BytesIO())
+        writer.write_int8(0x20 | resolution << 2 | (count if count < 4 else 0))
+        if count >= 4:
+            writer.write_varuint(count)
+        writer.write_varuint(numbers[0])
+        found.append((buffer.getvalue(), numbers, resolution))
+    return found
+
+
+def mapped(number: int, resolution: int, value: float) -> bytes:
+    """A register's value as it is in a reply."""
+    return FLOAT.pack(value) if resolution == F32 else whole(number, resolution, value)
+
+
+@lru_cache(256)
+def whole(number: int, resolution: int, value: float) -> bytes:
+    """The same, of an integer."""
+    Writer(buffer := io.BytesIO()).write_mapped(value, *SCALES.get(number, (1, 1, 1)), resolution)
+    return buffer.getvalue()
+
+
+def padded(data: bytes) -> bytes:
+    """Data of a length that CAN FD has, with NOPs."""
+    return data.ljust(next(size for size in LENGTHS if size >= len(data)), b"\x50")

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A virtual moteus reads the usual command by its place, and as the library reads it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+moteus = pytest.importorskip("moteus")
+
+from control_board_ros.plants.moteus import virtual_frames  # noqa: E402
+
+NUMBERS = {
+    "position": 0.125,
+    "velocity": -0.5,
+    "feedforward_torque": 0.25,
+    "kp_scale": 0.75,
+    "kd_scale": 2.0,
+    "maximum_torque": 3.0,
+    "watchdog_timeout": 0.0625,
+    "ilimit_scale": 1.5,
+}
+
+
+def test_the_usual_command_is_read_as_the_library_reads_it() -> None:
+    resolution = moteus.QueryResolution()
+    resolution.q_current = moteus.F32
+    drive = moteus.Controller(id=1, query_resolution=resolution)
+    data = bytes(drive.make_position(**NUMBERS, query=True).data)
+    head = virtual_frames.COMMAND.unpack_from(data)
+    assert (head[0], head[7], head[9]) == virtual_frames.HEADS, "the library writes it otherwise"
+    assert virtual_frames.read(data) == virtual_frames.parse(data)
+    nowhere = bytes(drive.make_position(**NUMBERS | {"position": math.nan}, query=True).data)
+    found = virtual_frames.read(nowhere).writes
+    assert math.isnan(found.pop(virtual_frames.R_COMMAND_POSITION))
+    assert found == {
+        register: value
+        for register, value in virtual_frames.parse(data).writes.items()
+        if register != virtual_frames.R_COMMAND_POSITION
+    }
+
+
+def test_an_answer_is_read_by_the_library() -> None:
+    """Floats, and integers with their scales."""
+    from moteus.protocol import Register, parse_reply
+
+    said = {int(Register.MODE): 10, int(Register.POSITION): 0.5, int(Register.VELOCITY): -0.25,
+            int(Register.VOLTAGE): 24.0, int(Register.FAULT): 0, int(Register.TORQUE): 0.125,
+            int(Register.Q_CURRENT): 1.5, int(Register.TEMPERATURE): 30.0}  # fmt: skip
+    query = bytes(moteus.Controller(id=1).make_query().data)
+    reads = virtual_frames.read(query).reads
+    told = parse_reply(virtual_frames.answer(reads, said))
+    assert {int(register) for register in told} == {register for register, _ in reads}
+    assert {register: told[register] for register in told} == {
+        register: pytest.approx(said[int(register)]) for register in told
+    }
