@@ -97,7 +97,7 @@ def interval(value: float, sure: float) -> str:
     if sure <= 0.0:
         return f"{value:.4g}"
     width = f"{sure:.1g}"
-    if "e" in width and abs(value) < 1e-3:
+    if sure < 1e-4 and abs(value) < 1e-3:
         return f"{value:.4g} ± {width}"
     digits = max(-int(f"{sure:e}".split("e")[1]), 0)
-    return f"{value:.{digits}f} ± {sure:.{digits}f}"
+    return f"{round(value, digits) + 0.0:.{digits}f} ± {sure:.{digits}f}"

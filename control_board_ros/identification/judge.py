@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..core.terms.joint_kind import JointKind
-from .fit import (
+from .equations import (
     BREAKAWAY,
     CENTER,
     COULOMB,
@@ -15,14 +15,12 @@ from .fit import (
     EFFICIENCY,
     KT,
     MASS,
-    NO_MASS,
     OF_JOINT,
     RESISTANCE,
     ROTOR,
     VISCOUS,
-    Estimate,
-    Fitted,
 )
+from .fit import NO_MASS, Estimate, Fitted
 from .robot import Robot
 
 #: Parameter of each unknown, below the joint's name.
@@ -61,6 +59,7 @@ LITTLE_FRICTION, LITTLE_ROTOR, LITTLE_DELAY = 5e-4, 0.01, 0.25
 SURE_CENTER = 0.01
 #: Deviation of k_t N from the configured one that is a wrong parameter, not a motor's tolerance.
 WRONG = 0.25
+LOOKS_ALIKE = "not shown: inertia of the payload looks the same; identify it without one"
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +95,10 @@ def judge(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
             continue
         for quantity in OF_JOINT:
             if (found := fitted.estimates.get((joint, quantity))) is not None:
-                findings.append(of_joint(robot, joint, quantity, found))
+                one = of_joint(robot, joint, quantity, found)
+                if one.why and quantity == ROTOR and joint == fitted.carrier and fitted.carries:
+                    one = replace(one, why=LOOKS_ALIKE)
+                findings.append(one)
     return [*findings, *of_payload(robot, fitted)], wrong
 
 

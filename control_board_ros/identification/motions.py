@@ -23,9 +23,9 @@ GRID, REST = 0.02, 0.4
 #: Half the range where none is given, rad and m.
 RANGE, RANGE_SLIDING = 0.35, 0.05
 #: Speeds of ramps, as shares of a joint's bound; the first ones are short, for the breakaway.
-SLOW, RAMPS = 0.06, (0.3, 0.6, 1.0, 1.0)
+SLOW, RAMPS = 0.03, (0.3, 0.6, 1.0, 1.0)
 #: Duration of slow ramps, which accelerate half of it and brake the other half, s; their number.
-CRAWL, CRAWLS = 1.6, 6
+CRAWL, CRAWLS = 2.4, 6
 #: Frequencies of the two tones of a sine, Hz, with their shares; duration, s.
 TONES, SINES = ((0.5, 1.0), (1.3, 0.5)), 8.0
 #: Steps there and back.

@@ -11,9 +11,10 @@ import numpy as np
 from ..core.terms.joint_kind import JointKind
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, document, table
+from .equations import FRICTION, MOTOR, SENSOR, WINDING
 from .errors import IdentificationError
 from .files import TITLES, shown
-from .fit import FRICTION, MOTOR, SENSOR, WINDING, Traced
+from .fit import Traced
 from .outcome import Outcome
 
 #: Speeds over which friction is averaged, for its curve.
@@ -48,9 +49,9 @@ def overview(outcome: Outcome) -> str:
     rows = [[joint, "", "", text] for joint, text in outcome.troubles.items()]
     for finding in outcome.findings:
         kind = outcome.robot.kind(finding.joint)
-        text = "written" if not finding.why else finding.why
+        text = "yes" if not finding.why else finding.why
         rows.append([finding.joint, TITLES[finding.quantity], shown(finding, kind), text])
-    heads = ["joint", "quantity", "value", ""]
+    heads = ["joint", "quantity", "value, 95 % interval", "in the parameter file"]
     return f"<h2>{escape('What the data shows')}</h2>" + table(heads, rows, text=1)
 
 

@@ -72,6 +72,7 @@ class Samples:
         position, velocity, acceleration, torque, current: Filtered, shape (m, n); torque NaN
             where it is not measured.
         change: Of the current, A/s, shape (m, n).
+        rise: Of the torque, N·m/s, shape (m, n).
         voltage: Of the motors: value, per s, per s², shape (m, n, 3).
         moving: The joint moves steadily in one direction, shape (m, n).
         asked: The motion is one of the joint's, shape (m, n).
@@ -86,6 +87,7 @@ class Samples:
     torque: Floats
     current: Floats
     change: Floats
+    rise: Floats
     voltage: Floats
     moving: Bools
     asked: Bools
@@ -174,6 +176,7 @@ def smoothed(record: Record, supply: Floats) -> tuple[float, Signals]:
         "torque": even(signals["torque"]),
         "current": even(signals["current"]),
         "change": even(signals["current"], 1),
+        "rise": even(signals["torque"], 1),
         "voltage": np.stack([even(volts, order) for order in range(3)], axis=-1),
         "reference": even(signals["position_reference"], 1),
     }

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from control_board_ros.core.terms.measurement import Measurement, Motor, Row
 from control_board_ros.identification.bench import Bench
+from control_board_ros.identification.judge import little_of
 from control_board_ros.identification.motions import bounds_of, motions_of
 from control_board_ros.identification.outcome import Outcome, identify
 from control_board_ros.identification.robot import Robot
@@ -28,6 +29,15 @@ STEPS = (2e-4, 5e-4)
 #: Of the board: gains for a delay, which those of drives are within.
 CAUTIOUS = {"joint_defaults.drive_delay": 0.004}
 Bent = Callable[[Measurement, np.ndarray], Measurement]
+
+
+SCARA = Path(__file__).resolve().parents[2] / "benchmark" / "motion_measure" / "scara.urdf"
+#: Robots of the grid: what is loaded, and the payload, kg; scara is a derived URDF.
+ROBOTS = {"iiwa": ("iiwa", 1.5), "panda": ("panda", 0.6), "scara": (str(SCARA), 0.5)}
+#: Joints of each seed, from 1: those of all seeds are the whole arm. An arm of less has all.
+GRID = {1: (2, 4, 6), 2: (1, 4, 5), 3: (3, 6, 7)}
+ENGINES = ("mujoco", "pybullet")
+FRICTION = ("coulomb", "viscous", "breakaway")
 
 
 class HiddenPlant(SimulatedPlant):
@@ -83,6 +93,7 @@ class Hidden:
         if payload:
             assert plant.urdf is not None
             plant = replace(plant, urdf=with_payload(plant.urdf, true.board.names, payload))
+        self.payload = payload
         self.robot, self.joints, self.truth = Robot.of(board), list(joints), true.values
         self.simulation = Simulation(board.board, board.simulation)
         self.simulation.plant.close()
@@ -115,6 +126,62 @@ class Hidden:
     def identified(self, *, payload: bool = True, **shares: float) -> Outcome:
         """Play all motions and identify."""
         return identify(self.robot, self.records(**shares), self.joints, payload=payload)
+
+
+def of_grid(robot: str, physics: str, seed: int) -> Hidden:
+    """A cell of the grid: some joints of an arm, and what it carries."""
+    source, payload = ROBOTS[robot]
+    own = load(None, {"robot": source}) if robot == "scara" else load(source)
+    names = own.board.names
+    joints = list(names) if len(names) < 7 else [names[k - 1] for k in GRID[seed]]
+    truth = drawn(source, joints, seed, physics)
+    return Hidden(source, physics, joints, truth, payload, seed)
+
+
+@dataclass(frozen=True, slots=True)
+class Miss:
+    """How far a finding is from the truth.
+
+    Attributes: joint, quantity, truth and found (SI units), sure (half width of the interval),
+    why (it is not written; empty: it is), least (what does not matter).
+    """
+
+    joint: str
+    quantity: str
+    truth: float
+    found: float
+    sure: float
+    why: str
+    least: float
+
+    @property
+    def error(self) -> float:
+        """As a share of the truth."""
+        return abs(self.found - self.truth) / abs(self.truth) if self.truth else float("inf")
+
+    @property
+    def allowed(self) -> bool:
+        """Within 10 % (friction) or 5 %."""
+        share = 0.1 if self.quantity in FRICTION else 0.05
+        return abs(self.found - self.truth) <= max(share * abs(self.truth), self.least)
+
+
+def misses(hidden: Hidden, outcome: Outcome) -> list[Miss]:
+    """Every finding against its truth."""
+    found = []
+    for one in outcome.findings:
+        least = 1e-2 if one.quantity == "center" else 0.0
+        least = least or little_of(hidden.robot, one.joint, one.quantity)
+        truths: Sequence[float] = [0.0]
+        if one.quantity == "center":
+            truths = [0.0, 0.0, 0.0]
+        elif one.quantity == "mass":
+            truths = [hidden.payload]
+        else:
+            truths = [float(hidden.truth[one.parameter])]
+        for truth, value, sure in zip(truths, one.value, one.sure, strict=True):
+            found.append(Miss(one.joint, one.quantity, truth, value, sure, one.why, least))
+    return found
 
 
 def drawn(robot: str, joints: Sequence[str], seed: int, physics: str) -> dict[str, float]:

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The equations of joints, and their unknowns.
+
+Of each joint, with the masses' torque τ_m (``rigid``) and N the gear ratio::
+
+    sensor    τ(t + lag) = τ_m(q, q̇, q̈; rotors, payload) + bearing sign(q̇)
+    motor     k_t N η i = load + gearbox sign(q̇) + viscous q̇     in motion
+              k_t N η i = load + breakaway sign + viscous q̇      where the joint leaves its rest
+    winding   V(t − delay) = R i(t + T/2) + L di/dt + k_t N q̇   where the board gives a PWM
+
+The load is τ(t + lag), or τ_m without torque sensor. Coulomb friction is that of gearbox and
+bearing, before and beyond the torque sensor, which reads later than the other sensors by a lag. A
+PWM acts for the whole cycle T after its reading: on the current T/2 later. A payload is a ball:
+mass, centre, and spin, the inertia about its centre, which looks like the rotor of a last joint.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..protocols import Floats
+from .rigid import Loads
+from .robot import Robot
+from .samples import Samples
+
+KT, EFFICIENCY, RESISTANCE, DELAY = "torque_constant", "efficiency", "resistance", "delay"
+COULOMB, VISCOUS, BREAKAWAY, ROTOR = "coulomb", "viscous", "breakaway", "inertia"
+BEARING, LAG = "bearing", "lag"
+MASS, CENTER = "mass", "center"
+OF_JOINT = (KT, EFFICIENCY, RESISTANCE, DELAY, COULOMB, VISCOUS, BREAKAWAY, BEARING, LAG, ROTOR)
+SENSOR, MOTOR, WINDING, FRICTION = "sensor", "motor", "winding", "friction"
+#: The least mass that a point mass has in its tensor, kg.
+LEAST_MASS = 1e-3
+#: How far the centre of a payload is likely to be from the link's origin, m: what masses and
+#: rotors can only explain together is decided by it, with a wide interval.
+LIKELY = 0.3
+#: Radius of gyration that a payload is likely to have about its centre, m; likewise.
+GYRATION = 0.05
+
+
+class Problem:
+    """The equations of some joints.
+
+    Args:
+        robot: As configured.
+        joints: That are identified.
+        samples: Of all its joints.
+        carrier: The joint whose link carries the payload.
+        with_payload: A payload is looked for.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        joints: Sequence[str],
+        samples: Samples,
+        loads: Loads,
+        *,
+        with_payload: bool,
+    ) -> None:
+        self.samples, self.loads, self.with_payload = samples, loads, with_payload
+        self.joints = tuple(joints)
+        self._columns = columns = [robot.names.index(name) for name in joints]
+        self.torque = samples.torque[:, columns]
+        self.current = samples.current[:, columns]
+        self.velocity = samples.velocity[:, columns]
+        self._voltage = samples.voltage[:, columns]
+        change = samples.change[:, columns]
+        self._rise = samples.rise[:, columns]
+        self._induced = change * robot.numbers("motor.inductance", joints)
+        self._later = self.current + 0.5 * robot.period * change
+        self._ratio = robot.numbers("motor.gear_ratio", joints)
+        starting = np.abs(samples.start).max(axis=1, keepdims=True) > 0.0
+        still = ~starting & samples.asked[:, columns]
+        self._moving, self._start = samples.moving[:, columns], samples.start[:, columns]
+        self.senses = np.isfinite(self.torque).all(axis=0)
+        drawn = np.isfinite(self.current).all(axis=0) & (np.abs(self.current).max(axis=0) > 0.0)
+        handed = np.array([robot.hands_voltage(name) for name in joints])
+        measured = np.isfinite(self._voltage).reshape(-1, len(joints), 3)
+        handed = handed & measured.all(axis=(0, 2)) & drawn
+        self.uses = {
+            SENSOR: still & self.senses,
+            MOTOR: (self._moving | (self._start != 0.0)) & drawn,
+            WINDING: still & handed,
+        }
+        self._place(robot, drawn, handed)
+
+    def _place(self, robot: Robot, drawn: np.ndarray, handed: np.ndarray) -> None:
+        """Which unknowns are free, where they start, and their scales."""
+        limits = robot.numbers("limits.torque", self.joints)
+        speeds = robot.numbers("limits.velocity", self.joints)
+        starts = {
+            KT: robot.numbers("motor.torque_constant", self.joints),
+            EFFICIENCY: robot.numbers("motor.efficiency", self.joints),
+            RESISTANCE: robot.numbers("motor.resistance", self.joints),
+            DELAY: np.zeros(len(self.joints)),
+            COULOMB: 0.01 * limits,
+            VISCOUS: 0.01 * limits / speeds,
+            BREAKAWAY: 0.01 * limits,
+            BEARING: np.zeros(len(self.joints)),
+            LAG: np.zeros(len(self.joints)),
+            ROTOR: 0.3 * robot.numbers("inertia_min", self.joints),
+        }
+        scales = starts | {
+            DELAY: np.full(len(self.joints), robot.period),
+            BEARING: 0.01 * limits,
+            LAG: np.full(len(self.joints), robot.period),
+        }
+        loose = self.uses[MOTOR] & (self._start != 0.0)
+        masses = self.senses | drawn
+        free = {
+            KT: drawn,
+            EFFICIENCY: handed & self.senses,
+            RESISTANCE: handed,
+            DELAY: handed,
+            COULOMB: drawn,
+            VISCOUS: drawn,
+            BREAKAWAY: loose.any(axis=0),
+            BEARING: self.senses & self._moving.any(axis=0),
+            LAG: self.senses,
+            ROTOR: masses,
+        }
+        self._starts, self._free = starts, free
+        self.unknowns = [
+            (k, name) for k in range(len(self.joints)) for name in OF_JOINT if free[name][k]
+        ]
+        rows = [(starts[name][k], scales[name][k]) for k, name in self.unknowns]
+        if self.with_payload:
+            rows += [(1.0, 1.0), *3 * [(0.0, 0.1)], (0.0, GYRATION**2)]
+        self.start, self.scale = np.array(rows).reshape(-1, 2).T
+
+    def spread(self, x: Floats) -> tuple[dict[str, Floats], Floats]:
+        """The unknowns by name, shape (k,), and mass, moment and spin of the payload, (5,)."""
+        found = {name: row.copy() for name, row in self._starts.items()}
+        for value, (k, name) in zip(x, self.unknowns, strict=False):
+            found[name][k] = value
+        return found, x[len(self.unknowns) :] if self.with_payload else np.zeros(5)
+
+    def masses(self, rotors: Floats, payload: Floats) -> Floats:
+        """Torques of the masses, shape (m, k)."""
+        known, per_rotor, per_payload = self.loads.known, self.loads.rotors, self.loads.payload
+        found = known + np.tensordot(rotors, per_rotor, axes=1)
+        if self.with_payload:
+            found = found + np.tensordot(ball(payload), per_payload, axes=1)
+        return np.asarray(found)
+
+    def sides(self, x: Floats) -> dict[str, tuple[Floats, Floats]]:
+        """What is measured, and what the model gives for it, of every equation, shape (m, k)."""
+        unknown, payload = self.spread(x)
+        masses = self.masses(unknown[ROTOR], payload)
+        gain = unknown[KT] * self._ratio
+        felt = self.torque + unknown[LAG] * self._rise
+        load = np.where(self.senses, felt, masses)
+        way = np.where(self._moving, np.sign(self.velocity), 0.0)
+        friction = unknown[COULOMB] * way + unknown[BREAKAWAY] * self._start
+        friction += unknown[VISCOUS] * self.velocity
+        late = unknown[DELAY]
+        volts = np.einsum(
+            "mkd,dk->mk", self._voltage, np.stack([np.ones_like(late), -late, 0.5 * late**2])
+        )
+        return {
+            SENSOR: (felt, masses + unknown[BEARING] * way),
+            MOTOR: (gain * unknown[EFFICIENCY] * self.current, load + friction),
+            WINDING: (
+                volts,
+                unknown[RESISTANCE] * self._later + self._induced + gain * self.velocity,
+            ),
+        }
+
+    def friction(self, x: Floats) -> tuple[Floats, Floats]:
+        """What the motors give beyond the load, and the model of it, shape (m, k)."""
+        given, whole = self.sides(x)[MOTOR]
+        unknown, payload = self.spread(x)
+        felt = self.torque + unknown[LAG] * self._rise
+        load = np.where(self.senses, felt, self.masses(unknown[ROTOR], payload))
+        return given - load, whole - load
+
+    def start_of(self, k: int) -> Floats:
+        """Direction in which joint k leaves its rest at each sample; 0: it does not."""
+        return self._start[:, k]
+
+    def residuals(self, x: Floats, weights: dict[str, Floats]) -> Floats:
+        """All residuals, weighted, equation after equation."""
+        rows = [
+            ((measured - model) * weights[name])[self.uses[name]]
+            for name, (measured, model) in self.sides(x).items()
+        ]
+        if self.with_payload:
+            mass, *moment, spin = self.spread(x)[1].tolist()
+            weighed = np.array([*moment, spin]) / heavy(mass)
+            rows.append(weighed / [LIKELY, LIKELY, LIKELY, GYRATION**2])
+        return np.concatenate(rows)
+
+    @property
+    def blocks(self) -> np.ndarray:
+        """Number of the second of each residual."""
+        whole = np.broadcast_to(self.samples.block[:, None], self.torque.shape)
+        found = [whole[self.uses[name]] for name in self.uses]
+        if self.with_payload:
+            found.append(np.full(4, int(self.samples.block.max()) + 1))
+        return np.concatenate(found)
+
+
+def heavy(mass: float) -> float:
+    """A mass that can be divided by, kg."""
+    return math.copysign(max(abs(mass), LEAST_MASS), mass)
+
+
+def ball(payload: Floats) -> Floats:
+    """Mass, moment and tensor of (m, h, s), shape (10,): I = (h·h 1 − h hᵀ)/m + s 1."""
+    mass, moment, spin = payload[0], payload[1:4], payload[4]
+    tensor = (moment @ moment * np.eye(3) - np.outer(moment, moment)) / heavy(float(mass))
+    tensor = tensor + spin * np.eye(3)
+    return np.concatenate([payload[:4], tensor[(0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]])
