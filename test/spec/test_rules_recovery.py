@@ -14,6 +14,7 @@ from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.config.layout import joined
 from control_board_ros.core.state import Reference
+from control_board_ros.core.terms.faults import FaultCode
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.reply import Answer, Reason
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
@@ -190,6 +191,23 @@ def test_joints_that_are_configured_while_it_holds_get_no_power() -> None:
         rig.tick()
         assert not rig.board.state.powered.any()
     assert rig.board.get_control_mode() == [M.HW_FAULT]
+
+
+def test_the_input_of_a_plant_is_a_stop() -> None:
+    """E2: a contact that the plant reads, as the alarm of its joints; they leave it as F2."""
+    rig = Rig(config := board_config(joint("a"), joint("b")), Held(config))
+    rig.tick(2)
+    rig.board.set_control_mode(None, M.POSITION)
+    rig.tick()
+    rig.plant.values[Row.ALARM] = 1.0 + FaultCode.EMERGENCY_STOP
+    rig.tick()
+    assert rig.board.get_control_mode() == [M.HW_FAULT] * 2
+    assert not rig.board.state.powered.any()
+    assert {fault.code for fault in rig.board.get_faults()} == {FaultCode.EMERGENCY_STOP}
+    assert rig.board.recover().codes == (Reason.EMERGENCY_STOP,) * 2
+    rig.plant.values[Row.ALARM] = 0.0
+    rig.tick()
+    assert rig.board.recover().modes == (M.POSITION,) * 2
 
 
 def test_the_silence_of_the_heartbeat_is_a_stop() -> None:
