@@ -61,6 +61,22 @@ def test_all_that_are_in_fault_go_back_to_the_modes_before(rig: Rig) -> None:
     assert not any(fault.active for fault in rig.board.get_faults())
 
 
+def test_it_moves_again_within_fifty_milliseconds(rig: Rig) -> None:
+    """E1: from the cycle in which the cause is gone, by one call and one reference."""
+    rig.board.set_control_mode("left", M.VELOCITY)
+    rig.plant.inject("left", "external", True)
+    rig.run(0.3)
+    assert not rig.board.recover()
+    rig.plant.clear_injected()
+    begin = rig.board.time
+    while not rig.board.recover():
+        rig.tick()
+    rig.board.velocity_move("left", 0.5)
+    while abs(rig.board.get_encoder_speed("left")[0]) < 1e-3:
+        rig.tick()
+        assert rig.board.time - begin <= 0.05
+
+
 def test_nothing_is_left_to_recover_where_nothing_is_in_fault(rig: Rig) -> None:
     """E1: accepted, and nothing changes, named or not."""
     enter(rig, MOVING)
@@ -245,15 +261,22 @@ def test_a_stop_that_was_asked_for_outlasts_the_heartbeat() -> None:
 
 
 def test_the_stop_of_a_part_is_that_of_the_robot() -> None:
-    """E2, R: every joint, whoever asks."""
+    """E1, E2, R: every joint, whoever asks; a part recovers its own, the robot the rest."""
     config = joined({n: board_config(joint(f"{n}_a"), joint(f"{n}_b")) for n in ("arm", "leg")})
     board = Board(config)
     plant = Held(config)
     board.tick(plant.read())
+    board.set_control_mode(None, M.POSITION)
     board.parts["arm"].emergency_stop()
     plant.write(board.tick(plant.read()))
     assert board.get_control_mode() == [M.HW_FAULT] * 4
     assert np.count_nonzero(board.state.powered) == 0
+    board.parts["leg"].emergency_stop(False)
+    plant.write(board.tick(plant.read()))
+    assert board.parts["leg"].recover().joints == ("leg_a", "leg_b")
+    assert board.parts["arm"].get_control_mode() == [M.HW_FAULT] * 2
+    assert board.recover().joints == ("arm_a", "arm_b")
+    assert board.get_control_mode() == [M.POSITION] * 4
 
 
 # --- E3 ----------------------------------------------------------------------------------------
