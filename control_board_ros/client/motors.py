@@ -8,8 +8,14 @@ from typing import Any
 import numpy as np
 
 from control_board_ros.core.selection import RequestError, finite, loop_of, spread
-from control_board_ros.core.terms.motors import Motors, Pids
-from control_board_ros.core.terms.reply import Reply, refused, sent
+from control_board_ros.core.terms.motors import (
+    TERMS,
+    YARP_TERMS,
+    Motors,
+    MotorTorqueParameters,
+    Pids,
+)
+from control_board_ros.core.terms.reply import Reason, Reply, refused, sent
 from control_board_ros.interface import (
     EXTERNAL_TORQUE_SENSOR,
     GET_MOTORS,
@@ -42,12 +48,20 @@ class MotorRequests(Interface):
     @operation
     async def set_motors(
         self,
+        /,
         joints: Joints,
         max_currents: Values | None = None,
         output_limits: Values | None = None,
+        **terms: Values | None,
     ) -> Reply:
-        """Set the largest current (A) and PWM (percent) that the board asks for."""
-        given = {"max_currents": max_currents, "output_limits": output_limits}
+        """Set the largest current (A) and PWM (percent), and what the laws take motors for.
+
+        The latter by the names that ``get_motors`` has, ``torque_constants`` to
+        ``velocity_thresholds``; None: as it is. A power-on forgets all of it.
+        """
+        if unknown := terms.keys() - TERMS:
+            raise TypeError(f"no such values: {', '.join(sorted(unknown))}; one of {list(TERMS)}")
+        given = {"max_currents": max_currents, "output_limits": output_limits} | terms
         return await self._apply(SET_MOTORS, joints, given)
 
     @operation
@@ -120,6 +134,28 @@ class MotorRequests(Interface):
         """The least and the greatest torque of joints, two arrays."""
         most = (await self.get_motors(joints)).torque_limits
         return -most, most
+
+    @operation
+    async def get_motor_torque_params(self, joints: Joints = None) -> MotorTorqueParameters:
+        """What the laws take motors for: torque and back-EMF constants, friction."""
+        found = await self.get_motors(joints)
+        values = {ours: getattr(found, name) for ours, name in YARP_TERMS.items()}
+        return MotorTorqueParameters(**values)
+
+    @operation
+    async def set_motor_torque_params(
+        self, joints: Joints, parameters: MotorTorqueParameters
+    ) -> Reply:
+        """Set what the laws take motors for, from the next cycle on; None: as it is.
+
+        A power-on goes back to what is configured.
+        """
+        for name in ("ktau_scale", "bemf_scale"):
+            if scale := getattr(parameters, name):
+                text = f"{name} {scale:g} is not allowed: values are in N·m/A and V·s/rad; send 0"
+                return refused(text, code=Reason.OUT_OF_RANGE)
+        given = {name: getattr(parameters, ours) for ours, name in YARP_TERMS.items()}
+        return await self.set_motors(joints, **given)
 
     # --- encoders -------------------------------------------------------------------------------
 

@@ -68,7 +68,7 @@ class Engine:
         self.machine.on_fault = self.frames.fault
         self.machine.joint = self.torques.joint
         self.brakes = brakes = self.machine.brakes
-        self.mix = mix_of(config)
+        self.mix = mix_of(config, self.controller.joints)
         output, powered = state.output, state.powered
         if self.mix is not None:
             output, powered = self.mix.pwm, self.mix.powered
@@ -132,6 +132,7 @@ class Engine:
         """Make the joints of a part begin anew (N1)."""
         self.state.power_on(zone.joints)
         self.controller.power_on(zone)
+        self.motors.retune()
         self.references.power_on(zone.joints, self.config)
         self.monitor.power_on(zone.joints)
         self._start(zone)

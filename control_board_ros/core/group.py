@@ -365,30 +365,25 @@ class JointGroup(ModeShortcuts):
         joints: Joints,
         max_currents: Values | None = None,
         output_limits: Values | None = None,
+        **terms: Values | None,
     ) -> Reply:
-        """Set what amplifiers may do, within what is configured (Y5); a power-on forgets it.
+        """Set what amplifiers may do, and what the laws take motors for (Y5); None: as it is.
+
+        A power-on forgets it. The new values act in the next cycle.
 
         Args:
             joints: whose they are.
-            max_currents: the largest that the board asks for, A; None: as it is.
-            output_limits: the largest PWM, percent; None: as it is.
+            max_currents: the largest that the board asks for, A, up to the peak current.
+            output_limits: the largest PWM, percent, up to the configured.
+            terms: constants and friction, by the names in ``terms.motors.TERMS``.
         """
         try:
-            if max_currents is None and output_limits is None:
-                raise RequestError(
-                    "neither max_currents nor output_limits given; send one or both"
-                )
-            chosen, limits = self.selector.select(joints), self.engine.limits
-            given = [
-                None if values is None else all_within(chosen, what, values, most, zero=zero)
-                for what, values, most, zero in (
-                    ("max_current", max_currents, limits.current, False),
-                    ("output_limit", output_limits, limits.output, True),
-                )
-            ]
+            chosen, motors = self.selector.select(joints), self.engine.motors
+            caps = {"max_currents": max_currents, "output_limits": output_limits}
+            given = motors.check(chosen, caps | terms)
         except RequestError as error:
             return self.selector.refuse(joints, error)
-        return self.engine.motors.set_caps(chosen, *given)
+        return motors.set(chosen, given)
 
     def get_pids(self, loop: str, joints: Joints = None) -> Pids:
         """One control loop of joints: ``position``, ``velocity``, ``torque``, ``current`` (Y5)."""

@@ -232,7 +232,7 @@ def test_acceleration_and_load_are_observed() -> None:
 
 def turned_round(known: float, rubs: float = 4.0) -> float:
     """How far the velocity of a joint that rubs overshoots when it is turned round, rad/s."""
-    one = started(Law.POSITION, coulomb=known)
+    one = started(Law.POSITION, coulomb=known, coulomb_negative=known)
     gains(one.joint.position_pid, kp=2500.0, ki_period=10.0, kd=50.0)
     body = Body(one, friction=rubs)
     one.joint.ramp(0.5, 5.0)
@@ -251,7 +251,7 @@ def test_friction_that_is_known_is_fed_forward() -> None:
 
 def test_friction_fed_forward_leaves_a_joint_at_rest_alone() -> None:
     """It goes with what is followed, not with what is measured: noise does not drive it."""
-    one = started(Law.POSITION, coulomb=4.0, viscous=3.0)
+    one = started(Law.POSITION, coulomb=4.0, coulomb_negative=4.0, viscous=3.0)
     gains(one.joint.position_pid, kp=0.0)
     one.set(velocity=0.01)
     assert outputs(one, 5) == pytest.approx(0.0)

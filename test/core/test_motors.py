@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rig import LIMITS, MOTOR, M, Rig, board_config, joint, ready
+from rig import LIMITS, MOTOR, Held, M, Rig, board_config, joint, ready
 
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.terms.motors import Loop
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.motors import TERMS, Loop
 from control_board_ros.core.terms.reply import Reason
 
 
@@ -82,6 +83,14 @@ def test_the_largest_pwm_is_what_is_set(rig: Rig) -> None:
         {"output_limits": 100.5},
         {"output_limits": [1.0, 2.0]},
         {"max_currents": 1.0, "output_limits": math.inf},
+        {"torque_constants": 0.009},
+        {"torque_constants": 1.01},
+        {"torque_constants": math.nan},
+        {"back_emf_constants": 0.21},
+        {"viscous_positive": -0.1},
+        {"coulomb_negative": LIMITS.torque + 1.0},
+        {"velocity_thresholds": 0.0},
+        {"max_currents": 1.0, "torque_constants": 5.0},
     ],
     ids=str,
 )
@@ -92,8 +101,67 @@ def test_caps_lie_within_what_is_configured(rig: Rig, given: dict[str, Any]) -> 
     assert not reply
     assert reply.message
     after = rig.board.get_motors()
-    np.testing.assert_array_equal(after.max_currents, before.max_currents)
-    np.testing.assert_array_equal(after.output_limits, before.output_limits)
+    for name in ("max_currents", "output_limits", *TERMS):
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
+
+
+@pytest.mark.parametrize("output", ["pwm", "current"])
+def test_laws_drive_by_the_constants_that_are_set(output: str) -> None:
+    """Y5, P10: i = τ/(k_t N), u = 100/V (R i + k_e N dq); one joint, until the next power-on."""
+    config = board_config(joint("left"), joint("right"), output=output)
+    made = Rig(config, Held(config))
+    made.tick(3)
+    made.enter(M.TORQUE)
+    made.plant.values[Row.VELOCITY] = 0.2
+    assert made.board.set_motors("left", torque_constants=0.2, back_emf_constants=0.05)
+    made.board.set_ref_torque(None, 10.0)
+    laws = made.board.engine.controller.joints
+    made.tick(2)
+    assert made.board.get_motors().torque_constants.tolist() == [0.2, 0.1]
+    assert made.board.get_motors().back_emf_constants.tolist() == [0.05, 0.1]
+    assert laws[0].per_torque == pytest.approx(0.5 * laws[1].per_torque)
+    assert laws[0].emf == pytest.approx(0.5 * laws[1].emf)
+    if output == "pwm":
+        assert laws[0].per_speed == pytest.approx(100.0 / 48.0 * 0.05 * MOTOR.gear_ratio)
+    made.board.reconfigure(config)  # of other parameters: what was set stays
+    assert laws[0].torque_per_ampere == pytest.approx(2.0 * laws[1].torque_per_ampere)
+    made.board.power_cycle()
+    assert made.board.get_motors().torque_constants.tolist() == [0.1, 0.1]
+    assert made.board.engine.controller.joints[0].per_torque == laws[1].per_torque
+
+
+def test_a_torque_is_made_with_the_constant_that_is_set() -> None:
+    """Y5: half the constant asks twice the current for the same torque."""
+    made = ready(board_config(joint("left"), joint("right")))
+    made.enter(M.TORQUE)
+    assert made.board.set_motors("left", torque_constants=0.05)
+    made.board.set_ref_torque(None, 10.0)
+    shown = made.tick()
+    assert shown.output[0] == pytest.approx(2.0 * shown.output[1]) != 0.0
+
+
+@pytest.mark.parametrize(("speed", "friction"), [(0.5, 3.0 + 2.0 * 0.5), (-0.5, -5.0)])
+def test_friction_that_is_set_is_fed_forward(speed: float, friction: float) -> None:
+    """Y5: F_c clamp(v/v_s) + F_v v of its direction, beside a joint that has none."""
+    config = board_config(joint("left"), joint("right"))
+    made = Rig(config, Held(config))
+    made.tick(3)
+    made.enter(M.VELOCITY)
+    given = {
+        "viscous_positive": 2.0,
+        "viscous_negative": 0.0,
+        "coulomb_positive": 3.0,
+        "coulomb_negative": 5.0,
+        "velocity_thresholds": 0.05,
+    }
+    assert made.board.set_motors("left", **given)
+    found = made.board.get_motors()
+    for name, value in given.items():
+        assert getattr(found, name)[0] == value
+    made.board.velocity_move(None, speed, 20.0)
+    left, right = made.tick(16).output.tolist()
+    per_torque = made.board.engine.controller.joints[1].per_torque
+    assert (left - right) / per_torque == pytest.approx(friction)
 
 
 def test_a_motor_encoder_reads_what_it_is_set_to(rig: Rig) -> None:

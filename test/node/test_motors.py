@@ -78,6 +78,27 @@ def test_motors_are_read_and_capped(talker: Talker) -> None:
     assert list(refused.codes) == ["out_of_range"]
 
 
+def test_motor_torque_parameters_are_set_live(talker: Talker) -> None:
+    """Y5: read, set and refused; an empty array leaves a value alone."""
+    name = talker.names[2]
+    before = talker.call("get_motors", srv.GetMotors, names=[name])
+    constant = 1.1 * before.torque_constants[0]
+    assert talker.call(
+        "set_motors",
+        srv.SetMotors,
+        names=[name],
+        torque_constants=[constant],
+        coulomb_negative=[0.5],
+    ).success
+    after = talker.call("get_motors", srv.GetMotors, names=[name])
+    assert (after.torque_constants[0], after.coulomb_negative[0]) == (constant, 0.5)
+    assert after.back_emf_constants == before.back_emf_constants
+    assert after.coulomb_positive == before.coulomb_positive
+    refused = talker.call("set_motors", srv.SetMotors, names=[name], torque_constants=[1e3])
+    assert list(refused.codes) == ["out_of_range"]
+    assert "torque_constant 1000 of" in refused.message
+
+
 def test_loops_and_encoders(talker: Talker) -> None:
     """Y5: loops are read and reset; encoders of motors, and of joints without power, are set."""
     name = talker.names[6]

@@ -44,6 +44,7 @@ CONSTANTS = {
     "feeds": True,
     "lower": -2.0,
     "upper": 2.0,
+    "slip": 0.03,
 }
 
 

@@ -7,7 +7,8 @@ The laws themselves are in ``core.laws``, one joint at a time.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from ..state import Indices, StateArrays
 from ..terms.drives import SetPoint
 from ..terms.measurement import Array
 from ..terms.modes import Law, set_point_of
+from ..terms.motors import Term
 from .effort import Effort
 from .laws import Joint, Laws
 from .laws import Pid as Loop
@@ -33,6 +35,9 @@ PURSUIT_SHARE = 0.2
 #: A winding that is slower than the control period by more than this is not made up for whole.
 MOST_LEAD = 3.0
 
+#: Dry friction is whole from this part of the speed limit on.
+SLIP = 1e-2
+
 #: An integral part that is beyond a new limit gets there in this time, evenly, s.
 UNLOADING = 0.5
 
@@ -43,7 +48,9 @@ class Controller:
     The laws of a part's joints are stepped together: they know one arm, and settle as one.
 
     Attributes: joints (of ``laws.Joint``, in the board's order), caps (the largest current, A, and
-    PWM, percent, that it asks for, shape (2, n)), efforts (of each joint, the
+    PWM, percent, that it asks for, shape (2, n)), terms (constants and friction of motors in place
+    of the configured ones, rows of Term, shape (terms, n), NaN: as configured), efforts (of each
+    joint, the
     torque that the moves of its part take; None: it is not known).
     """
 
@@ -57,6 +64,7 @@ class Controller:
         self._bodies: dict[int, tuple[Link, Body]] = {}  # of joints whose part has a model
         self._armed = [(Law.OFF, False)] * n  # law, and whether with the direct gains
         self.caps: Array = np.zeros((2, n))
+        self.terms: Array = np.full((len(Term), n), np.nan)
         self._position_pids: list[Pid | None] = [None] * n  # in force
         self._laws: dict[str, Laws] = {}
         self._laws_of = [zone.name for zone in zones_of(config) for _ in zone.joints]
@@ -95,6 +103,7 @@ class Controller:
                 fill(*self._bodies[j], own.payload.mass, own.payload.center)
             self._armed[j] = Law.OFF, False
             self.caps[:, j] = own.limits.peak_current, own.limits.output
+            self.terms[:, j] = np.nan
             joint.stiffness, joint.damping = own.impedance.stiffness, own.impedance.damping
             self._configure(j)
 
@@ -125,9 +134,6 @@ class Controller:
         """Give a joint the constants and gains of its configuration."""
         joint, own, period = self.joints[j], self._config.joints[j], self._config.period
         self._cap(j)
-        if j in self._bodies:
-            link, _ = self._bodies[j]
-            joint.coulomb, joint.viscous = link.coulomb, link.viscous
         set_gains(joint.torque_pid, own.torque_pid, period)
         set_gains(joint.current_pid, own.current_pid, period)
         self._position_pids[j] = None
@@ -141,13 +147,26 @@ class Controller:
         for j in joints.tolist():
             self._cap(j)
 
+    def set_terms(self, joints: Indices, terms: Mapping[Term, Array]) -> None:
+        """Use other constants and friction of motors than the configured, shapes (k,) (Y5)."""
+        for row, values in terms.items():
+            self.terms[row, joints] = values
+        for j in joints.tolist():
+            self._cap(j)
+
+    def terms_in_force(self, j: int) -> list[float]:
+        """Constants and friction that the laws of a joint use, by Term."""
+        usual = usual_terms(self._config.joints[j], *self._bodies.get(j, ())[:1])
+        told: list[float] = self.terms[:, j].tolist()
+        return [a if math.isnan(b) else b for a, b in zip(usual, told, strict=True)]
+
     def _cap(self, j: int) -> None:
-        """Give a joint the constants of its configuration, within the caps that users set."""
+        """Give a joint its constants, within the caps that users set."""
         joint, own = self.joints[j], self._config.joints[j]
         limits = own.limits
         most, output = np.minimum(self.caps[:, j], (limits.peak_current, limits.output)).tolist()
         self.caps[:, j] = most, output
-        set_constants(joint, own, self._config.period)
+        set_constants(joint, own, self._config.period, self.terms_in_force(j))
         if most < limits.peak_current:
             joint.max_torque = min(joint.max_torque, most * joint.torque_per_ampere)
         joint.max_output = output
@@ -226,20 +245,33 @@ def joint_torque(joint: Joint, measured: float, current: float) -> float:
     return measured if joint.has_torque_sensor else current * joint.torque_per_ampere
 
 
-def set_constants(joint: Joint, own: JointConfig, period: float) -> None:
-    """What the laws must know of a joint's configuration."""
+def usual_terms(own: JointConfig, link: Link | None = None) -> list[float]:
+    """Constants and friction of a joint's motor as they are configured, by Term."""
+    coulomb, viscous = (0.0, 0.0) if link is None else (link.coulomb, link.viscous)
+    constant, slip = own.motor.torque_constant, SLIP * own.limits.velocity
+    return [constant, constant, viscous, viscous, coulomb, coulomb, slip]
+
+
+def set_constants(
+    joint: Joint, own: JointConfig, period: float, terms: Sequence[float] | None = None
+) -> None:
+    """What the laws must know of a joint's configuration, and by Term of its motor."""
     limits, motor = own.limits, own.motor
+    terms = terms or usual_terms(own)
     joint.period, joint.delay = period, own.drive_delay
     joint.limit_lower, joint.limit_upper = limits.lower, limits.upper
     joint.max_velocity, joint.max_acceleration = limits.velocity, limits.acceleration
     joint.max_torque, joint.max_output = limits.torque, limits.output
     joint.inertia_min = own.inertia_min
     joint.inertia = own.inertia_mean
+    motor = replace(motor, torque_constant=terms[Term.TORQUE_CONSTANT])
     joint.torque_per_ampere = motor.torque_per_ampere
+    joint.viscous, joint.viscous_negative = terms[Term.VISCOUS_POSITIVE : Term.COULOMB_POSITIVE]
+    joint.coulomb, joint.coulomb_negative, joint.slip = terms[Term.COULOMB_POSITIVE :]
     joint.has_torque_sensor = own.torque_sensor
     joint.compensation = own.back_emf_compensation
     joint.compensates = own.gravity_compensation
-    joint.ohms, joint.emf = motor.resistance, motor.back_emf
+    joint.ohms, joint.emf = motor.resistance, terms[Term.BACK_EMF] * motor.gear_ratio
     joint.percent_per_volt = 100.0 / motor.supply_voltage
     winding = motor.inductance / motor.resistance
     kept = math.exp(-period / winding)
@@ -253,7 +285,7 @@ def set_drive(joint: Joint, own: JointConfig, kind: SetPoint, *, in_amps: bool) 
     i = τ/(k_t N);  u = 100/V_s (R i + k_e N dq)
 
     Args:
-        joint: whose laws run.
+        joint: whose laws run, with its constants.
         own: its configuration.
         kind: what its drive follows.
         in_amps: whether a PWM comes of a current loop of the board's own (P10).
@@ -267,15 +299,15 @@ def set_drive(joint: Joint, own: JointConfig, kind: SetPoint, *, in_amps: bool) 
         joint.pursuit = min(joint.pursuit, own.position_pid.kp / own.position_pid.kd)
     if kind > SetPoint.CURRENT:
         joint.per_torque, joint.per_speed = 1.0, 0.0
-        joint.per_feed = 0.01 * limits.peak_current * motor.torque_per_ampere
+        joint.per_feed = 0.01 * limits.peak_current * joint.torque_per_ampere
         joint.max_drive = limits.torque
     elif joint.in_amps:
-        joint.per_torque, joint.per_speed = 1.0 / motor.torque_per_ampere, 0.0
+        joint.per_torque, joint.per_speed = 1.0 / joint.torque_per_ampere, 0.0
         joint.per_feed = 0.01 * limits.peak_current
         joint.max_drive = PEAK_SHARE * limits.peak_current
     else:
-        joint.per_torque = per_volt * motor.resistance / motor.torque_per_ampere
-        joint.per_speed, joint.per_feed = per_volt * motor.back_emf, 1.0
+        joint.per_torque = per_volt * motor.resistance / joint.torque_per_ampere
+        joint.per_speed, joint.per_feed = per_volt * joint.emf, 1.0
         joint.max_drive = limits.output
 
 

@@ -73,8 +73,6 @@ QUICK = cython.declare(cython.double, 1.2)
 #: A joint is at rest below this part of its speed limit, and of its torque limit in acceleration.
 REST_SPEED = cython.declare(cython.double, 2e-3)
 REST_TORQUE = cython.declare(cython.double, 5e-3)
-#: Coulomb friction is whole from this part of the speed limit on.
-SLIP = cython.declare(cython.double, 1e-2)
 #: How long a joint must be at rest for its load to be known, s; time constant of its filter, s.
 REST_TIME = cython.declare(cython.double, 0.03)
 LOAD_FILTER = cython.declare(cython.double, 0.01)
@@ -581,8 +579,13 @@ class Joint:
     max_drive = cython.declare(cython.double, visibility="public")  # PWM or A, as the laws give
     inertia_min = cython.declare(cython.double, visibility="public")
     inertia = cython.declare(cython.double, visibility="public")
-    coulomb = cython.declare(cython.double, visibility="public")  # friction, N·m
-    viscous = cython.declare(cython.double, visibility="public")  # N·m·s/rad
+    # friction of motion in positive and in negative direction, N·m, N·m·s/rad, and the speed
+    # from which on the dry part is whole, rad/s
+    coulomb = cython.declare(cython.double, visibility="public")
+    coulomb_negative = cython.declare(cython.double, visibility="public")
+    viscous = cython.declare(cython.double, visibility="public")
+    viscous_negative = cython.declare(cython.double, visibility="public")
+    slip = cython.declare(cython.double, visibility="public")
     torque_per_ampere = cython.declare(cython.double, visibility="public")
     has_torque_sensor = cython.declare(cython.bint, visibility="public")
     per_torque = cython.declare(cython.double, visibility="public")  # drive per N·m
@@ -1244,9 +1247,13 @@ def keep_near(j: Joint) -> cython.void:
 
 @cython.cfunc
 def friction(j: Joint, velocity: cython.double) -> cython.double:
-    """Friction at a velocity: F_c v/v_slip + F_v v, the former up to ± F_c."""
-    slip: cython.double = SLIP * j.max_velocity
-    return j.coulomb * clamp(velocity / slip, -1.0, 1.0) + j.viscous * velocity
+    """Friction at a velocity: F_c v/v_slip + F_v v, the former up to ± F_c, of its direction."""
+    ahead: cython.bint = velocity >= 0.0
+    dry: cython.double = j.coulomb if ahead else j.coulomb_negative
+    wet: cython.double = j.viscous if ahead else j.viscous_negative
+    if dry == 0.0:
+        return wet * velocity
+    return dry * clamp(velocity / j.slip, -1.0, 1.0) + wet * velocity
 
 
 @cython.cfunc

@@ -3,24 +3,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ...protocols import Floats
+from ...protocols import Floats, Values
 from ..config.config import BoardConfig
 from ..config.limits import BoardLimits
 from ..laws.laws import Joint
 from ..laws.laws import Pid as Gains
 from ..model.coupling import MotorMix
-from ..selection import Selection
+from ..selection import RequestError, Selection, all_within
 from ..state import StateArrays
 from ..terms.measurement import Motor
 from ..terms.modes import CALIBRATES, CONFIGURED, UNPOWERED
-from ..terms.motors import Loop, Motors, Pids
+from ..terms.motors import TERMS, Loop, Motors, Pids, Term
 from ..terms.reply import Answer, JointAnswer, Reason, Reply, accepted, decided
 from .feedforward import feed_output
 from .machine import Machine
+
+#: How many times the configured torque constant one may be that users set, or a part of it; and
+#: the same of the back-EMF's: more would drive a motor by its own speed.
+FAR_OFF, MOST_EMF = 10.0, 2.0
 
 
 class MotorAccess:
@@ -62,15 +66,71 @@ class MotorAccess:
             temperatures=state.temperature[joints],
             temperature_limits=np.array([one.limits.temperature for one in own]),
             torque_limits=np.array([one.limits.torque for one in own]),
-            torque_constants=np.array([one.motor.torque_constant for one in own]),
+            **self._terms(joints),
         )
 
-    def set_caps(
-        self, chosen: Selection, currents: Floats | None, outputs: Floats | None
-    ) -> Reply:
-        """Set the largest current (A) and PWM (percent) that the board asks for."""
-        self._machine.controller.set_caps(chosen.joints, currents, outputs)
+    def _terms(self, joints: list[int]) -> dict[str, Floats]:
+        rows = [self._machine.controller.terms_in_force(j) for j in joints]
+        columns = np.array(rows).reshape(len(joints), len(Term)).T
+        return {name: columns[row].copy() for name, row in TERMS.items()}
+
+    def check(self, chosen: Selection, given: Mapping[str, Values | None]) -> dict[str, Floats]:
+        """Values to be set, one per joint, by their names: caps, and those of TERMS.
+
+        Raises:
+            RequestError: there is none, or one is not within what is configured.
+        """
+        found = {}
+        for name, values in given.items():
+            if values is not None:
+                what, most, zero = self._bounds(name)
+                found[name] = all_within(chosen, what, values, most, zero=zero)
+        if not found:
+            raise RequestError(f"none of {', '.join(given)} given; send one or more")
+        if "torque_constants" in found:
+            own = [self._machine.config.joints[j].motor.torque_constant for j in chosen.numbers]
+            for name, low, value in zip(
+                chosen.names, own, found["torque_constants"].tolist(), strict=True
+            ):
+                if value < low / FAR_OFF:
+                    raise RequestError(
+                        f"torque_constant {value:g} of {name} is not allowed; "
+                        f"send a number from {low / FAR_OFF:.6g} to {low * FAR_OFF:.6g}",
+                        Reason.OUT_OF_RANGE,
+                    )
+        return found
+
+    def _bounds(self, name: str) -> tuple[str, Floats, bool]:
+        """What it is, the most of each joint of the board, and whether 0 is allowed."""
+        limits = self.limits
+        constants = np.array([one.motor.torque_constant for one in self._machine.config.joints])
+        found: dict[str, tuple[Floats, bool]] = {
+            "max_currents": (limits.current, False),
+            "output_limits": (limits.output, True),
+            "torque_constants": (FAR_OFF * constants, False),
+            "back_emf_constants": (MOST_EMF * constants, True),
+            "viscous_positive": (limits.torque / limits.velocity, True),
+            "viscous_negative": (limits.torque / limits.velocity, True),
+            "coulomb_positive": (limits.torque, True),
+            "coulomb_negative": (limits.torque, True),
+            "velocity_thresholds": (limits.velocity, False),
+        }
+        return name.removesuffix("s"), *found[name]
+
+    def set(self, chosen: Selection, given: Mapping[str, Floats]) -> Reply:
+        """Set what ``check`` found to be allowed."""
+        controller = self._machine.controller
+        controller.set_caps(chosen.joints, given.get("max_currents"), given.get("output_limits"))
+        terms = {TERMS[name]: values for name, values in given.items() if name in TERMS}
+        if terms:
+            controller.set_terms(chosen.joints, terms)
+            self.retune()
         return accepted(chosen.names)
+
+    def retune(self) -> None:
+        """Lead coupled motors by the constants that the laws use."""
+        if self._mix is not None:
+            self._mix.retune(*constants_of(self._machine.controller.joints))
 
     def pids(self, joints: list[int], loop: Loop) -> Pids:
         """A loop of each joint; NaN where it does not run."""
@@ -142,18 +202,17 @@ class MotorAccess:
         return JointAnswer()
 
 
-def mix_of(config: BoardConfig) -> MotorMix | None:
+def mix_of(config: BoardConfig, joints: Sequence[Joint]) -> MotorMix | None:
     """What leads the coupled motors of a board; None where each axis has its own."""
     if config.motor_coupling is None:
         return None
-    motors = [joint.motor for joint in config.joints]
-    return MotorMix(
-        config.motor_coupling,
-        np.array([motor.torque_per_ampere for motor in motors]),
-        np.array([motor.resistance for motor in motors]),
-        np.array([motor.back_emf for motor in motors]),
-        np.array([100.0 / motor.supply_voltage for motor in motors]),
-    )
+    return MotorMix(config.motor_coupling, *constants_of(joints))
+
+
+def constants_of(joints: Sequence[Joint]) -> Floats:
+    """Torque per ampere, resistance, back-EMF, percent per volt of the motors that laws lead."""
+    rows = [(one.torque_per_ampere, one.ohms, one.emf, one.percent_per_volt) for one in joints]
+    return np.array(rows).T
 
 
 def shaft_readings(state: StateArrays) -> Floats:

@@ -273,19 +273,30 @@ class MotorMix:
     ) -> None:
         whole = coupling.matrix
         apart = whole != np.eye(len(whole))
-        self._shared = shared = np.flatnonzero(apart.any(axis=0) | apart.any(axis=1))
+        self._shared = np.flatnonzero(apart.any(axis=0) | apart.any(axis=1))
+        self._coupling = coupling
+        self.pwm, self.powered = np.zeros((2, len(whole)))
+        self.retune(torque_per_ampere, resistance, back_emf, percent_per_volt)
+
+    def retune(
+        self,
+        torque_per_ampere: Array,
+        resistance: Array,
+        back_emf: Array,
+        percent_per_volt: Array,
+    ) -> None:
+        """Use other constants of the motors from now on."""
+        coupling, shared = self._coupling, self._shared
         block = np.ix_(shared, shared)
-        matrix, sharing = whole[block], coupling.inverse.T[block]
+        matrix, sharing = coupling.matrix[block], coupling.inverse.T[block]
         torque, percent = torque_per_ampere[shared], percent_per_volt[shared]
         per_torque = percent * resistance[shared] / torque
-        self._coupling = coupling
         self._sharing = per_torque[:, None] * sharing / per_torque
         self._together = per_torque[:, None] * matrix.T / per_torque
         self._axis_emf = percent * back_emf[shared]
         self._motor_emf = self._axis_emf[:, None] * matrix
         self._currents = matrix.T * torque / torque[:, None]
         self._needs = (np.abs(sharing) > 1e-12).astype(np.float64)
-        self.pwm, self.powered = np.zeros((2, len(whole)))
 
     def drive(self, output: Array, velocity: Array, powered: Array, most: Array) -> None:
         """Turn the outputs of axes (percent) into those of motors, at most so much of each.

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
+from ...protocols import Values
 
 Floats = NDArray[np.float64]
 
@@ -19,6 +21,29 @@ class Loop(StrEnum):
     VELOCITY = "velocity"  # of the position loop: its rate
     TORQUE = "torque"
     CURRENT = "current"
+
+
+class Term(IntEnum):
+    """Constants and friction of a motor that the laws use, as fields of Motors (TERMS)."""
+
+    TORQUE_CONSTANT = 0
+    BACK_EMF = 1
+    VISCOUS_POSITIVE = 2
+    VISCOUS_NEGATIVE = 3
+    COULOMB_POSITIVE = 4
+    COULOMB_NEGATIVE = 5
+    VELOCITY_THRESHOLD = 6
+
+
+TERMS = {
+    "torque_constants": Term.TORQUE_CONSTANT,
+    "back_emf_constants": Term.BACK_EMF,
+    "viscous_positive": Term.VISCOUS_POSITIVE,
+    "viscous_negative": Term.VISCOUS_NEGATIVE,
+    "coulomb_positive": Term.COULOMB_POSITIVE,
+    "coulomb_negative": Term.COULOMB_NEGATIVE,
+    "velocity_thresholds": Term.VELOCITY_THRESHOLD,
+}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +65,12 @@ class Motors:
         temperatures: of the windings, °C; NaN without a sensor.
         temperature_limits: °C.
         torque_limits: of the joints, either way, N·m.
-        torque_constants: of the motors, N·m/A.
+        torque_constants: of the motors as the laws use them, N·m/A, as all below.
+        back_emf_constants: of the motors, V·s/rad.
+        viscous_positive, viscous_negative: friction at the joints that the laws make up for, in
+            positive and negative direction, N·m·s/rad.
+        coulomb_positive, coulomb_negative: likewise dry friction, N·m.
+        velocity_thresholds: speeds of the joints from which on that is whole, rad/s.
     """
 
     gear_ratios: Floats
@@ -58,6 +88,47 @@ class Motors:
     temperature_limits: Floats
     torque_limits: Floats
     torque_constants: Floats
+    back_emf_constants: Floats
+    viscous_positive: Floats
+    viscous_negative: Floats
+    coulomb_positive: Floats
+    coulomb_negative: Floats
+    velocity_thresholds: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotorTorqueParameters:
+    """What the laws take motors for, by YARP's names: one for all joints, or shape (k,).
+
+    Attributes:
+        ktau: torque constants of the motors, N·m/A.
+        bemf: back-EMF constants of the motors, V·s/rad.
+        viscous_pos, viscous_neg: friction at the joints by direction, N·m·s/rad.
+        coulomb_pos, coulomb_neg: likewise dry friction, N·m.
+        velocity_thres: speeds from which on that is whole, rad/s.
+        ktau_scale, bemf_scale: 0: values are in these units.
+    """
+
+    ktau: Values | None = None
+    bemf: Values | None = None
+    viscous_pos: Values | None = None
+    viscous_neg: Values | None = None
+    coulomb_pos: Values | None = None
+    coulomb_neg: Values | None = None
+    velocity_thres: Values | None = None
+    ktau_scale: float = 0.0
+    bemf_scale: float = 0.0
+
+
+#: Fields of MotorTorqueParameters, and those of Motors that they are.
+YARP_TERMS = dict(
+    zip(
+        ("ktau", "bemf", "viscous_pos", "viscous_neg", "coulomb_pos", "coulomb_neg",
+         "velocity_thres"),
+        TERMS,
+        strict=True,
+    )
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -18,6 +18,7 @@ from rclpy.task import Future
 from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...core.terms.measurement import Simulation
+from ...core.terms.motors import TERMS
 from ...core.terms.reply import Reply
 from ...core.terms.vocabs import ControlMode, encode
 from ..loop.member import Member
@@ -201,10 +202,13 @@ class Services:
             return filled(response, board.get_motors(joints))
 
     def set_motors(self, request: Any, response: Any) -> Any:
-        currents, outputs = optional(request.max_currents), optional(request.output_limits)
+        given = {
+            name: optional(getattr(request, name))
+            for name in ("max_currents", "output_limits", *TERMS)
+        }
         with self._member.exclusive() as board:
             joints = bounded(request.names, board.count)
-            reply = board.set_motors(joints, currents, outputs)
+            reply = board.set_motors(joints, **given)
         return self._named(response, reply)
 
     def get_pids(self, request: Any, response: Any) -> Any:
