@@ -165,6 +165,7 @@ export class Card {
       const plotted = String(Boolean(this.panel.plots.find(joint, signal)));
       if (element.ariaPressed !== plotted) element.ariaPressed = plotted;
     }
+    this.details?.write();
     const held = this.sliders.some((slider) => slider.timer);
     const silent = joint.board.silence > 0;
     setText(this.why, silent ? whyStill(joint) : held ? "" : joint.fault ? joint.fault.text : whyStill(joint));

@@ -94,6 +94,8 @@ function readState(buffer, start, length) {
   }
   const brake = reader.bools();
   state.brake = brake.length ? brake : new Array(count).fill(false);
+  const volts = reader.at < reader.view.byteLength ? reader.floats() : [];
+  state.supply_voltage = volts.length ? volts : new Float64Array(count).fill(NaN);
   for (const values of Object.values(state)) {
     if (values.length !== undefined && values.length !== state.names.length) throw new RangeError("not one value for each joint");
   }

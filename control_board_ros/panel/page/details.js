@@ -2,11 +2,13 @@
 // What a joint has beside its state: speeds, impedance, gains, calibration.
 
 import { h, setText } from "./dom.js";
-import { number, parse, unitOf } from "./units.js";
+import { LABELS, number, parse, quantity, unitOf } from "./units.js";
 
 const TITLES = { speed: "Reference speed", acceleration: "Reference acceleration", stiffness: "Stiffness", damping: "Damping" };
 const GAINS = ["kp", "ki", "kd", "kff", "integral_limit", "derivative_cutoff"];
 const CONTROLLERS = { position: "Position PID", direct: "Direct PID", torque: "Torque PID", current: "Current PID" };
+// Of the motor, where it is measured; its current, output and temperature stand on the card.
+const MOTOR = ["motor_position", "motor_velocity", "acceleration", "supply_voltage"];
 const plain = (value) => (value === null || value === undefined ? "–" : String(Number(value.toPrecision(6))));
 
 /** A group of numbers that are applied together: the value in force, the one wanted. */
@@ -92,10 +94,23 @@ export class Details {
     this.chirp = measure("chirp", "Chirp", "swings for a minute by up to");
     this.progress = h("progress", { max: 1, value: 0, hidden: true, "aria-label": `Calibration of ${joint.short}` });
     this.phase = h("span", { class: "phase" });
-    this.element = h("div", {}, h("div", { class: "groups" }, this.speeds.element, this.impedance?.element),
+    this.motor = MOTOR.map((signal) => {
+      const shown = h("b", {});
+      return { signal, shown, element: h("span", { hidden: true }, `${LABELS[signal]} `, shown) };
+    });
+    this.element = h("div", {}, h("p", { class: "motor", role: "group", "aria-label": `Motor of ${joint.short}` }, ...this.motor.map((one) => one.element)), h("div", { class: "groups" }, this.speeds.element, this.impedance?.element),
       h("details", { class: "gain-box", "aria-label": `Gains of ${joint.short}` }, h("summary", {}, "Gains"), this.gains),
       h("div", { class: "buttons" }, this.calibrate, this.idle, this.step, this.chirp, this.size, h("span", { class: "u" }, unitOf("position", joint.sliding)[1]), this.progress, this.phase));
     this.load();
+  }
+
+  /** A few times a second: what is measured of the motor. */
+  write() {
+    for (const { signal, shown, element } of this.motor) {
+      const value = this.joint.state?.[signal];
+      element.hidden = !Number.isFinite(value);
+      setText(shown, quantity(value, signal, this.joint.sliding));
+    }
   }
 
   permit() { this.panel.permit(this.element); }

@@ -25,6 +25,9 @@ export function unitOf(signal, sliding) {
     case "output": return [1, "%", 1];
     case "current": return [1, "A", 2];
     case "temperature": return [1, "°C", 1];
+    case "motor_position": return degrees ? [1 / DEGREE, "°", 1] : [1, "rad", 3];
+    case "motor_velocity": return degrees ? [1 / DEGREE, "°/s", 0] : [1, "rad/s", 1];
+    case "supply_voltage": return [1, "V", 1];
     default: return [1, "", 3];
   }
 }
@@ -32,7 +35,8 @@ export function unitOf(signal, sliding) {
 export const LABELS = {
   position: "Position", velocity: "Velocity", torque: "Torque", position_reference: "Reference",
   velocity_reference: "Velocity ref.", torque_reference: "Torque ref.", output: "Output",
-  current: "Current", temperature: "Temperature",
+  current: "Current", temperature: "Temperature", motor_position: "Motor", motor_velocity: "Motor speed",
+  acceleration: "Acceleration", supply_voltage: "Supply",
 };
 
 /** A number in its shown unit, without −0. */
