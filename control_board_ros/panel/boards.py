@@ -15,6 +15,7 @@ from rclpy.node import Node
 from control_board_ros.client import BoardError, ControlBoardClient
 from control_board_ros.client.joint_names import joint_names
 from control_board_ros.client.state import seconds
+from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import (
     COMMAND_TOPICS,
@@ -231,7 +232,18 @@ class Board:
             "max_stiffness": stiffness.tolist(),
             "max_damping": damping.tolist(),
             "description": bool(self.robot.urdf),
+            "coupling": await self._coupling(names),
         }
+
+    async def _coupling(self, names: list[str]) -> list[tuple[str, list[tuple[int, float]]]]:
+        """Joints of the description that axes move: each with the axes' numbers and shares."""
+        if not self.robot.kinds or all(name in self.robot.kinds for name in names):
+            return []
+        try:
+            coupling = await self.client.aio.get_coupling()
+        except (BoardError, RequestError):
+            return []  # the joints stand still in the view
+        return moved_by_axes(names, coupling)
 
     async def _limits(self, names: list[str]) -> dict[str, list[float | None]]:
         """The limits in force, by kind; those of the URDF if the board does not answer."""
@@ -324,3 +336,15 @@ def in_words(names: Sequence[str], values: Sequence[float]) -> str:
     pairs = [f"{name} {value:.4g}" for name, value in zip(shown, values, strict=False)]
     pairs = pairs or list(shown)  # of a trajectory
     return ", ".join(pairs[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+
+
+def moved_by_axes(
+    names: Sequence[str], coupling: Coupling
+) -> list[tuple[str, list[tuple[int, float]]]]:
+    """Joints that are no axes, each with the numbers of its axes and their shares."""
+    places = [names.index(axis) if axis in names else -1 for axis in coupling.axes]
+    return [
+        (name, [(j, share) for j, share in zip(places, row, strict=True) if share and j >= 0])
+        for name, row in zip(coupling.physical_joints, coupling.rows, strict=True)
+        if name not in names
+    ]

@@ -15,6 +15,7 @@ from sensor_msgs.msg import JointState
 from talk import Talker, talking_to, until
 
 from control_board_ros.client import ControlBoardClient
+from control_board_ros.core.terms.motors import MotorTorqueParameters
 from control_board_ros.core.terms.vocabs import ControlMode, encode
 from control_board_ros.testing import board_process, child_environment
 
@@ -55,6 +56,22 @@ def test_a_hand_is_moved_over_ros(talker: Talker) -> None:
                 assert found[f"l_hand_{finger}_{k}_joint"] == pytest.approx(0.8, abs=0.01)
         assert len(state.velocity) == len(state.effort) == 20
         assert np.isfinite(state.effort).all()
+
+
+def test_motor_torque_parameters_are_set_by_yarps_names(talker: Talker) -> None:
+    """Y5: of one axis, live; what is None stays, what cannot be is refused."""
+    with ControlBoardClient(talker.node, talker.board, **PATIENT) as client:
+        before = client.get_motor_torque_params("l_pinky")
+        wanted = 1.2 * np.asarray(before.ktau)
+        set_params = client.set_motor_torque_params
+        assert set_params("l_pinky", MotorTorqueParameters(ktau=wanted, coulomb_pos=0.02))
+        after = client.get_motor_torque_params("l_pinky")
+        assert (after.ktau, after.coulomb_pos) == (wanted, 0.02)
+        assert (after.bemf, after.coulomb_neg) == (before.bemf, before.coulomb_neg)
+        assert "up to" in set_params("l_pinky", MotorTorqueParameters(ktau=10.0)).message
+        refused = set_params("l_pinky", MotorTorqueParameters(ktau=wanted, ktau_scale=3.0))
+        assert "send 0" in refused.message
+        assert set_params("l_pinky", before)
 
 
 def test_fingers_have_modes_and_faults_of_their_own(talker: Talker) -> None:

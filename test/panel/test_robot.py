@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from control_board_ros.core.model.coupling import Coupling
+from control_board_ros.panel.boards import moved_by_axes
 from control_board_ros.panel.robot import MAX_MESHES, NO_ROBOT, mesh_file, read
 
 
@@ -77,3 +79,19 @@ def test_so_many_meshes_and_no_more(tmp_path: Path) -> None:
         (tmp_path / f"{k}.stl").touch()
     names = [f"file://{tmp_path}/{k}.stl" for k in range(MAX_MESHES + 2)]
     assert len(read(described(*names), "").meshes) == MAX_MESHES
+
+
+def test_the_view_bends_the_joints_of_coupled_axes() -> None:
+    """Y3: joints that are no axes of the board, each by its axes' shares."""
+    names = ["wrist", "finger", "thumb"]
+    coupling = Coupling(
+        ("wrist", "thumb", "finger"),
+        ("wrist", "f1", "f2", "t1"),
+        ((1.0, 0.0, 0.0), (0.0, 0.0, 0.4), (0.0, 0.1, 0.6), (0.0, 1.0, 0.0)),
+    )
+    assert moved_by_axes(names, coupling) == [
+        ("f1", [(1, 0.4)]),
+        ("f2", [(2, 0.1), (1, 0.6)]),
+        ("t1", [(2, 1.0)]),
+    ]
+    assert moved_by_axes(["wrist"], coupling)[1] == ("f2", [])

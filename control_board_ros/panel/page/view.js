@@ -23,6 +23,11 @@ function jointsAbove(part) {
   return names;
 }
 
+/** Where a joint is wanted: as proposed, where it follows, or where it is. */
+function wantedOf(joint) {
+  return joint.proposed ?? (FOLLOWING.includes(joint.mode) ? joint.state.position_reference : joint.state.position);
+}
+
 export class View {
   constructor(element, panel) {
     Object.assign(this, { element, panel, key: "", robot: null, ghost: null, drawn: 0, colours: new Map(), cost: 0, placed: false, checked: 0 });
@@ -224,14 +229,11 @@ export class View {
     this.cost = null;
     const apart = new Set();
     for (const board of boards) {
-      for (const joint of board.joints) {
-        const { state } = joint;
-        if (!state || !Object.hasOwn(this.robot.joints, joint.name)) continue;
-        this.robot.setJointValue(joint.name, state.position);
-        const wanted = joint.proposed ?? (FOLLOWING.includes(joint.mode) ? state.position_reference : state.position);
-        this.ghost.setJointValue(joint.name, wanted);
-        if (Math.abs(state.position - wanted) > HIDDEN) apart.add(joint.name);
-        this.colour(joint);
+      for (const { name, joint, position, wanted } of this.places(board)) {
+        this.robot.setJointValue(name, position);
+        this.ghost.setJointValue(name, wanted);
+        if (Math.abs(position - wanted) > HIDDEN) apart.add(name);
+        this.colour(name, joint);
       }
     }
     const asked = boards.some((board) => board.joints.some((joint) => joint.proposed !== null));
@@ -242,8 +244,21 @@ export class View {
     this.renderer.render(this.scene, this.camera);
   }
 
-  colour(joint) {
-    const material = this.colours.get(joint.name);
+  /** Joints of the description that a board moves: where they are, where they are wanted, by which axis. */
+  places(board) {
+    const rows = board.joints.map((joint, k) => [joint.name, [[k, 1]]]);
+    const places = [];
+    for (const [name, shares] of [...rows, ...board.info?.coupling ?? []]) {
+      const axes = shares.map(([k]) => board.joints[k]);
+      if (!axes.length || !axes.every((joint) => joint?.state) || !Object.hasOwn(this.robot.joints, name)) continue;
+      const sum = (of) => shares.reduce((so, [, share], i) => so + share * of(axes[i]), 0);
+      places.push({ name, joint: axes[0], position: sum((joint) => joint.state.position), wanted: sum(wantedOf) });
+    }
+    return places;
+  }
+
+  colour(name, joint) {
+    const material = this.colours.get(name);
     if (!material) return;
     if (joint.mode === "hwfa") { material.color.setRGB(0.85, 0.16, 0.16); return; }
     const share = Math.min(Math.abs(joint.state.torque || 0) / (joint.limits.torque || 100), 1);
