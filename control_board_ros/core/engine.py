@@ -120,7 +120,7 @@ class Engine:
         self._before[:] = state.measured
         state.measured[:] = measurement.values
         if self.mix is not None:
-            state.current[:] = self.mix.axis_currents(state.current)
+            self.mix.axis_currents(state.current)
         if measurement.applied is not None:  # where a drive chooses it
             np.copyto(state.output, measurement.applied, where=state.kinds > SetPoint.PWM)
         if measurement.motors is not None:

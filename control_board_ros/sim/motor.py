@@ -65,7 +65,9 @@ class Motors:
         n = len(board.joints)
         self.state = np.zeros((2, n))
         self.position, self.velocity = self.state
-        self.pwm, self.current, self.torque, self.applied, self.acted = np.zeros((5, n))
+        rows = np.zeros((5, n))
+        self.pwm, self.current, self.torque, self.applied, self.acted = rows
+        self._at_joints = rows[2:4]  # torque and applied
         self._coupling = board.motor_coupling
         self.shafts, given, acting = self.state, self.torque, self.applied
         if self._coupling is not None:
@@ -78,8 +80,8 @@ class Motors:
             for joint, own, least in zip(board.joints, simulation.joints, inertia, strict=True)
         ]
         turn, speed = self.shafts
-        rows = (turn, speed, self.pwm, self.current, given, acting, self.acted)
-        drives = Drives(self._drives, [row.data for row in rows])
+        used = (turn, speed, self.pwm, self.current, given, acting, self.acted)
+        drives = Drives(self._drives, [row.data for row in used])
         self.step, self.follow = drives.step, drives.follow
         if self._coupling is not None:
             self._step_drives, self.step = drives.step, self._step_coupled
@@ -107,8 +109,7 @@ class Motors:
         self.turn_shafts()
         self._step_drives()
         assert self._coupling is not None
-        np.matmul(self._torques[0], self._coupling.matrix, out=self.torque)
-        np.matmul(self._torques[1], self._coupling.matrix, out=self.applied)
+        np.matmul(self._torques, self._coupling.matrix, out=self._at_joints)
 
     def switch(self, powered: Array) -> None:
         """Close (1) and open (0) the bridges, shape (n,)."""

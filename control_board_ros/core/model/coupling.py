@@ -276,6 +276,7 @@ class MotorMix:
         self._shared = np.flatnonzero(apart.any(axis=0) | apart.any(axis=1))
         self._coupling = coupling
         self.pwm, self.powered = np.zeros((2, len(whole)))
+        self._asked = np.zeros(2 * len(self._shared))
         self.retune(torque_per_ampere, resistance, back_emf, percent_per_volt)
 
     def retune(
@@ -296,7 +297,8 @@ class MotorMix:
         self._axis_emf = percent * back_emf[shared]
         self._motor_emf = self._axis_emf[:, None] * matrix
         self._currents = matrix.T * torque / torque[:, None]
-        self._needs = (np.abs(sharing) > 1e-12).astype(np.float64)
+        self._needs = np.abs(sharing) > 1e-12
+        self._switched = b""
 
     def drive(self, output: Array, velocity: Array, powered: Array, most: Array) -> None:
         """Turn the outputs of axes (percent) into those of motors, at most so much of each.
@@ -304,24 +306,35 @@ class MotorMix:
         An axis without power asks for no torque; its motors run along for the others. Where a
         motor gives less than was asked, ``output`` becomes what acts on the axes.
         """
-        shared = self._shared
-        on, speed, bound = powered[shared], velocity[shared], most[shared]
-        emf = self._axis_emf * speed
-        running_along = self._motor_emf @ speed
-        wanted = self._sharing @ ((output[shared] - emf) * on) + running_along
-        given = np.maximum(np.minimum(wanted, bound), -bound)
-        if given.tobytes() != wanted.tobytes():
-            acting = self._together @ (given - running_along) + emf
-            output[shared] = np.where(on > 0.0, acting, output[shared])
-        needed = (self._needs @ on > 0.0).astype(np.float64)
-        self.pwm[:], self.powered[:] = output, powered
-        self.pwm[shared], self.powered[shared] = given * needed, needed
+        shared, count, asked = self._shared, len(self._shared), self._asked
+        if powered.tobytes() != self._switched:
+            self._switch(powered)
+        output.take(shared, out=asked[:count], mode="clip")
+        velocity.take(shared, out=asked[count:], mode="clip")
+        wanted: Array = self._lead @ asked
+        bound = most.take(shared, mode="clip")
+        if (np.abs(wanted) > bound).any():
+            wanted = np.maximum(np.minimum(wanted, bound), -bound)
+            speed = asked[count:]
+            acting = self._together @ (wanted - self._motor_emf @ speed) + self._axis_emf * speed
+            output[shared] = np.where(self._on, acting, asked[:count])
+        self.pwm[:] = output
+        self.pwm[shared] = wanted * self._needed
 
-    def axis_currents(self, motors: Array) -> Array:
-        """What the currents of the motors are for the axes, A."""
-        found = motors.copy()
-        found[self._shared] = self._currents @ motors[self._shared]
-        return found
+    def _switch(self, powered: Array) -> None:
+        """One matrix for the power that axes have now: S on (u_axes − E dq) + E' dq."""
+        shared = self._shared
+        self._on = powered[shared] > 0.0
+        sharing = self._sharing * self._on
+        self._lead = np.hstack([sharing, self._motor_emf - sharing * self._axis_emf])
+        self._needed = (self._needs & self._on).any(axis=1).astype(np.float64)
+        self.powered[:] = powered
+        self.powered[shared] = self._needed
+        self._switched = powered.tobytes()
+
+    def axis_currents(self, motors: Array) -> None:
+        """Turn the currents of the motors into those of the axes, A, in place."""
+        motors[self._shared] = self._currents @ motors.take(self._shared)
 
     def motor_rates(self, axes: Array) -> Array:
         """Velocities or accelerations of the motors, at their joints, for those of the axes."""
