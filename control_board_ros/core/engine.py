@@ -9,11 +9,11 @@ faults), ``motors`` and ``feedforward``, ``mix`` (of motors that are coupled).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .config.config import BoardConfig
+from .config.config import BoardConfig, ConfigError
 from .config.layout import Zone, joined
 from .config.limits import BoardLimits
 from .laws.control import Controller
@@ -49,6 +49,8 @@ class Engine:
 
     def __init__(self, config: BoardConfig, zones: Sequence[Zone]) -> None:
         self.config, self.limits = config, BoardLimits.of(config)
+        self._asked = config
+        self._narrowed: Callable[[BoardConfig], BoardConfig] = lambda config: config
         self.state = state = StateArrays(config)
         self.events = Events({j: zone.name for zone in zones for j in zone.config.names})
         self.torques = ExternalTorques(config, state)
@@ -144,7 +146,9 @@ class Engine:
     def take_config(self, part: str, config: BoardConfig) -> None:
         """Use a new configuration of a part, or of all; see :meth:`JointGroup.reconfigure`."""
         if part:
-            config = joined({**self.config.parts, part: config})
+            config = joined({**self._asked.parts, part: config})
+        asked, config = config, self._narrowed(config)
+        self._asked = asked
         self.config, self.limits = config, BoardLimits.of(config)
         self.controller.reconfigure(config)
         self.monitor.reconfigure(config)
@@ -153,3 +157,16 @@ class Engine:
         self.motors.limits = self.limits
         self.torques.reconfigure(config)
         self.machine.reconfigure(config, timeout_cycles(config))
+
+    def narrow(self, narrowed: Callable[[BoardConfig], BoardConfig]) -> None:
+        """Use what this makes of the configuration, now and after each change of it (S4).
+
+        Raises:
+            ConfigError: it makes none of it; nothing changes.
+        """
+        before, self._narrowed = self._narrowed, narrowed
+        try:
+            self.take_config("", self._asked)
+        except ConfigError:
+            self._narrowed = before
+            raise

@@ -28,14 +28,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.config.config import BoardConfig
+from ..core.board import Board
+from ..core.config.config import BoardConfig, ConfigError
 from ..core.terms.faults import FaultCode
 from ..core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
 from ..core.terms.set_points import SetPoints
 from ..text import clean
 from .exchange import Exchange, Sample
-from .interface import Clock, DrivePlant, RobotPlant
-from .offers import told
+from .interface import Clock, DriveLimits, DrivePlant, RobotPlant
+from .offers import bounded, told
 from .outputs import as_drives
 
 RETRY = 0.2
@@ -83,6 +84,7 @@ class GuardedPlant:
     Attributes:
         applied: PWM that the plant says that it applied last, percent, shape (n,).
         late: Answers of each joint that came too late for their exchange so far, shape (n,).
+        limits: Of the drives that are connected, by joint; replaced whole when they differ.
         processes: The ids of those that run the plant, beside this one.
     """
 
@@ -95,7 +97,9 @@ class GuardedPlant:
         first: float = FIRST_SAMPLE,
     ) -> None:
         self._plant, self._timeout, self._clock = as_drives(plant), timeout, clock
-        self._joints = board.joints
+        self._board = board
+        self.limits: tuple[DriveLimits, ...] = (DriveLimits(),) * len(board.joints)
+        self._acting, self._refusal = self.limits, ""
         self._limits: set[str] = set()  # lines about those that differ, told already
         self._news: deque[str] = deque(maxlen=NEWS)
         self._patience = patience(timeout, board.period)
@@ -134,7 +138,7 @@ class GuardedPlant:
         """The last readings; their alarms say what is wrong with them."""
         self._notice_silence()
         self._told = True
-        error, sample = self._error, self._sample
+        error, sample = self._error or self._refusal, self._sample
         faults: dict[int, str] = {}
         motors = None
         if sample is not None:
@@ -174,6 +178,16 @@ class GuardedPlant:
         self._cycle += 1
         self._wanted = Wanted(self._cycle, now, self._off if self._silence else wanted)
         self._turn.set()
+
+    def keep_within(self, board: Board, _time: float) -> None:
+        """Keep a board within the limits of the drives that are connected (S4); in each cycle."""
+        if (limits := self.limits) is self._acting:
+            return
+        self._acting, self._refusal = limits, ""
+        try:
+            board.engine.narrow(lambda config: bounded(config, limits))
+        except ConfigError as error:  # by a change since the start
+            self._refusal = f"{error}: nothing is left of its limits and those of its drive"
 
     def take_news(self) -> list[str]:
         """Where limits of drives that were connected differ from the board's (S4), once each."""
@@ -234,9 +248,14 @@ class GuardedPlant:
     def _compare_limits(self) -> None:
         """Drives tell their limits when connected; one that comes back may have others (S4)."""
         has = {joint.name: joint for joint in self._plant.describe().joints}
-        lines = [line for joint in self._joints for line in told(joint, has[joint.name])]
+        joints = self._board.joints
+        lines = [line for joint in joints for line in told(joint, has[joint.name])]
         self._news += [line for line in lines if line not in self._limits]
         self._limits = set(lines)
+        limits = tuple(has[joint.name].limits for joint in joints)
+        if limits != self.limits:
+            bounded(self._board, limits)  # a joint that has none left stays without power
+            self.limits = limits
 
     def _talk(self) -> None:
         wanted, sample = self._wanted, self._exchange.run(self._off, {})  # no power before it
@@ -250,7 +269,9 @@ class GuardedPlant:
                 break
             wanted = self._wanted
             if not self._is_old(wanted, self._clock()):
-                sample = self._exchange.run(wanted.set_points, sample.faults)
+                before, sample = sample, self._exchange.run(wanted.set_points, sample.faults)
+                if before.faults.keys() - sample.faults:  # it may have come back another
+                    self._compare_limits()
             elif self._exchange.drives:
                 self._exchange.let_go()
         self._exchange.run(self._off, {})

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from ..core.config.config import BoardConfig, ConfigError, JointConfig, Limits
@@ -111,6 +112,21 @@ def _cut(joint: JointConfig, has: JointDescription) -> JointConfig:
         limits=_bounded(joint.limits, has.limits),
         max_travel_error=joint.max_travel_error if travels else math.inf,
     )
+
+
+def bounded(board: BoardConfig, drives: Sequence[DriveLimits]) -> BoardConfig:
+    """The board within the limits of its drives, by joint: the smaller act (S4).
+
+    Raises:
+        ConfigError: a joint has none left.
+    """
+    pairs = zip(board.joints, drives, strict=True)
+    made = {one.name: replace(one, limits=_bounded(one.limits, drive)) for one, drive in pairs}
+    parts = {
+        name: replace(part, joints=tuple(made[joint] for joint in part.names))
+        for name, part in board.parts.items()
+    }
+    return replace(board, joints=tuple(made.values()), parts=parts)
 
 
 def _bounded(limits: Limits, drive: DriveLimits) -> Limits:

@@ -6,7 +6,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from drive_bench import TIMEOUT, Bench
 
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
+from control_board_ros.plants.cia402.objects import MAX_SPEED
 from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Readings
@@ -67,6 +70,21 @@ def bench(make: Make) -> Bench:
     found = make()
     found.connect()
     return found
+
+
+def halve_limit(drive: Any) -> None:
+    """The velocity that is stored in a virtual drive as its largest."""
+    if hasattr(drive, "conf"):
+        key = next(k for k in ("servo.max_velocity", f.SPEED_LIMIT) if k in drive.stored)
+        drive.stored[key] /= 2.0
+    elif hasattr(drive, "stored"):
+        drive.stored[MAX_SPEED] = 500
+    elif hasattr(drive, "table"):
+        table = import_module(f"{type(drive).__module__.rpartition('.')[0]}.table")
+        item = getattr(table, "VELOCITY_LIMIT", None) or table.SPEED_LIMIT
+        drive._set(item, 20)
+    else:
+        pytest.skip("its limits are those of its model")
 
 
 def recover(bench: Bench) -> None:
@@ -278,6 +296,19 @@ def test_a_drive_that_started_anew_does_not_go_on_by_itself(bench: Bench) -> Non
     recover(bench)
     bench.follow(kind, 30)
     assert healthy(bench.follow(kind))
+
+
+def test_a_drive_that_comes_back_with_other_limits_says_so(bench: Bench) -> None:
+    """S4: what is set up anew is described anew."""
+    before = bench.plant.describe().joints
+    bench.follow(bench.takes[0], 30)
+    halve_limit(bench.drives[1])
+    bench.drives[1].reboot()
+    bench.until(named(bench, 1), bench.takes[0])
+    recover(bench)
+    after = bench.plant.describe().joints
+    assert after[0] == before[0]
+    assert after[1].limits != before[1].limits
 
 
 def test_a_silent_drive_is_named_and_the_other_goes_on(make: Make) -> None:

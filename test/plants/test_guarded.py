@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,7 @@ class Bench:
             if reached():
                 return
             time.sleep(5e-4)  # lets the plant's thread run
-        raise AssertionError("it never came")
+        raise AssertionError(f"it never came: {self.guarded.read().reasons}")
 
     def modes(self) -> list[M]:
         return self.board.get_control_mode()
@@ -434,6 +435,50 @@ def test_limits_are_compared_when_a_drive_comes_back() -> None:
             plant.trouble = None
     finally:
         plant.allowed = iter(())
+        bench.guarded.close()
+
+
+def test_the_smaller_limits_act_when_a_drive_comes_back() -> None:
+    """S4: references are bounded by those of the drive that is there, whatever is configured."""
+    plant = Telling("left")
+    plant.allowed = repeat(None)
+    bench = Bench(plant)
+
+    def back(allowed: float) -> float:
+        plant.trouble = OSError("the cable is out")
+        bench.until(lambda: bool(bench.guarded.read().reasons))
+        plant.trouble, plant.allowed = None, repeat(allowed)
+        bench.until(lambda: not bench.guarded.read().reasons)
+        bench.guarded.keep_within(bench.board, 0.0)
+        return bench.board.config.joints[0].limits.velocity
+
+    try:
+        bench.until(lambda: not bench.guarded.read().reasons)
+        assert bench.guarded.keep_within in ControlLoop(bench.board, bench.guarded).hooks
+        assert bench.board.config.joints[0].limits.velocity == 3.0
+        assert back(1.0) == 1.0
+        wider = replace(bench.board.config.joints[0].limits, velocity=2.0)
+        joint = replace(bench.board.config.joints[0], limits=wider)
+        bench.board.reconfigure(replace(bench.board.config, joints=(joint,)))
+        assert bench.board.config.joints[0].limits.velocity == 1.0
+        assert back(0.5) == 0.5
+        assert bench.board.engine.limits.velocity[0] == 0.5
+    finally:
+        bench.guarded.close()
+
+
+def test_a_drive_that_leaves_a_joint_no_room_is_a_fault() -> None:
+    """S4, B3: the joint gets no power, and the reason is told."""
+    plant = Telling("left")
+    plant.allowed = repeat(None)
+    bench = Bench(plant)
+    try:
+        bench.until(lambda: not bench.guarded.read().reasons)
+        plant.trouble = OSError("the cable is out")
+        bench.until(lambda: bool(bench.guarded.read().reasons))
+        plant.trouble, plant.allowed = None, repeat(-1.0)
+        bench.until(lambda: "left.limits.velocity" in str(bench.guarded.read().reasons))
+    finally:
         bench.guarded.close()
 
 

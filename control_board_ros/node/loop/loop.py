@@ -75,7 +75,8 @@ class ControlLoop:
         self.on_end = on_end
         self._wake = threading.Event()
         self._pacer = Pacer(0.0, self._wake)
-        self.hooks: list[Hook] = []
+        own = getattr(plant, "keep_within", None)
+        self.hooks: list[Hook] = [] if own is None else [own]
         self.exclusive_hooks: list[Callable[[], None]] = []
         self.after_lock: Callable[[], None] = lambda: None
         self.when_shown: Callable[[Callable[[], None]], None] = lambda done: done()

@@ -169,12 +169,13 @@ class Cia402Drives:
         line.send(o.SYNC, b"")
         line.gather(self._take, [self._axes[k].id for k in asked], self._wait)
 
-    def clear_fault(self, drive: int) -> None:
+    def clear_fault(self, drive: int) -> Found | None:
         """A reset by the next control word; a drive that was away is set up again."""
-        anew = self._restarted[drive] or not self._parts[drive]
-        if anew and uploads(self._opened, self._axes[drive].id, o.DEVICE_TYPE, 1):
-            self._set_up(drive)
+        anew, lost = None, self._restarted[drive] or not self._parts[drive]
+        if lost and uploads(self._opened, self._axes[drive].id, o.DEVICE_TYPE, 1):
+            anew = self._set_up(drive)
         self._reset[drive], self._left[drive] = True, None
+        return anew
 
     def close(self) -> None:
         """Power off and no watchdog, by commands that need no SYNC, and leave the bus."""

@@ -125,8 +125,12 @@ class Driver(Protocol):
         """
         ...
 
-    def clear_fault(self, drive: int) -> None:
-        """Reset the fault of a drive by its place; it has no power."""
+    def clear_fault(self, drive: int) -> Found | None:
+        """Reset the fault of a drive by its place; it has no power.
+
+        Returns:
+            What it is where it was set up anew, for it may be another.
+        """
         ...
 
     def close(self) -> None:
@@ -264,7 +268,8 @@ class DrivesPlant:
 
     def clear_fault(self, joint: int) -> None:
         self._clashes[joint] = 0.0
-        self.driver.clear_fault(joint)
+        if (anew := self.driver.clear_fault(joint)) is not None:
+            self._found = (*self._found[:joint], anew, *self._found[joint + 1 :])
 
     def let_go(self) -> None:
         """Power off where that is what ``on_silence`` says; the other drives hear nothing more."""

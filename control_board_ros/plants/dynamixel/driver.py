@@ -137,18 +137,20 @@ class DynamixelDrives:
         self._goals({k: kind for k, kind in wanted.items() if kind}, columns)
         self._read([k for k, kind in enumerate(kinds) if kind is not None], answers)
 
-    def clear_fault(self, drive: int) -> None:
+    def clear_fault(self, drive: int) -> Found | None:
         """What a servo shut down for is cleared by a restart; then it is set up anew."""
+        anew = None
         axis = self._axes[drive].id
         if self._restarted[drive]:
             if self._protocol.ping(self._port, axis)[1] == 0:
-                self._set_up(drive)
+                anew = self._set_up(drive)
         elif self._get(axis, t.ERROR):
             self._protocol.reboot(self._port, axis)
             self._restarted[drive] = True
         else:
             self._put(axis, t.WATCHDOG, 0)
             self._put(axis, t.WATCHDOG, watchdog_steps(self._setup.timeout))
+        return anew
 
     def close(self) -> None:
         """Torque off, and leave the port."""

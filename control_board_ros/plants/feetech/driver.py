@@ -131,14 +131,16 @@ class FeetechDrives:
             self._modes[k] = modes.get(k, self._modes[k])
         self._read([k for k, kind in enumerate(kinds) if kind is not None], answers)
 
-    def clear_fault(self, drive: int) -> None:
+    def clear_fault(self, drive: int) -> Found | None:
         """Torque off resets what a servo shut down for; one that started anew is set up again."""
+        anew = None
         axis = self._axes[drive].id
         if self._restarted[drive]:
             if identify(self._port, self._protocol, axis, attempts=1):
-                self._set_up(drive)
+                anew = self._set_up(drive)
         else:
             self._put(axis, t.TORQUE, 0)
+        return anew
 
     def close(self) -> None:
         """Torque off, and leave the port."""

@@ -161,8 +161,9 @@ class MitDrives:
             line.send(self._axes[blind[self._turn % len(blind)]].id, r.READ_FAULTS)
         line.gather(self._take, asked, self._wait)
 
-    def clear_fault(self, drive: int) -> None:
+    def clear_fault(self, drive: int) -> Found | None:
         """Clear, and set up anew what started anew."""
+        anew = None
         line, axis = self._opened, self._axes[drive].id
         if drive in self._power:
             for data in (f.CLEAR, f.DISABLE, r.RUN_MIT):
@@ -171,7 +172,8 @@ class MitDrives:
         elif not self._restarted[drive]:
             line.send(axis, f.CLEAR)
         elif registers(line, axis, f.MASTER_ID):
-            self._set_up(drive)
+            anew = self._set_up(drive)
+        return anew
 
     def close(self) -> None:
         """Power off, and leave the bus."""

@@ -163,13 +163,15 @@ class MoteusDrives:
             asked.append(drive)
         line.gather(self._take, asked, self._wait)
 
-    def clear_fault(self, drive: int) -> None:
+    def clear_fault(self, drive: int) -> Found | None:
         """A stop clears it; a drive that started anew is set up again."""
+        anew = None
         if self._restarted[drive]:
             found = identify(self._opened, self._axes[drive].id, attempts=1)
             if found:
-                self._set_up(drive, found[0])
+                anew = self._set_up(drive, found[0])
         self._opened.send(self._axes[drive].id, padded(self._drives[drive].make_stop().data))
+        return anew
 
     def close(self) -> None:
         """Stop all drives, and leave the bus."""

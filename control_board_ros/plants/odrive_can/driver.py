@@ -148,13 +148,15 @@ class OdriveDrives:
                     line.send(frame(drive, f.RX_SDO), written(self._parameters[k][name], number))
             line.send(frame(drive, f.STATE), struct.pack("<I", f.CLOSED_LOOP))
 
-    def clear_fault(self, drive: int) -> None:
+    def clear_fault(self, drive: int) -> Found | None:
         """Errors are cleared by a command; a drive that started anew is set up again."""
+        anew = None
         axis = self._axes[drive]
         if self._restarted[drive]:
             for data in ask(self._opened, axis.id, f.VERSION, 1)[:1]:
-                self._set_up(drive, f.Version.parse(data))
+                anew = self._set_up(drive, f.Version.parse(data))
         self._opened.send(frame(axis.id, f.CLEAR), b"\0")
+        return anew
 
     def close(self) -> None:
         """Power off, and leave the bus."""
