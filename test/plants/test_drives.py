@@ -17,11 +17,13 @@ from drive_bench import TIMEOUT, Bench
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
 from control_board_ros.plants.cia402.objects import MAX_SPEED
+from control_board_ros.plants.dynamixel.virtual import checksum
 from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveFault, Readings
 from control_board_ros.plants.odrive_can import frames as f
 from control_board_ros.plants.virtual.can_bus import VirtualCanBus
+from control_board_ros.plants.virtual.wire import Wire
 from control_board_ros.testing.plant_contract import board_for, plant_contract
 
 ROOT = Path(__file__).parents[2]
@@ -42,6 +44,50 @@ TORQUE, CURRENT, PWM, IMPEDANCE = (
 )  # fmt: skip
 
 Make = Callable[..., Bench]
+Change = Callable[[int, bytes], tuple[int, bytes]]
+
+
+class Mistaken:
+    """A wire on which what the second drive answers has the id of the first."""
+
+    def __init__(self, wire: Wire, change: Change) -> None:
+        self.wire, self._change = wire, change
+
+    def carry(self, frames: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+        return self.wire.carry(self._change(name, data) for name, data in frames)
+
+
+def in_name(shift: int, mask: int) -> Change:
+    """The id is a part of the frame's own."""
+    own, other = 2 << shift, 1 << shift
+    return lambda name, data: (name & ~mask | other if name & mask == own else name, data)
+
+
+def in_data(place: int, mask: int, end: Callable[[bytes], bytes] | None = None) -> Change:
+    """The id is in a byte of the data, and in the end a checksum."""
+
+    def change(name: int, data: bytes) -> tuple[int, bytes]:
+        if data[place] & mask == 2:
+            data = data[:place] + bytes([data[place] & ~mask | 1]) + data[place + 1 :]
+            data = data if end is None else end(data)
+        return name, data
+
+    return change
+
+
+#: How the second drive answers for the first, by name of a test.
+ANSWERS: dict[str, Change] = {
+    "moteus": in_name(8, 0x7F00),
+    "odrive_can": in_name(5, 0x7E0),
+    "cia402": in_name(0, 0x7F),
+    "mit_can": lambda name, data: in_data(0, 0x0F)(0x11 if name == 0x12 else name, data),
+    "robstride": in_data(0, 0xFF),
+    "dynamixel": in_data(
+        4, 0xFF, lambda data: data[:-2] + checksum(data[:-2]).to_bytes(2, "little")
+    ),
+    "feetech": in_data(2, 0xFF, lambda data: data[:-1] + bytes([~sum(data[2:-1]) & 0xFF])),
+}
+TOGETHER = ("moteus", "odrive_can", "cia402", "mit_can", "robstride")
 
 
 #: One of them all day, the others in make test-long.
@@ -334,6 +380,26 @@ def test_two_drives_with_one_id_are_told(bench: Bench) -> None:
     assert not bench.follow(OFF).faults[0]
     with pytest.raises(OSError, match="two drives answer as id"):
         bench.connect()
+
+
+def test_a_drive_that_answers_for_another_is_told(make: Make, request: Any) -> None:
+    """Its own id is silent, the other's has two voices; neither moves, and both come back."""
+    bench = make(patience=0.02)
+    bench.connect()
+    kind = POSITION if POSITION in bench.takes else IMPEDANCE
+    bench.follow(kind, 30)
+    before = bench.world.state[0].copy()
+    name = request.node.callspec.params["make"]
+    bench.bus.from_drives = Mistaken(bench.bus.from_drives, ANSWERS[name])
+    found = bench.until(lambda found: bool(found.faults[1]), kind, cycles=500)
+    assert f"no answer from id {bench.plant.axes[1].id}" in str(found.faults[1])
+    if name in TOGETHER:  # where each is awaited by itself, a wrong id is no answer
+        bench.until(lambda found: "two drives answer" in str(found.faults[0]), kind, cycles=500)
+    assert np.abs(bench.world.state[0] - before).max() < 5e-3
+    bench.bus.from_drives = bench.bus.from_drives.wire
+    recover(bench)
+    bench.follow(kind, 30)
+    assert healthy(bench.follow(kind))
 
 
 def test_a_drive_that_is_not_there_is_told_at_the_start(make: Make) -> None:
