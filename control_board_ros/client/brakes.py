@@ -73,5 +73,5 @@ class BrakeRequests(Interface):
         names = [] if joints is None else list(selection.names)
         response = await self._link.call(SET_BRAKE, names=names, modes=[str(m) for m in modes])
         services.states.changed()
-        told = Selection.of(range(len(response.names)), tuple(response.names))
-        return reply_of(response, told if response.answers else selection)
+        reported = Selection.of(range(len(response.names)), tuple(response.names))
+        return reply_of(response, reported if response.answers else selection)

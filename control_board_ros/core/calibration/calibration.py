@@ -79,7 +79,7 @@ class CalibrationStatus:
     """Status of the last calibration of a joint.
 
     Attributes: name, running, done (the last one succeeded), progress (0 to 1), phase,
-    message (why it failed; empty otherwise), calibrated (whether the joint knows its angle, be
+    message (why it failed; empty otherwise), calibrated (whether the joint has a valid angle, be
     it from an earlier one or because it requires none; None if unknown).
     """
 

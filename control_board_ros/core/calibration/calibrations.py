@@ -41,7 +41,7 @@ class CalibratedMachine(Protocol):
 
 
 class Calibrations:
-    """Starts, steps and ends calibrators, group after group; knows which joints know their angle.
+    """Starts, steps and ends calibrators, group after group; records which joints are calibrated.
 
     ``j in calibrations``: whether one of joint j runs or waits for its group.
 
@@ -89,7 +89,7 @@ class Calibrations:
         machine.go(j, Event.CALIBRATE)
 
     def step(self) -> None:
-        """Step the calibrators that have begun, and those whose turn it is (K1, K3, K4)."""
+        """Step the started calibrators, and those whose turn it is (K1, K3, K4)."""
         for j in self._active():
             if self._machine.controller.joints[j].braked:
                 continue  # its brake still opens

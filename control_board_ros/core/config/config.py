@@ -319,7 +319,7 @@ def damping_for(stiffness: float, joint: JointConfig) -> float:
     """The damping that goes with a stiffness, N·m·s/rad.
 
     That of J = inertia_max: released, the joint passes its place by no more than a tenth in any
-    pose. At most max_damping, and what the torque loop bears at inertia_min.
+    pose. At most max_damping, and the stable limit of the torque loop at inertia_min.
     """
     best = spring_damping(stiffness, joint.inertia_max)
     return min(best, FASTEST_DAMPING * joint.inertia_min, joint.impedance.max_damping)

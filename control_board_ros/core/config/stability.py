@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What gains a loop bears at its rate and inertia: warnings, since a body may have friction.
+"""Gains of a stable loop at its rate and inertia: warnings, since a body may have friction.
 
 A rigid joint of inertia J under u = kp e + ki ∫e dt + kd ė, held for a period T, is stable for
 
@@ -27,7 +27,7 @@ MOST_INTEGRAL = 10.0
 
 
 def warnings(config: BoardConfig) -> dict[str, str]:
-    """What no loop bears at this rate and inertia: by full parameter name, one line each."""
+    """Gains unstable at this rate and inertia: by full parameter name, one line each."""
     found: dict[str, str] = {}
     for joint in config.joints:
         for name, (value, most) in bounds(joint, config.period).items():

@@ -2,7 +2,7 @@
 """Following paths in POSITION_DIRECT, joint by joint (SPEC T2, T3, M4).
 
 One for a board, also for the joints of its parts.
-Whoever holds the board calls, between two cycles, ``follow`` for a new path, ``stop`` to stop
+The owner of the board calls, between two cycles, ``follow`` for a new path, ``stop`` to stop
 joints, ``check`` after every request, and ``step`` before every tick.
 """
 

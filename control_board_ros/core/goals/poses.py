@@ -81,7 +81,7 @@ class PoseTask:
 def start_parking(board: JointGroup, pose: Pose) -> PoseTask:
     """Start the move to the pose in which the robot is left without power (R6).
 
-    Whoever asks for it at the end has asked for POSITION, too (M2): joints that have power in
+    A request for it at the end also requests POSITION (M2): joints that have power in
     another mode are switched. Disabled ones remain disabled.
 
     Raises:

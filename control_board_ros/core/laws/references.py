@@ -87,7 +87,7 @@ class References:
         """Hold joints where they are measured to be, at rest (M9).
 
         A joint found outside its software limits may stay there or move inwards, never
-        further out (P9); one that is not calibrated knows no limits.
+        further out (P9); one that is not calibrated has no limits.
         """
         for j in joints:
             self._joints[j].lower, self._joints[j].upper = -math.inf, math.inf

@@ -31,7 +31,7 @@ from ..terms.vocabs import BrakeMode
 from .decisions import Facts, decide_brake
 from .explanations import explain_brake
 
-#: A brake that is to open and whose switch says that it is closed gets so many times its release
+#: A brake that is to open and whose switch reports closed gets this multiple of its release
 #: time, and s at least, before that is a fault.
 PATIENCE, LEAST_PATIENCE = 5.0, 0.1
 #: How far a joint that has come to rest behind its closed brake may move, rad or m.
@@ -203,7 +203,7 @@ class Brakes:
         self.orders[j] = float(closed)
         brake.since = self._state.cycle
         brake.mark, brake.slips, self.slips[j] = math.nan, False, False
-        if bool(self.closed[j]) is closed:  # what it was told before had not come about yet
+        if bool(self.closed[j]) is closed:  # the last command has not acted yet
             brake.due = None
             return
         time = brake.config.engage_time if closed else brake.config.release_time

@@ -216,7 +216,7 @@ def constants_of(joints: Sequence[Joint]) -> Floats:
 
 
 def shaft_readings(state: StateArrays) -> Floats:
-    """Rows of Motor of all joints, as they were told to read, shape (rows, n)."""
+    """Rows of Motor of all joints, as last set, shape (rows, n)."""
     found: Floats = state.motors.copy()
     found[Motor.POSITION] -= state.motor_offset
     return found

@@ -204,7 +204,7 @@ class Coupling:
             if len(by) > 1:
                 several = " and ".join(names[leads[k]] for k in by)
                 raise ValueError(f"{name} following one joint; it follows {several}")
-            leader = leads[by[0]] if by else leads[0]  # one of zeros stands still
+            leader = leads[by[0]] if by else leads[0]  # a row of zeros does not move
             ratio = float(shares[i, leads.index(leader)])
             offset = float(self.offset[i] - ratio * self.offset[leader])
             found.append(Gear(name, names[leader], ratio, offset, self.curved.get(i)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stands in for ``cython`` where Cython is not installed: types and decorators without effect.
+"""Replacement of ``cython`` where Cython is not installed: types and decorators without effect.
 
 A module in Cython's pure Python mode is compiled, or runs as it is. For the second it needs these
 names only; their meaning is in Cython's manual, "Pure Python Mode". To be imported so::

@@ -46,7 +46,7 @@ class DriveUse(NamedTuple):
     Attributes:
         set_points: That its drive is given.
         position, impedance, torque, current, output: By which each law reaches the drive.
-        on_silence: What the motor does when its drive hears nothing (S5).
+        on_silence: What the motor does when its drive receives nothing (S5).
     """
 
     set_points: tuple[str, ...]

@@ -66,10 +66,10 @@ class Measurement:
     """One reading of the whole plant: time (s) and values, shape (ROWS, n), see Row.
 
     The plant may reuse the array from one reading to the next. ``reasons`` says in words why a
-    joint (by its number) has an ALARM, where the plant knows more than the fault code. ``brakes``
+    joint (by its number) has an ALARM, where the plant has more than the fault code. ``brakes``
     are the brakes as their switches tell, 1.0 where closed, NaN where there is no switch, shape
     (n,); None: there is none. ``applied`` is the PWM that acted since the last reading, percent,
-    shape (n,), where the plant knows it. ``motors`` has the rows of Motor, shape (MOTOR_ROWS, n),
+    shape (n,), where measured. ``motors`` has the rows of Motor, shape (MOTOR_ROWS, n),
     NaN where there is no sensor.
     """
 
@@ -160,7 +160,7 @@ class Plant(Protocol):
         ...
 
 
-#: Why a plant that is not a :class:`Simulation` refuses what only such a one bears (B4).
+#: Why a plant that is not a :class:`Simulation` refuses what only a simulation supports (B4).
 NO_SIMULATION = (
     "this board drives a plant that is no simulation: its time and its faults are real; "
     "to simulate, start the node without the parameter plant"

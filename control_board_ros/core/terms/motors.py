@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is told of motors, amplifiers and control loops; the words are those of the wire (Y5)."""
+"""Data of motors, amplifiers and control loops; the words are those of the wire (Y5)."""
 
 from __future__ import annotations
 

@@ -88,8 +88,8 @@ class Reply:
 
     def __str__(self) -> str:
         """One line for a person: ``accepted``, with what will be done instead; else the reason."""
-        told = [str(self.answers[0]), self.message] if self else [self.message]
-        return "; ".join(text for text in told if text)
+        texts = [str(self.answers[0]), self.message] if self else [self.message]
+        return "; ".join(text for text in texts if text)
 
 
 GOOD = frozenset({Answer.ACCEPTED, Answer.SENT})
@@ -133,16 +133,16 @@ def decided(joints: tuple[str, ...], answers: Sequence[JointAnswer]) -> Reply:
     given, texts, codes = zip(*answers, strict=True) if answers else ((), (), ())
     if not any(texts):
         return Reply(joints, given)
-    told = sorted(answers, key=lambda answer: answer.code is Reason.TOGETHER)  # these say least
-    message = summary(answer.text for answer in told)
+    ordered = sorted(answers, key=lambda answer: answer.code is Reason.TOGETHER)  # least specific
+    message = summary(answer.text for answer in ordered)
     return Reply(joints, given, message, texts, codes if any(codes) else ())
 
 
 def summary(reasons: Iterable[str]) -> str:
     """The message of several reasons: the first three, and how many more there are."""
-    told = list(dict.fromkeys(reason for reason in reasons if reason))
-    rest = f" (and {len(told) - 3} more)" if len(told) > 3 else ""
-    return "; ".join(told[:3]) + rest
+    distinct = list(dict.fromkeys(reason for reason in reasons if reason))
+    rest = f" (and {len(distinct) - 3} more)" if len(distinct) > 3 else ""
+    return "; ".join(distinct[:3]) + rest
 
 
 def joints_of(reply: Reply, answer: Answer) -> list[str]:

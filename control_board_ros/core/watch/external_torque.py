@@ -22,14 +22,14 @@ NEVER = 1e3
 
 
 class ExternalTorques:
-    """The last torques of joints that are told them.
+    """The last torques of joints that receive them from outside.
 
     Args:
         config: of the board.
         state: whose modes say what needs a torque.
 
-    Attributes: joints (numbers of those that are told), known (which joints have a torque now,
-    sensed or told, shape (n,)).
+    Attributes: joints (numbers of those that receive one), known (which joints have a torque now,
+    sensed or received, shape (n,)).
     """
 
     def __init__(self, config: BoardConfig, state: StateArrays) -> None:
@@ -48,7 +48,7 @@ class ExternalTorques:
         self.known[self.joints] = False
 
     def take(self, j: int, torque: float) -> None:
-        """A joint is told its torque, N·m."""
+        """Set the torque of a joint, N·m."""
         self._torques[j], self._stamps[j] = torque, self._state.time
 
     def joint(self, j: int) -> JointConfig:
@@ -58,7 +58,7 @@ class ExternalTorques:
         return self._config.joints[j]
 
     def fill(self, found: Measurement) -> Measurement:
-        """A reading with the torques that were told; what they are not, the motor's currents make.
+        """A reading with the torques received; the others from the currents of the motors.
 
         A torque that is too old ages only where a law follows it: there it is a fault.
         """

@@ -147,7 +147,7 @@ class ControlLoop:
         return ended
 
     def simulation(self) -> Simulation:
-        """The plant, for what only a simulation bears.
+        """The plant, for what only a simulation supports.
 
         Raises:
             RequestError: it is none (B4).
@@ -181,7 +181,7 @@ class ControlLoop:
             snapshots.note_state()
 
     def statistics(self) -> Statistics:
-        """How the loop fared since the last call, and in all."""
+        """Timing statistics since the last call, and in all."""
         return self._pacer.take()
 
     # -- time ---------------------------------------------------------------------------------

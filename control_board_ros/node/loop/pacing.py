@@ -27,7 +27,7 @@ TRIES = 4
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """How the control loop fared.
+    """Timing statistics of the control loop.
 
     Attributes: cycles, overruns (cycles that ended after the next one was due), skipped (periods
     given up after a lag of more than MAX_LAG), all counted since the start. Of the time since
@@ -167,9 +167,9 @@ def system_ahead() -> int:
     """
     best, ahead = math.inf, 0
     for _ in range(TRIES):
-        begun, now, ended = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
-        if ended - begun < best:
-            best, ahead = ended - begun, now - (begun + ended) // 2
+        started, now, ended = time.monotonic_ns(), time.time_ns(), time.monotonic_ns()
+        if ended - started < best:
+            best, ahead = ended - started, now - (started + ended) // 2
         if best < AT_ONCE:
             break
     return ahead

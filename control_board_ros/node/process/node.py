@@ -75,8 +75,8 @@ class BoardNode:
         follower: of trajectories, for all joints of the board.
         role: what sets the node apart.
 
-    Attributes: node, member, reporter, parameters, publisher, on_reconfigured (told of parameters
-    of joints that were changed here, by name and value).
+    Attributes: node, member, reporter, parameters, publisher, on_reconfigured (called with the new
+    parameters of joints changed here, by name and value).
     """
 
     def __init__(

@@ -20,7 +20,7 @@ PAUSED = "the simulation is paused; let it go on before, with: cbctl resume"
 class Parking:
     """The way to the pose park, watched by a thread of its own.
 
-    Whoever waits for it can leave at any time, also where the control loop hangs with its lock.
+    A waiting caller can leave at any time, also where the control loop hangs with its lock.
 
     Args:
         member: what is parked, all of it.

@@ -166,7 +166,7 @@ class Parameters:
         settings: The values at start.
         reconfigure: Given the new, checked settings and the changes by name when gains, limits or
             timeouts change; raises ValueError to refuse them.
-        changed: Told of the other run-time parameters (``state_rate``, ``real_time_factor``)
+        changed: Called with the other run-time parameters (``state_rate``, ``real_time_factor``)
             by name and value.
         board_rows: Those of the board that are declared.
         joint_rows: Those of each joint.
@@ -264,7 +264,7 @@ class Parameters:
         return SetParametersResult(successful=True)  # rclpy passes no reason of a success on
 
     def _warn(self, changes: Iterable[str]) -> None:
-        """Log what no loop bears of the joints that were changed; it acts all the same."""
+        """Warn of unstable gains of the changed joints; they act all the same."""
         joints = {name.partition(".")[0] for name in changes if "." in name}
         for name, text in stability.warnings(self.settings.board).items():
             if name.partition(".")[0] in joints:

@@ -44,7 +44,7 @@ def without_repeats(
 ) -> tuple[Sequence[str], Any, Any] | None:
     """Names, positions and speeds of the moves that are new; None where none is.
 
-    A move is not new while it runs, and where its joint holds its target. Begun anew with every
+    A move is not new while it runs, and where its joint holds its target. Restarted with every
     message of a stream, it would never get up to its speed. What does not fit is returned as it
     came, for the board to say so.
     """
