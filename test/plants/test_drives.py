@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -17,6 +18,7 @@ from drive_bench import TIMEOUT, Bench
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
 from control_board_ros.plants.cia402.objects import MAX_SPEED
+from control_board_ros.plants.drives.can_line import PATIENCE
 from control_board_ros.plants.dynamixel.virtual import checksum
 from control_board_ros.plants.entry_points import DRIVERS as IN_THE_BOX
 from control_board_ros.plants.errors import PlantSettingsError
@@ -55,6 +57,24 @@ class Mistaken:
 
     def carry(self, frames: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
         return self.wire.carry(self._change(name, data) for name, data in frames)
+
+
+#: Answers in the midst of reading limits, of the one driver and of the other.
+SLOW_ONES = range(7, 13, 2)
+
+
+class Slow:
+    """A wire on which some answers take longer than a driver waits for them."""
+
+    def __init__(self, wire: Wire) -> None:
+        self._wire, self._count = wire, 0
+
+    def carry(self, frames: Iterator[tuple[int, bytes]]) -> Iterator[tuple[int, bytes]]:
+        for frame in self._wire.carry(frames):
+            self._count += 1
+            if self._count in SLOW_ONES:
+                time.sleep(1.2 * PATIENCE)
+            yield frame
 
 
 def in_name(shift: int, mask: int) -> Change:
@@ -400,6 +420,22 @@ def test_a_drive_that_answers_for_another_is_told(make: Make, request: Any) -> N
     recover(bench)
     bench.follow(kind, 30)
     assert healthy(bench.follow(kind))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["dynamixel", "feetech"])
+def test_a_late_answer_is_none_to_the_next_question(name: str) -> None:
+    """Packets of serial drives do not say what they answer: limits would be those of others."""
+    driver, library, options = DRIVERS[name]
+    pytest.importorskip(library)
+    with Bench(driver, options=options) as bench:
+        bench.connect()
+        known = [joint.limits for joint in bench.plant.describe().joints]
+        wire = bench.bus.from_drives
+        bench.bus.from_drives = Slow(wire)
+        bench.connect()
+        assert [joint.limits for joint in bench.plant.describe().joints] == known
+        bench.bus.from_drives = wire
 
 
 def test_a_drive_that_is_not_there_is_told_at_the_start(make: Make) -> None:

@@ -12,6 +12,7 @@ import time
 from typing import Any
 
 from ..errors import PlantSettingsError
+from .can_line import PATIENCE
 
 
 def open_port(base: type[Any], device: str, baudrate: int) -> Any:
@@ -41,6 +42,9 @@ def open_port(base: type[Any], device: str, baudrate: int) -> Any:
         def isPacketTimeout(self) -> bool:  # noqa: N802
             return time.monotonic() > self.end
 
+        def clearPort(self) -> None:  # noqa: N802 - theirs waits for what is sent
+            self.ser.reset_input_buffer()
+
         def readPort(self, length: int) -> Any:  # noqa: N802
             select.select([self.ser.fileno()], [], [], max(0.0, self.end - time.monotonic()))
             return self.ser.read(length)
@@ -53,3 +57,14 @@ def open_port(base: type[Any], device: str, baudrate: int) -> Any:
     except OSError as error:
         raise OSError(f"bus {device}: {error}; use the serial device, as /dev/ttyUSB0") from None
     return port
+
+
+def settle(port: Any, attempt: int) -> None:
+    """Before a question is asked again: what comes late to the last time is no answer to this.
+
+    No packet says which question it answers, so that a late one would be taken for that of the
+    next, and a limit for a model.
+    """
+    if attempt:
+        time.sleep(PATIENCE)
+        port.clearPort()

@@ -20,7 +20,7 @@ from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, budget
 from ..drives.maker import maker, only
 from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits
-from ..drives.serial_line import open_port
+from ..drives.serial_line import open_port, settle
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import table as t
@@ -251,7 +251,8 @@ class DynamixelDrives:
         return None
 
     def _get(self, drive: int, item: t.Item) -> int:
-        for _ in range(4 * ATTEMPTS):
+        for attempt in range(4 * ATTEMPTS):
+            settle(self._port, attempt)
             data, result, _ = self._protocol.readTxRx(self._port, drive, *item)
             if result == 0 and len(data) == item.length:
                 return int.from_bytes(bytes(data), "little", signed=item.length == 4)
@@ -259,7 +260,8 @@ class DynamixelDrives:
 
     def _put(self, drive: int, item: t.Item, value: int) -> None:
         data = list((value % (1 << 8 * item.length)).to_bytes(item.length, "little"))
-        for _ in range(4 * ATTEMPTS):
+        for attempt in range(4 * ATTEMPTS):
+            settle(self._port, attempt)
             result, error = self._protocol.writeTxRx(self._port, drive, *item, data)
             if result == 0 and not error & 0x7F:
                 return

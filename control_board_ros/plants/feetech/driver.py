@@ -22,7 +22,7 @@ from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, budget
 from ..drives.maker import maker, only
 from ..drives.plant import RESTARTED, Answers, Found, Traits
-from ..drives.serial_line import open_port
+from ..drives.serial_line import open_port, settle
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import table as t
@@ -210,7 +210,8 @@ class FeetechDrives:
         return RESTARTED if self._restarted[k] else None
 
     def _get(self, drive: int, item: t.Item) -> int:
-        for _ in range(4 * ATTEMPTS):
+        for attempt in range(4 * ATTEMPTS):
+            settle(self._port, attempt)
             data, result, _ = self._protocol.readTxRx(self._port, drive, *item)
             if result == 0 and len(data) == item.length:
                 return int.from_bytes(bytes(data), "little")
@@ -218,7 +219,8 @@ class FeetechDrives:
 
     def _put(self, drive: int, item: t.Item, value: int) -> None:
         data = list(value.to_bytes(item.length, "little"))
-        for _ in range(4 * ATTEMPTS):
+        for attempt in range(4 * ATTEMPTS):
+            settle(self._port, attempt)
             result, _ = self._protocol.writeTxRx(self._port, drive, *item, data)
             if result == 0:
                 return
