@@ -126,7 +126,9 @@ def compared(config: JointConfig, has: JointDescription) -> Iterator[str]:
         ("torque", limits.torque, drive.torque),
         ("current", limits.peak_current, drive.current),
     ):
-        if theirs is not None and theirs < ours:
+        if theirs is not None and theirs < ours * (
+            1.0 - 1e-2
+        ):  # a step of theirs is no difference
             yield f"{what}: the drive allows {theirs:.3g}, the board {ours:.3g}; the smaller acts"
     if not _within(limits.lower, limits.upper, drive):
         yield (
