@@ -19,8 +19,8 @@ from .outcome import Outcome
 
 #: Speeds over which friction is averaged, for its curve.
 SPEEDS = 40
-#: The longest time without samples that is drawn, s.
-PAUSE = 0.5
+#: The longest time without samples that is drawn, s, and the longest across which a line goes.
+PAUSE, GAP = 0.5, 0.1
 NOTE = (
     "Intervals hold 95 %. Measured and model are filtered alike (20 ms). Friction over speed: "
     "what the motor gives beyond the joint's torque, mean at each speed. Time leaves out what "
@@ -102,12 +102,12 @@ def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
 
 
 def parted(traced: Traced, pause: float) -> Traced:
-    """The same with pauses no longer than ``pause``, s, and no line across them."""
+    """The same with pauses no longer than ``pause``, s, and no line across gaps."""
     steps = np.diff(traced.time, prepend=traced.time[0])
     time = np.cumsum(np.minimum(steps, pause))
-    breaks = np.flatnonzero(steps >= pause)
+    breaks = np.flatnonzero(steps > GAP)
     rows = (np.insert(row, breaks, np.nan) for row in (traced.measured, traced.model))
-    return Traced(np.insert(time, breaks, time[breaks] - 0.5 * pause), *rows)
+    return Traced(np.insert(time, breaks, time[breaks] - 0.5 * GAP), *rows)
 
 
 def friction_chart(traced: Traced, kind: JointKind) -> Chart:
