@@ -20,6 +20,7 @@ from .. import __version__
 from ..conformance_options import OPTIONS, seconds
 from ..startup import announce_often
 from .bench import Allowed, Bench
+from .channel import Channel
 from .outcomes import NotTestable, OutOfTime
 from .report import as_json, as_junit, as_line, as_text, too_few
 from .rules import RULES, Rule, in_order
@@ -131,12 +132,11 @@ def try_board(
     joint, problems = asked.joint or "", list[str]()
     try:
         session = Session(
-            node,
+            Channel(node, client.board_name, asked.timeout),
             client,
             joint=asked.joint,
             fraction=asked.range,
             allowed=Allowed(asked.calibrate, asked.power_cycle),
-            patience=asked.timeout,
             rule_time=asked.rule_time,
         )
     except Malformed as error:

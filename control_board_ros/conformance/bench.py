@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -220,8 +219,8 @@ class Bench:
         """Send a reference and return its outcome."""
         counted = self.rejected()
         self.send(kind, value)
-        end = time.monotonic() + TAKING
-        while time.monotonic() < end:
+        end = self.channel.clock() + TAKING
+        while self.channel.clock() < end:
             if abs(self.last(kind) - value) <= 1e-9 + 1e-6 * abs(value):
                 return Fate.TAKEN
             if self.rejected() != counted:

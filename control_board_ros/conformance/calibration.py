@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import time
-
 from control_board_ros.client import BoardError
 from control_board_ros.core.terms.vocabs import parse_control_mode, parse_interaction_mode
 
@@ -29,9 +27,9 @@ def begin(bench: Bench) -> None:
 
 
 def finish(bench: Bench) -> None:
-    end = time.monotonic() + LONGEST
-    while bench.mode is M.CALIBRATING and time.monotonic() < end:
-        time.sleep(0.05)
+    end = bench.channel.clock() + LONGEST
+    while bench.mode is M.CALIBRATING and bench.channel.clock() < end:
+        bench.channel.sleep(0.05)
 
 
 @rule("K1", "calibration on request")

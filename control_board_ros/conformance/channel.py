@@ -76,6 +76,16 @@ class Channel:
         for publisher in self._publishers.values():
             self.node.destroy_publisher(publisher)
 
+    @staticmethod
+    def clock() -> float:
+        """Time of the rules, s."""
+        return time.monotonic()
+
+    @staticmethod
+    def sleep(seconds: float) -> None:
+        """Let time pass."""
+        time.sleep(seconds)
+
     def allow(self, seconds: float) -> None:
         """Set the time limit from now on, and clear ``malformed``."""
         self._allowed, self._deadline = seconds, time.monotonic() + seconds
@@ -133,6 +143,11 @@ class Channel:
                 time.sleep(0.002)
             time.sleep(MATCHING)
         publisher.publish(topic.load()(**fields))
+
+    def graph(self) -> tuple[dict[str, list[str]], dict[str, list[str]]]:
+        """The types of all services, and of all topics, by name."""
+        node = self.node
+        return dict(node.get_service_names_and_types()), dict(node.get_topic_names_and_types())
 
     def modes_since(self, count: int) -> list[Any]:
         """The JointModes messages after the first ``count``."""

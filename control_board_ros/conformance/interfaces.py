@@ -54,9 +54,8 @@ EXTRAS = frozenset(
 
 @rule("A", "the interfaces are offered")
 def all_offered(bench: Bench) -> str:
-    node, board = bench.channel.node, bench.channel.board
-    services = dict(node.get_service_names_and_types())
-    topics = dict(node.get_topic_names_and_types())
+    in_the_order_asked(bench)
+    board, (services, topics) = bench.channel.board, bench.channel.graph()
     wanted = [
         *((topics, e, e.of(board), e.type) for e in (*PUBLISHED, *COMMAND_TOPICS)),
         *((services, e, e.of(board), e.type) for e in SERVICES),
@@ -67,7 +66,6 @@ def all_offered(bench: Bench) -> str:
         expect(name in there, f"{endpoint.kind} {endpoint.name} is not offered")
         types = there[name]
         expect(not kind or kind in types, f"{endpoint.name} is of {types[0]}, not {kind}")
-    in_the_order_asked(bench)
     return f"{len(wanted)} topics, services and actions; two joints answered in the order asked"
 
 

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import time
-
 from control_board_ros.core.terms.modes import ACCEPTS, STOPPABLE
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode, encode
@@ -138,8 +136,9 @@ def others_are_served(bench: Bench) -> None:
     near = beside(bench, bench.partner, before)
     names = [bench.joint, bench.partner]
     bench.channel.send(POSITION_COMMAND, names=names, positions=[bench.another(K.POSITION), near])
-    end = time.monotonic() + TAKING
-    while (last := bench.last(K.POSITION, bench.partner)) == before and time.monotonic() < end:
+    clock = bench.channel.clock
+    end = clock() + TAKING
+    while (last := bench.last(K.POSITION, bench.partner)) == before and clock() < end:
         pass  # until it has arrived
     expect(bench.last(K.POSITION) == ignored, f"VELOCITY took a position for {bench.joint}")
     expect(

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import TypeVar
@@ -84,7 +83,7 @@ def stream(
         NotTested: sent too rarely, it may have expired.
     """
     along = bench.range.acceleration if acceleration is None else acceleration
-    began, longest = time.monotonic(), 0.0
+    began, longest = bench.channel.clock(), 0.0
     begin = sent = bench.state().stamp
     while bench.latest().stamp < begin + seconds and not over(bench.latest()):
         bench.publish(
@@ -94,7 +93,7 @@ def stream(
         bench.wait(lambda: bench.latest().stamp >= sent + RENEWAL, RENEWAL)  # noqa: B023
     longest = max(longest, bench.latest().stamp - sent)
     in_time(longest < 3.0 * RENEWAL, f"{longest:.2g} s between two velocities")
-    haste = (bench.latest().stamp - begin) / (time.monotonic() - began)
+    haste = (bench.latest().stamp - begin) / (bench.channel.clock() - began)
     in_time(haste < HASTE, f"the board's time runs {haste:.0f} times as fast")
     return bench.since(begin)
 

@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import time
-
 from control_board_ros.core.terms.vocabs import ControlMode
 
 from .bench import Bench, M
@@ -53,9 +51,9 @@ inside("N4", "before that everything is refused", "it configures itself, or anot
 
 def settle(bench: Bench) -> list[ControlMode]:
     """The modes once no joint is NOT_CONFIGURED or CALIBRATING, or the timeout."""
-    end = time.monotonic() + LONGEST
+    end = bench.channel.clock() + LONGEST
     modes = bench.client.get_control_mode()
-    while {M.NOT_CONFIGURED, M.CALIBRATING} & set(modes) and time.monotonic() < end:
-        time.sleep(0.05)
+    while {M.NOT_CONFIGURED, M.CALIBRATING} & set(modes) and bench.channel.clock() < end:
+        bench.channel.sleep(0.05)
         modes = bench.client.get_control_mode()
     return modes

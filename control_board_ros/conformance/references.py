@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
@@ -151,8 +150,8 @@ def direct_beyond(bench: Bench, target: float) -> float:
     bench.enter(M.POSITION_DIRECT, COMPLIANT)
     before = bench.last(K.POSITION_DIRECT)
     bench.send(K.POSITION_DIRECT, target)
-    end = time.monotonic() + TAKING
-    while (last := bench.last(K.POSITION_DIRECT)) == before and time.monotonic() < end:
+    end = bench.channel.clock() + TAKING
+    while (last := bench.last(K.POSITION_DIRECT)) == before and bench.channel.clock() < end:
         pass  # until accepted
     bench.enter(M.POSITION)
     return last

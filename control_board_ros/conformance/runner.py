@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
 
@@ -88,12 +87,11 @@ class Session:
     """One run on one board.
 
     Args:
-        node: not spun.
-        client: of the board.
+        channel: to the board; closed where the session cannot begin.
+        client: of the same board.
         joint: to test; None: choose one.
         fraction: used of the joint's limits.
         allowed: permissions.
-        patience: timeout of an answer, s.
         rule_time: time limit of a rule, s.
 
     Attributes: bench, found.
@@ -107,17 +105,15 @@ class Session:
 
     def __init__(
         self,
-        node: Any,
+        channel: Channel,
         client: ControlBoardClient,
         *,
         joint: str | None = None,
         fraction: float = 0.1,
         allowed: Allowed | None = None,
-        patience: float = 5.0,
         rule_time: float = RULE_TIME,
     ) -> None:
-        self.rule_time = rule_time
-        self.channel = Channel(node, client.board_name, patience)
+        self.rule_time, self.channel = rule_time, channel
         try:
             with reading():
                 self._look(client, joint, fraction, allowed or Allowed())

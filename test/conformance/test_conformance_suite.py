@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import board_in_process
 import numpy as np
 import pytest
 from conformance_sessions import ARM, RATE, session_on
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_json, as_junit, as_text
+from control_board_ros.conformance.bench import Allowed
 from control_board_ros.conformance.outcomes import NotTestable
 from control_board_ros.conformance.rules import in_order
 from control_board_ros.conformance.runner import lightest, run
@@ -61,6 +63,15 @@ def test_our_board_keeps_all_and_is_left_as_found(physics: str, tmp_path: Path) 
         assert client.get_encoder() == pytest.approx(position, abs=0.01)
     cases = ElementTree.parse(report).getroot().findall("testcase")
     assert len(cases) == len(in_order())
+
+
+@pytest.mark.parametrize(("joint", "count"), [("left", 42), ("bare", 32)])
+def test_our_board_keeps_all_in_process(joint: str, count: int) -> None:
+    """B1: the same rules without ROS and without a clock, with all permissions."""
+    results = board_in_process.tried(joint=joint, allowed=Allowed(True, True))
+    outcomes = [outcome for outcome, _ in results.values()]
+    assert set(outcomes) == {Outcome.HELD, Outcome.NOT_TESTABLE}, results
+    assert outcomes.count(Outcome.HELD) == count, results
 
 
 @pytest.mark.ros

@@ -26,6 +26,7 @@ sys.path.insert(0, str(SUPPORT))
 from rules import RULES, proved_by  # noqa: E402
 
 from control_board_ros.conformance import Outcome, Result, as_line, as_text, run  # noqa: E402
+from control_board_ros.conformance.channel import Channel  # noqa: E402
 from control_board_ros.conformance.rules import in_order  # noqa: E402
 from control_board_ros.conformance.runner import Session  # noqa: E402
 
@@ -81,7 +82,7 @@ def from_outside() -> dict[str, Result]:
         board_process(config=SUPPORT / "arm.yaml") as board,
         ros_node(board.domain, "conformance", spin=False) as node,
         ControlBoardClient(node, board.name, find_timeout=20.0, answer_timeout=20.0) as client,
-        contextlib.closing(Session(node, client, patience=20.0)) as session,
+        contextlib.closing(Session(Channel(node, board.name, 20.0), client)) as session,
     ):
         results, _ = run(session, in_order(), lambda result: print(as_line(result), flush=True))
     print(f"from outside: {as_text(results)}")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from control_board_ros.conformance import Outcome, Result
+from control_board_ros.conformance.channel import Channel
 from control_board_ros.conformance.rules import in_order
 from control_board_ros.conformance.runner import Session, run, unread
 from control_board_ros.conformance.shapes import Malformed
@@ -28,7 +29,7 @@ def session_on(board: BoardProcess, **options: Any) -> Iterator[Session]:
     with (
         ros_node(board.domain, "conformance", spin=False) as node,
         ControlBoardClient(node, board.name, find_timeout=30.0, answer_timeout=30.0) as client,
-        contextlib.closing(Session(node, client, **{"patience": 30.0} | options)) as session,
+        contextlib.closing(Session(Channel(node, board.name, 30.0), client, **options)) as session,
     ):
         yield session
 

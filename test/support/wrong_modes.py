@@ -299,6 +299,7 @@ def a_mode_of_its_own() -> None:
 @breaks("M4")
 def a_mixed_message_is_refused_whole() -> None:
     from control_board_ros.core.machine.commands import Commands
+    from control_board_ros.core.terms.reply import refused
 
     def command(
         old: Any, self: Commands, kind: CommandKind, selection: Any, *args: Any, **more: Any
@@ -306,7 +307,7 @@ def a_mixed_message_is_refused_whole() -> None:
         takes = self._state.accepts[kind, selection.joints]
         if takes.any() and not takes.all():
             self._state.rejected[selection.joints] += np.uint64(1)
-            return None
+            return refused("not all of them accept it", selection.names)
         return old(self, kind, selection, *args, **more)
 
     around(Commands, "command", command)
@@ -583,7 +584,7 @@ def calibrated_into_idle() -> None:
     TRANSITIONS[M.CALIBRATING, Event.CALIBRATED] = M.IDLE
 
 
-@breaks("N1", patience=10.0, **POWERS)  # waits it out for what does not come
+@breaks("N1", **POWERS)  # waits it out for what does not come
 def a_power_cycle_does_nothing() -> None:
     from control_board_ros.core.board import Board
 

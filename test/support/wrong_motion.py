@@ -164,9 +164,9 @@ def speeds_are_not_stored() -> None:
     from control_board_ros.core.group import JointGroup
 
     def set_reference_speed(old: Any, self: JointGroup, *args: Any, **more: Any) -> Any:
-        stored = self.board.engine.references.speed.copy()
+        stored = self.engine.references.speed.copy()
         reply = old(self, *args, **more)
-        self.board.engine.references.speed[:] = stored
+        self.engine.references.speed[:] = stored
         return reply
 
     around(JointGroup, "set_reference_speed", set_reference_speed)
