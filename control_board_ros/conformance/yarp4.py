@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Y1, Y2: velocities that act at once, and motor currents."""
+"""Y1, Y2, Y3, Y5: direct velocities, motor currents, couplings, amplifiers."""
 
 from __future__ import annotations
+
+import math
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
 
 from .bench import TAKING, Bench, K, M
 from .outcomes import assume, expect, offered
-from .rules import rule
+from .rules import inside, rule
 
 
 @rule("Y1", "a direct velocity acts at once, and expires")
@@ -64,3 +66,41 @@ def current(bench: Bench) -> str:
         client.set_control_mode(joint, M.FORCE_IDLE)
         client.set_parameters({timeout: before})
     return f"{low:.3g} to {high:.3g} A; silence for 0.1 s is a fault"
+
+
+inside(
+    "Y3", "couplings", "which motors move an axis is not shown; every rule holds of coupled axes"
+)
+
+
+@rule("Y5", "amplifier limits are read, set within the configured ones, and act")
+def amplifier(bench: Bench) -> str:
+    client, joint, j = bench.client, bench.joint, bench.j
+    offered(M.OPENLOOP in bench.modes, f"{joint} does not implement {M.OPENLOOP}")
+    try:
+        found = client.get_motors(joint)
+    except BoardError:
+        offered(False, "the board does not show its motors")
+    most, peak = float(found.output_limits[0]), float(found.peak_currents[0])
+    for limit in (-1.0, math.nan, math.inf):
+        reply = client.set_motors(joint, None, limit)
+        expect(not reply, f"a PWM limit of {limit:g} % was accepted")
+    for current in (0.0, -1.0, 1.01 * peak):
+        reply = client.set_motors(joint, current)
+        expect(not reply, f"a largest current of {current:.4g} A was accepted, peak {peak:.4g} A")
+    least = 0.5 * bench.range.output
+    bench.enter(M.OPENLOOP)
+    reply = client.set_motors(joint, None, least)
+    expect(reply, f"a PWM limit of {least:.3g} % is refused: {reply.message}")
+    try:
+        read = float(client.get_motors(joint).output_limits[0])
+        expect(abs(read - least) < 1e-9, f"a PWM limit of {least:.3g} % is read as {read:.3g} %")
+        begin = bench.state().stamp
+        bench.send(K.OUTPUT, bench.range.output)
+        bench.record(0.1)
+        given = max(abs(float(state.output[j])) for state in bench.since(begin))
+        expect(given <= 1.001 * least, f"{given:.3g} % were given within a limit of {least:.3g} %")
+    finally:
+        bench.enter(M.IDLE)
+        client.set_motors(joint, None, most)
+    return f"{least:.3g} % at most, of {most:.3g} %; up to {peak:.4g} A"

@@ -331,3 +331,14 @@ def a_current_without_a_timeout() -> None:
     with_both_modes()
     row = COMMANDS[K.CURRENT]
     COMMANDS[K.CURRENT] = dataclasses.replace(row, timeout=None)
+
+
+@breaks("Y5")
+def a_pwm_limit_that_does_not_act() -> None:
+    from control_board_ros.core.laws.control import Controller
+
+    def set_caps(old: Any, self: Controller, joints: Any, currents: Any, outputs: Any) -> None:
+        old(self, joints, currents, None)
+        self.caps[1, joints] = outputs
+
+    around(Controller, "set_caps", set_caps)
