@@ -2,7 +2,8 @@
 """The mode machine of all joints: the one engine that looks TRANSITIONS up (SPEC M, F, N).
 
 It owns what belongs to being in a mode: entering one, and faults with their records. Requests are
-decided in ``requests``, calibrations run in ``calibrations``, ``start_up`` begins.
+decided in ``requests``, calibrations run in ``calibrations``, ``start_up`` begins. What happens to a
+joint from power-on to power-off is on one page in docs/architecture.md (theory of operation).
 """
 
 from __future__ import annotations
