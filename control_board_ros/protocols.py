@@ -11,22 +11,19 @@ N·m·s/rad, percent of PWM; m and N for prismatic joints.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
+from .core.terms import arguments
 from .core.terms.reply import Reply
 from .core.terms.vocabs import ControlMode, InteractionMode
 
-Joints = int | str | Sequence[int | str] | None
-Values = float | Sequence[float] | NDArray[np.float64]
-Flags = bool | Sequence[bool]
-Floats = NDArray[np.float64]
-Mode = ControlMode | str | int
-Interaction = InteractionMode | str | int
+Joints = arguments.Joints
+Mode = arguments.Mode
+Interaction = arguments.Interaction
+Values = arguments.Values
+Flags = arguments.Flags
+Floats = arguments.Floats
 
 
 @runtime_checkable
@@ -188,92 +185,3 @@ class IControlMode(Protocol):
     def set_impedance_velocity_mode(self, joints: Joints = None) -> Reply: ...
 
     def get_control_modes(self) -> list[ControlMode]: ...
-
-
-class ModeShortcuts:
-    """The mode shortcuts of §4 and the old interface of §5, on top of the two setters.
-
-    The class that inherits offers ``set_control_mode``, ``set_interaction_mode`` and
-    ``get_control_mode``, and overrides :meth:`log_deprecated` where it has a log. The methods
-    that the old IControlMode had (D1) raise a DeprecationWarning, those of IPositionControl,
-    IVelocityControl, ITorqueControl and IOpenLoopControl that bear the same name included.
-    """
-
-    set_control_mode: Any
-    set_interaction_mode: Any
-    get_control_mode: Any
-
-    def set_position_direct_mode(self, joints: Joints = None) -> Reply:
-        """Set POSITION_DIRECT."""
-        reply: Reply = self.set_control_mode(joints, ControlMode.POSITION_DIRECT)
-        return reply
-
-    def set_position_mode(self, joints: Joints = None) -> Reply:
-        """Set POSITION; deprecated (D1)."""
-        return self._old(joints, ControlMode.POSITION)
-
-    def set_velocity_mode(self, joints: Joints = None) -> Reply:
-        """Set VELOCITY; deprecated (D1)."""
-        return self._old(joints, ControlMode.VELOCITY)
-
-    def set_torque_mode(self, joints: Joints = None) -> Reply:
-        """Set TORQUE; deprecated (D1)."""
-        return self._old(joints, ControlMode.TORQUE)
-
-    def set_open_loop_mode(self, joints: Joints = None) -> Reply:
-        """Set OPENLOOP; deprecated (D1)."""
-        return self._old(joints, ControlMode.OPENLOOP)
-
-    def set_impedance_position_mode(self, joints: Joints = None) -> Reply:
-        """Set POSITION with COMPLIANT (I9); deprecated (D1)."""
-        return self._old(joints, ControlMode.POSITION, InteractionMode.COMPLIANT)
-
-    def set_impedance_velocity_mode(self, joints: Joints = None) -> Reply:
-        """Set VELOCITY with COMPLIANT (I9); deprecated (D1)."""
-        return self._old(joints, ControlMode.VELOCITY, InteractionMode.COMPLIANT)
-
-    def get_control_modes(self) -> list[ControlMode]:
-        """The control modes of all joints; deprecated (D1)."""
-        self._deprecate("get_control_modes", "get_control_mode()")
-        modes: list[ControlMode] = self.get_control_mode(None)
-        return modes
-
-    def log_deprecated(self, text: str) -> None:
-        """Where the text goes besides the DeprecationWarning; nowhere, unless overridden."""
-
-    def _old(
-        self, joints: Joints, mode: ControlMode, interaction: InteractionMode | None = None
-    ) -> Reply:
-        self._deprecate(OLD_NAMES[mode, interaction], replacement(mode, interaction))
-        reply: Reply = self.set_control_mode(joints, mode)
-        if reply and interaction is not None:
-            reply = self.set_interaction_mode(joints, interaction)
-        return reply
-
-    def _deprecate(self, old: str, new: str) -> None:
-        text = deprecation(old, new)
-        warnings.warn(text, DeprecationWarning, stacklevel=4)
-        self.log_deprecated(text)
-
-
-OLD_NAMES: dict[tuple[ControlMode, InteractionMode | None], str] = {
-    (ControlMode.POSITION, None): "set_position_mode",
-    (ControlMode.VELOCITY, None): "set_velocity_mode",
-    (ControlMode.TORQUE, None): "set_torque_mode",
-    (ControlMode.OPENLOOP, None): "set_open_loop_mode",
-    (ControlMode.POSITION, InteractionMode.COMPLIANT): "set_impedance_position_mode",
-    (ControlMode.VELOCITY, InteractionMode.COMPLIANT): "set_impedance_velocity_mode",
-}
-
-
-def replacement(mode: ControlMode, interaction: InteractionMode | None) -> str:
-    """What to call in place of the old method of a mode."""
-    new = f"set_control_mode(joints, ControlMode.{mode.name})"
-    if interaction is not None:
-        new += f" and set_interaction_mode(joints, InteractionMode.{interaction.name})"
-    return new
-
-
-def deprecation(old: str, new: str) -> str:
-    """The warning of an old method (D1)."""
-    return f"{old} belongs to the old interface and is deprecated; use {new}"

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import warnings
 
+from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
-from control_board_ros.protocols import OLD_NAMES, Joints, deprecation, replacement
+from control_board_ros.protocols import Joints
 
 from .modes import ModeRequests
 from .operations import operation

@@ -16,7 +16,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..protocols import Flags, Floats, Interaction, Joints, Mode, ModeShortcuts, Values
 from .calibration.calibration import CalibrationStatus
 from .config.config import BoardConfig, ConfigError, JointConfig
 from .config.layout import Zone
@@ -26,6 +25,7 @@ from .machine.decisions import Wanted
 from .machine.feedforward import terms_of
 from .machine.motors import shaft_readings
 from .model.coupling import Coupling
+from .old_names import ModeShortcuts
 from .selection import (
     RequestError,
     Selection,
@@ -41,6 +41,7 @@ from .selection import (
     spread,
 )
 from .state import Snapshot, StateArrays
+from .terms.arguments import Flags, Floats, Interaction, Joints, Mode, Values
 from .terms.drives import DriveUse
 from .terms.events import BoardEvent
 from .terms.faults import FaultRecord

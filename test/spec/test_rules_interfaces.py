@@ -13,6 +13,7 @@ from rig import COMMANDS, COMPLIANT, STIFF, M, Rig, board_config, joint, ready
 
 from control_board_ros import protocols
 from control_board_ros.core.board import Board
+from control_board_ros.core.old_names import ModeShortcuts
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.vocabs import ControlMode
 
@@ -189,7 +190,7 @@ def test_old_methods_write_to_the_log() -> None:
     """D1: where there is a log, the deprecation is written to it."""
     told: list[str] = []
 
-    class Logging(protocols.ModeShortcuts):
+    class Logging(ModeShortcuts):
         def set_control_mode(self, joints: Any, modes: Any) -> bool:
             return True
 

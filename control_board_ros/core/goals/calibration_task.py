@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...protocols import Joints
 from ..calibration.calibration import CalibrationStatus
 from ..selection import RequestError
+from ..terms.arguments import Joints
 from ..terms.modes import CALIBRATES, POWER_OFF
 from ..terms.reply import Answer, joints_of
 from .arrival import Outcome

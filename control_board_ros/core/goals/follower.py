@@ -13,10 +13,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...protocols import Joints
 from ..board import Board
 from ..group import JointGroup
 from ..machine.explanations import explain_cut
+from ..terms.arguments import Joints
 from ..terms.reply import Answer, JointAnswer, Reply, decided, joints_of
 from ..terms.vocabs import CommandKind
 from .path import SAME_TIME, Path, Sample, Spline, braking

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...protocols import Floats, Joints
 from ..selection import RequestError
+from ..terms.arguments import Floats, Joints
 from ..terms.joint_kind import JointKind
 from ..terms.modes import ACCEPTS
 from ..terms.reply import summary

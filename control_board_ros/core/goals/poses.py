@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ...protocols import Floats
 from ..machine.decisions import UNAVAILABLE
 from ..machine.explanations import explain_slower
 from ..selection import RequestError
+from ..terms.arguments import Floats
 from ..terms.modes import FAULTED, MOVES, POWERED, modes_accepting
 from ..terms.reply import Reason
 from ..terms.vocabs import CommandKind, ControlMode

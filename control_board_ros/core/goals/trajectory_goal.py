@@ -20,10 +20,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...protocols import Joints
 from ..board import Board
 from ..group import JointGroup
 from ..selection import RequestError, Selection
+from ..terms.arguments import Joints
 from ..terms.reply import summary
 from ..terms.vocabs import CommandKind
 from .follower import Follower, cuts, incomplete

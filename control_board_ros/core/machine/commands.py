@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...protocols import Floats, Values
 from ..config.config import BoardConfig
 from ..config.limits import BoardLimits
 from ..laws.references import Moves, References
 from ..selection import RequestError, Selection, spread
 from ..state import Indices
+from ..terms.arguments import Floats, Values
 from ..terms.measurement import Array
 from ..terms.reply import Answer, JointAnswer, Reply, decided
 from ..terms.vocabs import CommandKind

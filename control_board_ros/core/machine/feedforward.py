@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...protocols import Floats, Values
 from ..laws.laws import Joint
 from ..selection import RequestError, Selection, spread
+from ..terms.arguments import Floats, Values
 from ..terms.reply import JointAnswer, Reply, decided
 from .decisions import decide_feedforward
 from .explanations import explain_feedforward

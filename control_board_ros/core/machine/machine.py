@@ -2,8 +2,8 @@
 """The mode machine of all joints: the one engine that looks TRANSITIONS up (SPEC M, F, N).
 
 It owns what belongs to being in a mode: entering one, and faults with their records. Requests are
-decided in ``requests``, calibrations run in ``calibrations``, ``start_up`` begins. What happens to a
-joint from power-on to power-off is on one page in docs/architecture.md (theory of operation).
+decided in ``requests``, calibrations run in ``calibrations``, ``start_up`` begins. Theory of
+operation, from power-on to power-off: docs/architecture.md.
 """
 
 from __future__ import annotations

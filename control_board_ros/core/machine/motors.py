@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ...protocols import Floats, Values
 from ..config.config import BoardConfig
 from ..config.limits import BoardLimits
 from ..laws.laws import Joint
@@ -15,6 +14,7 @@ from ..laws.laws import Pid as Gains
 from ..model.coupling import MotorMix
 from ..selection import RequestError, Selection, all_within
 from ..state import StateArrays
+from ..terms.arguments import Floats, Values
 from ..terms.measurement import Motor
 from ..terms.modes import CALIBRATES, CONFIGURED, UNPOWERED
 from ..terms.motors import TERMS, Loop, Motors, Pids, Term

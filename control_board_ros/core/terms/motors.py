@@ -9,7 +9,7 @@ from enum import IntEnum, StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from ...protocols import Values
+from .arguments import Values
 
 Floats = NDArray[np.float64]
 
