@@ -11,7 +11,7 @@ from control_board_ros.conformance.rules import in_order
 #: Every rule of the specification and what it is about, in its order.
 RULES = {rule.name: rule.title for rule in in_order()}
 
-_PROVES = re.compile(r"^((?:[VMPIFKND]\d+|Y[124]|A)(?:, (?:[VMPIFKND]\d+|Y[124]|A))*): ")
+_PROVES = re.compile(r"^((?:[VMPIFKND]\d+|Y[1-5]|A)(?:, (?:[VMPIFKND]\d+|Y[1-5]|A))*): ")
 
 
 def proved_by(docstring: str | None) -> list[str]:
