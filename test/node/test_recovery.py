@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from control_board_msgs import srv
+from control_board_msgs import msg, srv
 from std_msgs.msg import Empty
 from std_srvs.srv import SetBool
 from talk import Talker, stamp_of, talking_to, until
@@ -63,6 +63,31 @@ def test_an_emergency_stop_is_answered_when_the_motors_have_no_power(talker: Tal
     )
     assert list(answer.wait) == [0.0] * len(names)
     assert talker.set_mode(names, "pos").success
+
+
+def test_a_program_that_goes_on_commanding_changes_nothing(talker: Talker) -> None:
+    """E2: it streams references, and asks for its mode again and again."""
+    name, other = talker.names[:2]
+    assert talker.set_mode([name], "posd").success
+    message = msg.PositionDirectCommand(names=[name], positions=[0.3])
+
+    def goes_on(good: Callable[[Any], bool]) -> None:
+        def again() -> None:
+            talker.command("command/position_direct", message)
+            talker.ask("set_control_mode", srv.SetControlMode, names=[name], modes=["posd"])
+
+        talker.until_state(again, good)
+
+    stop(talker, hold=True)
+    before = talker.state(lambda _: True).rejected_commands[0]
+    goes_on(lambda state: state.rejected_commands[0] > before + 2 and not any(state.output))
+    assert set(talker.modes()) == {"hwfa"}
+    stop(talker, hold=False)
+    goes_on(lambda state: state.rejected_commands[0] > before + 4 and not any(state.output))
+    assert set(talker.modes()) == {"hwfa"}
+    assert talker.call("recover", srv.Recover).success
+    goes_on(lambda state: abs(state.position_reference[0] - 0.3) < 1e-9)
+    assert talker.set_mode([name, other], "pos").success
 
 
 def test_a_paused_simulation_is_no_stopped_one(talker: Talker) -> None:
