@@ -28,7 +28,7 @@ def check(hidden: Hidden, found: Outcome) -> None:
     assert abs(mass.found - mass.truth) <= max(0.05 * mass.truth, 1.5 * mass.sure)
 
 
-@pytest.mark.slow
+@pytest.mark.soak
 def test_two_joints_and_a_payload_are_identified() -> None:
     """The small form of the grid below: an elbow and a wrist, in MuJoCo."""
     pytest.importorskip("mujoco")
