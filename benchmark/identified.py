@@ -45,7 +45,10 @@ def main() -> None:
                     hidden = of_grid(robot, engine, seed)
                     found = misses(hidden, hidden.identified())
                     rows[f"{robot} {engine} {seed}"] = [asdict(one) for one in found]
-                    ROWS.write_text(json.dumps(rows, indent=1, sort_keys=True) + "\n", "utf-8")
+                    lines = [
+                        f"{json.dumps(cell)}: {json.dumps(rows[cell])}" for cell in sorted(rows)
+                    ]
+                    ROWS.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")
     print("\n".join(table(rows)))
     if given.page:
         before, rest = PAGE.read_text("utf-8").split(BEGIN)
