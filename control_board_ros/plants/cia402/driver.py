@@ -82,6 +82,7 @@ class Cia402Drives:
         self._whole = [7 if k in self.traits.motor_encoders else 3 for k in range(n)]
         self._reset, self._restarted = [False] * n, [False] * n
         self._left: list[DriveFault | None] = [None] * n
+        self._idle = [True] * n  # since it was set up
 
     def _counts(self) -> list[float]:
         """Counts per turn of the encoders at the motors, 0 where there is none."""
@@ -127,7 +128,7 @@ class Cia402Drives:
         if k in self.traits.motor_encoders:
             map_pdo(sdo, o.TPDO3, axis.id, o.MOTOR)
         self._powered[k] = self._reset[k] = self._restarted[k] = False
-        self._enabled[k], self._left[k] = 0, None
+        self._enabled[k], self._left[k], self._idle[k] = 0, None, True
         line.send(o.NMT, bytes([o.START, axis.id]))
         return found_of(sdo, axis.id, limits_of(sdo, scale))
 
@@ -264,8 +265,12 @@ class Cia402Drives:
     def _judge(self, k: int) -> DriveFault | None:
         state, code = self._states[k], self._errors[k]
         if state in (State.FAULT, State.FAULT_REACTION_ACTIVE):
+            if self._idle[k] and code == o.HEARTBEAT_LOST:  # from its set-up to the first cycle
+                self._reset[k] = True
+                return None
             return DriveFault(code, o.error_name(code))
         if state is State.OPERATION_ENABLED:
+            self._idle[k] = False
             self._enabled[k] += self._powered[k]
         elif self._enabled[k] >= SETTLED and self._left[k] is None:
             self._left[k] = WATCHDOG if state is State.QUICK_STOP_ACTIVE else LOST
