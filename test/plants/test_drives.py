@@ -208,6 +208,15 @@ test_odrive_can_keeps_the_contract = pytest.mark.slow(contract("odrive_can"))
 test_feetech_keeps_the_contract = pytest.mark.slow(contract("feetech"))
 
 
+def test_a_pause_before_the_first_set_point_is_no_fault(make: Make) -> None:
+    """S5: the board takes its time to start, longer than the drives' watchdog."""
+    bench = make()
+    bench.connect()
+    bench.follow(SetPoint.OFF, 2)
+    bench.pass_time(1.0)
+    bench.until(lambda found: not any(found.faults), SetPoint.OFF, cycles=50)
+
+
 def test_every_driver_is_tested_documented_and_an_extra() -> None:
     page, setup = (
         (ROOT / name).read_text("utf-8") for name in ("docs/howto/drives.md", "setup.py")
