@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import gc
+import inspect
 import math
 import os
 import re
@@ -21,6 +22,7 @@ from control_board_msgs.msg import BoardState
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
+from rclpy.impl import rcutils_logger
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.task import Future
@@ -354,3 +356,10 @@ def test_what_a_start_makes_is_not_walked_by_collections() -> None:
     walked = {id(one) for one in gc.get_objects()}
     assert not any(id(one) in walked for one in made)
     gc.unfreeze()
+
+
+def test_a_callers_module_is_searched_before_the_loop_runs() -> None:
+    """Rclpy's logger then finds its own file without a walk over all modules."""
+    inspect.modulesbyfile.clear()  # type: ignore[attr-defined]
+    startup.search_modules()
+    assert rcutils_logger.__file__ in inspect.modulesbyfile  # type: ignore[attr-defined]

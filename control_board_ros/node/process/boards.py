@@ -18,7 +18,7 @@ from ...compiled import describe, is_compiled
 from ...core.terms.measurement import Plant
 from ...interface import DIAGNOSTICS
 from ...simulation import made_board
-from ...startup import resume_collection
+from ...startup import resume_collection, search_modules
 from ..loop.loop import ControlLoop
 from ..loop.member import Member
 from ..loop.scheduling import take_priority
@@ -141,6 +141,7 @@ class Boards:
 
     def start(self) -> None:
         """Let the control loop and the publisher run."""
+        search_modules()
         resume_collection()
         self.loop.start()
         self._states.start()
