@@ -34,21 +34,23 @@ class Bus:
     def __init__(self, plant: DrivePlant, columns: slice) -> None:
         self.plant, self.columns = plant, columns
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="bus")
-        self._asked: Future[tuple[float, Readings]] | None = None
-        self.last: tuple[float, Readings] | None = None  # s, and what was read then
+        self._asked: Future[Readings] | None = None
+        self.asked_at = 0.0  # s
+        self.last: Readings | None = None
 
     def do(self, task: Callable[[], Any]) -> Future[Any]:
         """Let its thread do something, after what it does."""
         return self._thread.submit(task)
 
-    def ask(self, wanted: SetPoints) -> Future[Any]:
-        """Exchange, unless it has not answered yet; what it is asked, and when, is its answer."""
+    def ask(self, wanted: SetPoints) -> Future[Readings]:
+        """Exchange, unless the last one is not answered yet."""
         if self._asked is None:
             own = self.columns
             mine = SetPoints(
                 wanted.kinds[own].copy(), wanted.values[:, own].copy(), wanted.released[own].copy()
             )
-            self._asked = self.do(lambda: (time.monotonic(), self.plant.exchange(mine)))
+            self.asked_at = time.monotonic()
+            self._asked = self.do(lambda: self.plant.exchange(mine))
         return self._asked
 
     def take(self) -> bool:
@@ -88,7 +90,7 @@ class Buses:
             Bus(plant, slice(begin, end))
             for plant, begin, end in zip(plants, ends[:-1], ends[1:], strict=True)
         ]
-        self._count, self._patience = ends[-1], PATIENCE * 2e-3
+        self._count, self._period = ends[-1], 2e-3
         self.late = [0] * len(plants)
 
     def describe(self) -> Description:
@@ -99,7 +101,7 @@ class Buses:
 
     def connect(self, setup: Setup) -> None:
         """Open all buses at once."""
-        self._patience = PATIENCE * setup.period
+        self._period = setup.period
         tasks = []
         for bus in self._buses:
             bus.forget()
@@ -117,15 +119,15 @@ class Buses:
         """
         asked = [bus.ask(wanted) for bus in self._buses]
         first = any(bus.last is None for bus in self._buses)
-        wait(asked, FIRST if first else self._patience)
+        wait(asked, FIRST if first else PATIENCE * self._period)
         ages = np.zeros(self._count)
         for k, bus in enumerate(self._buses):
             if not bus.take():
                 self.late[k] += 1
                 if bus.last is None:
                     raise TimeoutError(f"bus {k + 1} of {len(self._buses)} does not answer")
-                ages[bus.columns] = time.monotonic() - bus.last[0]
-        return self._joined([bus.last[1] for bus in self._buses if bus.last is not None], ages)
+                ages[bus.columns] = time.monotonic() - bus.asked_at + self._period
+        return self._joined([bus.last for bus in self._buses if bus.last is not None], ages)
 
     def _joined(self, found: Sequence[Readings], ages: Array) -> Readings:
         """The readings of all joints; what one bus has not is not a number, none has is None."""

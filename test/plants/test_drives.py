@@ -400,6 +400,18 @@ def test_a_silent_drive_is_named_and_the_other_goes_on(make: Make) -> None:
     recover(bench)
 
 
+def test_a_loop_that_stalls_is_no_silence_of_a_drive(make: Make) -> None:
+    """The age of a reading is the time for which an answer has been owed."""
+    bench = make(patience=0.02)
+    bench.connect()
+    kind = bench.takes[0]
+    bench.follow(kind, 20)
+    bench.drives[1].silent = True
+    bench.time += 0.1
+    found = bench.follow(kind)
+    assert 0.0 < found.ages[1] < 0.1
+
+
 def test_two_drives_with_one_id_are_told(bench: Bench) -> None:
     """Also while it runs: somebody plugged one in."""
     other = bench.world_drive(bench.plant.axes[1])

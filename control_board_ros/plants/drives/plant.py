@@ -154,7 +154,7 @@ class DrivesPlant:
         self._axes = Axes(axes)
         self._shafts = any(axis.motor_turns for axis in axes)
         self.answers = Answers(len(axes))
-        self._timeout, self._free = math.inf, [True] * len(axes)
+        self._timeout, self._period, self._free = math.inf, 0.0, [True] * len(axes)
         self._found: tuple[Found | None, ...] = (None,) * len(axes)
         self._off = SetPoints.off(len(axes))
         self._clashes, self._owed, self._last = self._no_clashes()
@@ -202,7 +202,7 @@ class DrivesPlant:
         self.answers = Answers(len(self.axes), self._clock)
         self._clashes, self._owed, self._last = self._no_clashes()
         self._asked.fill(math.inf)
-        self._timeout = setup.timeout
+        self._timeout, self._period = setup.timeout, setup.period
         self._free = [j is None or j.on_silence is OnSilence.FREE for j in setup.joints]
         self._found = tuple(self.driver.open(setup, setup.joints))
         self.exchange(self._off)
@@ -222,12 +222,12 @@ class DrivesPlant:
                 faults[k] = f"two drives answer as id {self.axes[k].id}; change that of one"
         if late.any():
             now = self._clock()
-            ages = np.where(late, now - answers.times, 0.0)
             self._asked = np.where(late, np.minimum(self._asked, begin), math.inf)
+            owed = np.where(late, now - self._asked, 0.0)  # a loop that did not ask is no silence
             answers.missed += int(np.count_nonzero(late))
-            for k in np.flatnonzero(now - self._asked > self._timeout).tolist():
-                faults[k] = silent(self.axes[k], ages[k])
-            np.minimum(ages, self._timeout, out=ages)
+            for k in np.flatnonzero(owed > self._timeout).tolist():
+                faults[k] = silent(self.axes[k], now - answers.times[k])
+            ages = np.where(late, np.minimum(owed + self._period, self._timeout), 0.0)
         else:
             ages = np.zeros(len(faults))
             self._asked.fill(math.inf)
