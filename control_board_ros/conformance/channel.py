@@ -7,7 +7,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -16,7 +16,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from control_board_ros.client import BoardTimeout, State
-from control_board_ros.interface import MODES, STATE, Endpoint
+from control_board_ros.interface import JOINT_STATES, MODES, STATE, Endpoint
 
 from .outcomes import OutOfTime
 from .shapes import Malformed, check_modes, check_state
@@ -54,6 +54,7 @@ class Channel:
         self._clients: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
         self._ended = threading.Event()
+        self._joints: dict[str, float] | None = None
         self._subscriptions = [
             self._subscribe(STATE, self._on_state),
             self._subscribe(MODES, self._on_modes),
@@ -155,6 +156,18 @@ class Channel:
             new = self.modes_received - count
             return list(self.modes)[-new:] if new else []
 
+    def joint_positions(self, names: Sequence[str]) -> dict[str, float]:
+        """The positions on joint_states, by name, in the next message with one of these names.
+
+        Empty where none is received in time. The first call subscribes.
+        """
+        if self._joints is None:
+            self._subscriptions.append(self._subscribe(JOINT_STATES, self._on_joints))
+        received = self._joints = dict[str, float]()
+        self.wait_for(lambda: not received.keys().isdisjoint(names), self.patience)
+        with self._came:
+            return dict(received)
+
     def wait_for(self, found: Callable[[], bool], patience: float) -> bool:
         """Wait for a condition on states and modes; false on timeout.
 
@@ -184,6 +197,11 @@ class Channel:
             check_modes(message)
             self.modes.append(message)
             self.modes_received += 1
+
+    def _on_joints(self, message: Any) -> None:
+        with self._reading():
+            if self._joints is not None:
+                self._joints.update(zip(message.name, message.position, strict=False))
 
     @contextmanager
     def _reading(self) -> Iterator[None]:

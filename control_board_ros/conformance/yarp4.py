@@ -5,12 +5,21 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from control_board_ros.client import BoardError
+from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.selection import RequestError
+from control_board_ros.protocols import Floats
 
 from .bench import TAKING, Bench, K, M
 from .outcomes import assume, expect, offered
-from .rules import inside, rule
+from .rules import rule
+
+#: s until a joint is at rest after a move.
+SETTLING = 0.3
+#: Permitted deviation, relative to a step.
+OFF = 0.1
 
 
 @rule("Y1", "a direct velocity acts at once, and expires")
@@ -68,9 +77,41 @@ def current(bench: Bench) -> str:
     return f"{low:.3g} to {high:.3g} A; silence for 0.1 s is a fault"
 
 
-inside(
-    "Y3", "couplings", "which motors move an axis is not shown; every rule holds of coupled axes"
-)
+@rule("Y3", "physical joints move as coupled with the axes")
+def coupled(bench: Bench) -> str:
+    client, j, step = bench.client, bench.j, bench.range.step
+    try:
+        coupling = client.get_coupling()
+    except BoardError:
+        offered(False, "the board does not report its coupling")
+    offered(coupling != Coupling.plain(coupling.axes), "its axes are its physical joints")
+    expect(coupling.axes == bench.names, f"its coupling is of the axes {', '.join(coupling.axes)}")
+    joints = coupling.physical_joints
+
+    def at_rest() -> tuple[Floats, Floats, dict[str, float]]:
+        """Positions of the axes, shape (n,), the matrix there, positions of physical joints."""
+        axes = bench.record(SETTLING)[-1].position
+        return axes, client.get_coupling().jacobian(axes), bench.channel.joint_positions(joints)
+
+    before, first, shown = at_rest()
+    rows = [i for i, joint in enumerate(joints) if joint in shown]  # a follower may be absent
+    text = f"joint_states has {len(rows)} of {len(joints)} physical joints"
+    expect(np.linalg.matrix_rank(first[rows]) == len(before), f"{text}, too few for the axes")
+    bench.go(bench.range.start + step)
+    after, last, reached = at_rest()
+    moved = after - before
+    assume(moved[j] > 0.5 * step, f"{bench.joint} moved {moved[j]:.3g} of {step:.3g}, see P1")
+    strayed = float(np.abs(np.delete(moved, j)).max(initial=0.0))
+    expect(strayed < OFF * step, f"another axis moved {strayed:.3g} with {bench.joint}")
+    matrix = 0.5 * (first + last)
+    for i in rows:
+        found, wanted = reached[joints[i]] - shown[joints[i]], float(matrix[i] @ moved)
+        expect(
+            abs(found - wanted) < OFF * step * np.abs(matrix[:, j]).max(),
+            f"{joints[i]} moved {found:.3g}, not {wanted:.3g}, as {bench.joint} moved "
+            f"{moved[j]:.3g}",
+        )
+    return f"{text}, which moved as coupled while {bench.joint} moved {moved[j]:.3g}"
 
 
 @rule("Y5", "amplifier limits are read, set within the configured ones, and act")

@@ -28,7 +28,6 @@ OVER_ROS = (
     "velocity_in_position",
     "a_mode_of_its_own",
     "a_mode_ends_a_calibration",
-    "a_current_without_a_timeout",  # a parameter is set
 )
 #: Faults of which a whole session, with the leave that the last one needs, reports all.
 THREE = ["diagnostics_elsewhere", "any_cause_is_cleared", "it_starts_in_velocity"]

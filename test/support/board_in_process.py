@@ -16,7 +16,7 @@ from operator import attrgetter
 from types import SimpleNamespace
 from typing import Any
 
-from adapter import CONFIG, load
+from adapter import load
 from control_board_msgs.msg import BoardState
 from rclpy.serialization import deserialize_message
 from rig import Rig
@@ -33,10 +33,11 @@ from control_board_ros.interface import Endpoint
 from control_board_ros.node.loop.snapshots import Snapshots
 from control_board_ros.node.loop.time_base import TimeBase
 from control_board_ros.node.wiring.messages import joint_modes
-from control_board_ros.node.wiring.publishing import BOARD_STATE
+from control_board_ros.node.wiring.publishing import BOARD_STATE, Physical
 from control_board_ros.node.wiring.services import Services
 from control_board_ros.node.wiring.state_message import StateMessage
 from control_board_ros.node.wiring.topics import CommandTopics
+from control_board_ros.settings import loading as settings
 from control_board_ros.sim.plant import SimulatedPlant
 
 #: Control cycles for each state.
@@ -44,12 +45,16 @@ EACH = 5
 
 
 class InProcess:
-    """A board with its plant behind the node's wiring; a channel, as the rules need one."""
+    """A board with its plant behind the node's wiring; a channel, as the rules need one.
+
+    Args:
+        robot: a shipped configuration; empty: the arm of arm.yaml.
+    """
 
     board, patience = "/in_process", 30.0
 
-    def __init__(self) -> None:
-        made = load()
+    def __init__(self, robot: str = "") -> None:
+        self.settings = made = settings.load(robot) if robot else load()
         self.rig = Rig(made.board, SimulatedPlant(made.board, replace(made.simulation, urdf=None)))
         group = self.rig.board
         self._message = StateMessage(BoardState(names=list(group.names)), BOARD_STATE, group.count)
@@ -107,6 +112,14 @@ class InProcess:
     def send(self, topic: Endpoint, **fields: Any) -> None:
         with contextlib.suppress(ValueError):  # the node warns of it
             self._topics[topic](topic.load()(**fields))
+
+    def joint_positions(self, names: Sequence[str]) -> dict[str, float]:
+        """As published: of the physical joints where a file couples them."""
+        snapshot, coupling = self.rig.board.snapshot(), self.settings.physical
+        if coupling is None:
+            return dict(zip(self.rig.board.names, snapshot.position, strict=True))
+        physical = Physical.of(snapshot, coupling)
+        return dict(zip(coupling.physical_joints, physical.position, strict=True))
 
     def graph(self) -> Any:
         raise NotTestable("it is on no network")
@@ -205,10 +218,12 @@ class Client:
             raise BoardError(f"no parameters {names}") from None
 
     def set_parameters(self, values: Any) -> Any:
-        raise BoardError("they are not set in process")
+        self._channel.settings = self._channel.settings.changed(values)
+        self._channel.rig.board.reconfigure(self._channel.settings.board)
+        return accepted(self.names)
 
     def get_robot_description(self) -> str:
-        return CONFIG.with_name("arm.urdf").read_text(encoding="utf-8")
+        return self._channel.settings.description
 
     def calibrate(self, joint: str, *, wait: bool) -> Any:
         assert not wait
@@ -232,11 +247,11 @@ class Client:
 
 
 def tried(
-    names: Sequence[str] = (), joint: str = "left", **options: Any
+    names: Sequence[str] = (), robot: str = "", joint: str = "left", **options: Any
 ) -> dict[str, tuple[str, str]]:
     """Outcome and evidence by rule, of all or of some, on a new board."""
     rules = [rule for rule in in_order() if not names or rule.name in names]
-    channel: Any = InProcess()
+    channel: Any = InProcess(robot)
     client: Any = Client(channel)
     try:
         results, problems = run(Session(channel, client, joint=joint, **options), rules)

@@ -14,11 +14,13 @@ class Wrong:
     """A board with one rule broken.
 
     Attributes: change (breaks it, before the node is made), rule (that must be found; empty: none
-    is broken), options (of the session that finds it: joint, allowed, patience).
+    is broken), robot (a named one; empty: the arm of arm.yaml), options (of the session that finds
+    it: joint, allowed).
     """
 
     change: Callable[[], None]
     rule: str
+    robot: str = ""
     options: dict[str, Any] = field(default_factory=dict)
 
 
@@ -26,11 +28,13 @@ class Wrong:
 WRONG: dict[str, Wrong] = {}
 
 
-def breaks(rule: str, **options: Any) -> Callable[[Callable[[], None]], Callable[[], None]]:
+def breaks(
+    rule: str, *, robot: str = "", **options: Any
+) -> Callable[[Callable[[], None]], Callable[[], None]]:
     """Register a wrong board under the name of its function."""
 
     def register(function: Callable[[], None]) -> Callable[[], None]:
-        WRONG[function.__name__] = Wrong(function, rule, options)
+        WRONG[function.__name__] = Wrong(function, rule, robot, options)
         return function
 
     return register

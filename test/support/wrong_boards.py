@@ -30,7 +30,8 @@ def main(arguments: list[str]) -> int:
     if arguments[1:2] == ["--rules"]:
         from board_in_process import tried  # what it imports is broken by now
 
-        print(json.dumps(tried(arguments[2:], **WRONG[arguments[0]].options)))
+        wrong = WRONG[arguments[0]]
+        print(json.dumps(tried(arguments[2:], wrong.robot, **wrong.options)))
         return 0
     from control_board_ros.node.main import main as run_node
 

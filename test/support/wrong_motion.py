@@ -333,6 +333,17 @@ def a_current_without_a_timeout() -> None:
     COMMANDS[K.CURRENT] = dataclasses.replace(row, timeout=None)
 
 
+@breaks("Y3", robot="icub_hand", joint="l_index_distal")
+def half_the_motion_of_physical_joints() -> None:
+    from control_board_ros.node.wiring.publishing import Physical
+
+    def of(old: Any, *args: Any) -> Any:
+        physical = old(*args)
+        return physical._replace(position=0.5 * physical.position)
+
+    around(Physical, "of", of)
+
+
 @breaks("Y5")
 def a_pwm_limit_that_does_not_act() -> None:
     from control_board_ros.core.laws.control import Controller
