@@ -246,7 +246,7 @@ class Bench:
         if self._asked:  # not by the client, whose states may be older
             self._asked = False
             return self.following(2)
-        return fresh
+        return self.latest()  # never older than a state that a rule has seen
 
     def following(self, count: int) -> State:
         """The ``count``-th state after the last one.
