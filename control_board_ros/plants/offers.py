@@ -15,6 +15,9 @@ from ..settings.loading import Settings
 from .errors import PlantSettingsError
 from .interface import Description, DriveLimits, JointDescription
 
+#: Sensors whose silence is a fault, in ``timeouts``.
+SENSORS = ("encoder", "torque_sensor")
+
 
 def within(settings: Settings, name: str, description: Description) -> Settings:
     """Settings that ask no more of a plant than it has.
@@ -45,7 +48,7 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
             f"plant {name!r} is no simulation, its time is real: 1.0"
         )
     try:
-        board = cut(settings.board, has)
+        board = _patient(cut(settings.board, has), settings)
     except ConfigError as error:
         raise PlantSettingsError(f"plant {name!r} has less than is asked for: {error}") from None
     values = dict(settings.values)
@@ -58,6 +61,8 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
         values[f"{made.name}.drive"] = [kind.code for kind in made.drive]
         values[f"{made.name}.drive_delay"] = made.drive_delay
         values[f"{made.name}.on_silence"] = str(made.on_silence)
+        for sensor in SENSORS:
+            values[f"{made.name}.timeouts.{sensor}"] = getattr(made.timeouts, sensor)
     notes = (
         *settings.notes,
         *(note for joint in settings.board.joints for note in told(joint, has[joint.name])),
@@ -72,6 +77,22 @@ def cut(board: BoardConfig, has: dict[str, JointDescription]) -> BoardConfig:
         ConfigError: a joint would have to start in a mode that it has not.
     """
     return replace(board, joints=tuple(_cut(joint, has[joint.name]) for joint in board.joints))
+
+
+def _patient(board: BoardConfig, settings: Settings) -> BoardConfig:
+    """A sensor behind a bus may be as silent as the plant itself, where the user gave no limit.
+
+    A simulated sensor answers in each cycle; an answer of a drive may be late or lost (B3).
+    """
+    least, joints = settings.values["plant_timeout"], []
+    for joint in board.joints:
+        longer = {
+            sensor: max(getattr(joint.timeouts, sensor), least)
+            for sensor in SENSORS
+            if f"{joint.name}.timeouts.{sensor}" not in settings.where
+        }
+        joints.append(replace(joint, timeouts=replace(joint.timeouts, **longer)))
+    return replace(board, joints=tuple(joints))
 
 
 def follows_current(has: JointDescription) -> bool:

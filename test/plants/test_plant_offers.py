@@ -89,6 +89,19 @@ def test_the_board_offers_no_more_than_the_plant_has() -> None:
     assert not reply
 
 
+def test_a_sensor_behind_a_bus_may_be_as_silent_as_the_plant() -> None:
+    """B3: unless the user gave a limit; in the values, too."""
+    given = {f"{IIWA[1]}.timeouts.encoder": 0.03, "plant_timeout": 0.2}
+    made = drives(load("iiwa", given))
+    timeouts = [joint.timeouts for joint in made.board.joints[:2]]
+    assert [(one.encoder, one.torque_sensor) for one in timeouts] == [(0.2, 0.2), (0.03, 0.2)]
+    assert made.values[f"{IIWA[0]}.timeouts.encoder"] == 0.2
+    assert made.values[f"{IIWA[1]}.timeouts.encoder"] == 0.03
+    assert drives(load("iiwa", {"joint_defaults.timeouts.encoder": 0.01})).board.joints[
+        0
+    ].timeouts.encoder == pytest.approx(0.01)
+
+
 @pytest.mark.parametrize(
     ("joints", "rest", "told"),
     [

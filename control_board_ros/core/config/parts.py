@@ -234,7 +234,7 @@ class Timeouts:
         run_time=True,
     )
     encoder: float = parameter(
-        "Silence of the encoder that is a fault",
+        "Silence of the encoder that is a fault; drives: plant_timeout unless given",
         "s",
         default=0.02,
         above=0.0,
@@ -242,7 +242,7 @@ class Timeouts:
         run_time=True,
     )
     torque_sensor: float = parameter(
-        "Silence of the torque sensor that is a fault",
+        "Silence of the torque sensor that is a fault; drives: plant_timeout unless given",
         "s",
         default=0.02,
         above=0.0,
