@@ -35,6 +35,12 @@ def test_options_are_of_the_bus_of_all_joints_or_of_one() -> None:
     assert found.axes[1].factor == -6.0
 
 
+def test_an_option_without_a_joint_is_that_of_those_that_have_none() -> None:
+    """In whatever order they are given."""
+    for given in ({"ratio": "6", "elbow__ratio": "2"}, {"elbow__ratio": "2", "ratio": "6"}):
+        assert [axis.ratio for axis in parsed(**given).axes] == [6.0, 2.0]
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [

@@ -121,10 +121,11 @@ class Options:
         Args:
             joints: Names, in the board's order; their ids are 1, 2, 3, … unless given.
             arguments: Of the user: ``bus``, ``ids`` (``1,2,3``), ``JOINT.id``, ``JOINT.ratio``,
-                ``JOINT.direction``, ``JOINT.offset``, ``JOINT.motor_turns``, and those below.
+                ``JOINT.direction``, ``JOINT.offset``, ``JOINT.motor_turns``, and those below; all
+                but the id also without a joint, for those that have none of their own.
             bus: The one that is used when none is given.
             whole: Options of this driver with their defaults, whose type is theirs.
-            each: The same, of one joint; given without a joint, of all.
+            each: The same, of one joint.
 
         Raises:
             PlantSettingsError: an option is unknown or no such value; two joints have one id.
@@ -132,7 +133,8 @@ class Options:
         whole, each = dict(whole or {}), dict(each or {})
         per_joint: dict[str, str | float] = {"id": 0.0, "direction": 1.0, "ratio": 1.0}
         per_joint |= {"offset": 0.0, "motor_turns": 0.0, **each}
-        known = ["bus", "ids", *whole, *each, *(f"JOINT.{name}" for name in per_joint)]
+        for_all = {name: default for name, default in per_joint.items() if name != "id"}
+        known = ["bus", "ids", *whole, *for_all, *(f"JOINT.{name}" for name in per_joint)]
         found = {name: dict(per_joint, id=float(k)) for k, name in enumerate(joints, 1)}
         if "ids" in arguments:
             ids = arguments["ids"].replace(",", " ").split()
@@ -143,15 +145,15 @@ class Options:
             for name, text in zip(joints, ids, strict=True):
                 found[name]["id"] = _value("ids", text, 0.0)
         own = dict(whole)
-        for key, text in arguments.items():
+        for key, text in sorted(arguments.items(), key=lambda item: "." in item[0]):
             joint, dot, option = key.rpartition(".")
             if dot and joint in found and option in per_joint:
                 found[joint][option] = _value(key, text, per_joint[option])
             elif key in whole:
                 own[key] = _value(key, text, whole[key])
-            elif key in each:
+            elif key in for_all:
                 for options in found.values():
-                    options[key] = _value(key, text, each[key])
+                    options[key] = _value(key, text, for_all[key])
             elif key not in ("bus", "ids"):
                 raise PlantSettingsError(
                     f"{key}={text}: unknown{nearest(key, known)}; known: {', '.join(known)}"

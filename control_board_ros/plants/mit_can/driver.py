@@ -6,6 +6,7 @@ They take ``impedance`` as it is, and ``torque`` as an impedance with k = d = 0.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Sequence
 from typing import Any
@@ -79,11 +80,11 @@ class MitDrives:
         self._setup, self._joints = setup, joints
         self._wait = budget(setup.period)
         self._places.clear()
+        self._check_gains()
         return [self._set_up(k) for k in range(len(self._axes))]
 
     def _set_up(self, k: int) -> Found:
         """No power, MIT mode, watchdog; returns what it is."""
-        self._check_gains(k)
         self._powered[k] = self._enabled[k] = self._restarted[k] = False
         firmware = self._set_up_robstride(k) if k in self._power else self._set_up_damiao(k)
         ranges, model = self._ranges[k], str(self._axes[k].own["model"])
@@ -123,19 +124,30 @@ class MitDrives:
         self._power[k], self._words[k] = r.Power(self._ranges[k]), 0
         return ""
 
-    def _check_gains(self, k: int) -> None:
-        """Positions are followed by k and d of the board's own gains: they must fit the frame."""
-        axis, joint = self._axes[k], self._joints[k]
-        if joint is None:
-            return
-        gains = joint.position_pid
-        bounds = self._ranges[k].stiffest, self._ranges[k].most_damped
-        for what, value, bound in zip(("kp", "kd"), (gains.kp, gains.kd), bounds, strict=True):
-            if value > (most := bound * axis.ratio**2):
-                raise PlantSettingsError(
-                    f"{axis.name}: position_pid.{what}={value:.3g} is not allowed; its motor "
-                    f"takes {most:.3g} at most, with ratio {axis.ratio:g}"
-                )
+    def _check_gains(self) -> None:
+        """Positions are followed by k and d of the board's own gains: they must fit the frame.
+
+        Raises:
+            PlantSettingsError: they do not; with the ratios that hold them.
+        """
+        needed = {}
+        for n, (joint, ranges) in enumerate(zip(self._joints, self._ranges, strict=True)):
+            if joint is not None:
+                gains = joint.position_pid
+                most = max(gains.kp / ranges.stiffest, gains.kd / ranges.most_damped)
+                if (ratio := math.sqrt(most)) > self._axes[n].ratio:
+                    needed[ratio] = n, gains
+        if needed:
+            ratio = max(needed)
+            n, gains = needed[ratio]
+            axis, ranges = self._axes[n], self._ranges[n]
+            option = "ratio" if len(needed) > 1 else f"{axis.name}.ratio"
+            raise PlantSettingsError(
+                f"{axis.name}: position_pid.kp={gains.kp:.4g}, kd={gains.kd:.4g} is not allowed; "
+                f"its motor holds {ranges.stiffest:g} and {ranges.most_damped:g}, with ratio "
+                f"{axis.ratio:g}; lower them, or give gears: plant_arguments "
+                f"[{option}={math.ceil(10.0 * ratio) / 10.0}]"
+            )
 
     def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
