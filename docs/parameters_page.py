@@ -11,9 +11,10 @@ from typing import Any
 
 from interface_page import header, row
 
+from control_board_ros.core.config.parameter import Parameter
 from control_board_ros.settings.couplings import ROWS as COUPLING_ROWS
 from control_board_ros.settings.poses import POSITION_ROW, SPEED_ROW
-from control_board_ros.settings.schema import BOARD, JOINT, Parameter
+from control_board_ros.settings.schema import BOARD, JOINT
 
 INTRODUCTION = """\
 Every parameter of `control_board`: the board's own, and those of each joint. Files to start from

@@ -144,23 +144,15 @@ def coupled(urdf: Urdf, table: Entries) -> tuple[Urdf, tuple[Motors, ...]]:
         if given["motor_matrix"].value:
             for other in motors:
                 for axis in set(other.coupling.axes) & set(given["axes"].value):
-                    at = given["axes"]
-                    raise _refused(
-                        f"{COUPLINGS}.{name}.axes",
-                        at,
-                        f"{axis} in one coupling of motors; {other.key} has it",
-                    )
+                    allowed = f"{axis} in one coupling of motors; {other.key} has it"
+                    raise _refused(f"{COUPLINGS}.{name}.axes", given["axes"], allowed)
             motors.append(_motors(name, given))
     for one in motors:
+        key, known = one.key.replace("motor_matrix", "axes"), urdf.independent
         for axis in one.coupling.axes:
-            if axis not in urdf.independent:
-                entry = table[one.key.replace("motor_matrix", "axes")]
-                raise _refused(
-                    one.key.replace("motor_matrix", "axes"),
-                    entry,
-                    f"axes of the robot, not {axis!r}{nearest(axis, urdf.independent)}; they are: "
-                    f"{', '.join(urdf.independent)}",
-                )
+            if axis not in known:
+                allowed = f"axes of the robot, not {axis!r}{nearest(axis, known)}; they are: "
+                raise _refused(key, table[key], allowed + ", ".join(known))
     return urdf, tuple(motors)
 
 
@@ -204,7 +196,7 @@ def _with_joints(urdf: Urdf, name: str, given: Entries) -> Urdf:
     joints, key = joints or axes, f"{COUPLINGS}.{name}.matrix"
     if not matrix and len(joints) == len(axes):
         matrix = np.eye(len(axes)).ravel().tolist()
-    rows = [tuple(matrix[k : k + len(axes)]) for k in range(0, len(matrix), len(axes))]
+    rows = _rows(matrix, len(axes))
     for joint, row in zip(joints, rows, strict=False):
         if not any(row):
             raise _refused(key, given["matrix"], f"a row that is not all zeros for {joint}")
@@ -212,7 +204,7 @@ def _with_joints(urdf: Urdf, name: str, given: Entries) -> Urdf:
         _function(f"{COUPLINGS}.{name}.functions", given["functions"], f) for f in functions
     )
     try:
-        coupling = Coupling(tuple(axes), tuple(joints), tuple(rows), tuple(offsets), made)
+        coupling = Coupling(tuple(axes), tuple(joints), rows, tuple(offsets), made)
     except ValueError as error:
         raise _refused(key, given["matrix"], str(error)) from None
     try:
@@ -223,12 +215,16 @@ def _with_joints(urdf: Urdf, name: str, given: Entries) -> Urdf:
 
 def _motors(name: str, given: Entries) -> Motors:
     axes, matrix = given["axes"].value, given["motor_matrix"].value
-    rows = tuple(tuple(matrix[k : k + len(axes)]) for k in range(0, len(matrix), len(axes)))
     key = f"{COUPLINGS}.{name}.motor_matrix"
     try:
-        return Motors(key, Coupling(tuple(axes), tuple(axes), rows))
+        return Motors(key, Coupling(tuple(axes), tuple(axes), _rows(matrix, len(axes))))
     except ValueError as error:
         raise _refused(key, given["motor_matrix"], str(error)) from None
+
+
+def _rows(matrix: Sequence[float], count: int) -> tuple[tuple[float, ...], ...]:
+    """Rows of ``count`` numbers each."""
+    return tuple(tuple(matrix[k : k + count]) for k in range(0, len(matrix), count))
 
 
 def _function(key: str, entry: Entry, text: str) -> FourBar | None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from ..core.config.parameter import Parameter
 from ..description.urdf import Urdf
 from ..text import nearest
 from .params_file import Entry, Layer, SettingsError, shown
-from .poses import known_names
+from .poses import POSES, known_names
 from .schema import BOARD_BY_NAME, JOINT, JOINT_DEFAULTS, find_row
 from .values import convert
 
@@ -21,6 +21,9 @@ ROS_PREFIXES = ("qos_overrides.",)
 
 #: Names not allowed for joints, and the owner of the parameters with this prefix.
 RESERVED = {JOINT_DEFAULTS: "all joints", "poses": "the poses", "qos_overrides": "ROS"}
+
+#: Parameters with names of joints.
+LISTS, GROUPS = ("joints", "parts"), "calibration_groups"
 
 Entries = dict[str, Entry]
 
@@ -56,6 +59,39 @@ def without_ros(layers: Sequence[Layer]) -> tuple[list[Entries], dict[str, Any]]
             else:
                 ours[-1][name] = entry
     return ours, ros
+
+
+def prefix_of(layers: Sequence[Entries]) -> str:
+    """The joint prefix of the strongest layer; raises SettingsError for characters not allowed."""
+    name, given = "joint_prefix", [layer for layer in layers if "joint_prefix" in layer]
+    return str(convert(BOARD_BY_NAME[name], name, given[-1][name])) if given else ""
+
+
+def prefixed(entries: Entries, joints: Collection[str], prefix: str) -> Entries:
+    """Add a prefix to joint names in parameters; files name joints as in the URDF.
+
+    Args:
+        entries: by full name.
+        joints: as the URDF names them.
+        prefix: of the joints.
+    """
+
+    def full(name: str) -> str:
+        return prefix + name if name in joints else name
+
+    found: Entries = {}
+    for name, entry in entries.items():
+        owner, dot, key = name.partition(".")
+        value = entry.value
+        if isinstance(value, list) and owner in LISTS:
+            value = [full(item) for item in value]
+        elif isinstance(value, list) and owner == GROUPS:
+            value = [",".join(full(n.strip()) for n in group.split(",")) for group in value]
+        if owner == POSES:
+            pose, mark, joint = key.partition(".")
+            key = pose + mark + full(joint)
+        found[(full(owner) if dot else owner) + dot + key] = Entry(value, entry.where)
+    return found
 
 
 def typed(entries: Entries, joints: Sequence[str]) -> Entries:

@@ -21,6 +21,7 @@ from typing import Any
 from ..core.bring_up import complete_levels
 from ..core.config import stability
 from ..core.config.config import BoardConfig, ConfigError
+from ..core.config.parameter import Parameter
 from ..core.goals.pose import Pose
 from ..core.model.coupling import Coupling
 from ..core.terms.modes import SENSE_TORQUE
@@ -38,12 +39,21 @@ from .couplings import (
     take_couplings,
 )
 from .couplings import values_of as couplings_of
-from .layers import Entries, joints_of, merged, robot_of, typed, unknown, without_ros
+from .layers import (
+    Entries,
+    joints_of,
+    merged,
+    prefix_of,
+    prefixed,
+    robot_of,
+    typed,
+    unknown,
+    without_ros,
+)
 from .params_file import Entry, Layer, SettingsError, read_file
 from .parts import NAME, PARTS, Table, as_name, check_parts, groups_of, levels_of, take_parts
 from .poses import POSES, poses_of, values_of
-from .prefix import prefix_of, prefixed
-from .schema import BOARD, JOINT, JOINT_DEFAULTS, Parameter, find_row
+from .schema import BOARD, JOINT, JOINT_DEFAULTS, find_row
 from .shipped import find_config
 from .values import convert
 
@@ -99,7 +109,8 @@ class Settings:
     def part(self, name: str) -> Settings:
         """The settings of one part, as a single board."""
         names = self.parts[name]
-        others = tuple(f"{joint}." for joint in self.board.names if joint not in names)
+        foreign = (POSES, PARTS, COUPLINGS, *(j for j in self.board.names if j not in names))
+        others = tuple(f"{owner}." for owner in foreign)
         groups = tuple(
             group
             for whole in self.board.calibration_groups
@@ -117,14 +128,12 @@ class Settings:
             coupling=couplings.joints,
             motor_coupling=couplings.motors,
         )
+        poses = {n: own for n, pose in self.poses.items() if (own := pose.of(names)) is not None}
         values = {key: value for key, value in self.values.items() if not key.startswith(others)}
         values |= {
             "joints": list(names),
             "calibration_groups": [",".join(group) for group in groups],
         }
-        poses = {n: own for n, pose in self.poses.items() if (own := pose.of(names)) is not None}
-        values = {k: v for k, v in values.items() if not k.startswith((f"{POSES}.", f"{PARTS}."))}
-        values = {k: v for k, v in values.items() if not k.startswith(f"{COUPLINGS}.")}
         values |= values_of(poses) | couplings_of(self.coupled.entries, names)
         return replace(
             self, board=board, values=values, warnings=(), notes=(), poses=poses, parts={}

@@ -19,188 +19,128 @@ from ..sim.config import JointSimulation, SimulationConfig
 from .couplings import coupling_row
 from .poses import pose_row
 
-__all__ = [
-    "BOARD",
-    "BOARD_BY_NAME",
-    "JOINT",
-    "JOINT_BY_NAME",
-    "JOINT_DEFAULTS",
-    "PART_ROWS",
-    "ROBOT_ROWS",
-    "Kind",
-    "Parameter",
-    "find_row",
-]
-
 JOINT_DEFAULTS = "joint_defaults"
 
 #: Pattern of a ROS name: /arm, ~/arm, arm, ~.
 ROS_NAME = r"~/?|(~?/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*"
+
+
+def _row(name: str, default: Any, text: str, unit: str = "", **more: Any) -> Parameter:
+    """A parameter of the node, of its default's kind."""
+    kind = KINDS[type(default)]
+    return Parameter(name=name, kind=kind, default=default, text=text, unit=unit, **more)
+
+
+KINDS = {
+    bool: Kind.BOOL,
+    int: Kind.INTEGER,
+    float: Kind.DOUBLE,
+    str: Kind.STRING,
+    list: Kind.STRINGS,
+}
 #: Parameters of the node only.
 NODE = (
-    Parameter(
-        name="robot",
-        kind=Kind.STRING,
-        default="iiwa",
-        text="Robot: iiwa, panda, icub, panda_pair, iiwa_gripper, icub_left_arm, icub_right_arm, "
+    _row(
+        "robot",
+        "iiwa",
+        "Robot: iiwa, panda, icub, panda_pair, iiwa_gripper, icub_left_arm, icub_right_arm, "
         "icub_hand, icub_hand_mk3, icub_hands, or the path of a URDF or xacro file; of a xacro "
         "file arguments may follow, name:=value",
     ),
-    Parameter(
-        name="robot_name",
-        kind=Kind.STRING,
-        default="",
-        text="Prefix of the names of a robot's nodes, where it has parts; empty: as robot",
+    _row(
+        "robot_name",
+        "",
+        "Prefix of the names of a robot's nodes, where it has parts; empty: as robot",
         pattern=r"([A-Za-z][A-Za-z0-9_]*)?",
         form="a name of letters, digits and _",
     ),
-    Parameter(
-        name="startup_levels",
-        kind=Kind.STRINGS,
-        default=[],
-        text='Start-up levels in order, each "part,part,…"; other parts are last',
+    _row(
+        "startup_levels", [], 'Start-up levels in order, each "part,part,…"; other parts are last'
     ),
-    Parameter(
-        name="joint_prefix",
-        kind=Kind.STRING,
-        default="",
-        text="Prefix of every joint name; parameter files name joints without it",
+    _row(
+        "joint_prefix",
+        "",
+        "Prefix of every joint name; parameter files name joints without it",
         pattern=r"[A-Za-z0-9_]*",
         form="letters, digits and _",
     ),
-    Parameter(
-        name="frame_prefix",
-        kind=Kind.STRING,
-        default="",
-        text="Prefix of every frame name in /tf, as of robot_state_publisher",
-    ),
-    Parameter(
-        name="joints",
-        kind=Kind.STRINGS,
-        default=[],
-        text="Joints of the board in its order; empty: all movable joints",
-    ),
-    Parameter(
-        name="plant",
-        kind=Kind.STRING,
-        default="",
-        text="Plant driven by the board, by its registered name; empty: the simulation",
-    ),
-    Parameter(
-        name="plant_arguments",
-        kind=Kind.STRINGS,
-        default=[],
-        text="Arguments of the plant, name=value each",
-    ),
-    Parameter(
-        name="plant_timeout",
-        kind=Kind.DOUBLE,
-        default=0.1,
-        text="Response timeout: without an answer of the plant its joints fault; without "
+    _row("frame_prefix", "", "Prefix of every frame name in /tf, as of robot_state_publisher"),
+    _row("joints", [], "Joints of the board in its order; empty: all movable joints"),
+    _row("plant", "", "Plant driven by the board, by its registered name; empty: the simulation"),
+    _row("plant_arguments", [], "Arguments of the plant, name=value each"),
+    _row(
+        "plant_timeout",
+        0.1,
+        "Response timeout: without an answer of the plant its joints fault; without "
         "commands for this time plus three cycles the plant disables the motors",
-        unit="s",
+        "s",
         low=0.001,
         high=60.0,
     ),
-    Parameter(
-        name="plant_process",
-        kind=Kind.BOOL,
-        default=True,
-        text="Run the plant in a separate process, which disables the motors also when the "
+    _row(
+        "plant_process",
+        True,
+        "Run the plant in a separate process, which disables the motors also when the "
         "board's process stops, hangs or ends; false: in a thread of the board's",
     ),
-    Parameter(
-        name="state_rate",
-        kind=Kind.DOUBLE,
-        default=100.0,
-        text="Rate of joint_states and ~/state",
-        unit="Hz",
+    _row(
+        "state_rate",
+        100.0,
+        "Rate of joint_states and ~/state",
+        "Hz",
         low=0.1,
         high=1000.0,
         run_time=True,
     ),
-    Parameter(
-        name="real_time_factor",
-        kind=Kind.DOUBLE,
-        default=1.0,
-        text="Simulated seconds per second; 0: as fast as every state can be published",
+    _row(
+        "real_time_factor",
+        1.0,
+        "Simulated seconds per second; 0: as fast as every state can be published",
         low=0.001,
         or_zero=True,
         high=1000.0,
         run_time=True,
     ),
-    Parameter(
-        name="realtime_priority",
-        kind=Kind.INTEGER,
-        default=0,
-        text="SCHED_FIFO priority of the node, 0: none; needs CAP_SYS_NICE",
+    _row(
+        "realtime_priority",
+        0,
+        "SCHED_FIFO priority of the node, 0: none; needs CAP_SYS_NICE",
         low=0,
         high=98,
     ),
-    Parameter(
-        name="niceness",
-        kind=Kind.INTEGER,
-        default=-20,
-        text="Niceness of the node, where permitted (root); not at real_time_factor 0",
+    _row(
+        "niceness",
+        -20,
+        "Niceness of the node, where permitted (root); not at real_time_factor 0",
         low=-20,
         high=19,
     ),
-    Parameter(
-        name="publish_clock",
-        kind=Kind.BOOL,
-        default=False,
-        text="Publish /clock, also at real_time_factor 1",
+    _row("publish_clock", False, "Publish /clock, also at real_time_factor 1"),
+    _row("publish_tf", False, "Publish /tf and /tf_static, in place of robot_state_publisher"),
+    _row("lifecycle", False, "Managed node: its transitions configure the board and enable power"),
+    _row("autostart", True, "A managed node configures and activates itself at its start"),
+    _row("allow_fault_injection", False, "Offer ~/inject_fault; for tests, in simulation"),
+    _row(
+        "park_on_exit",
+        False,
+        "Go to the pose park at the first SIGINT or SIGTERM, then end; a second one ends at once",
     ),
-    Parameter(
-        name="publish_tf",
-        kind=Kind.BOOL,
-        default=False,
-        text="Publish /tf and /tf_static, in place of robot_state_publisher",
+    _row(
+        "yarp_interface",
+        False,
+        "Offer the topics and services of YARP's controlBoard_nws_ros2, too",
     ),
-    Parameter(
-        name="lifecycle",
-        kind=Kind.BOOL,
-        default=False,
-        text="Managed node: its transitions configure the board and enable power",
-    ),
-    Parameter(
-        name="autostart",
-        kind=Kind.BOOL,
-        default=True,
-        text="A managed node configures and activates itself at its start",
-    ),
-    Parameter(
-        name="allow_fault_injection",
-        kind=Kind.BOOL,
-        default=False,
-        text="Offer ~/inject_fault; for tests, in simulation",
-    ),
-    Parameter(
-        name="park_on_exit",
-        kind=Kind.BOOL,
-        default=False,
-        text="Go to the pose park at the first SIGINT or SIGTERM, then end; a second one ends "
-        "at once",
-    ),
-    Parameter(
-        name="yarp_interface",
-        kind=Kind.BOOL,
-        default=False,
-        text="Offer the topics and services of YARP's controlBoard_nws_ros2, too",
-    ),
-    Parameter(
-        name="pwm_name",
-        kind=Kind.STRING,
-        default=ControlMode.OPENLOOP.code,
-        text="Name of OPENLOOP in answers of ~/get_control_mode: open, as in YARP 3, or ipwm, as "
+    _row(
+        "pwm_name",
+        ControlMode.OPENLOOP.code,
+        "Name of OPENLOOP in answers of ~/get_control_mode: open, as in YARP 3, or ipwm, as "
         "YARP 4 reads back",
         choices={name: name for name in (ControlMode.OPENLOOP.code, YARP_4_PWM)},
     ),
-    Parameter(
-        name="yarp_msgs_name",
-        kind=Kind.STRING,
-        default="~",
-        text="Namespace of YARP's topics and services, msgs_name in YARP; empty: none",
+    _row(
+        "yarp_msgs_name",
+        "~",
+        "Namespace of YARP's topics and services, msgs_name in YARP; empty: none",
         pattern=rf"(?=.{{0,200}}$)({ROS_NAME})?",
         form="a ROS name such as /icub/left_arm, or '~' for the node's own",
     ),

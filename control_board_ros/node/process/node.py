@@ -16,11 +16,12 @@ from typing import Any
 
 from rclpy.node import Node
 
+from ...core.config.parameter import Parameter
 from ...core.goals.follower import Follower
 from ...core.goals.trajectory_goal import start_goal
 from ...interface import JOINT_STATES, PART_JOINT_STATES, REQUEST_LOG, Endpoint
 from ...settings.loading import Settings
-from ...settings.schema import BOARD, JOINT, PART_ROWS, ROBOT_ROWS, Parameter
+from ...settings.schema import BOARD, JOINT, PART_ROWS, ROBOT_ROWS
 from ...settings.user_poses import UserPoses
 from ..loop.member import Member
 from ..wiring.actions import Actions

@@ -18,13 +18,14 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from ...core.config import stability
+from ...core.config.parameter import Parameter
 from ...core.terms.measurement import NO_SIMULATION
 from ...settings.couplings import coupling_row
 from ...settings.loading import Settings, load_layers
 from ...settings.params_file import Entry, Layer, SettingsError, parse_value, read_file, shown
 from ...settings.parts import PARTS, PARTS_ROW, ROBOT
 from ...settings.poses import POSITION_ROW, SPEED, SPEED_ROW, values_of
-from ...settings.schema import BOARD, JOINT, JOINT_DEFAULTS, Parameter
+from ...settings.schema import BOARD, JOINT, JOINT_DEFAULTS
 from ...text import clean
 from .declaring import Declaration, declare
 
