@@ -17,7 +17,6 @@ joints, ``report`` reports the results, ``app`` is the command line.
 """
 
 from . import (
-    brakes,
     calibration,
     faults,
     interaction,
@@ -47,7 +46,6 @@ __all__ = [
     "as_junit",
     "as_line",
     "as_text",
-    "brakes",
     "calibration",
     "faults",
     "interaction",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Y1, Y2, Y3, Y5: direct velocities, motor currents, couplings, amplifiers."""
+"""Y: direct velocities, motor currents, couplings, brakes, amplifiers."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from control_board_ros.client import BoardError
 from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.modes import MOVES, UNPOWERED
 from control_board_ros.protocols import Floats
 
 from .bench import TAKING, Bench, K, M
@@ -112,6 +113,32 @@ def coupled(bench: Bench) -> str:
             f"{moved[j]:.3g}",
         )
     return f"{text}, which moved as coupled while {bench.joint} moved {moved[j]:.3g}"
+
+
+@rule("Y4", "a brake is open before power acts, closed in IDLE")
+def brake_before_power(bench: Bench) -> str:
+    client, name, j = bench.client, bench.joint, bench.j
+    offered(client.get_brake(name)[0], f"{name} has no brake")
+    reply = client.set_brake(name, "automatic")
+    assume(reply, f"automatic is refused: {reply.message}")
+    bench.enter(UNPOWERED)
+    expect(bench.until(lambda s: bool(s.brake[j]), TAKING), "the brake is not closed in IDLE")
+    reply = client.set_brake(name, "closed")
+    expect(reply, f"closed is refused in IDLE: {reply.message}")
+    reply = client.set_control_mode(name, MOVES)
+    expect(not reply, f"{MOVES} is accepted while the brake is closed by hand")
+    code = reply.codes[0] if reply.codes else ""
+    expect(code == "brake_closed", f"the code is {code!r}, not 'brake_closed'")
+    assume(client.set_brake(name, "automatic"), "automatic is refused")
+    begin = bench.state().stamp
+    bench.enter(MOVES)
+    bench.take(K.POSITION, bench.another(K.POSITION))
+    bench.record(0.5)
+    states = bench.since(begin)  # however long the requests took
+    driven = [s.output[j] for s in states if s.brake[j] and s.output[j]]
+    expect(not driven, f"{max(driven, key=abs, default=0.0):.3g} % against a closed brake")
+    expect(not states[-1].brake[j], "the brake is still closed 0.5 s after a mode was set")
+    return f"closed in IDLE, opens before power in {len(states)} states; brake_closed by hand"
 
 
 @rule("Y5", "amplifier limits are read, set within the configured ones, and act")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exclusive ROS domains, and the environment of a process on one."""
+"""Exclusive ROS domains, the environment of a process on one, and its shared memory."""
 
 from __future__ import annotations
 
@@ -10,15 +10,21 @@ import random
 import socket
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from pathlib import Path
-
-from .shared_memory import sweep
 
 BOOTSTRAP_FLAG = "_ROS_WHEELS_BOOTSTRAP_COMPLETE"
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 #: Participants per host and domain that discover each other.
 PARTICIPANTS = 32
+#: Files of Fast DDS: ``fastrtps_0a1b…``, ``fastrtps_port17411``, each with a lock (``_el``) held
+#: by its owner.
+FOLDER = Path("/dev/shm")
+#: Age of an unlocked segment, s, from which it counts as left behind.
+AGE = 10.0
+#: Number of ports per domain, and first port of domain 0.
+FIRST_PORT, PORTS = 7400, 250
 
 
 def child_environment(domain: int) -> dict[str, str]:
@@ -91,7 +97,7 @@ def _in_use(domain: int) -> bool:
 
     The first participant has the first port, unless a killed one has left it in shared memory.
     """
-    return any(_is_taken(7410 + 250 * domain + 2 * k) for k in range(PARTICIPANTS))
+    return any(_is_taken(FIRST_PORT + 10 + PORTS * domain + 2 * k) for k in range(PARTICIPANTS))
 
 
 def _is_taken(port: int) -> bool:
@@ -101,3 +107,44 @@ def _is_taken(port: int) -> bool:
         except OSError:
             return True
     return False
+
+
+def sweep(domain: int, folder: Path = FOLDER) -> None:
+    """Remove the user's unlocked segments, and those of this domain's ports.
+
+    Args:
+        domain: without active participants.
+        folder: of the files; may be missing.
+    """
+    first = FIRST_PORT + PORTS * domain
+    ports = {f"fastrtps_port{number}" for number in range(first, first + PORTS)}
+    for path in sorted(folder.glob("fastrtps_*")):
+        name = path.name.removesuffix("_el")
+        port = name.startswith("fastrtps_port")
+        if port and name not in ports:
+            continue
+        lock = path.with_name(f"{name}_el")
+        if _left_behind(path, 0.0 if port else AGE) and (not lock.exists() or _is_free(lock)):
+            for one in (path, lock, path.with_name(f"sem.{name}_mutex")):
+                one.unlink(missing_ok=True)
+
+
+def _left_behind(path: Path, age: float) -> bool:
+    """Whether a file belongs to this user and is older than ``age`` s."""
+    try:
+        found = path.stat()
+    except FileNotFoundError:  # removed by its owner
+        return False
+    return found.st_uid == os.getuid() and time.time() - found.st_mtime >= age
+
+
+def _is_free(lock: Path) -> bool:
+    """Whether no process holds a lock."""
+    try:
+        with lock.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except FileNotFoundError:
+        return True
+    return True

@@ -77,7 +77,7 @@ def test_the_environment_of_a_child(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_killed_processes_leave_in_shared_memory(tmp_path: Path) -> None:
     """Removed where nobody holds it: segments that are old, and ports of this domain."""
-    from control_board_ros.testing.shared_memory import sweep
+    from control_board_ros.testing.domains import sweep
 
     kept = {"fastrtps_held", "fastrtps_held_el", "fastrtps_young", "other"}
     kept |= {"fastrtps_port7410", "fastrtps_port7410_el", "fastrtps_port7900"}  # domains 0 and 2
