@@ -5,3 +5,7 @@
 variables, ``search`` optimises with Optuna in several processes, ``outcome`` compares with the
 present gains, and ``files`` writes the result.
 """
+
+
+class TuningError(Exception):
+    """One line: cause and next step."""

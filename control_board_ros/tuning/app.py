@@ -14,7 +14,7 @@ from pathlib import Path
 from ..core.terms.vocabs import InteractionMode
 from ..settings.loading import Settings, SettingsError
 from ..tuning_options import OPTIONS
-from .errors import TuningError
+from . import TuningError
 from .files import summary, write_parameters, write_report
 from .outcome import judge
 from .scenes import usual_payload

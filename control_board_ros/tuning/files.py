@@ -16,10 +16,10 @@ from ..core.config.config import JointConfig
 from ..core.terms.joint_kind import JointKind
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, difference, document, number
+from . import TuningError
 from .bench import Motion
-from .cost import GUARDED, WEIGHTS, Figures
-from .errors import TuningError
-from .outcome import Outcome, mean
+from .cost import GUARDED, WEIGHTS
+from .outcome import Outcome, Played
 from .search import Plan, settings_of
 from .space import POSITION
 
@@ -66,8 +66,12 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
         files = " ".join(f"--params-file {file}" for file in (*below, path.name))
         lines.append(f"# Use it on top: {files}")
     body = yaml.safe_dump(parameters(outcomes, plan.robot), sort_keys=False)
+    write(path, "\n".join(lines) + "\n" + body)
+
+
+def write(path: Path, text: str) -> None:
     try:
-        path.write_text("\n".join(lines) + "\n" + body, "utf-8")
+        path.write_text(text, "utf-8")
     except OSError as error:
         raise TuningError(f"cannot write {path}: {error.strerror}") from error
 
@@ -105,12 +109,12 @@ def kinds_of(robot: str) -> Mapping[str, JointKind]:
     return {joint.name: joint.kind for joint in joints}
 
 
-def mean_text(name: str, found: Sequence[Figures], kind: JointKind) -> str:
+def mean_text(name: str, played: Played, kind: JointKind) -> str:
     """The mean of a figure with its unit; a lower bound where not settled."""
-    text, late = shown(name, mean(name, found), kind), sum(not one.settled for one in found)
+    text, late = shown(name, played.mean(name), kind), sum(not f.settled for f in played.figures)
     if name != "settling" or not late:
         return text
-    return f"more than {text} (not settled in {late} of {len(found)} poses)"
+    return f"more than {text} (not settled in {late} of {len(played.figures)} poses)"
 
 
 def shown(name: str, value: float, kind: JointKind) -> str:
@@ -136,20 +140,12 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
         f"{plan.payload:.3g} kg, seed {plan.seed}. Grey: before. All figures are from poses that "
         f"the search did not see, with the gains of all joints together; mean over them. {CAUTION}"
     )
-    try:
-        path.write_text(
-            document(f"{Path(plan.robot).stem}: gains", "".join(sections), note), "utf-8"
-        )
-    except OSError as error:
-        raise TuningError(f"cannot write {path}: {error.strerror}") from error
+    write(path, document(f"{Path(plan.robot).stem}: gains", "".join(sections), note))
 
 
 def section(outcome: Outcome, kind: JointKind) -> str:
     facts = [
-        (
-            SHOWN[name],
-            before_and_after(outcome, name, kind, "→"),
-        )
+        (SHOWN[name], before_and_after(outcome, name, kind, "→"))
         for name in WEIGHTS[outcome.stage]
     ]
     facts += [
@@ -173,8 +169,8 @@ def section(outcome: Outcome, kind: JointKind) -> str:
 def charts(outcome: Outcome, kind: JointKind) -> list[Chart]:
     """The motions of the first fresh scene, before and after."""
     found = []
-    then = {motion.what: motion for motion in outcome.motions_before}
-    for now in outcome.motions_after:
+    then = {motion.what: motion for motion in outcome.before.motions}
+    for now in outcome.after.motions:
         old = then.get(now.what)
         if now.what == "step":
             traces = [end_trace("after", now, kind, "measured")]

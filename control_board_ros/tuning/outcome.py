@@ -16,7 +16,7 @@ import numpy as np
 
 from ..settings.loading import Settings
 from .bench import Bench, Faulted, Motion
-from .cost import FAULTED, GUARDED, SLACK, WEIGHTS, Figures, cost, figures
+from .cost import GUARDED, SLACK, WEIGHTS, Figures, cost, figures
 from .scenes import Scene, scenes
 from .search import Found, Plan, settings_of
 from .space import space_of
@@ -31,40 +31,34 @@ SAME = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
-    """A controller of a joint before and after.
-
-    Attributes: joint, stage, changes (parameters; empty: as before), before, derived and after
-    (figures, in each fresh scene; derived: empty where equal to the present gains),
-    motions_before and motions_after (first fresh scene), cost (1: as before), why (reason not to
-    use the found gains; empty where used), trials.
-    """
-
-    joint: str
-    stage: str
-    changes: Changes
-    before: Sequence[Figures]
-    derived: Sequence[Figures]
-    after: Sequence[Figures]
-    motions_before: Sequence[Motion]
-    motions_after: Sequence[Motion]
-    cost: float
-    why: str
-    trials: int
-
-
-def mean(name: str, found: Sequence[Figures]) -> float:
-    """The mean of a figure over the scenes."""
-    return float(np.mean([one.values[name] for one in found]))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Played:
     """Motions in fresh scenes: figures of each, motions of the first; reason of a fault."""
 
     figures: Sequence[Figures]
     motions: Sequence[Motion]
     reason: str = ""
+
+    def mean(self, name: str) -> float:
+        """The mean of a figure over the scenes."""
+        return float(np.mean([one.values[name] for one in self.figures]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """A controller of a joint before and after.
+
+    Attributes: joint, stage, changes (parameters; empty: as before), before, derived and after
+    (derived: None where equal to the present gains), why (reason not to use the found gains; empty
+    where used).
+    """
+
+    joint: str
+    stage: str
+    changes: Changes
+    before: Played
+    derived: Played | None
+    after: Played
+    why: str
 
 
 def measured(bench: Bench, fresh: Sequence[Scene], key: Key, changes: Changes) -> Played:
@@ -95,7 +89,7 @@ def harm(stage: str, before: Played, after: Played) -> str:
     if after.reason or before.reason:
         return "" if before.reason else after.reason
     for name in GUARDED[stage]:
-        if mean(name, after.figures) > SLACK * mean(name, before.figures):
+        if after.mean(name) > SLACK * before.mean(name):
             return f"{name} would be worse"
     return ""
 
@@ -152,15 +146,8 @@ def decide(
             chosen[key] = derived[key]
     after_all = settle(chosen, why, searches, before, play)
     return [
-        outcome(
-            search,
-            chosen.get(key, {}),
-            before[key],
-            plain[key].figures if key in plain else [],
-            after_all[key],
-            why[key],
-        )
-        for key, search in searches.items()
+        Outcome(*key, chosen.get(key, {}), before[key], plain.get(key), after_all[key], why[key])
+        for key in searches
     ]
 
 
@@ -190,31 +177,6 @@ def settle(
         for key, reason in worse.items():
             why[key] = reason
             del chosen[key]
-
-
-def outcome(
-    found: Found,
-    changes: Changes,
-    before: Played,
-    derived: Sequence[Figures],
-    after: Played,
-    why: str,
-) -> Outcome:
-    """The final result of one search."""
-    known = not (before.reason or after.reason)
-    return Outcome(
-        found.joint,
-        found.stage,
-        changes,
-        before.figures,
-        derived,
-        after.figures,
-        before.motions,
-        after.motions,
-        cost(found.stage, after.figures, before.figures) if known else FAULTED,
-        why,
-        found.trials,
-    )
 
 
 def together(chosen: Mapping[Key, Changes]) -> dict[str, float]:

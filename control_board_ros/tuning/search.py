@@ -18,9 +18,9 @@ from multiprocessing import get_context
 from typing import Any
 
 from ..settings.loading import Settings, load
+from . import TuningError
 from .bench import Bench, Faulted
 from .cost import FAULTED, Figures, cost, figures
-from .errors import TuningError
 from .scenes import scenes
 from .space import Space, space_of
 from .storage import kept_in, optuna, storage_of

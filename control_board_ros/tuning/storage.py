@@ -17,7 +17,7 @@ from functools import cache
 from typing import Any
 from urllib.parse import urlsplit
 
-from .errors import TuningError
+from . import TuningError
 
 #: s between heartbeats of a process with a database, and until a trial without is abandoned.
 ALIVE, GIVEN_UP = 10, 60

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 import yaml
 
-from control_board_ros.tuning.errors import TuningError
+from control_board_ros.tuning import TuningError
 from control_board_ros.tuning.search import Plan, run, study_name
 from control_board_ros.tuning.space import POSITION
 from control_board_ros.tuning.storage import kept_in, shown, storage_of

@@ -22,7 +22,7 @@ from control_board_ros.settings.loading import load
 from control_board_ros.tuning.bench import Bench, Faulted, Motion, with_gains
 from control_board_ros.tuning.cost import WEIGHTS, Figures, cost, figures
 from control_board_ros.tuning.files import line_of, mean_text, parameters, write_parameters
-from control_board_ros.tuning.outcome import Played, decide, judge, mean, objection
+from control_board_ros.tuning.outcome import Played, decide, judge, objection
 from control_board_ros.tuning.scenes import scenes, simulation_of, usual_payload, with_payload
 from control_board_ros.tuning.search import Found, Plan, run, settings_of
 from control_board_ros.tuning.space import COMPLIANT, POSITION, STAGES, space_of
@@ -169,8 +169,9 @@ def test_a_search_makes_poor_gains_better_and_goes_on(crane: str, tmp_path: Path
     assert run(plan_of(crane, tmp_path, trials=8), "lift", POSITION).trials == 8
     (outcome,) = judge(plan_of(crane, tmp_path), [found])
     assert outcome.why == ""
-    assert mean("tracking", outcome.after) < 0.5 * mean("tracking", outcome.before)
-    assert mean("tracking", outcome.after) <= 1.05 * mean("tracking", outcome.derived)
+    assert outcome.after.mean("tracking") < 0.5 * outcome.before.mean("tracking")
+    assert outcome.derived is not None
+    assert outcome.after.mean("tracking") <= 1.05 * outcome.derived.mean("tracking")
     assert parameters([outcome], crane)["/**"]["ros__parameters"]["lift"]["position_pid"]["kp"] > 0
 
 
@@ -182,7 +183,7 @@ def test_what_is_worse_than_derived_gains_is_not_taken(crane: str, tmp_path: Pat
     assert outcome.why
     space = space_of(settings_of(crane), "lift", POSITION)
     assert outcome.changes == space.changes(dict.fromkeys(space.ranges, 0.0))
-    assert mean("tracking", outcome.after) < 0.5 * mean("tracking", outcome.before)
+    assert outcome.after.mean("tracking") < 0.5 * outcome.before.mean("tracking")
     assert "the derived gains (" in line_of(outcome, JointKind.REVOLUTE)
 
 
@@ -195,9 +196,9 @@ def test_what_is_worse_is_not_taken(tmp_path: Path) -> None:
     (outcome,) = judge(plan, [Found(joint, POSITION, bad, 0.1, 6)])
     assert outcome.why
     assert outcome.changes == {}
-    assert outcome.derived == []
+    assert outcome.derived is None
     assert parameters([outcome], "iiwa") == {"/**": {"ros__parameters": {"robot": "iiwa"}}}
-    assert mean("tracking", outcome.after) == mean("tracking", outcome.before)
+    assert outcome.after.mean("tracking") == outcome.before.mean("tracking")
 
 
 def test_objections() -> None:
@@ -250,7 +251,8 @@ def test_the_derived_gains_are_taken_where_they_are_better() -> None:
     c = decide(SEARCHES, DERIVED, play)[2]
     assert c.changes == {"c": 2.0}
     assert c.why == "the derived gains are better in other poses"
-    assert mean("tracking", c.derived) == 0.2
+    assert c.derived is not None
+    assert c.derived.mean("tracking") == 0.2
 
 
 def test_gains_that_shake_another_joint_are_taken_back() -> None:
@@ -341,11 +343,11 @@ def test_a_window_s_length_is_no_settling_time(tmp_path: Path) -> None:
     quick = Figures({**slow.values, "settling": 0.2}, 0.0)
     unit = JointKind.REVOLUTE
     assert (
-        mean_text("settling", [slow, quick], unit)
+        mean_text("settling", Played([slow, quick], []), unit)
         == "more than 0.300 s (not settled in 1 of 2 poses)"
     )
-    assert mean_text("settling", [quick], unit) == "0.200 s"
-    assert "settled" not in mean_text("tracking", [slow], unit)
+    assert mean_text("settling", Played([quick], []), unit) == "0.200 s"
+    assert "settled" not in mean_text("tracking", Played([slow], []), unit)
     path = tmp_path / "tuned.yaml"
     write_parameters(path, [], Plan("iiwa", 0.5, 6, 1, ""))
     head = " ".join(line.strip("# ") for line in path.read_text("utf-8").splitlines())
