@@ -8,8 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from .errors import IdentificationError
-from .recorded import recorded
+from . import IdentificationError
 
 DONE, REFUSED = 0, 1
 
@@ -37,6 +36,7 @@ def write(data: Path, output: Path, *, payload: bool) -> int:
     try:
         from .files import summary, write_parameters
         from .outcome import identify
+        from .recorded import recorded
         from .report import write_report
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "scipy":

@@ -13,7 +13,7 @@ from ..core.goals.trajectory_goal import GoalError, start_goal
 from ..core.terms.vocabs import ControlMode, InteractionMode
 from ..joint_limits import FIELDS, JointLimits
 from ..simulation import Simulation
-from .errors import IdentificationError
+from . import IdentificationError
 from .motions import Bounds, Motion
 from .samples import SIGNALS, Record
 from .shares import LAG

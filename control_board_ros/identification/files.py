@@ -11,9 +11,8 @@ import yaml
 from .. import __version__
 from ..core.terms.joint_kind import JointKind
 from ..description.robots import NAMES
-from .errors import IdentificationError
-from .judge import Finding
-from .outcome import Outcome
+from . import IdentificationError
+from .outcome import Finding, Outcome
 
 #: Names of the quantities.
 TITLES = {

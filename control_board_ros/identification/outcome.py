@@ -1,17 +1,92 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the records of motions to what is written: the whole way, in this order."""
+"""What the records of motions show: values that are sure enough to be written, or why not."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from .errors import IdentificationError
-from .fit import Fitted, fit
-from .judge import Finding, judge
+from ..core.terms.joint_kind import JointKind
+from . import IdentificationError
+from .equations import (
+    BREAKAWAY,
+    CENTER,
+    COULOMB,
+    DELAY,
+    EFFICIENCY,
+    KT,
+    MASS,
+    OF_JOINT,
+    RESISTANCE,
+    ROTOR,
+    VISCOUS,
+)
+from .fit import NO_MASS, Estimate, Fitted, fit
 from .robot import Robot
 from .samples import Record, samples_of
 from .troubles import troubles_of
+
+#: Parameter of each unknown, below the joint's name.
+PARAMETERS = {
+    KT: "motor.torque_constant",
+    EFFICIENCY: "motor.efficiency",
+    RESISTANCE: "motor.resistance",
+    DELAY: "drive_delay",
+    COULOMB: "motor.coulomb",
+    VISCOUS: "motor.viscous",
+    BREAKAWAY: "motor.breakaway",
+    ROTOR: "motor.inertia",
+    MASS: "payload.mass",
+    CENTER: "payload.center",
+}
+#: Units, where the joint turns and where it slides.
+UNITS = {
+    KT: ("N·m/A", "N·m/A"),
+    EFFICIENCY: ("", ""),
+    RESISTANCE: ("ohm", "ohm"),
+    DELAY: ("s", "s"),
+    COULOMB: ("N·m", "N"),
+    VISCOUS: ("N·m·s/rad", "N·s/m"),
+    BREAKAWAY: ("N·m", "N"),
+    ROTOR: ("kg·m²", "kg·m²"),
+    MASS: ("kg", "kg"),
+    CENTER: ("m", "m"),
+}
+#: Half width of an interval that is sure enough, as a share of the value.
+SURE = dict.fromkeys((KT, EFFICIENCY, RESISTANCE, ROTOR, MASS), 0.05) | dict.fromkeys(
+    (COULOMB, VISCOUS, BREAKAWAY, DELAY), 0.1
+)
+#: What is too small to matter: friction as a share of the torque limit, rotors as one of the least
+#: inertia, delays in cycles; and how sure the centre of a payload has to be, m.
+LITTLE_FRICTION, LITTLE_ROTOR, LITTLE_DELAY = 5e-4, 0.01, 0.25
+SURE_CENTER = 0.01
+#: Deviation of k_t N from the configured one that is a wrong parameter, not a motor's tolerance.
+WRONG = 0.25
+LOOKS_ALIKE = "not shown: inertia of the payload looks the same; identify it without one"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One quantity of a joint.
+
+    Attributes: joint, quantity, value and sure (half width of the interval; three of each for a
+    centre), before (as configured, None: not known), why (it is not written; empty: it is).
+    """
+
+    joint: str
+    quantity: str
+    value: tuple[float, ...]
+    sure: tuple[float, ...]
+    before: tuple[float, ...] | None
+    why: str = ""
+
+    @property
+    def parameter(self) -> str:
+        return f"{self.joint}.{PARAMETERS[self.quantity]}"
+
+    def unit(self, kind: JointKind) -> str:
+        turning, sliding = UNITS[self.quantity]
+        return kind.choose(turning, sliding)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,3 +139,125 @@ def identify(
     fitted = fit(robot, good, samples, payload=payload)
     findings, wrong = judge(robot, fitted)
     return Outcome(robot, findings, troubles | wrong, fitted)
+
+
+def judge(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
+    """The findings of a fit, and joints whose constants cannot be true."""
+    findings, wrong = [], {}
+    for joint in fitted.joints:
+        if text := off_plate(robot, fitted, joint):
+            wrong[joint] = text
+            continue
+        for quantity in OF_JOINT:
+            if (found := fitted.estimates.get((joint, quantity))) is not None:
+                one = of_joint(robot, joint, quantity, found)
+                if one.why and quantity == ROTOR and joint == fitted.carrier and fitted.carries:
+                    one = replace(one, why=LOOKS_ALIKE)
+                findings.append(one)
+    return [*findings, *of_payload(robot, fitted)], wrong
+
+
+def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
+    """Why motor constants cannot be a motor's tolerance; empty: they can."""
+    found, key = fitted.estimates.get((joint, KT)), "motor.torque_constant"
+    if found is None or found.relative > WRONG:
+        return ""
+    factor = found.value / robot.number(joint, key)
+    if abs(factor - 1.0) <= WRONG:
+        return ""
+    return (
+        f"wrong gear ratio or torque constant: motor.torque_constant × motor.gear_ratio is "
+        f"{factor:.3g} times what the parameters say; correct the wrong one and identify it again"
+    )
+
+
+def of_joint(robot: Robot, joint: str, quantity: str, found: Estimate) -> Finding:
+    """A quantity of a joint: written where it is sure, or surely too small to matter."""
+    value, why = found.value, ""
+    little = little_of(robot, joint, quantity)
+    if abs(value) + found.sure <= little or (quantity == DELAY and found.sure <= little):
+        value = max(value, 0.0)
+    elif abs(value) <= found.sure:
+        why = f"not shown: 0 is within its interval, {value:.2g} ± {found.sure:.2g}"
+    elif value <= 0.0:
+        why = f"not shown: {value:.3g} ± {found.sure:.2g} is not above 0"
+    elif found.relative > SURE[quantity]:
+        why = unsure(found, SURE[quantity], quantity)
+    if quantity == EFFICIENCY and not why and value > 1.0:
+        value = 1.0
+        if found.value - found.sure > 1.0 + SURE[EFFICIENCY]:
+            why = f"{found.value:.3g} is above 1: torque sensor and current sensor disagree"
+    before = configured(robot, joint, quantity)
+    return Finding(joint, quantity, (value,), (found.sure,), before, why)
+
+
+def configured(robot: Robot, joint: str, quantity: str) -> tuple[float, ...] | None:
+    """The parameter of a quantity, a number or a list of them; None without it."""
+    value = robot.values.get(f"{joint}.{PARAMETERS[quantity]}")
+    if isinstance(value, int | float):
+        return (float(value),)
+    return tuple(map(float, value)) if isinstance(value, Sequence) else None
+
+
+def little_of(robot: Robot, joint: str, quantity: str) -> float:
+    """Below which a quantity does not matter."""
+    torque = robot.number(joint, "limits.torque")
+    match quantity:
+        case "coulomb" | "breakaway":
+            return LITTLE_FRICTION * torque
+        case "viscous":
+            return LITTLE_FRICTION * torque / robot.number(joint, "limits.velocity")
+        case "inertia":
+            square = robot.number(joint, "motor.gear_ratio") ** 2
+            return LITTLE_ROTOR * robot.number(joint, "inertia_min") / square
+        case "delay":
+            return LITTLE_DELAY * robot.period
+    return 0.0
+
+
+def unsure(found: Estimate, allowed: float, quantity: str) -> str:
+    """Why an interval is too wide, and what helps."""
+    helps = {
+        KT: "further and faster",
+        EFFICIENCY: "with more torque",
+        RESISTANCE: "with more torque",
+        DELAY: "with more --acceleration",
+        COULOMB: "further",
+        VISCOUS: "faster (--speed) and further (--range)",
+        BREAKAWAY: "from several poses",
+        ROTOR: "with more --acceleration, and together with joints that carry it",
+        MASS: "together with joints that lift it, further (--range)",
+    }
+    width = "as wide as the value" if found.relative > 1.0 else f"±{100.0 * found.relative:.0f} %"
+    return f"not shown: {width}, ±{100.0 * allowed:.0f} % allowed; move it {helps[quantity]}"
+
+
+def of_payload(robot: Robot, fitted: Fitted) -> list[Finding]:
+    """Mass and centre of the payload, both or neither."""
+    if not fitted.payload:
+        return []
+    joint, mass = fitted.carrier, fitted.payload[MASS]
+    center = [fitted.payload[f"{CENTER}.{axis}"] for axis in "xyz"]
+    known = configured(robot, joint, MASS)
+    none = abs(mass.value) + mass.sure <= NO_MASS
+    why = ""
+    if none and known not in (None, (0.0,)):
+        return [Finding(joint, MASS, (0.0,), (mass.sure,), known)]
+    if none:
+        why = f"none: {mass.value:.3f} ± {mass.sure:.3f} kg"
+    elif mass.value <= 0.0 and mass.relative <= SURE[MASS]:
+        why = f"{mass.value:.3g} kg: the robot is lighter than its URDF"
+    elif mass.relative > SURE[MASS]:
+        why = unsure(mass, SURE[MASS], MASS)
+    elif any(one.sure > SURE_CENTER for one in center):
+        axis, worst = max(zip("xyz", center, strict=True), key=lambda pair: pair[1].sure)
+        why = (
+            f"not shown: its centre's {axis} is ±{1e3 * worst.sure:.0f} mm, "
+            f"±{1e3 * SURE_CENTER:.0f} mm allowed; move joints that turn it against gravity, too"
+        )
+    found = [Finding(joint, MASS, (mass.value,), (mass.sure,), known, why)]
+    if not none:
+        values, widths = (tuple(getattr(one, n) for one in center) for n in ("value", "sure"))
+        place = configured(robot, joint, CENTER)
+        found.append(Finding(joint, CENTER, values, widths, place, why))
+    return found

@@ -15,7 +15,7 @@ from typing import Any
 from ..description.urdf import UrdfError, parse
 from ..recording.errors import RecordingError
 from ..recording.reading import BoardRecording, read
-from .errors import IdentificationError
+from . import IdentificationError
 from .robot import Robot
 from .samples import SIGNALS, Record
 from .shares import MOTIONS

@@ -11,8 +11,8 @@ import numpy as np
 from ..core.terms.joint_kind import JointKind
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, document, table
+from . import IdentificationError
 from .equations import FRICTION, MOTOR, SENSOR, WINDING
-from .errors import IdentificationError
 from .files import TITLES, shown
 from .fit import Traced
 from .outcome import Outcome

@@ -35,17 +35,6 @@ class Loads:
     rotors: Floats
     payload: Floats
 
-    def payload_torque(self, mass: float, center: Floats) -> Floats:
-        """Torques of a point mass, kg, at a centre, m, shape (m, k)."""
-        found: Floats = np.tensordot(numbers_of(mass, center), self.payload, axes=1)
-        return found
-
-
-def numbers_of(mass: float, center: Floats) -> Floats:
-    """Mass, moment and tensor of a point mass, shape (10,)."""
-    tensor = mass * (center @ center * np.eye(3) - np.outer(center, center))
-    return np.concatenate([[mass], mass * center, tensor[ROWS, COLUMNS]])
-
 
 def loads_of(
     samples: Samples, model: ArmModel, columns: Sequence[int], carrier: int, in_links: bool

@@ -17,7 +17,7 @@ from ..description.urdf import Urdf
 from ..protocols import Floats
 from ..settings.loading import Settings
 from ..sim.config import IDEAL, PYBULLET
-from .errors import IdentificationError
+from . import IdentificationError
 
 #: Parameters of a joint that are used.
 USED = (

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 from hidden import Hidden, LooseBelt, WrongGear
 
@@ -51,3 +54,19 @@ def test_an_encoder_that_counts_the_wrong_way_is_named() -> None:
     reversed_one = hidden()
     reversed_one.plant.bent = WrongGear(5, -1.0)
     assert "opposite directions" in trouble(reversed_one)
+
+
+def test_a_missing_library_is_named() -> None:
+    """In one line, with the command that installs it."""
+    program = (
+        "import sys; sys.modules['scipy'] = None; "
+        "from control_board_ros.identification.app import main; "
+        "sys.exit(main(['folder', '-o', 'found.yaml']))"
+    )
+    line = [sys.executable, "-c", program]
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "cbctl: scipy is not installed; install it with: pip install "
+        "'control_board_ros[identify]'\n"
+    )

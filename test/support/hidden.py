@@ -12,9 +12,8 @@ import numpy as np
 
 from control_board_ros.core.terms.measurement import Measurement, Motor, Row
 from control_board_ros.identification.bench import Bench
-from control_board_ros.identification.judge import little_of
 from control_board_ros.identification.motions import bounds_of, motions_of
-from control_board_ros.identification.outcome import Outcome, identify
+from control_board_ros.identification.outcome import Outcome, identify, little_of
 from control_board_ros.identification.robot import Robot
 from control_board_ros.identification.samples import Record
 from control_board_ros.settings.loading import load
