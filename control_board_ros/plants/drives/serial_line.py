@@ -9,10 +9,50 @@ from __future__ import annotations
 
 import select
 import time
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from typing import Any, NamedTuple
 
 from ..errors import PlantSettingsError
-from .can_line import PATIENCE
+from .axes import Axis
+from .can_line import ATTEMPTS, PATIENCE
+from .plant import Answers
+
+Take = Callable[[int, bytes], None]
+
+
+class Item(NamedTuple):
+    """A place of a servo's table: address, and length in bytes."""
+
+    address: int
+    length: int
+
+
+class Library(NamedTuple):
+    """What the protocols of two makers' libraries differ in.
+
+    Attributes:
+        module: Its name.
+        package: Its name where packages are installed from.
+        extra: That of ours.
+        protocol: Argument of its PacketHandler.
+        receive: Further arguments of syncReadTx and rxPacket.
+        head, tail: Bytes of an answer before and after its data.
+        place: Of the id in an answer.
+        refusal: Bits of an answer's error byte that refuse a write.
+        model: The item that names the model.
+    """
+
+    module: str
+    package: str
+    extra: str
+    protocol: float
+    receive: tuple[bool, ...]
+    head: int
+    tail: int
+    place: int
+    refusal: int
+    model: Item
 
 
 def open_port(base: type[Any], device: str, baudrate: int) -> Any:
@@ -59,12 +99,139 @@ def open_port(base: type[Any], device: str, baudrate: int) -> Any:
     return port
 
 
-def settle(port: Any, attempt: int) -> None:
-    """Before a question is asked again: what comes late to the last time is no answer to this.
+class ServoBus:
+    """The servos of one serial bus, by the packet handler of their maker's library.
 
-    No packet says which question it answers, so that a late one would be taken for that of the
-    next, and a limit for a model.
+    Args:
+        library: Of the maker.
+        device: As ``/dev/ttyUSB0``.
+        baudrate: bit/s.
+
+    Attributes:
+        port, protocol: Of the library.
+        wait: s for a whole answer.
+
+    Raises:
+        OSError: the port cannot be opened.
+        PlantSettingsError: the library is not installed, or has no such baud rate.
     """
-    if attempt:
-        time.sleep(PATIENCE)
-        port.clearPort()
+
+    def __init__(self, library: Library, device: str, baudrate: int) -> None:
+        try:
+            sdk = import_module(library.module)
+        except ImportError:
+            raise PlantSettingsError(
+                f"{library.package} is not installed; pip install "
+                f"'control_board_ros[{library.extra}]'"
+            ) from None
+        self._library = library
+        self.port = open_port(sdk.PortHandler, device, baudrate)
+        self.port.wait = PATIENCE
+        self.protocol = sdk.PacketHandler(library.protocol)
+
+    def get(self, drive: int, item: Item, signed: bool = False) -> int:
+        """The value of an item.
+
+        Raises:
+            ConnectionError: the servo does not answer.
+        """
+        for attempt in range(4 * ATTEMPTS):
+            self._settle(attempt)
+            data, result, _ = self.protocol.readTxRx(self.port, drive, *item)
+            if result == 0 and len(data) == item.length:
+                return int.from_bytes(bytes(data), "little", signed=signed)
+        raise ConnectionError(f"id {drive} does not answer; is it powered?")
+
+    def put(self, drive: int, item: Item, value: int) -> None:
+        """Write an item, and see that it was accepted.
+
+        Raises:
+            ConnectionError: the servo does not answer, or refuses the value.
+        """
+        error = 0
+        for attempt in range(4 * ATTEMPTS):
+            self._settle(attempt)
+            result, error = self.protocol.writeTxRx(self.port, drive, *item, _bytes(item, value))
+            if result == 0 and not error & self._library.refusal:
+                return
+        if error & self._library.refusal:
+            raise ConnectionError(
+                f"id {drive}: {value} is refused at address {item.address} (error {error & 0x7F})"
+            )
+        raise ConnectionError(f"id {drive} does not answer; is it powered?")
+
+    def sync(self, item: Item, values: Mapping[int, bytes]) -> None:
+        """Write an item of several servos at once, by their ids; nobody answers."""
+        if values:
+            data = [byte for drive, value in values.items() for byte in (drive, *value)]
+            self.protocol.syncWriteTxOnly(self.port, *item, data, len(data))
+
+    def drain(self, take: Take) -> None:
+        """Take what else came: too late, or of a second servo with the id of one that answered."""
+        self.port.setPacketTimeoutMillis(0.0)
+        while self.port.getBytesAvailable() >= self._library.head + self._library.tail:
+            packet, result = self.protocol.rxPacket(self.port, *self._library.receive)
+            if result != 0:
+                break
+            take(*self._parts(packet))
+
+    def read(self, item: Item, drives: Sequence[int], take: Take, answers: Answers) -> None:
+        """Read an item of several servos at once, until all answered or the time is up."""
+        left, more = set(drives), self._library.receive
+        self.protocol.syncReadTx(self.port, *item, list(drives), len(drives), *more)
+        self.port.setPacketTimeout(0)
+        while left:
+            packet, result = self.protocol.rxPacket(self.port, *more)
+            if result == 0:
+                drive, data = self._parts(packet)
+                take(drive, data)
+                left.discard(drive)
+                continue
+            answers.malformed += bool(packet)
+            if self.port.isPacketTimeout():
+                break
+        self.port.is_using = False
+
+    def models(self, drive: int, attempts: int = ATTEMPTS) -> list[int]:
+        """The models that answer as a drive: none, one, or two, if two answer each time."""
+        found: list[int] = []
+        model = self._library.model
+        for attempt in range(attempts):
+            time.sleep(attempt * PATIENCE)  # a late answer to the last attempt is no second drive
+            self.port.clearPort()
+            data, result, _ = self.protocol.readTxRx(self.port, drive, *model)
+            if result != 0 or len(data) != model.length:
+                continue
+            self.port.setPacketTimeoutMillis(0.5e3 * PATIENCE)
+            second, result = self.protocol.rxPacket(self.port, *self._library.receive)
+            first = int.from_bytes(bytes(data), "little")
+            if result != 0 or second[self._library.place] != drive:
+                return [first]
+            found = [first, int.from_bytes(self._parts(second)[1], "little")]
+        return found
+
+    def close(self, torque: Item, axes: Sequence[Axis] = ()) -> None:
+        """Torque off, and leave the port."""
+        try:
+            self.sync(torque, {axis.id: bytes(1) for axis in axes})
+        finally:
+            self.port.closePort()
+
+    def _parts(self, packet: Sequence[int]) -> tuple[int, bytes]:
+        """Id and data of an answer."""
+        head, tail, place = self._library.head, self._library.tail, self._library.place
+        return packet[place], bytes(packet[head : len(packet) - tail])
+
+    def _settle(self, attempt: int) -> None:
+        """Before a question is repeated: what comes late to the last one is no answer to this.
+
+        No packet says which question it answers, so that a late one would be taken for that of
+        the next, and a limit for a model.
+        """
+        if attempt:
+            time.sleep(PATIENCE)
+            self.port.clearPort()
+
+
+def _bytes(item: Item, value: int) -> list[int]:
+    return list((value % (1 << 8 * item.length)).to_bytes(item.length, "little"))

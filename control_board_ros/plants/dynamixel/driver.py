@@ -8,19 +8,18 @@ exchange torque off, mode, goal, torque on. Positions go without velocity and fe
 from __future__ import annotations
 
 import struct
-import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
-from ..drives.can_line import ATTEMPTS, PATIENCE, budget
+from ..drives.can_line import budget
 from ..drives.maker import maker, only
 from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits
-from ..drives.serial_line import open_port, settle
+from ..drives.serial_line import Item, ServoBus
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import table as t
@@ -56,7 +55,7 @@ class DynamixelDrives:
             temperature=True,
             voltage=True,
         )
-        self._port: Any = None
+        self._bus: ServoBus | None = None
         self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._models: list[t.Model] = [t.MODELS[1020]] * n
@@ -66,20 +65,24 @@ class DynamixelDrives:
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the port; see ``drives.plant.Driver``."""
         self._setup, self._joints = setup, joints
-        self._port, self._protocol = connect(self._options.bus, int(self._options.own["baudrate"]))
-        self._port.wait = PATIENCE
+        self._bus = bus = connect(self._options.bus, int(self._options.own["baudrate"]))
         found = []
         for k, axis in enumerate(self._axes):
-            told = identify(self._port, self._protocol, axis.id)
-            only(told, axis, self._options.bus, "dynamixel")
+            only(bus.models(axis.id), axis, self._options.bus, "dynamixel")
             found.append(self._set_up(k))
-        self._port.wait = budget(setup.period)
+        bus.port.wait = budget(setup.period)
         return found
+
+    @property
+    def _opened(self) -> ServoBus:
+        if self._bus is None:
+            raise ConnectionError("the port is not open")
+        return self._bus
 
     def _set_up(self, k: int) -> Found:
         """Torque off, what is read, watchdog; returns what it is."""
-        drive, name = self._axes[k].id, self._axes[k].name
-        number = self._get(drive, t.MODEL)
+        bus, drive, name = self._opened, self._axes[k].id, self._axes[k].name
+        number = bus.get(drive, t.MODEL)
         if (model := t.MODELS.get(number)) is None:
             raise PlantSettingsError(
                 f"{name}: id {drive} is of model {number}; supported: "
@@ -90,35 +93,26 @@ class DynamixelDrives:
                 f"{name}: {model.name} has no current control; add current=0 to plant_arguments"
             )
         self._models[k], self._kinds[k], self._without[k] = model, SetPoint.OFF, 0
-        self._put(drive, t.TORQUE, 0)
-        self._put(drive, t.WATCHDOG, 0)
+        bus.put(drive, t.TORQUE, 0)
+        bus.put(drive, t.WATCHDOG, 0)
         place = t.INDIRECT
         for item in t.READ:
             for byte in range(item.length):
-                self._put(drive, t.Item(place, 2), item.address + byte)
+                bus.put(drive, Item(place, 2), item.address + byte)
                 place += 2
-        self._put(drive, t.WATCHDOG, watchdog_steps(self._setup.timeout))
+        bus.put(drive, t.WATCHDOG, watchdog_steps(self._setup.timeout))
         self._restarted[k] = False
-        error = self._get(drive, t.ERROR)
         bounded = self._position_mode == t.POSITION_MODE
-        return Found(
-            id=drive,
-            type=model.name,
-            firmware=str(self._get(drive, t.FIRMWARE)),
-            voltage=self._get(drive, t.VOLTAGE) * t.VOLT,
-            fault=DriveFault(error, t.error_name(error)) if error else None,
-            limits=DriveLimits(
-                lower=angle(self._get(drive, t.MIN_POSITION)) if bounded else None,
-                upper=angle(self._get(drive, t.MAX_POSITION)) if bounded else None,
-                velocity=self._get(drive, t.VELOCITY_LIMIT) * t.SPEED,
-                current=self._get(drive, t.CURRENT_LIMIT) * model.ampere if model.ampere else None,
-            ),
+        limits = DriveLimits(
+            lower=angle(bus.get(drive, t.MIN_POSITION, signed=True)) if bounded else None,
+            upper=angle(bus.get(drive, t.MAX_POSITION, signed=True)) if bounded else None,
+            velocity=bus.get(drive, t.VELOCITY_LIMIT) * t.SPEED,
+            current=bus.get(drive, t.CURRENT_LIMIT) * model.ampere if model.ampere else None,
         )
+        return replace(identity(bus, drive), limits=limits)
 
     def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        if self._port is None:
-            raise ConnectionError("the port is not open")
         columns = values.T.tolist()
         wanted = {
             k: SetPoint.OFF if self._restarted[k] else SetPoint(kind)
@@ -139,28 +133,22 @@ class DynamixelDrives:
 
     def clear_fault(self, drive: int) -> Found | None:
         """What a servo shut down for is cleared by a restart; then it is set up anew."""
-        anew = None
-        axis = self._axes[drive].id
+        bus, axis = self._opened, self._axes[drive].id
         if self._restarted[drive]:
-            if self._protocol.ping(self._port, axis)[1] == 0:
-                anew = self._set_up(drive)
-        elif self._get(axis, t.ERROR):
-            self._protocol.reboot(self._port, axis)
+            return self._set_up(drive) if bus.models(axis, attempts=1) else None
+        if bus.get(axis, t.ERROR):
+            bus.protocol.reboot(bus.port, axis)
             self._restarted[drive] = True
         else:
-            self._put(axis, t.WATCHDOG, 0)
-            self._put(axis, t.WATCHDOG, watchdog_steps(self._setup.timeout))
-        return anew
+            bus.put(axis, t.WATCHDOG, 0)
+            bus.put(axis, t.WATCHDOG, watchdog_steps(self._setup.timeout))
+        return None
 
     def close(self) -> None:
         """Torque off, and leave the port."""
-        port, self._port = self._port, None
-        if port is not None:
-            try:
-                everybody = b"".join(bytes([axis.id, 0]) for axis in self._axes)
-                self._protocol.syncWriteTxOnly(port, *t.TORQUE, everybody, len(everybody))
-            finally:
-                port.closePort()
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            bus.close(t.TORQUE, self._axes)
 
     def _mode(self, kind: SetPoint) -> int:
         return self._position_mode if kind is SetPoint.POSITION else GOALS[kind][1]
@@ -180,46 +168,29 @@ class DynamixelDrives:
             return round(value[Value.VELOCITY] / t.SPEED)
         return round(value[Value.POSITION] / t.COUNT) + t.CENTRE
 
-    def _sync(self, item: t.Item, values: Mapping[int, int]) -> None:
-        """The same item of several servos at once; nobody answers."""
-        if values:
-            half = 1 << 8 * item.length
-            data = b"".join(
-                bytes([self._axes[k].id]) + (value % half).to_bytes(item.length, "little")
+    def _sync(self, item: Item, values: Mapping[int, int]) -> None:
+        """The same item of several servos at once."""
+        half = 1 << 8 * item.length
+        self._opened.sync(
+            item,
+            {
+                self._axes[k].id: (value % half).to_bytes(item.length, "little")
                 for k, value in values.items()
-            )
-            self._protocol.syncWriteTxOnly(self._port, *item, data, len(data))
+            },
+        )
 
     def _read(self, drives: Sequence[int], answers: Answers) -> None:
         """What is read of each, by the place of its indirect data."""
-        self._hear_others(answers)
-        for data in {self._models[k].data for k in drives}:
-            left = {self._axes[k].id for k in drives if self._models[k].data == data}
-            self._protocol.syncReadTx(
-                self._port, data, t.READ_LENGTH, sorted(left), len(left), False
-            )
-            self._port.setPacketTimeout(0)
-            while left:
-                packet, result = self._protocol.rxPacket(self._port, False)
-                if result != 0:
-                    if packet:
-                        answers.malformed += 1
-                    if self._port.isPacketTimeout():
-                        break
-                    continue
-                left.discard(self._take(packet, answers))
-            self._port.is_using = False
 
-    def _hear_others(self, answers: Answers) -> None:
-        """What else came: too late, or of a second servo with the id of one that answered."""
-        self._port.setPacketTimeoutMillis(0.0)
-        if self._port.getBytesAvailable():
-            packet, result = self._protocol.rxPacket(self._port, False)
-            if result == 0:
-                self._take(packet, answers)
+        def take(drive: int, data: bytes) -> None:
+            self._take(drive, data, answers)
 
-    def _take(self, packet: Sequence[int], answers: Answers) -> int:
-        drive, data = packet[4], bytes(packet[9:-2])
+        self._opened.drain(take)
+        for place in {self._models[k].data for k in drives}:
+            asked = [self._axes[k].id for k in drives if self._models[k].data == place]
+            self._opened.read(Item(place, t.READ_LENGTH), sorted(asked), take, answers)
+
+    def _take(self, drive: int, data: bytes, answers: Answers) -> None:
         if (k := self._places.get(drive)) is None:
             answers.foreign += 1
         elif len(data) != t.READ_LENGTH:
@@ -234,7 +205,6 @@ class DynamixelDrives:
                 answers.current[k] = current * self._models[k].ampere
                 answers.voltage[k], answers.temperature[k] = volts * t.VOLT, degrees
             answers.came(k, data)
-        return drive
 
     def _judge(self, k: int, torque: int, error: int, watchdog: int) -> DriveFault | None:
         if error:
@@ -250,25 +220,6 @@ class DynamixelDrives:
             return DriveFault(0, "it has no torque, though it was told to")
         return None
 
-    def _get(self, drive: int, item: t.Item) -> int:
-        for attempt in range(4 * ATTEMPTS):
-            settle(self._port, attempt)
-            data, result, _ = self._protocol.readTxRx(self._port, drive, *item)
-            if result == 0 and len(data) == item.length:
-                return int.from_bytes(bytes(data), "little", signed=item.length == 4)
-        raise ConnectionError(f"id {drive} does not answer; is it powered?")
-
-    def _put(self, drive: int, item: t.Item, value: int) -> None:
-        data = list((value % (1 << 8 * item.length)).to_bytes(item.length, "little"))
-        for attempt in range(4 * ATTEMPTS):
-            settle(self._port, attempt)
-            result, error = self._protocol.writeTxRx(self._port, drive, *item, data)
-            if result == 0 and not error & 0x7F:
-                return
-        raise ConnectionError(
-            f"id {drive}: {value} is not taken at address {item.address} (error {error & 0x7F})"
-        )
-
 
 def angle(count: int) -> float:
     """Rad at the output for counts; 0 in the middle of the first turn."""
@@ -280,60 +231,31 @@ def watchdog_steps(timeout: float) -> int:
     return max(1, min(127, int(timeout / t.WATCHDOG_STEP)))
 
 
-def connect(bus: str, baudrate: int) -> tuple[Any, Any]:
-    """Port and packet handler of the library.
-
-    Raises:
-        PlantSettingsError: it is not installed.
-    """
-    try:
-        import dynamixel_sdk
-    except ImportError:
-        raise PlantSettingsError(
-            "dynamixel-sdk is not installed; pip install 'control_board_ros[dynamixel]'"
-        ) from None
-    return open_port(dynamixel_sdk.PortHandler, bus, baudrate), dynamixel_sdk.PacketHandler(2.0)
+def connect(bus: str, baudrate: int) -> ServoBus:
+    """The servos of a port."""
+    return ServoBus(t.LIBRARY, bus, baudrate)
 
 
-def identify(port: Any, protocol: Any, drive: int) -> list[int]:
-    """The models that answer as a drive: none, one, or two, if two answer each time."""
-    found: list[int] = []
-    for attempt in range(ATTEMPTS):
-        time.sleep(attempt * PATIENCE)  # a late answer to the last attempt is no second drive
-        port.clearPort()
-        model, result, _ = protocol.ping(port, drive)
-        if result != 0:
-            continue
-        port.setPacketTimeoutMillis(0.5e3 * PATIENCE)
-        second, result = protocol.rxPacket(port, False)
-        if result != 0 or second[4] != drive:
-            return [model]
-        found = [model, second[9] | second[10] << 8]
-    return found
+def identity(bus: ServoBus, drive: int) -> Found:
+    """What a servo is, and its fault."""
+    number, error = bus.get(drive, t.MODEL), bus.get(drive, t.ERROR)
+    return Found(
+        id=drive,
+        type=t.MODELS[number].name if number in t.MODELS else f"model {number}",
+        firmware=str(bus.get(drive, t.FIRMWARE)),
+        voltage=bus.get(drive, t.VOLTAGE) * t.VOLT,
+        fault=DriveFault(error, t.error_name(error)) if error else None,
+    )
 
 
-def scan(bus: str, baudrate: int = 1_000_000) -> list[Found]:
+def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
     """What answers on a port."""
-    port, protocol = connect(bus, baudrate)
+    bus = connect(device, baudrate)
     try:
-        told, _ = protocol.broadcastPing(port)
-        found = []
-        for drive, (model, firmware) in sorted(told.items()):
-            known = t.MODELS.get(model)
-            volts, _, _ = protocol.read2ByteTxRx(port, drive, t.VOLTAGE.address)
-            error, _, _ = protocol.read1ByteTxRx(port, drive, t.ERROR.address)
-            found.append(
-                Found(
-                    id=drive,
-                    type=known.name if known else f"model {model}",
-                    firmware=str(firmware),
-                    voltage=volts * t.VOLT,
-                    fault=DriveFault(error, t.error_name(error)) if error else None,
-                )
-            )
-        return found
+        answered, _ = bus.protocol.broadcastPing(bus.port)
+        return [identity(bus, drive) for drive in sorted(answered)]
     finally:
-        port.closePort()
+        bus.close(t.TORQUE)
 
 
 make = maker(

@@ -6,13 +6,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-
-class Item(NamedTuple):
-    """A place of the control table: address, and length in bytes."""
-
-    address: int
-    length: int
-
+from ..drives.serial_line import Item, Library
 
 MODEL, FIRMWARE, ID, MODE = Item(0, 2), Item(6, 1), Item(7, 1), Item(11, 1)
 CURRENT_LIMIT, VELOCITY_LIMIT = Item(38, 2), Item(44, 4)
@@ -35,6 +29,9 @@ CURRENT_MODE, VELOCITY_MODE, POSITION_MODE, EXTENDED, CURRENT_POSITION, PWM_MODE
     4,
     5,
     16,
+)
+LIBRARY = Library(
+    "dynamixel_sdk", "dynamixel-sdk", "dynamixel", 2.0, (False,), 9, 2, 4, 0x7F, MODEL
 )
 COUNT = 2.0 * math.pi / 4096.0  # rad
 CENTRE = 2048

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
+from ..drives.serial_line import Item
 from ..virtual.pty_bus import VirtualSerialBus
 from ..virtual.world import World
 from . import table as t
@@ -125,7 +126,7 @@ class VirtualDynamixel:
         """As after its supply was gone: the RAM area is as the maker made it."""
         self.table[EEPROM:] = bytes(len(self.table) - EEPROM)
         for k in range(28):
-            self._set(t.Item(t.INDIRECT + 2 * k, 2), self._model.data + k)
+            self._set(Item(t.INDIRECT + 2 * k, 2), self._model.data + k)
         self._quiet, self._away = 0.0, 0.0
         self._hold = 0.0
         if self.persists:
@@ -188,7 +189,7 @@ class VirtualDynamixel:
         """Indirect data stand for what their addresses say."""
         number = address - self._model.data
         if 0 <= number < 28:
-            return self._get(t.Item(t.INDIRECT + 2 * number, 2))
+            return self._get(Item(t.INDIRECT + 2 * number, 2))
         return address
 
     def _write(self, address: int, data: bytes) -> int:
@@ -224,12 +225,12 @@ class VirtualDynamixel:
     def _count(self) -> int:
         return round(self._position / t.COUNT) + t.CENTRE
 
-    def _get(self, item: t.Item) -> int:
+    def _get(self, item: Item) -> int:
         data = self.table[item.address : item.address + item.length]
         signed = item in (t.GOAL_PWM, t.GOAL_CURRENT) or item.length == 4
         return int.from_bytes(data, "little", signed=signed)
 
-    def _set(self, item: t.Item, value: int) -> None:
+    def _set(self, item: Item, value: int) -> None:
         data = (value % (1 << 8 * item.length)).to_bytes(item.length, "little")
         self.table[item.address : item.address + item.length] = data
 

@@ -10,19 +10,18 @@ feed-forward.
 from __future__ import annotations
 
 import struct
-import time
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
 from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
-from ..drives.can_line import ATTEMPTS, PATIENCE, budget
+from ..drives.can_line import budget
 from ..drives.maker import maker, only
 from ..drives.plant import RESTARTED, Answers, Found, Traits
-from ..drives.serial_line import open_port, settle
+from ..drives.serial_line import Item, ServoBus
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import table as t
@@ -51,7 +50,7 @@ class FeetechDrives:
             voltage=True,
             watchdog=False,
         )
-        self._port: Any = None
+        self._bus: ServoBus | None = None
         self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._kinds, self._modes = [SetPoint.OFF] * n, [t.POSITION_MODE] * n
@@ -60,51 +59,46 @@ class FeetechDrives:
 
     def open(self, setup: Setup, _joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the port; see ``drives.plant.Driver``."""
-        self._port, self._protocol = connect(self._options.bus, int(self._options.own["baudrate"]))
-        self._port.wait = PATIENCE
+        self._bus = bus = connect(self._options.bus, int(self._options.own["baudrate"]))
         found = []
         for k, axis in enumerate(self._axes):
-            told = identify(self._port, self._protocol, axis.id)
-            only(told, axis, self._options.bus, "feetech")
+            only(bus.models(axis.id), axis, self._options.bus, "feetech")
             found.append(self._set_up(k))
-        self._port.wait = budget(setup.period)
+        bus.port.wait = budget(setup.period)
         return found
+
+    @property
+    def _opened(self) -> ServoBus:
+        if self._bus is None:
+            raise ConnectionError("the port is not open")
+        return self._bus
 
     def _set_up(self, k: int) -> Found:
         """No torque, no ramps; returns what it is."""
-        drive, name = self._axes[k].id, self._axes[k].name
-        number = self._get(drive, t.MODEL)
-        if number not in t.MODELS:
+        bus, drive, name = self._opened, self._axes[k].id, self._axes[k].name
+        if (number := bus.get(drive, t.MODEL)) not in t.MODELS:
             raise PlantSettingsError(
                 f"{name}: id {drive} is of model {number}; supported: "
                 + ", ".join(t.MODELS.values())
             )
         # Behind the lock a mode acts, and is not stored.
         for item, value in ((t.TORQUE, 0), (t.LOCK, 1), (t.ACCELERATION, 0)):
-            self._put(drive, item, value)
-        self._put(drive, t.MODE, t.POSITION_MODE)
+            bus.put(drive, item, value)
+        bus.put(drive, t.MODE, t.POSITION_MODE)
         self._kinds[k], self._modes[k], self._restarted[k] = SetPoint.OFF, t.POSITION_MODE, False
         self._torque[k], self._without[k], self._had[k] = 0, 0, False
-        status, firmware = self._get(drive, t.STATUS), self._get(drive, t.FIRMWARE)
-        lower, upper = self._get(drive, t.MIN_POSITION), self._get(drive, t.MAX_POSITION)
-        return Found(
-            id=drive,
-            type=t.MODELS[number],
-            firmware=f"{firmware & 0xFF}.{firmware >> 8}",
-            voltage=self._get(drive, t.VOLTAGE) * t.VOLT,
-            fault=DriveFault(status, t.error_name(status)) if status else None,
-            limits=DriveLimits(
-                lower=angle(lower) if lower < upper else None,
-                upper=angle(upper) if lower < upper else None,
-                velocity=self._get(drive, t.SPEED_LIMIT) * t.SPEED_LIMIT_STEP * t.COUNT or None,
-                current=self._get(drive, t.CURRENT_LIMIT) * t.AMPERE or None,
-            ),
+        lower, upper = bus.get(drive, t.MIN_POSITION), bus.get(drive, t.MAX_POSITION)
+        limits = DriveLimits(
+            lower=angle(lower) if lower < upper else None,
+            upper=angle(upper) if lower < upper else None,
+            velocity=bus.get(drive, t.SPEED_LIMIT) * t.SPEED_LIMIT_STEP * t.COUNT or None,
+            current=bus.get(drive, t.CURRENT_LIMIT) * t.AMPERE or None,
         )
+        return replace(identity(bus, drive), limits=limits)
 
     def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        if self._port is None:
-            raise ConnectionError("the port is not open")
+        bus, ids = self._opened, [axis.id for axis in self._axes]
         columns = values.T.tolist()
         wanted = {
             k: SetPoint.OFF if self._restarted[k] else SetPoint(kind)
@@ -113,77 +107,45 @@ class FeetechDrives:
         }
         powered = {k: kind for k, kind in wanted.items() if kind is not SetPoint.OFF}
         modes = {k: MODES[kind] for k, kind in powered.items() if MODES[kind] != self._modes[k]}
-        self._sync(t.TORQUE, {k: bytes(1) for k in modes})
-        self._sync(t.MODE, {k: bytes([mode]) for k, mode in modes.items()})
-        self._sync(t.GOALS, {k: goals(kind, columns[k]) for k, kind in powered.items()})
+        bus.sync(t.TORQUE, {ids[k]: bytes(1) for k in modes})
+        bus.sync(t.MODE, {ids[k]: bytes([mode]) for k, mode in modes.items()})
+        bus.sync(t.GOALS, {ids[k]: goals(kind, columns[k]) for k, kind in powered.items()})
         # Anew, while the answers tell otherwise; but no torque to one that had it, and lost it.
         switches = {
-            k: bytes([k in powered])
+            ids[k]: bytes([k in powered])
             for k, kind in wanted.items()
             if k in modes
             or kind is not self._kinds[k]
             or (self._torque[k] != (k in powered) and not self._had[k])
         }
-        self._sync(t.TORQUE, switches)
+        bus.sync(t.TORQUE, switches)
         for k, kind in wanted.items():
             if kind is not self._kinds[k]:
                 self._kinds[k], self._without[k], self._had[k] = kind, 0, False
             self._modes[k] = modes.get(k, self._modes[k])
-        self._read([k for k, kind in enumerate(kinds) if kind is not None], answers)
+
+        def take(drive: int, data: bytes) -> None:
+            self._take(drive, data, answers)
+
+        bus.drain(take)
+        if wanted:
+            bus.read(t.READ, [ids[k] for k in wanted], take, answers)
 
     def clear_fault(self, drive: int) -> Found | None:
         """Torque off resets what a servo shut down for; one that started anew is set up again."""
-        anew = None
-        axis = self._axes[drive].id
+        bus, axis = self._opened, self._axes[drive].id
         if self._restarted[drive]:
-            if identify(self._port, self._protocol, axis, attempts=1):
-                anew = self._set_up(drive)
-        else:
-            self._put(axis, t.TORQUE, 0)
-        return anew
+            return self._set_up(drive) if bus.models(axis, attempts=1) else None
+        bus.put(axis, t.TORQUE, 0)
+        return None
 
     def close(self) -> None:
         """Torque off, and leave the port."""
-        port, self._port = self._port, None
-        if port is not None:
-            try:
-                everybody = [byte for axis in self._axes for byte in (axis.id, 0)]
-                self._protocol.syncWriteTxOnly(port, *t.TORQUE, everybody, len(everybody))
-            finally:
-                port.closePort()
+        bus, self._bus = self._bus, None
+        if bus is not None:
+            bus.close(t.TORQUE, self._axes)
 
-    def _sync(self, item: t.Item, values: Mapping[int, bytes]) -> None:
-        """The same item of several servos at once; nobody answers."""
-        if values:
-            data = [byte for k, value in values.items() for byte in (self._axes[k].id, *value)]
-            self._protocol.syncWriteTxOnly(self._port, *item, data, len(data))
-
-    def _read(self, drives: Sequence[int], answers: Answers) -> None:
-        """What is read of each."""
-        if not drives:
-            return
-        self._port.setPacketTimeoutMillis(0.0)
-        while self._port.getBytesAvailable() >= SHORTEST:  # too late, or of a second servo
-            packet, result = self._protocol.rxPacket(self._port)
-            if result != 0:
-                break
-            self._take(packet, answers)
-        left = [self._axes[k].id for k in drives]
-        self._protocol.syncReadTx(self._port, *t.READ, left, len(left))
-        self._port.setPacketTimeout(0)
-        while left:
-            packet, result = self._protocol.rxPacket(self._port)
-            if result == 0:
-                if (drive := self._take(packet, answers)) in left:
-                    left.remove(drive)
-                continue
-            answers.malformed += bool(packet)
-            if self._port.isPacketTimeout():
-                break
-        self._port.is_using = False
-
-    def _take(self, packet: Sequence[int], answers: Answers) -> int:
-        drive, data = packet[2], bytes(packet[5:-1])
+    def _take(self, drive: int, data: bytes, answers: Answers) -> None:
         if (k := self._places.get(drive)) is None:
             answers.foreign += 1
         elif len(data) != t.READ.length:
@@ -197,7 +159,6 @@ class FeetechDrives:
             answers.voltage[k] = part(data, t.VOLTAGE) * t.VOLT
             answers.temperature[k] = part(data, t.TEMPERATURE)
             answers.came(k, data)
-        return drive
 
     def _judge(self, k: int, status: int) -> DriveFault | None:
         if status:
@@ -209,29 +170,8 @@ class FeetechDrives:
             self._restarted[k] = True
         return RESTARTED if self._restarted[k] else None
 
-    def _get(self, drive: int, item: t.Item) -> int:
-        for attempt in range(4 * ATTEMPTS):
-            settle(self._port, attempt)
-            data, result, _ = self._protocol.readTxRx(self._port, drive, *item)
-            if result == 0 and len(data) == item.length:
-                return int.from_bytes(bytes(data), "little")
-        raise ConnectionError(f"id {drive} does not answer; is it powered?")
 
-    def _put(self, drive: int, item: t.Item, value: int) -> None:
-        data = list(value.to_bytes(item.length, "little"))
-        for attempt in range(4 * ATTEMPTS):
-            settle(self._port, attempt)
-            result, _ = self._protocol.writeTxRx(self._port, drive, *item, data)
-            if result == 0:
-                return
-        raise ConnectionError(f"id {drive} does not answer; is it powered?")
-
-
-#: Bytes of the shortest packet.
-SHORTEST = 6
-
-
-def part(data: bytes, item: t.Item) -> int:
+def part(data: bytes, item: Item) -> int:
     """A number of what is read in each exchange."""
     place = item.address - t.READ.address
     return int.from_bytes(data[place : place + item.length], "little")
@@ -255,65 +195,32 @@ def goals(kind: SetPoint, value: Sequence[float]) -> bytes:
     return struct.pack("<HHH", position, pwm, velocity)
 
 
-def connect(bus: str, baudrate: int) -> tuple[Any, Any]:
-    """Port and packet handler of the library.
-
-    Raises:
-        PlantSettingsError: it is not installed.
-    """
-    try:
-        import scservo_sdk
-    except ImportError:
-        raise PlantSettingsError(
-            "feetech-servo-sdk is not installed; pip install 'control_board_ros[feetech]'"
-        ) from None
-    return open_port(scservo_sdk.PortHandler, bus, baudrate), scservo_sdk.PacketHandler(0)
+def connect(bus: str, baudrate: int) -> ServoBus:
+    """The servos of a port."""
+    return ServoBus(t.LIBRARY, bus, baudrate)
 
 
-def identify(port: Any, protocol: Any, drive: int, attempts: int = ATTEMPTS) -> list[int]:
-    """The models that answer as a drive: none, one, or two, if two answer each time."""
-    found: list[int] = []
-    for attempt in range(attempts):
-        time.sleep(attempt * PATIENCE)  # a late answer to the last attempt is no second drive
-        port.clearPort()
-        data, result, _ = protocol.readTxRx(port, drive, *t.MODEL)
-        if result != 0 or len(data) != t.MODEL.length:
-            continue
-        port.setPacketTimeoutMillis(0.5e3 * PATIENCE)
-        second, result = protocol.rxPacket(port)
-        model = int.from_bytes(bytes(data), "little")
-        if result != 0 or second[2] != drive:
-            return [model]
-        found = [model, second[5] | second[6] << 8]
-    return found
+def identity(bus: ServoBus, drive: int) -> Found:
+    """What a servo is, and its fault."""
+    number, status = bus.get(drive, t.MODEL), bus.get(drive, t.STATUS)
+    firmware = bus.get(drive, t.FIRMWARE)
+    return Found(
+        id=drive,
+        type=t.MODELS.get(number, f"model {number}"),
+        firmware=f"{firmware & 0xFF}.{firmware >> 8}",
+        voltage=bus.get(drive, t.VOLTAGE) * t.VOLT,
+        fault=DriveFault(status, t.error_name(status)) if status else None,
+    )
 
 
-def scan(bus: str, baudrate: int = 1_000_000) -> list[Found]:
+def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
     """What answers on a port."""
-    port, protocol = connect(bus, baudrate)
+    bus = connect(device, baudrate)
     try:
-        port.wait = 5e-3
-        found = []
-        for drive in IDS:
-            data, result, _ = protocol.readTxRx(port, drive, *t.MODEL)
-            if result != 0 or len(data) != t.MODEL.length:
-                continue
-            model = int.from_bytes(bytes(data), "little")
-            (major, minor), _, _ = protocol.readTxRx(port, drive, *t.FIRMWARE)
-            volts, _, _ = protocol.read1ByteTxRx(port, drive, t.VOLTAGE.address)
-            status, _, _ = protocol.read1ByteTxRx(port, drive, t.STATUS.address)
-            found.append(
-                Found(
-                    id=drive,
-                    type=t.MODELS.get(model, f"model {model}"),
-                    firmware=f"{major}.{minor}",
-                    voltage=volts * t.VOLT,
-                    fault=DriveFault(status, t.error_name(status)) if status else None,
-                )
-            )
-        return found
+        bus.port.wait = 5e-3
+        return [identity(bus, drive) for drive in IDS if bus.models(drive, attempts=1)]
     finally:
-        port.closePort()
+        bus.close(t.TORQUE)
 
 
 make = maker(

@@ -4,15 +4,8 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
-
-class Item(NamedTuple):
-    """A place of the table: address, and length in bytes."""
-
-    address: int
-    length: int
-
+from ..drives.serial_line import Item, Library
 
 FIRMWARE, MODEL, ID = Item(0, 2), Item(3, 2), Item(5, 1)
 MIN_POSITION, MAX_POSITION, CURRENT_LIMIT = Item(9, 2), Item(11, 2), Item(28, 2)
@@ -29,6 +22,7 @@ READ = Item(TORQUE.address, CURRENT.address + 2 - TORQUE.address)
 POSITION_MODE, VELOCITY_MODE, PWM_MODE = 0, 1, 2
 #: Bits of the sign; the numbers are magnitudes.
 SIGN, PWM_SIGN = 15, 10
+LIBRARY = Library("scservo_sdk", "feetech-servo-sdk", "feetech", 0, (), 5, 1, 2, 0, MODEL)
 COUNT = 2.0 * math.pi / 4096.0  # rad; velocities are in counts/s
 CENTRE = 2048
 SPEED_LIMIT_STEP = 50.0  # counts/s

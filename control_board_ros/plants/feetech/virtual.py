@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
+from ..drives.serial_line import Item
 from ..virtual.pty_bus import VirtualSerialBus
 from ..virtual.world import World
 from . import table as t
@@ -164,10 +165,10 @@ class VirtualFeetech:
         if address < STORED and not self._get(t.LOCK):
             self._stored = bytes(self.table[:STORED])
 
-    def _get(self, item: t.Item) -> int:
+    def _get(self, item: Item) -> int:
         return int.from_bytes(self.table[item.address : item.address + item.length], "little")
 
-    def _set(self, item: t.Item, value: int) -> None:
+    def _set(self, item: Item, value: int) -> None:
         data = value.to_bytes(item.length, "little")
         self.table[item.address : item.address + item.length] = data
 
