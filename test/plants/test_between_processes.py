@@ -15,10 +15,14 @@ import pytest
 from drives_elsewhere import NAMES
 
 from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.plants.drives.can_line import open_bus
 from control_board_ros.plants.interface import Setup
 from control_board_ros.testing.plants import asked
 
 can = pytest.importorskip("can")
+#: s for a frame; only a failure takes that long.
+GUARD = 30.0
+GROUP = "239.74.163.2"
 ELSEWHERE = Path(__file__).parents[1] / "support" / "drives_elsewhere.py"
 LIBRARIES = {"moteus": "moteus", "mit_can": "can", "cia402": "canopen", "odrive_can": "can"}
 
@@ -26,13 +30,12 @@ LIBRARIES = {"moteus": "moteus", "mit_can": "can", "cia402": "canopen", "odrive_
 @pytest.fixture
 def address() -> str:
     """A bus that nobody else is on."""
-    number = random.SystemRandom().randrange(1 << 16)
-    channel = f"239.{80 + number % 100}.{number >> 8}.{number & 0xFF}"
+    port = random.SystemRandom().randrange(20_000, 60_000)
     try:
-        can.Bus(interface="udp_multicast", channel=channel).shutdown()
+        can.Bus(interface="udp_multicast", channel=GROUP, port=port).shutdown()
     except (can.CanError, OSError) as error:
         pytest.skip(f"no UDP multicast here: {error}")
-    return f"udp_multicast:{channel}"
+    return f"udp_multicast:{GROUP}:{port}"
 
 
 @pytest.fixture(params=LIBRARIES)
@@ -70,3 +73,17 @@ def test_drives_of_another_process_are_driven_by_can_frames_over_udp(
         np.testing.assert_allclose(found.position, 0.2, atol=0.02)
     finally:
         plant.close()
+
+
+def test_two_buses_of_one_computer_do_not_hear_each_other(address: str) -> None:
+    """By their ports: each group of multicast reaches every socket of its port."""
+    group, _, port = address.rpartition(":")
+    with open_bus(address) as one, open_bus(f"{group}:{int(port) + 1}") as other:
+        other.send(can.Message(arbitration_id=5, is_extended_id=False))
+        one.send(can.Message(arbitration_id=7, is_extended_id=False))
+        heard = []
+        while not heard or heard[-1] != 7:
+            frame = one.recv(GUARD)
+            assert frame is not None
+            heard.append(frame.arbitration_id)
+        assert heard == [7]

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -75,8 +76,8 @@ def drives() -> Iterator[FarEnd]:
     """Controllers on a bus that processes share."""
     pytest.importorskip("moteus")
     pytest.importorskip("msgpack")
-    number = os.getpid()
-    end = FarEnd("moteus", f"udp_multicast:239.74.{number >> 8 & 0xFF}.{number & 0xFF}")
+    port = random.SystemRandom().randrange(20_000, 60_000)
+    end = FarEnd("moteus", f"udp_multicast:239.74.163.2:{port}")
     yield end
     end.close()
 

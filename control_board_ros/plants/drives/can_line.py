@@ -40,6 +40,31 @@ def frame() -> Any:
     return Frame
 
 
+def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
+    """A bus of python-can.
+
+    On one computer the groups of ``udp_multicast`` hear each other; its ports keep buses apart.
+
+    Args:
+        text: Interface and channel, as ``socketcan:can0``; of ``udp_multicast`` with a port, as
+            ``udp_multicast:239.74.163.2:43200``; without: 43113.
+        fd: With CAN FD frames.
+        bitrate: Of interfaces that set it themselves, bit/s; 0: theirs.
+    """
+    import can
+
+    interface, _, channel = text.partition(":")
+    more: dict[str, Any] = {}
+    if fd:
+        more = {"protocol": can.CanProtocol.CAN_FD} if interface == "virtual" else {"fd": True}
+    if interface == "udp_multicast" and channel.count(":") == 1:
+        channel, _, port = channel.partition(":")
+        more["port"] = int(port)
+    if bitrate:
+        more["bitrate"] = bitrate
+    return can.Bus(interface=interface, channel=channel or None, **more)
+
+
 class CanLine:
     """A bus of python-can; what it cannot do is an OSError with one line for people.
 
@@ -58,15 +83,9 @@ class CanLine:
                 "name, as 'control_board_ros[moteus]'"
             ) from None
         self._message, self._errors, self._text = frame(), (can.CanError, OSError), text
-        interface, _, channel = text.partition(":")
-        more: dict[str, Any] = {"fd": True} if fd and interface != "virtual" else {}
-        if interface == "virtual":
-            more = {"protocol": can.CanProtocol.CAN_FD} if fd else {}
-        if bitrate:
-            more["bitrate"] = bitrate
         self._fd = fd
         try:
-            self.bus = can.Bus(interface=interface, channel=channel or None, **more)
+            self.bus = open_bus(text, fd=fd, bitrate=bitrate)
         except (can.CanError, OSError, ValueError) as error:
             raise OSError(
                 f"bus {text}: {error}; use INTERFACE:CHANNEL, as socketcan:can0"

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import Any, Protocol
 
-from ..drives.can_line import BUS_OFF, REMOTE, SHORT, frame
+from ..drives.can_line import BUS_OFF, REMOTE, SHORT, frame, open_bus
 from .wire import Wire
 from .world import World
 
@@ -48,19 +48,11 @@ class VirtualCanBus:
         *,
         fd: bool = False,
     ) -> None:
-        import can
-
         self.world, self.drives = world, list(drives)
         self.address = address or f"virtual:drives {next(_numbers)}"
-        interface, _, channel = self.address.partition(":")
         self.to_drives, self.from_drives = Wire(checked=True), Wire(checked=True, seed=1)
         self._fd, self._message = fd, frame()
-        more: dict[str, Any] = {}
-        if interface == "virtual":
-            more["protocol"] = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
-        elif fd:
-            more["fd"] = True
-        self.bus = can.Bus(interface=interface, channel=channel, **more)
+        self.bus = open_bus(self.address, fd=fd)
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="virtual drives", daemon=True)
         self._thread.start()
