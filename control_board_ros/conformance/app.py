@@ -36,9 +36,9 @@ if TYPE_CHECKING:
 HELD, NOT_HELD, USAGE = 0, 1, 2
 
 ABOUT = """\
-Try the rules of a control board on any board that offers its ROS 2 interface, and say of each
-whether it held, with the evidence. One joint moves, within a fraction of its limits; the joints
-are left as found.
+Test the rules of a control board on any board that offers its ROS 2 interface, and report for each
+whether it holds, with the evidence. One joint moves, within a fraction of its limits; afterwards
+the joints are restored.
 """
 
 
@@ -67,41 +67,40 @@ def domain(text: str) -> int:
     return value
 
 
-def chosen(asked: argparse.Namespace) -> list[Rule]:
+def chosen(options: argparse.Namespace) -> list[Rule]:
     """The selected rules, in their order.
 
     Raises:
         ValueError: unknown rule, or incompatible options.
     """
-    names = [name.strip() for name in asked.rules.split(",")] if asked.rules is not None else []
-    unknown = [name for name in names if name not in RULES]
-    if unknown:
+    names = None if options.rules is None else [n.strip() for n in options.rules.split(",")]
+    if unknown := [name for name in names or () if name not in RULES]:
         raise ValueError(f"rule {', '.join(unknown)} unknown; see --list")
-    if not asked.list:
-        if asked.junit is not None and not asked.junit.absolute().parent.is_dir():
-            raise ValueError(f"there is no folder for {asked.junit}")
-        if not asked.yes and not sys.stdin.isatty():
+    if not options.list:
+        if options.junit is not None and not options.junit.absolute().parent.is_dir():
+            raise ValueError(f"there is no folder for {options.junit}")
+        if not options.yes and not sys.stdin.isatty():
             raise ValueError("no terminal for the confirmation to move; give --yes")
-    return [rule for rule in in_order() if asked.rules is None or rule.name in names]
+    return [rule for rule in in_order() if names is None or rule.name in names]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line; returns the exit code."""
-    options = parser()
-    asked = options.parse_args(arguments)
+    usage = parser()
+    options = usage.parse_args(arguments)
     try:
-        rules = chosen(asked)
+        rules = chosen(options)
     except ValueError as error:
-        options.error(str(error))
-    if asked.list:
+        usage.error(str(error))
+    if options.list:
         print("\n".join(f"{rule.name:<5}{rule.title}" for rule in rules))
         return HELD
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: joints are restored
     from ..client import BoardError
 
     try:
-        with connected(asked) as (node, client):
-            return try_board(node, client, asked, rules, complain)
+        with connected(options) as (node, client):
+            return try_board(node, client, options, rules, complain)
     except (BoardError, NotTestable, OutOfTime) as error:
         return complain(str(error))
     except KeyboardInterrupt:
@@ -111,7 +110,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def try_board(
     node: Any,
     client: ControlBoardClient,
-    asked: argparse.Namespace,
+    options: argparse.Namespace,
     rules: Sequence[Rule],
     complain: Callable[[str], Any],
 ) -> int:
@@ -120,7 +119,7 @@ def try_board(
     Args:
         node: not spun.
         client: of the board.
-        asked: the options, with ``json`` and ``timeout`` (s, for each answer).
+        options: the options, with ``json`` and ``timeout`` (s, for each answer).
         rules: to test.
         complain: called with other problems, one line each.
 
@@ -128,47 +127,47 @@ def try_board(
         NotTestable: no testable joint.
         BoardError: no board.
     """
-    on_result: Callable[[Result], None] = (lambda _: None) if asked.json else tell
-    joint, problems = asked.joint or "", list[str]()
+    on_result: Callable[[Result], None] = (lambda _: None) if options.json else print_result
+    joint, problems = options.joint or "", list[str]()
     try:
         session = Session(
-            Channel(node, client.board_name, asked.timeout),
+            Channel(node, client.board_name, options.timeout),
             client,
-            joint=asked.joint,
-            fraction=asked.range,
-            allowed=Allowed(asked.calibrate, asked.power_cycle),
-            rule_time=asked.rule_time,
+            joint=options.joint,
+            fraction=options.range,
+            allowed=Allowed(options.calibrate, options.power_cycle),
+            rule_time=options.rule_time,
         )
     except Malformed as error:
         complain(f"the board cannot be read: {error}")
         results = unread(rules, error)
         for result in results:
             on_result(result)
-        summed_up(client.board_name, joint, asked, results, problems, complain)
+        summed_up(client.board_name, joint, options, results, problems, complain)
         return NOT_HELD  # also where the rule with the reason is not selected
     else:
         with contextlib.closing(session):
             joint = session.bench.joint
-            print(clean_lines(plan(session.bench, asked)), file=sys.stderr)
-            if not asked.yes and not goes_on():
+            print(clean_lines(plan(session.bench, options)), file=sys.stderr)
+            if not options.yes and not goes_on():
                 complain("nothing was tested")
                 return NOT_HELD
             results, problems = run(session, rules, on_result)
-    return summed_up(client.board_name, joint, asked, results, problems, complain)
+    return summed_up(client.board_name, joint, options, results, problems, complain)
 
 
 def summed_up(
     board: str,
     joint: str,
-    asked: argparse.Namespace,
+    options: argparse.Namespace,
     results: Sequence[Result],
     problems: Sequence[str],
     complain: Callable[[str], Any],
 ) -> int:
     """Report the results, and write the requested file; returns the exit code."""
-    print(as_json(board, joint, results) if asked.json else as_text(results))
-    if asked.junit is not None:
-        asked.junit.write_text(as_junit(board, results), encoding="utf-8")
+    print(as_json(board, joint, results) if options.json else as_text(results))
+    if options.junit is not None:
+        options.junit.write_text(as_junit(board, results), encoding="utf-8")
     for problem in problems:
         complain(f"not left as found: {problem}")
     if text := too_few(results):
@@ -176,7 +175,7 @@ def summed_up(
     return HELD if passed(results) else NOT_HELD
 
 
-def tell(result: Result) -> None:
+def print_result(result: Result) -> None:
     """Print one result."""
     print(clean(as_line(result), LONGEST), flush=True)
 
@@ -187,7 +186,7 @@ def goes_on() -> bool:
     return sys.stdin.readline().strip().lower() in ("y", "yes")
 
 
-def plan(bench: Bench, asked: argparse.Namespace) -> str:
+def plan(bench: Bench, options: argparse.Namespace) -> str:
     """Text of the planned actions."""
     limits = bench.range
     lines = [
@@ -196,15 +195,15 @@ def plan(bench: Bench, asked: argparse.Namespace) -> str:
         f"{1.875 * limits.speed:.3g} per second, and be without power and in HW_FAULT at times.",
         "The other joints hold still in POSITION meanwhile.",
     ]
-    if asked.calibrate:
+    if options.calibrate:
         lines.append(f"{bench.joint} will calibrate, as far as its calibrator moves it.")
-    if asked.power_cycle:
+    if options.power_cycle:
         lines.append("All joints will be without power at times.")
     return "\n".join(lines)
 
 
 @contextlib.contextmanager
-def connected(asked: argparse.Namespace) -> Iterator[tuple[Any, ControlBoardClient]]:
+def connected(options: argparse.Namespace) -> Iterator[tuple[Any, ControlBoardClient]]:
     """A node, not spun, and a client of the board."""
     announce_often()
     from rclpy.context import Context
@@ -213,10 +212,10 @@ def connected(asked: argparse.Namespace) -> Iterator[tuple[Any, ControlBoardClie
     from ..client import ControlBoardClient
 
     context = Context()
-    context.init(args=[], domain_id=asked.domain)
+    context.init(args=[], domain_id=options.domain)
     node: Any = Node("control_board_conformance", context=context, use_global_arguments=False)
-    patience = asked.timeout
-    client = ControlBoardClient(node, asked.board, find_timeout=patience, answer_timeout=patience)
+    limit = options.timeout
+    client = ControlBoardClient(node, options.board, find_timeout=limit, answer_timeout=limit)
     try:
         yield node, client
     finally:

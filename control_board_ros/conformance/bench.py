@@ -7,11 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
 from itertools import takewhile
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from control_board_ros.client import BoardError, BoardTimeout, ControlBoardClient, State
+from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.modes import SELECTABLE, STOPPABLE
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
@@ -23,6 +24,7 @@ from .outcomes import NotHeld, NotTestable, assume, offered
 from .shapes import PER_JOINT, check_lengths, reply_of
 
 M, K = ControlMode, CommandKind
+T = TypeVar("T", float, str)
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 
 #: Per kind of reference: the method to send it, and the one to read the last accepted one.
@@ -36,8 +38,12 @@ COMMANDS = {
     K.CURRENT: ("set_ref_current", "get_ref_current"),
 }
 
+#: Modes with a position reference other than POSITION.
+OTHERS = (M.POSITION_DIRECT, M.VELOCITY, M.MIXED)
 #: s until a reference is accepted or counted as ignored, on the busiest machine.
-TAKING = 2.0
+TIMEOUT = 2.0
+#: s between two requests of a poll.
+PAUSE = 0.01
 #: Minimum number of states for a statement about an interval.
 FEWEST = 5
 
@@ -45,7 +51,7 @@ FEWEST = 5
 class Fate(Enum):
     """Outcome of a reference: read back, counted as ignored, or neither."""
 
-    TAKEN = auto()
+    ACCEPTED = auto()
     COUNTED = auto()
     VANISHED = auto()
 
@@ -56,15 +62,6 @@ class Allowed:
 
     calibrate: bool = False
     power_cycle: bool = False
-
-
-def _parameter_interval(client: ControlBoardClient) -> float:
-    """The interval of states by the board's parameters, s; 0: unknown."""
-    try:
-        rate = float(client.get_parameters(["state_rate"])["state_rate"])
-    except (BoardError, ValueError, TypeError):  # other boards lack the parameter
-        return 0.0
-    return 1.0 / rate if rate > 0.0 else 0.0
 
 
 class Bench:
@@ -79,7 +76,7 @@ class Bench:
         allowed: permissions.
 
     Attributes: names (of the board's joints), joint (name), j (index), modes and interactions
-    (implemented by the joint).
+    (implemented by the joint), other (the first of OTHERS that it implements; None without one).
     """
 
     def __init__(
@@ -92,11 +89,13 @@ class Bench:
         allowed: Allowed,
     ) -> None:
         self._client, self.channel, self.range, self.allowed = client, channel, limits, allowed
-        self._asked = False
-        self._interval = _parameter_interval(client)
+        self._requested = False
         self.names: tuple[str, ...] = client.names
         self.j, self.joint, self.partner = joint, self.names[joint], partner
         self.modes, self.interactions = client.get_available_modes(self.joint)[0]
+        self.other = next((mode for mode in OTHERS if mode in self.modes), None)
+        rate = self.parameter("state_rate", 0.0)
+        self._interval = 1.0 / rate if rate > 0.0 else 0.0
 
     # -- requests -----------------------------------------------------------------------------
 
@@ -112,22 +111,36 @@ class Bench:
         return self._client
 
     def ask(
-        self, service: Endpoint, names: Sequence[str] | None = None, /, **requested: Any
+        self, service: Endpoint, names: Sequence[str] | None = None, /, **fields: Any
     ) -> Reply:
         """Call a service with an answer per joint, for the joint or for ``names``.
 
         Raises:
             Malformed: its answers contradict its success.
         """
-        asked = [self.joint] if names is None else list(names)
-        response = self.channel.call(service, names=asked, **requested)
-        self._asked = True
-        return reply_of(service, asked, response)
+        joints = [self.joint] if names is None else list(names)
+        response = self.channel.call(service, names=joints, **fields)
+        self._requested = True
+        return reply_of(service, joints, response)
+
+    def parameter(self, name: str, default: T) -> T:
+        """A parameter of the board; the default where another board lacks it, or its type."""
+        try:
+            value: Any = self.client.get_parameters([name])[name]
+            return type(default)(value)
+        except (BoardError, RequestError, TypeError, ValueError):
+            return default
+
+    def poll(self, condition: Callable[[], bool], seconds: float = TIMEOUT) -> None:
+        """Request answers until a condition on them is true, or the time is over."""
+        end = self.channel.clock() + seconds
+        while not condition() and self.channel.clock() < end:
+            self.channel.sleep(PAUSE)
 
     def publish(self, topic: Endpoint, **fields: Any) -> None:
         """Publish a message unchanged."""
         self.channel.send(topic, **fields)
-        self._asked = True
+        self._requested = True
 
     # -- modes --------------------------------------------------------------------------------
 
@@ -219,22 +232,22 @@ class Bench:
         """Send a reference and return its outcome."""
         counted = self.rejected()
         self.send(kind, value)
-        end = self.channel.clock() + TAKING
+        end = self.channel.clock() + TIMEOUT
         while self.channel.clock() < end:
             if abs(self.last(kind) - value) <= 1e-9 + 1e-6 * abs(value):
-                return Fate.TAKEN
+                return Fate.ACCEPTED
             if self.rejected() != counted:
                 return Fate.COUNTED
         return Fate.VANISHED
 
-    def take(self, kind: CommandKind, value: float) -> None:
+    def command(self, kind: CommandKind, value: float) -> None:
         """Send a reference that the mode accepts, as a precondition of a rule.
 
         Raises:
             NotTested: it is not accepted.
         """
         fate = self.fate(kind, value)
-        assume(fate is Fate.TAKEN, f"the {kind} reference was not accepted, see M3")
+        assume(fate is Fate.ACCEPTED, f"the {kind} reference was not accepted, see M3")
 
     # -- states -------------------------------------------------------------------------------
 
@@ -243,8 +256,8 @@ class Bench:
         fresh = self.client.get_state()
         check_lengths("~/state", fresh, PER_JOINT)
         self.wait(lambda: self.latest().stamp >= fresh.stamp, self.channel.patience)
-        if self._asked:  # not by the client, whose states may be older
-            self._asked = False
+        if self._requested:  # not by the client, whose states may be older
+            self._requested = False
             return self.following(2)
         return self.latest()  # never older than a state that a rule has seen
 
@@ -281,7 +294,7 @@ class Bench:
 
         The time of processing of published messages is unknown.
         """
-        self.wait(lambda: condition(self.latest()), TAKING)
+        self.wait(lambda: condition(self.latest()), TIMEOUT)
         return self.latest()
 
     def latest(self) -> State:
@@ -362,7 +375,7 @@ class Bench:
         text = f"{self.joint} in {mode} left its range, at {position:.3g}"
         if mode in STOPPABLE:
             raise NotHeld(text)
-        raise NotTestable(f"{text}; try a joint that bears no load: --joint NAME")
+        raise NotTestable(f"{text}; try a joint without load: --joint NAME")
 
     def wait(self, condition: Callable[[], bool], patience: float) -> bool:
         """Wait until a state or a change of modes fulfils a condition; false on timeout."""

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from control_board_ros.client import BoardError
 from control_board_ros.core.terms.vocabs import parse_control_mode, parse_interaction_mode
 
 from .bench import STIFF, Bench, Fate, K, M
@@ -27,9 +26,7 @@ def begin(bench: Bench) -> None:
 
 
 def finish(bench: Bench) -> None:
-    end = bench.channel.clock() + LONGEST
-    while bench.mode is M.CALIBRATING and bench.channel.clock() < end:
-        bench.channel.sleep(0.05)
+    bench.poll(lambda: bench.mode is not M.CALIBRATING, LONGEST)
 
 
 @rule("K1", "calibration on request")
@@ -64,7 +61,7 @@ def meanwhile(bench: Bench) -> str:
         expect(left[:1] != [other.code], f"{other} was accepted while CALIBRATING")
         offered(bench.mode is M.CALIBRATING, "the calibration was over too soon")
         expect(not reply, f"{other} was accepted while CALIBRATING")
-        expect(fate is not Fate.TAKEN, "a position was accepted while CALIBRATING")
+        expect(fate is not Fate.ACCEPTED, "a position was accepted while CALIBRATING")
     finally:
         finish(bench)
     return "a mode request refused, a command ignored"
@@ -86,17 +83,15 @@ def afterwards(bench: Bench) -> str:
 
 def calibrators_modes(bench: Bench) -> tuple[str, str]:
     """The codes of the joint's parameters, else the default."""
-    names = [f"{bench.joint}.calibration.{kind}_mode" for kind in ("control", "interaction")]
-    try:
-        control, interaction = bench.client.get_parameters(names).values()
-        return parse_control_mode(control).code, parse_interaction_mode(interaction).code
-    except (BoardError, ValueError, TypeError):  # other boards lack the parameters
-        return M.POSITION.code, STIFF.code
+    key = f"{bench.joint}.calibration"
+    control = bench.parameter(f"{key}.control_mode", M.POSITION.code)
+    interaction = bench.parameter(f"{key}.interaction_mode", STIFF.code)
+    return parse_control_mode(control).code, parse_interaction_mode(interaction).code
 
 
 inside("K4", "a calibration that fails", "one would have to be made to fail")
 inside("K5", "the calibrators", "which calibrator a joint has is not shown")
-inside("K6", "a hard stop is met twice", "where the stop is, is not known here")
+inside("K6", "a hard stop is met twice", "the position of the stop is not shown")
 inside(
     "K7", "a joint without the calibration it requires", "one would have to lose its calibration"
 )

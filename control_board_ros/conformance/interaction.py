@@ -69,7 +69,7 @@ def alters_no_commands(bench: Bench) -> str:
     for interaction in (STIFF, COMPLIANT):
         bench.home()
         bench.enter(M.POSITION, interaction)
-        fates.append([bench.fate(kind, bench.another(kind)) is Fate.TAKEN for kind in kinds])
+        fates.append([bench.fate(kind, bench.another(kind)) is Fate.ACCEPTED for kind in kinds])
     stiff, compliant = fates
     expect(
         stiff == compliant, f"of {[*map(str, kinds)]} STIFF accepts {stiff}, COMPLIANT {compliant}"

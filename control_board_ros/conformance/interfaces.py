@@ -54,7 +54,7 @@ EXTRAS = frozenset(
 
 @rule("A", "the interfaces are offered")
 def all_offered(bench: Bench) -> str:
-    in_the_order_asked(bench)
+    in_the_requested_order(bench)
     board, (services, topics) = bench.channel.board, bench.channel.graph()
     wanted = [
         *((topics, e, e.of(board), e.type) for e in (*PUBLISHED, *COMMAND_TOPICS)),
@@ -66,17 +66,16 @@ def all_offered(bench: Bench) -> str:
         expect(name in there, f"{endpoint.kind} {endpoint.name} is not offered")
         types = there[name]
         expect(not kind or kind in types, f"{endpoint.name} is of {types[0]}, not {kind}")
-    return f"{len(wanted)} topics, services and actions; two joints answered in the order asked"
+    return f"{len(wanted)} topics, services and actions; two joints in the requested order"
 
 
-def in_the_order_asked(bench: Bench) -> None:
+def in_the_requested_order(bench: Bench) -> None:
     """Whether answers for two joints have the requested order, reverse to the board's."""
     if bench.partner is None:
         return
     pair = sorted([bench.joint, bench.partner], key=bench.names.index, reverse=True)
-    other = next((m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in bench.modes), None)
-    if other is not None:
-        bench.enter(other)
+    if bench.other is not None:
+        bench.enter(bench.other)
     bench.client.set_ref_speed(bench.joint, 0.7 * bench.range.speed)
     for service in GETTERS:
         both = bench.channel.call(service, names=pair)
@@ -85,13 +84,14 @@ def in_the_order_asked(bench: Bench) -> None:
         for field, kind in both.get_fields_and_field_types().items():
             if not kind.startswith("sequence") or field == "names":
                 continue
-            said = list(getattr(both, field))
+            found = list(getattr(both, field))
             alone = [value for one in each for value in getattr(one, field)]
-            expect(same(said, alone), f"{service.short} of {pair}: {field} {said}, alone {alone}")
-    refused_in_the_order_asked(bench)
+            text = f"{service.short} of {pair}: {field} {found}, alone {alone}"
+            expect(same(found, alone), text)
+    refused_in_the_requested_order(bench)
 
 
-def refused_in_the_order_asked(bench: Bench) -> None:
+def refused_in_the_requested_order(bench: Bench) -> None:
     """Whether the answers have the requested order if one joint refuses."""
     try:
         bench.fault()

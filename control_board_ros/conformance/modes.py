@@ -8,7 +8,7 @@ from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode, encode
 from control_board_ros.interface import GET_CONTROL_MODE, POSITION_COMMAND, SET_CONTROL_MODE
 
-from .bench import TAKING, Bench, Fate, K, M
+from .bench import Bench, Fate, K, M
 from .limits import read_limits
 from .moving import amid_a_move, run_on
 from .outcomes import assume, expect, offered
@@ -44,7 +44,7 @@ inside("V2", "misprints of the source", "it is about the source's text")
 @rule("M1", "every joint has its own mode")
 def own_modes(bench: Bench) -> str:
     client, before = bench.client, bench.client.get_control_mode()
-    wanted = next((m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in bench.modes), None)
+    wanted = bench.other
     offered(wanted, f"{bench.joint} has one active mode only")
     assert wanted is not None
     reply = bench.ask(SET_CONTROL_MODE, modes=[wanted.code])
@@ -75,7 +75,7 @@ def nobody_switches(bench: Bench) -> str:
         if mode not in bench.modes:
             continue
         bench.enter(mode)
-        bench.take(kind, bench.another(kind))
+        bench.command(kind, bench.another(kind))
         bench.record(0.5)  # the move ends, the velocity expires
         expect(bench.mode is mode, f"{mode} became {bench.mode} while {bench.joint} was used")
         tried.append(mode.name)
@@ -84,14 +84,14 @@ def nobody_switches(bench: Bench) -> str:
 
 @rule("M3", "what each mode accepts")
 def accepted_commands(bench: Bench) -> str:
-    taken = []
+    accepted = []
     for mode in bench.modes:
         for kind in sorted(ACCEPTS.get(mode, ())):
             bench.enter(mode)
             fate = bench.fate(kind, bench.another(kind))
-            expect(fate is Fate.TAKEN, f"{mode} ignored a {kind} reference")
-            taken.append(f"{mode}: {kind}")
-    return "; ".join(taken)
+            expect(fate is Fate.ACCEPTED, f"{mode} ignored a {kind} reference")
+            accepted.append(f"{mode}: {kind}")
+    return "; ".join(accepted)
 
 
 @rule("M4", "other commands are ignored and counted")
@@ -104,7 +104,7 @@ def ignored_commands(bench: Bench) -> str:
         for kind in K:
             if kind not in ACCEPTS.get(mode, ()):
                 fate = bench.fate(kind, bench.another(kind))
-                expect(fate is not Fate.TAKEN, f"{mode} took a {kind} reference")
+                expect(fate is not Fate.ACCEPTED, f"{mode} accepted a {kind} reference")
                 expect(fate is Fate.COUNTED, f"a {kind} reference in {mode} is not counted")
                 count += 1
     never_kept(bench)
@@ -136,11 +136,9 @@ def others_are_served(bench: Bench) -> None:
     near = beside(bench, bench.partner, before)
     names = [bench.joint, bench.partner]
     bench.channel.send(POSITION_COMMAND, names=names, positions=[bench.another(K.POSITION), near])
-    clock = bench.channel.clock
-    end = clock() + TAKING
-    while (last := bench.last(K.POSITION, bench.partner)) == before and clock() < end:
-        pass  # until it has arrived
-    expect(bench.last(K.POSITION) == ignored, f"VELOCITY took a position for {bench.joint}")
+    bench.poll(lambda: bench.last(K.POSITION, bench.partner) != before)
+    last = bench.last(K.POSITION, bench.partner)
+    expect(bench.last(K.POSITION) == ignored, f"VELOCITY accepted a position for {bench.joint}")
     expect(
         abs(last - near) < 1e-5,
         f"{bench.partner} in POSITION was not served beside {bench.joint} in VELOCITY: its target "
@@ -174,7 +172,7 @@ def statuses_are_refused(bench: Bench) -> str:
     for mode in (*STATUSES_AND_EVENTS, "nope", ""):
         answer = bench.ask(SET_CONTROL_MODE, modes=[mode])
         expect(not answer, f"{mode!r} was accepted")
-        expect(answer.message, f"{mode!r} was refused without a word")
+        expect(answer.message, f"{mode!r} was refused without a message")
         now = bench.client.get_control_mode()
         expect(now == before, f"{mode!r} was refused and changed modes")
     return f"{', '.join(STATUSES_AND_EVENTS)} and unknown ones refused, nothing changed"
@@ -212,11 +210,10 @@ def enter_at_rest(bench: Bench, mode: ControlMode) -> str:
     """Enter a mode, and check that reference and joint stay at the joint's position."""
     limits = bench.range
     bench.home()
-    other = next((m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in bench.modes), None)
     if mode is M.POSITION:
-        if other is None:
+        if bench.other is None:
             return "POSITION"
-        bench.enter(other)
+        bench.enter(bench.other)
     before = bench.state()
     bench.enter(mode)
     states = bench.record(0.3)
@@ -249,7 +246,7 @@ def last_references(bench: Bench) -> str:
             if kind not in sent:
                 bench.enter(mode)
                 sent[kind] = bench.another(kind)
-                bench.take(kind, sent[kind])
+                bench.command(kind, sent[kind])
     bench.enter(M.POSITION)
     for kind, value in sent.items():
         last = bench.last(kind)

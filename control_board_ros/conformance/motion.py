@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from control_board_ros.client import State
 
-from .bench import FEWEST, TAKING, Bench, K, M
+from .bench import FEWEST, TIMEOUT, Bench, K, M
 from .limits import LONGEST_MOVE
 from .moving import amid_a_move, in_time, patiently, stream
 from .outcomes import assume, expect
@@ -156,14 +156,14 @@ def velocities(bench: Bench) -> str:
         steepest < 1.5 * acceleration,
         f"the reference velocity grew with {steepest:.3g} rad/s², not {acceleration:.3g}",
     )
-    return f"{velocity:.3g} rad/s asked for, {slope:.3g} rad/s integrated, ramped"
+    return f"{velocity:.3g} rad/s requested, {slope:.3g} rad/s integrated, ramped"
 
 
 @rule("P6", "mixed adds trajectory and velocity up")
 def mixed(bench: Bench) -> str:
     added = added_up(bench)
     moved_anew(bench)
-    return f"{added:.3g} rad added to a move; a new move took it as its start, and went on adding"
+    return f"{added:.3g} rad added to a move; a new move started there, and the velocity continued"
 
 
 @patiently
@@ -173,7 +173,7 @@ def added_up(bench: Bench) -> float:
     bench.enter(M.MIXED)
     target = bench.range.start + 0.5 * bench.range.step
     velocity = 0.3 * bench.range.speed
-    bench.take(K.POSITION, target)
+    bench.command(K.POSITION, target)
     duration = 0.5 * bench.range.step / bench.range.speed
     states = stream(bench, velocity, 1.5 * duration + 0.2)
     beside = states[-1].stamp - states[0].stamp
@@ -186,7 +186,7 @@ def added_up(bench: Bench) -> float:
     )
     bench.client.velocity_move(bench.joint, 0.0, bench.range.acceleration)
     bench.record(velocity / bench.range.acceleration + 0.1)
-    bench.take(K.POSITION, target)
+    bench.command(K.POSITION, target)
     end = bench.until(bench.reached(target), 3.0 * duration + 1.0)
     away = abs(float(bench.latest().position_reference[bench.j]) - target)
     expect(end or away < 0.05 * added, f"a new move ended {away:.3g} from its target")
@@ -205,11 +205,11 @@ def moved_anew(bench: Bench) -> float:
     target = float(bench.latest().position_reference[bench.j]) + 0.3 * limits.step
     sent = bench.latest().stamp
     bench.send(K.POSITION, target)
-    taken = stream(
-        bench, velocity, TAKING, lambda _: bench.last(K.POSITION) == target, velocity / ramp
+    accepted = stream(
+        bench, velocity, TIMEOUT, lambda _: bench.last(K.POSITION) == target, velocity / ramp
     )[-1].stamp
     assume(bench.last(K.POSITION) == target, "no position accepted beside a velocity, see M3")
-    in_time(taken - sent < 0.25 * ramp, f"{taken - sent:.2g} s until a move was accepted")
+    in_time(accepted - sent < 0.25 * ramp, f"{accepted - sent:.2g} s until a move was accepted")
     lasting = 0.3 * limits.step / slow_enough(bench, 0.3 * limits.step) + ramp + 0.3
     stream(bench, velocity, lasting, acceleration=velocity / ramp)
     times, reference = references(bench, bench.since(begin))
@@ -219,7 +219,7 @@ def moved_anew(bench: Bench) -> float:
         jump < 0.3 * velocity * ramp,
         f"a new move beside a velocity made the reference jump by {jump:.3g}",
     )
-    added, wanted = float(reference[-1]) - target, velocity * float(times[-1] - taken)
+    added, wanted = float(reference[-1]) - target, velocity * float(times[-1] - accepted)
     expect(
         added > wanted - 0.25 * velocity * ramp,
         f"a new move dropped the velocity of {velocity:.3g} rad/s beside it: that added "
@@ -236,12 +236,12 @@ def torque(bench: Bench) -> str:
         return float(np.mean([state.torque[bench.j] for state in bench.record(0.05)]))
 
     load, more = measured(), bench.range.torque
-    bench.take(K.TORQUE, load + more)
+    bench.command(K.TORQUE, load + more)
     found = [measured()]
     while abs(found[-1] - load - more) > 0.2 * more and len(found) < 10:
         found.append(measured())
     bench.client.set_control_mode(bench.joint, M.POSITION)
-    text = f"{load + more:.3g} N·m asked for, {found[-1]:.3g} N·m measured (from {load:.3g})"
+    text = f"{load + more:.3g} N·m requested, {found[-1]:.3g} N·m measured (from {load:.3g})"
     expect(abs(found[-1] - load - more) <= 0.2 * more, text)
     return text
 

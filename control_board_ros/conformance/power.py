@@ -51,9 +51,6 @@ inside("N4", "before that everything is refused", "it configures itself, or anot
 
 def settle(bench: Bench) -> list[ControlMode]:
     """The modes once no joint is NOT_CONFIGURED or CALIBRATING, or the timeout."""
-    end = bench.channel.clock() + LONGEST
-    modes = bench.client.get_control_mode()
-    while {M.NOT_CONFIGURED, M.CALIBRATING} & set(modes) and bench.channel.clock() < end:
-        bench.channel.sleep(0.05)
-        modes = bench.client.get_control_mode()
-    return modes
+    starting = {M.NOT_CONFIGURED, M.CALIBRATING}
+    bench.poll(lambda: starting.isdisjoint(bench.client.get_control_mode()), LONGEST)
+    return bench.client.get_control_mode()

@@ -5,11 +5,9 @@ from __future__ import annotations
 
 import math
 
-from control_board_ros.client import BoardError
-from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import SET_REFERENCE_SPEED, STOP
 
-from .bench import COMPLIANT, TAKING, Bench, K, M
+from .bench import COMPLIANT, Bench, K, M
 from .limits import read_limits
 from .moving import amid_a_move, run_on
 from .outcomes import assume, expect, offered
@@ -44,7 +42,7 @@ def reference_speeds(bench: Bench) -> str:
 def motion_done_and_stop(bench: Bench) -> str:
     expect(bench.until(bench.is_done, 1.0), "motion done is false at rest")
     begin, start, step = bench.state().stamp, bench.range.start, bench.range.step
-    bench.take(K.POSITION, start + step)
+    bench.command(K.POSITION, start + step)
     arrived = bench.until(bench.reached(start + step), 4.0)
     assume(arrived, "a move does not come to its end, see P1")
     ways = [(float(s.position_reference[bench.j]) - start, s) for s in bench.since(begin)]
@@ -76,7 +74,7 @@ def direct_positions(bench: Bench) -> str:
     step = 0.2 * bench.range.step
     target = bench.range.start + step
     begin = bench.state().stamp
-    bench.take(K.POSITION_DIRECT, target)
+    bench.command(K.POSITION_DIRECT, target)
     bench.record(0.1)
     parts = [
         (state.stamp, (float(state.position_reference[bench.j]) - target) / step + 1.0)
@@ -94,10 +92,10 @@ def direct_positions(bench: Bench) -> str:
 def open_loop(bench: Bench) -> str:
     bench.enter(M.OPENLOOP)
     wanted = bench.another(K.OUTPUT)
-    bench.take(K.OUTPUT, wanted)
+    bench.command(K.OUTPUT, wanted)
     output = shown(bench, wanted)
-    expect(close(output, wanted), f"{wanted:.3g} % was sent, {output:.3g} % came")
-    return f"{wanted:.3g} % sent, {output:.3g} % came"
+    expect(close(output, wanted), f"{wanted:.3g} % was sent, {output:.3g} % is shown")
+    return f"{wanted:.3g} % sent, {output:.3g} % shown"
 
 
 def shown(bench: Bench, wanted: float) -> float:
@@ -150,9 +148,8 @@ def direct_beyond(bench: Bench, target: float) -> float:
     bench.enter(M.POSITION_DIRECT, COMPLIANT)
     before = bench.last(K.POSITION_DIRECT)
     bench.send(K.POSITION_DIRECT, target)
-    end = bench.channel.clock() + TAKING
-    while (last := bench.last(K.POSITION_DIRECT)) == before and bench.channel.clock() < end:
-        pass  # until accepted
+    bench.poll(lambda: bench.last(K.POSITION_DIRECT) != before)
+    last = bench.last(K.POSITION_DIRECT)
     bench.enter(M.POSITION)
     return last
 
@@ -164,7 +161,7 @@ inside("P10", "PWM or current", "which of the two the drive gets is not shown")
 def feedforward(bench: Bench) -> str:
     bench.enter(M.OPENLOOP)
     wanted, more = bench.another(K.OUTPUT), 0.5 * bench.another(K.OUTPUT)
-    bench.take(K.OUTPUT, wanted)
+    bench.command(K.OUTPUT, wanted)
     without = shown(bench, wanted)
     bench.client.set_feedforward(bench.joint, outputs=more)
     output = shown(bench, without + more)
@@ -178,16 +175,12 @@ def feedforward(bench: Bench) -> str:
 
 @rule("P12", "velocity references expire")
 def velocities_expire(bench: Bench) -> str:
-    name = f"{bench.joint}.timeouts.velocity"
-    try:
-        timeout = float(bench.client.get_parameters([name])[name])
-    except (BoardError, RequestError, TypeError):
-        timeout = EXPIRED
+    timeout = bench.parameter(f"{bench.joint}.timeouts.velocity", EXPIRED)
     offered(timeout > 0.0, "velocities of this joint never expire, by its parameters")
     offered(timeout <= 2.0, f"its velocities last {timeout:g} s, too long for the range")
     bench.enter(M.VELOCITY)
     velocity = min(0.5 * bench.range.speed, 0.5 * bench.range.step / timeout)
-    bench.take(K.VELOCITY, velocity)
+    bench.command(K.VELOCITY, velocity)
     stopping = velocity / bench.range.acceleration
     bench.record(timeout + stopping + 0.2)
     states = bench.record(0.3)

@@ -189,14 +189,14 @@ class Session:
 
 
 def run(
-    session: Session, rules: Sequence[Rule], tell: Callable[[Result], None] = lambda _: None
+    session: Session, rules: Sequence[Rule], on_result: Callable[[Result], None] = lambda _: None
 ) -> tuple[list[Result], list[str]]:
     """Test rules in their order.
 
     Args:
         session: with a board.
         rules: to test.
-        tell: called with each result.
+        on_result: called with each result.
 
     Returns:
         The results, and the problems of the restoration.
@@ -216,7 +216,7 @@ def run(
                 elif result.outcome is Outcome.NOT_HELD and not session.is_there():
                     why = "the board is gone"
             results.append(result)
-            tell(result)
+            on_result(result)
     return results, problems
 
 

@@ -50,8 +50,8 @@ def check_modes(message: Any) -> None:
             message.names, getattr(message, codes), getattr(message, vocabs), strict=True
         ):
             if known.get(code) != vocab:
-                says = f"~/modes says {code!r} with the vocab {vocab} of {name}"
-                raise Malformed("V1", f"{says}, not {expected(code, vocab, known)}")
+                text = f"~/modes has {code!r} with the vocab {vocab} for {name}"
+                raise Malformed("V1", f"{text}, not {expected(code, vocab, known)}")
 
 
 def expected(code: str, vocab: int, known: dict[str, int]) -> str:
@@ -90,10 +90,10 @@ def reply_of(service: Endpoint, names: Sequence[str], response: Any) -> Reply:
         raise Malformed("A", f"{service.short} answers {unknown[0]!r}, not one of {[*Answer]}")
     all_accepted = bool(texts) and all(text == Answer.ACCEPTED for text in texts)
     if bool(response.success) is not all_accepted:
-        said = f"{service.short} says success={response.success} with answers {texts}"
-        raise Malformed("A", f"{said}: {response.message!r}")
+        text = f"{service.short} reports success={response.success} with answers {texts}"
+        raise Malformed("A", f"{text}: {response.message!r}")
     if texts and (len(texts) != len(names) or len(response.reasons) != len(texts)):
         counts = f"{len(texts)} answers and {len(response.reasons)} reasons"
         raise Malformed("A", f"{service.short} has {counts} for {len(names)} joints")
-    asked = tuple(names) if texts else ()
-    return Reply(asked, tuple(map(Answer, texts)), response.message, tuple(response.reasons))
+    joints = tuple(names) if texts else ()
+    return Reply(joints, tuple(map(Answer, texts)), response.message, tuple(response.reasons))

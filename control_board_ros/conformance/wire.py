@@ -13,7 +13,7 @@ from control_board_ros.interface import (
     Endpoint,
 )
 
-from .bench import TAKING, Bench, K, M
+from .bench import OTHERS, Bench, K, M
 from .outcomes import assume, expect
 from .rules import rule
 
@@ -53,7 +53,7 @@ def checked_whole(bench: Bench) -> str:
     for names, modes in wrong:
         answer = bench.ask(SET_CONTROL_MODE, names, modes=modes)
         expect(not answer, f"names {names} with modes {modes} were accepted")
-        expect(answer.message, f"names {names} with modes {modes} were refused without a word")
+        expect(answer.message, f"names {names} with modes {modes} were refused without a message")
         now = bench.client.get_control_mode()
         expect(now == before, f"names {names} with modes {modes} were refused and changed modes")
     for names in ([joint, "no_such_joint"], [joint, joint]):
@@ -69,7 +69,7 @@ def together(bench: Bench) -> None:
         return
     pair = [bench.joint, bench.partner]
     have = [set(modes) for modes, _ in bench.client.get_available_modes(pair)]
-    both = [m for m in (M.POSITION_DIRECT, M.VELOCITY, M.MIXED) if m in have[0] & have[1]]
+    both = [mode for mode in OTHERS if mode in have[0] & have[1]]
     if not both:
         return
     count = bench.channel.modes_received
@@ -102,10 +102,8 @@ def rejected(bench: Bench, topic: Endpoint, kind: CommandKind) -> None:
     for values in ([math.nan], [math.inf], [-math.inf], [], [good, good]):
         count = bench.rejected()
         bench.channel.send(topic, names=[bench.joint], **{FIELDS[kind]: values})
-        end = bench.channel.clock() + TAKING
-        while bench.rejected() == count and bench.channel.clock() < end:
-            pass  # until processed
+        bench.poll(lambda: bench.rejected() != count)  # noqa: B023 - used at once
         last = bench.last(kind)
         expect(last == before, f"{values} for one joint was accepted as a {kind} of {last:.4g}")
         expect(bench.mode is MODES[kind], f"{values} switched {MODES[kind]} to {bench.mode}")
-    bench.take(kind, good)
+    bench.command(kind, good)

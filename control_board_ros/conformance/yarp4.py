@@ -13,7 +13,7 @@ from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.modes import MOVES, UNPOWERED
 from control_board_ros.protocols import Floats
 
-from .bench import TAKING, Bench, K, M
+from .bench import TIMEOUT, Bench, K, M
 from .outcomes import assume, expect, offered
 from .rules import rule
 
@@ -33,14 +33,14 @@ def direct_velocity(bench: Bench) -> str:
     assume(reply, f"a reference acceleration of {slow:.3g} is refused, see P2")
     begin = bench.state().stamp
     try:
-        bench.take(K.VELOCITY_DIRECT, wanted)
-        bench.until(lambda s: abs(float(s.velocity_reference[j])) < 1e-6, TAKING)
+        bench.command(K.VELOCITY_DIRECT, wanted)
+        bench.until(lambda s: abs(float(s.velocity_reference[j])) < 1e-6, TIMEOUT)
     finally:
         bench.client.set_ref_acceleration(joint, before)
     stopped = bench.state()
     seen = [abs(float(s.velocity_reference[j])) for s in bench.since(begin)]
     first = next((k for k, speed in enumerate(seen) if speed > 1e-9), None)
-    text = f"{joint} shows no velocity reference after one of {wanted:.3g} was taken"
+    text = f"{joint} shows no velocity reference after one of {wanted:.3g} was accepted"
     expect(first is not None, text)
     reached = seen[first or 0]
     expect(
@@ -48,7 +48,7 @@ def direct_velocity(bench: Bench) -> str:
     )
     expect(
         abs(float(stopped.velocity_reference[j])) < 1e-6,
-        f"the reference is still {stopped.velocity_reference[j]:.3g} {TAKING:g} s after its last",
+        f"the reference is still {stopped.velocity_reference[j]:.3g} {TIMEOUT:g} s after its last",
     )
     expect(bench.mode is M.VELOCITY_DIRECT, f"its expiry led to {bench.mode}")
     return f"{wanted:.3g} rad/s at once, at a reference acceleration of {slow:.3g}; then it stops"
@@ -63,15 +63,15 @@ def current(bench: Bench) -> str:
         timeout = f"{joint}.timeouts.current"
         before = client.get_parameters([timeout])[timeout]
     except (BoardError, RequestError):
-        offered(False, "the board does not tell the range of currents, or their timeout")
+        offered(False, "the board does not report the range of currents, or their timeout")
     expect(low < 0.0 < high, f"the range of currents is {low:.3g} to {high:.3g} A")
     reply = client.set_parameters({timeout: 0.1})
     assume(reply, f"{timeout} cannot be set: {reply.message}")
     try:
         bench.enter(M.CURRENT)
-        bench.take(K.CURRENT, 1e-3 * high)
-        bench.until(lambda _: bench.mode is M.HW_FAULT, TAKING)
-        expect(bench.mode is M.HW_FAULT, f"no fault {TAKING:g} s after the last current")
+        bench.command(K.CURRENT, 1e-3 * high)
+        bench.until(lambda _: bench.mode is M.HW_FAULT, TIMEOUT)
+        expect(bench.mode is M.HW_FAULT, f"no fault {TIMEOUT:g} s after the last current")
     finally:
         client.set_control_mode(joint, M.FORCE_IDLE)
         client.set_parameters({timeout: before})
@@ -122,7 +122,7 @@ def brake_before_power(bench: Bench) -> str:
     reply = client.set_brake(name, "automatic")
     assume(reply, f"automatic is refused: {reply.message}")
     bench.enter(UNPOWERED)
-    expect(bench.until(lambda s: bool(s.brake[j]), TAKING), "the brake is not closed in IDLE")
+    expect(bench.until(lambda s: bool(s.brake[j]), TIMEOUT), "the brake is not closed in IDLE")
     reply = client.set_brake(name, "closed")
     expect(reply, f"closed is refused in IDLE: {reply.message}")
     reply = client.set_control_mode(name, MOVES)
@@ -132,7 +132,7 @@ def brake_before_power(bench: Bench) -> str:
     assume(client.set_brake(name, "automatic"), "automatic is refused")
     begin = bench.state().stamp
     bench.enter(MOVES)
-    bench.take(K.POSITION, bench.another(K.POSITION))
+    bench.command(K.POSITION, bench.another(K.POSITION))
     bench.record(0.5)
     states = bench.since(begin)  # however long the requests took
     driven = [s.output[j] for s in states if s.brake[j] and s.output[j]]
@@ -148,7 +148,7 @@ def amplifier(bench: Bench) -> str:
     try:
         found = client.get_motors(joint)
     except BoardError:
-        offered(False, "the board does not show its motors")
+        offered(False, "the board does not report its motors")
     most, peak = float(found.output_limits[0]), float(found.peak_currents[0])
     for limit in (-1.0, math.nan, math.inf):
         reply = client.set_motors(joint, None, limit)
@@ -167,7 +167,7 @@ def amplifier(bench: Bench) -> str:
         bench.send(K.OUTPUT, bench.range.output)
         bench.record(0.1)
         given = max(abs(float(state.output[j])) for state in bench.since(begin))
-        expect(given <= 1.001 * least, f"{given:.3g} % were given within a limit of {least:.3g} %")
+        expect(given <= 1.001 * least, f"{given:.3g} % are shown within a limit of {least:.3g} %")
     finally:
         bench.enter(M.IDLE)
         client.set_motors(joint, None, most)
