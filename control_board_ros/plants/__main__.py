@@ -15,10 +15,11 @@ from ..core.config.checks import ConfigError
 from ..settings.loading import Settings, load
 from ..settings.params_file import SettingsError
 from .drives.axes import Axis
-from .drives.bring_up import Moved, Trial, compared, corrections, write
+from .drives.bring_up import Moved, Trial, corrections, write
 from .drives.plant import DrivesPlant
 from .entry_points import DRIVERS, make, pairs
 from .errors import PlantSettingsError
+from .offers import limit_differences
 
 #: The slowest that drives are talked to here, s.
 PERIOD = 5e-3
@@ -97,7 +98,7 @@ def put_trial(given: argparse.Namespace) -> int:
         for name in names:
             joint = settings.board.names.index(name)
             moved = trial.move(joint)
-            print(told(moved))
+            print(report(moved))
             wrong += not moved.follows
             seen = turned.get(name, moved.read if given.yes else looked(moved))
             changed |= corrections(axes[joint], moved, seen)
@@ -136,17 +137,17 @@ def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:
             f"{axis.ratio:g}, at {round(math.degrees(found.position[k]), 1) + 0.0}°, "
             f"takes {', '.join(kind.code for kind in has.set_points)}"
         )
-        for line in compared(config, has):
+        for line in limit_differences(config, has):
             print(f"  {line}")
         if found.faults and found.faults[k]:
             print(f"  fault {found.faults[k]}")
 
 
-def told(moved: Moved) -> str:
-    """What a joint did, in words."""
+def report(moved: Moved) -> str:
+    """What a joint did."""
     asked, read = math.degrees(moved.asked), math.degrees(moved.read)
     end = "" if moved.follows else ": its drive does not follow; is it free, and its gain enough?"
-    return f"{moved.joint}: told {asked:+.2f}°, read {read:+.2f}°{end}"
+    return f"{moved.joint}: commanded {asked:+.2f}°, read {read:+.2f}°{end}"
 
 
 def agreed(question: str) -> bool:

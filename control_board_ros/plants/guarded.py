@@ -36,7 +36,7 @@ from ..core.terms.set_points import SetPoints
 from ..text import clean
 from .exchange import Exchange, Sample
 from .interface import Clock, DriveLimits, DrivePlant, RobotPlant
-from .offers import bounded, told
+from .offers import bounded, limit_differences
 from .outputs import as_drives
 
 RETRY = 0.2
@@ -249,7 +249,7 @@ class GuardedPlant:
         """Drives tell their limits when connected; one that comes back may have others (S4)."""
         has = {joint.name: joint for joint in self._plant.describe().joints}
         joints = self._board.joints
-        lines = [line for joint in joints for line in told(joint, has[joint.name])]
+        lines = [line for joint in joints for line in limit_differences(joint, has[joint.name])]
         self._news += [line for line in lines if line not in self._limits]
         self._limits = set(lines)
         limits = tuple(has[joint.name].limits for joint in joints)

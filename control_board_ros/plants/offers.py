@@ -17,6 +17,8 @@ from .interface import Description, DriveLimits, JointDescription
 
 #: Sensors whose silence is a fault, in ``timeouts``.
 SENSORS = ("encoder", "torque_sensor")
+#: Part of a limit that may be a step of the drive's own unit.
+STEP = 1e-2
 
 
 def within(settings: Settings, name: str, description: Description) -> Settings:
@@ -65,7 +67,11 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
             values[f"{made.name}.timeouts.{sensor}"] = getattr(made.timeouts, sensor)
     notes = (
         *settings.notes,
-        *(note for joint in settings.board.joints for note in told(joint, has[joint.name])),
+        *(
+            note
+            for joint in settings.board.joints
+            for note in limit_differences(joint, has[joint.name])
+        ),
     )
     return replace(settings, board=board, values=values, notes=notes)
 
@@ -162,11 +168,11 @@ def _bounded(limits: Limits, drive: DriveLimits) -> Limits:
     )
 
 
-def told(joint: JointConfig, has: JointDescription) -> list[str]:
-    """Where a drive allows more than the board, or less, in one line each joint (S4).
+def limit_differences(joint: JointConfig, has: JointDescription) -> list[str]:
+    """One line where a drive allows more than the board, or less, by over 1 % (S4); else none.
 
     Args:
-        joint: As it is configured.
+        joint: Its configuration.
         has: What its drive has.
     """
     limits, drive, kind = joint.limits, has.limits, joint.kind
@@ -181,9 +187,10 @@ def told(joint: JointConfig, has: JointDescription) -> list[str]:
     different = [
         f"{name} {show(theirs)}, {words[way * (theirs - ours) > 0.0]} than {show(ours)}"
         for name, ours, theirs, show, way in pairs
-        if theirs is not None and not math.isclose(ours, theirs, rel_tol=1e-3, abs_tol=1e-6)
+        if theirs is not None and not math.isclose(ours, theirs, rel_tol=STEP, abs_tol=1e-6)
     ]
     if not different:
         return []
-    text = f"{joint.name}: its drive allows {', '.join(different)} of the board; the smaller acts"
-    return [text]
+    return [
+        f"{joint.name}: its drive allows {', '.join(different)} of the board; the smaller acts"
+    ]

@@ -20,12 +20,10 @@ from control_board_ros.plants.drives.bring_up import (
     MOVE,
     Moved,
     Trial,
-    compared,
     corrections,
     write,
 )
 from control_board_ros.plants.errors import PlantSettingsError
-from control_board_ros.plants.interface import DriveLimits, JointDescription
 from control_board_ros.testing.plant_contract import board_for
 
 pytest.importorskip("moteus")
@@ -116,18 +114,6 @@ def test_corrections_leave_the_rest_of_the_file_alone(tmp_path: Path) -> None:
     path.write_text("a: 1\n")
     assert not write(path, {"a.ratio": "2"})
     assert [file.name for file in tmp_path.iterdir()] == ["robot.yaml"]
-
-
-def test_limits_of_a_drive_that_are_narrower_are_told_in_a_line(bench: Bench) -> None:
-    """S4."""
-    config = board_for(bench.plant.describe()).joints[0]
-    narrow = JointDescription(
-        name="left", limits=DriveLimits(velocity=1.0, upper=1.5, torque=99.0)
-    )
-    lines = list(compared(config, narrow))
-    assert lines[0] == "velocity: the drive allows 1, the board 3; the smaller acts"
-    assert lines[1].startswith("position: the drive allows None to 1.5")
-    assert len(lines) == 2
 
 
 @pytest.mark.slow

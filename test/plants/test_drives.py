@@ -467,8 +467,13 @@ def test_a_drive_that_is_not_there_is_told_at_the_start(make: Make) -> None:
         bench.connect()
 
 
-@pytest.mark.parametrize("what", ["lost", "late", "doubled", "corrupted"])
-@pytest.mark.parametrize("share", [0.01, 0.1])
+@pytest.mark.parametrize(
+    ("what", "share"),
+    [
+        *itertools.product(("lost", "late", "doubled", "corrupted"), (0.01, 0.1)),
+        ("corrupted", 1.0),
+    ],
+)
 def test_a_bad_wire_moves_nothing_that_was_not_asked_for(
     make: Make, what: str, share: float
 ) -> None:

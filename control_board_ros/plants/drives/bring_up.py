@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from ...core.config.config import JointConfig
 from ...core.terms.drives import SetPoint
 from ...core.terms.set_points import VALUES, SetPoints, Value
 from ..errors import PlantSettingsError
-from ..interface import DriveLimits, DrivePlant, JointDescription, Readings, Setup
+from ..interface import DrivePlant, Readings, Setup
 from .axes import Axis
 
 #: rad that a joint is moved by; the share of its limits that it may use; s that it is held there.
@@ -116,30 +116,6 @@ class Trial:
                 raise PlantSettingsError(f"while {self.joints[joint].name} moved: {told}")
             self._pause(self._period)
         return found
-
-
-def compared(config: JointConfig, has: JointDescription) -> Iterator[str]:
-    """Where a drive allows more or less than the board, a line each (S4)."""
-    limits, drive = config.limits, has.limits
-    for what, ours, theirs in (
-        ("velocity", limits.velocity, drive.velocity),
-        ("torque", limits.torque, drive.torque),
-        ("current", limits.peak_current, drive.current),
-    ):
-        if theirs is not None and theirs < ours * (
-            1.0 - 1e-2
-        ):  # a step of theirs is no difference
-            yield f"{what}: the drive allows {theirs:.3g}, the board {ours:.3g}; the smaller acts"
-    if not _within(limits.lower, limits.upper, drive):
-        yield (
-            f"position: the drive allows {drive.lower} to {drive.upper}, the board "
-            f"{limits.lower:.3g} to {limits.upper:.3g} rad; the narrower acts"
-        )
-
-
-def _within(lower: float, upper: float, drive: DriveLimits) -> bool:
-    low = drive.lower is None or drive.lower <= lower
-    return low and (drive.upper is None or drive.upper >= upper)
 
 
 def corrections(axis: Axis, moved: Moved, turned: float) -> dict[str, str]:

@@ -256,8 +256,9 @@ class DrivesPlant:
     def _notice_clashes(self, kinds: Sequence[int | None]) -> None:
         """More answers than questions, that differ from each other, are those of two drives."""
         for k, heard in enumerate(self.answers.heard):
+            repeated = len(heard) == 1 and self._last[k] in heard  # it may be a late copy
             owed = min(LATEST, self._owed[k] + (kinds[k] is not None))
-            owed -= len(heard) if len(heard) > 1 else self._last[k] not in heard and len(heard)
+            owed -= 0 if repeated else len(heard)
             self._owed[k] = max(0, owed)
             if owed < 0:
                 self._clashes[k] += 1.0
