@@ -181,7 +181,7 @@ def test_ctrl_c_takes_the_power_off(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "control_board_ros.plants", "try", str(path), "--yes"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
-    while "told" not in process.stdout.readline():
+    while "commanded" not in process.stdout.readline():
         assert process.poll() is None
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)
