@@ -15,7 +15,6 @@ guards: with the scales a of its gains, and the gains kp, kd that are configured
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -29,50 +28,12 @@ from ..drives.maker import maker, only
 from ..drives.plant import RESTARTED, Answers, Found, Traits
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
+from . import frames as f
 
-REV = 2.0 * math.pi
 WATCHED = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY, SetPoint.TORQUE)
 UNWATCHED = (SetPoint.CURRENT, SetPoint.PWM)
-#: Of the register map that this driver was written for.
-REGISTER_MAP = 5
-#: Modes of the drive (register 0).
-STOPPED, FAULT, RUNNING, TIMEOUT = 0, 1, range(5, 11), 11
-STARTING = (0, 2, 3, 4)
-VOLTAGE_DQ = 8
 #: What it does after its watchdog (servo.timeout_mode).
 ON_SILENCE = {OnSilence.FREE: 0, OnSilence.DAMPED: 15, OnSilence.BRAKED: 10}
-#: Part of the supply that its modulation reaches.
-MODULATION = 0.5
-#: The library's position command: floats, with what stands between them; made once, and filled.
-POSITIONS = struct.Struct("<6s6f2sf2sf")
-#: An answer as it usually comes, and the heads of its three parts; any other is parsed in full.
-USUAL = struct.Struct("<2sb3s4f2s3b")
-USUAL_HEADS = (b"\x21\x00", b"\x2c\x04\x01", b"\x23\x0d")
-#: The next length that CAN FD has, by length.
-LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
-SIZES = [next(size for size in LENGTHS if size >= n) for n in range(65)]
-FAULTS = {
-    32: "calibration fault",
-    33: "motor driver fault",
-    34: "over voltage",
-    35: "encoder fault",
-    36: "motor not configured",
-    37: "PWM cycle overrun",
-    38: "over temperature",
-    39: "outside limit",
-    40: "under voltage",
-    41: "configuration changed",
-    42: "theta invalid",
-    43: "position invalid",
-    44: "driver enable fault",
-    45: "stop position deprecated",
-    46: "timing violation",
-    47: "BEMF feedforward without acceleration limit",
-    48: "invalid limits",
-    49: "position control error",
-    50: "velocity control error",
-}
-WATCHDOG = DriveFault(TIMEOUT, "watchdog: it heard nothing for too long")
 
 
 class MoteusDrives:
@@ -85,7 +46,7 @@ class MoteusDrives:
             set_points=takes,
             on_silence=tuple(ON_SILENCE),
             rate=15e3,
-            resolution=REV / 2**14,
+            resolution=f.REV / 2**14,
             torque=True,
             current=True,
             voltage=True,
@@ -99,7 +60,6 @@ class MoteusDrives:
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the bus; see ``drives.plant.Driver``."""
         import moteus
-        from moteus.protocol import parse_reply
 
         self._line = line = CanLine(self._options.bus, fd=True)
         self._setup, self._joints = setup, joints
@@ -109,8 +69,7 @@ class MoteusDrives:
         self._drives = [
             moteus.Controller(id=axis.id, query_resolution=resolution) for axis in self._axes
         ]
-        self._parse = parse_reply
-        self._templates = [template(drive) for drive in self._drives]
+        self._templates = [f.template(drive) for drive in self._drives]
         found = []
         for k, axis in enumerate(self._axes):
             told = only(identify(line, axis.id), axis, self._options.bus, "moteus")
@@ -120,7 +79,7 @@ class MoteusDrives:
     def _set_up(self, k: int, found: Found) -> Found:
         """Stop a drive, set its watchdog and largest torque, and read its gains and limits."""
         line, axis, joint = self._opened, self._axes[k], self._joints[k]
-        line.send(axis.id, padded(self._drives[k].make_stop().data))
+        line.send(axis.id, f.padded(self._drives[k].make_stop().data))
         silence = OnSilence.FREE if joint is None else joint.on_silence
         ask(line, axis.id, f"conf set servo.timeout_mode {ON_SILENCE[silence]}")
         ask(line, axis.id, f"conf set servo.default_timeout_s {self._setup.timeout:.4f}")
@@ -141,9 +100,9 @@ class MoteusDrives:
             voltage=found.voltage,
             fault=found.fault,
             limits=DriveLimits(
-                lower=limits[0] * REV if math.isfinite(limits[0]) else None,
-                upper=limits[1] * REV if math.isfinite(limits[1]) else None,
-                velocity=number("servo.max_velocity") * REV,
+                lower=limits[0] * f.REV if math.isfinite(limits[0]) else None,
+                upper=limits[1] * f.REV if math.isfinite(limits[1]) else None,
+                velocity=number("servo.max_velocity") * f.REV,
                 current=number("servo.max_current_A"),
             ),
         )
@@ -159,7 +118,7 @@ class MoteusDrives:
             if kind is None:
                 continue
             drive = self._axes[k].id
-            line.send(0x8000 | drive, padded(self._command(k, SetPoint(kind), columns[k])))
+            line.send(0x8000 | drive, f.padded(self._command(k, SetPoint(kind), columns[k])))
             asked.append(drive)
         line.gather(self._take, asked, self._wait)
 
@@ -170,14 +129,14 @@ class MoteusDrives:
             found = identify(self._opened, self._axes[drive].id, attempts=1)
             if found:
                 anew = self._set_up(drive, found[0])
-        self._opened.send(self._axes[drive].id, padded(self._drives[drive].make_stop().data))
+        self._opened.send(self._axes[drive].id, f.padded(self._drives[drive].make_stop().data))
         return anew
 
     def close(self) -> None:
         """Stop all drives, and leave the bus."""
         line, self._line = self._line, None
         if line is not None:
-            line.close((axis.id, bytes([0x01, 0x00, STOPPED])) for axis in self._axes)
+            line.close((axis.id, bytes([0x01, 0x00, f.STOPPED])) for axis in self._axes)
 
     @property
     def _opened(self) -> CanLine:
@@ -193,20 +152,20 @@ class MoteusDrives:
         if kind is SetPoint.CURRENT:
             return bytes(drive.make_current(d_A=0.0, q_A=value[Value.CURRENT], query=True).data)
         if kind is SetPoint.PWM:
-            volts = MODULATION * value[Value.PWM] / 100.0 * self._answers.voltage[k]
-            return voltage(drive, float(volts))
+            volts = f.MODULATION * value[Value.PWM] / 100.0 * self._answers.voltage[k]
+            return f.voltage(drive, float(volts))
         kp = kd = 1.0
         if kind is SetPoint.IMPEDANCE:
-            kp = value[Value.STIFFNESS] * REV / self._kp[k]
-            kd = value[Value.DAMPING] * REV / self._kd[k]
+            kp = value[Value.STIFFNESS] * f.REV / self._kp[k]
+            kd = value[Value.DAMPING] * f.REV / self._kd[k]
         elif kind is SetPoint.TORQUE:
             kp = kd = 0.0
         places = kind in (SetPoint.POSITION, SetPoint.IMPEDANCE)
         begin, at_timeout, at_integral, query = self._templates[k]
-        packed = POSITIONS.pack(
+        packed = f.POSITIONS.pack(
             begin,
-            value[Value.POSITION] / REV if places else math.nan,
-            value[Value.VELOCITY] / REV,
+            value[Value.POSITION] / f.REV if places else math.nan,
+            value[Value.VELOCITY] / f.REV,
             value[Value.TORQUE],
             kp,
             kd,
@@ -228,72 +187,29 @@ class MoteusDrives:
             answers.foreign += 1
             return None
         try:
-            mode, q, dq, torque, amps, volts, fault = self._read(bytes(message.data))
+            mode, q, dq, torque, amps, volts, fault = f.reading(bytes(message.data))
         except Exception:  # noqa: BLE001 - whatever is wrong with a frame, it is none
             answers.malformed += 1
             return None
         if not math.isfinite(q + dq + torque + amps + volts):
             answers.malformed += 1
             return None
-        answers.position[k], answers.velocity[k] = q * REV, dq * REV
+        answers.position[k], answers.velocity[k] = q * f.REV, dq * f.REV
         answers.torque[k], answers.current[k], answers.voltage[k] = torque, amps, volts
         answers.faults[k] = self._judge(k, mode, fault)
         answers.came(k, message.data)
         return source
 
-    def _read(self, data: bytes) -> tuple[int, float, float, float, float, float, int]:
-        """Mode, position, velocity, torque, current, voltage and fault of an answer."""
-        if len(data) >= USUAL.size:
-            head, mode, floats, q, dq, torque, amps, last, volts, _, fault = USUAL.unpack_from(
-                data
-            )
-            if (head, floats, last) == USUAL_HEADS and volts != -128:
-                return mode, q, dq, torque, amps, 0.5 * volts, fault
-        found = self._parse(data)
-        q, dq, torque, amps, volts = (float(found[r]) for r in (1, 2, 3, 4, 0x0D))
-        return int(found[0x000]), q, dq, torque, amps, volts, int(found[0x00F])
-
     def _judge(self, k: int, mode: int, fault: int) -> DriveFault | None:
-        if mode in RUNNING:
+        if mode in f.RUNNING:
             self._running[k] = True
-        elif mode in STARTING and self._running[k]:
+        elif mode in f.STARTING and self._running[k]:
             self._restarted[k], self._running[k] = True, False
         if self._restarted[k]:
             return RESTARTED
-        if mode == FAULT:
-            return DriveFault(fault, FAULTS.get(fault, "see its manual"))
-        return WATCHDOG if mode == TIMEOUT else None
-
-
-def template(drive: Any) -> tuple[bytes, bytes, bytes, bytes]:
-    """What stands between the numbers of the library's position command, and its query."""
-    numbers = dict.fromkeys(("position", "velocity", "feedforward_torque", "kp_scale"), 0.0)
-    numbers |= {"kd_scale": 0.0, "maximum_torque": 0.0, "watchdog_timeout": 0.0}
-    data = drive.make_position(**numbers, ilimit_scale=0.0, query=True).data
-    parts = POSITIONS.unpack_from(data)
-    return parts[0], parts[7], parts[9], data[POSITIONS.size :]
-
-
-def padded(data: bytes) -> bytes:
-    """Data of a length that CAN FD has, with NOPs."""
-    return data.ljust(SIZES[len(data)], b"\x50")
-
-
-def voltage(drive: Any, volts: float) -> bytes:
-    """A command of voltage mode, which the library has no method for."""
-    import io
-
-    from moteus import multiplex as mp
-    from moteus.protocol import Register, Writer
-
-    buffer = io.BytesIO()
-    writer = Writer(buffer)
-    for value in (mp.WRITE_INT8 | 1, int(Register.MODE), VOLTAGE_DQ, mp.WRITE_F32 | 2):
-        writer.write_int8(value)
-    writer.write_varuint(int(Register.VOLTAGEDQ_D))
-    writer.write_f32(0.0)
-    writer.write_f32(volts)
-    return buffer.getvalue() + bytes(drive.make_query().data)
+        if mode == f.FAULT:
+            return DriveFault(fault, f.FAULTS.get(fault, "see its manual"))
+        return f.WATCHDOG if mode == f.TIMEOUT else None
 
 
 def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]:
@@ -309,7 +225,7 @@ def identify(line: CanLine, drive: int, attempts: int = ATTEMPTS) -> list[Found]
     def pick(message: Any) -> bytes | None:
         return bytes(message.data) if message.arbitration_id == drive << 8 else None
 
-    told = line.answers(0x8000 | drive, padded(query), pick, attempts)
+    told = line.answers(0x8000 | drive, f.padded(query), pick, attempts)
     return list(_found(drive, list(dict.fromkeys(told))))
 
 
@@ -320,9 +236,9 @@ def _found(drive: int, answers: list[bytes]) -> Iterator[Found]:
         told = parse_reply(data)
         version = int(told.get(Register.FIRMWARE_VERSION, 0))
         registers = int(told.get(Register.REGISTER_MAP_VERSION, 0))
-        if registers != REGISTER_MAP:
+        if registers != f.REGISTER_MAP:
             raise PlantSettingsError(
-                f"id {drive}: its register map is {registers}; {REGISTER_MAP} is supported; "
+                f"id {drive}: its register map is {registers}; {f.REGISTER_MAP} is supported; "
                 "flash a firmware that has it with moteus_tool"
             )
         model, fault = int(told.get(Register.MODEL_NUMBER, -1)), int(told.get(Register.FAULT, 0))
@@ -331,7 +247,7 @@ def _found(drive: int, answers: list[bytes]) -> Iterator[Found]:
             type=f"moteus model {model}" if model > 0 else "moteus",
             firmware=".".join(str(version >> shift & 0xFF) for shift in (16, 8, 0)),
             voltage=float(told.get(Register.VOLTAGE, math.nan)),
-            fault=DriveFault(fault, FAULTS.get(fault, "see its manual")) if fault else None,
+            fault=DriveFault(fault, f.FAULTS.get(fault, "see its manual")) if fault else None,
         )
 
 
@@ -346,10 +262,10 @@ def ask(line: CanLine, drive: int, words: str) -> str:
 
     who = moteus.Controller(id=drive)
     line.drain(lambda _: None)
-    line.send(drive, padded(who.make_diagnostic_write(words.encode() + b"\n").data))
+    line.send(drive, f.padded(who.make_diagnostic_write(words.encode() + b"\n").data))
     told = b""
     for _ in range(20 * ATTEMPTS):
-        line.send(0x8000 | drive, padded(who.make_diagnostic_read().data))
+        line.send(0x8000 | drive, f.padded(who.make_diagnostic_read().data))
         came: list[bytes] = []
 
         def take(message: Any, came: list[bytes] = came) -> int | None:
@@ -379,7 +295,7 @@ def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
             moteus.Controller(id=1).make_custom_query({Register.MODEL_NUMBER: moteus.INT32}).data
         )
         for drive in ids:
-            line.send(0x8000 | drive, padded(query))
+            line.send(0x8000 | drive, f.padded(query))
         heard = {m.arbitration_id >> 8 for m in line.collect(0.1) if m.arbitration_id & 0xFF == 0}
         return [found for drive in sorted(heard) for found in identify(line, drive)]
     finally:

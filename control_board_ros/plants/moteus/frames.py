@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Frames of moteus: those of each cycle are filled in and read without the library's objects."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+from ..interface import DriveFault
+
+REV = 2.0 * math.pi
+#: Of the register map that this driver was written for.
+REGISTER_MAP = 5
+#: Modes of the drive (register 0).
+STOPPED, FAULT, RUNNING, TIMEOUT = 0, 1, range(5, 11), 11
+STARTING = (0, 2, 3, 4)
+VOLTAGE_DQ = 8
+#: Part of the supply that its modulation reaches.
+MODULATION = 0.5
+#: The library's position command: floats, with what stands between them; made once, and filled.
+POSITIONS = struct.Struct("<6s6f2sf2sf")
+#: An answer as it usually comes, and the heads of its three parts; any other is parsed in full.
+USUAL = struct.Struct("<2sb3s4f2s3b")
+USUAL_HEADS = (b"\x21\x00", b"\x2c\x04\x01", b"\x23\x0d")
+#: The next length that CAN FD has, by length.
+LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
+SIZES = [next(size for size in LENGTHS if size >= n) for n in range(65)]
+FAULTS = {
+    32: "calibration fault",
+    33: "motor driver fault",
+    34: "over voltage",
+    35: "encoder fault",
+    36: "motor not configured",
+    37: "PWM cycle overrun",
+    38: "over temperature",
+    39: "outside limit",
+    40: "under voltage",
+    41: "configuration changed",
+    42: "theta invalid",
+    43: "position invalid",
+    44: "driver enable fault",
+    45: "stop position deprecated",
+    46: "timing violation",
+    47: "BEMF feedforward without acceleration limit",
+    48: "invalid limits",
+    49: "position control error",
+    50: "velocity control error",
+}
+WATCHDOG = DriveFault(TIMEOUT, "watchdog: it heard nothing for too long")
+
+
+def template(drive: Any) -> tuple[bytes, bytes, bytes, bytes]:
+    """What stands between the numbers of the library's position command, and its query."""
+    numbers = dict.fromkeys(("position", "velocity", "feedforward_torque", "kp_scale"), 0.0)
+    numbers |= {"kd_scale": 0.0, "maximum_torque": 0.0, "watchdog_timeout": 0.0}
+    data = drive.make_position(**numbers, ilimit_scale=0.0, query=True).data
+    parts = POSITIONS.unpack_from(data)
+    return parts[0], parts[7], parts[9], data[POSITIONS.size :]
+
+
+def padded(data: bytes) -> bytes:
+    """Data of a length that CAN FD has, with NOPs."""
+    return data.ljust(SIZES[len(data)], b"\x50")
+
+
+def voltage(drive: Any, volts: float) -> bytes:
+    """A command of voltage mode, which the library has no method for."""
+    import io
+
+    from moteus import multiplex as mp
+    from moteus.protocol import Register, Writer
+
+    buffer = io.BytesIO()
+    writer = Writer(buffer)
+    for value in (mp.WRITE_INT8 | 1, int(Register.MODE), VOLTAGE_DQ, mp.WRITE_F32 | 2):
+        writer.write_int8(value)
+    writer.write_varuint(int(Register.VOLTAGEDQ_D))
+    writer.write_f32(0.0)
+    writer.write_f32(volts)
+    return buffer.getvalue() + bytes(drive.make_query().data)
+
+
+def reading(data: bytes) -> tuple[int, float, float, float, float, float, int]:
+    """Mode, position (rev), velocity (rev/s), torque, current, voltage and fault of an answer."""
+    if len(data) >= USUAL.size:
+        head, mode, floats, q, dq, torque, amps, last, volts, _, fault = USUAL.unpack_from(data)
+        if (head, floats, last) == USUAL_HEADS and volts != -128:
+            return mode, q, dq, torque, amps, 0.5 * volts, fault
+    from moteus.protocol import parse_reply
+
+    found = parse_reply(data)
+    q, dq, torque, amps, volts = (float(found[r]) for r in (1, 2, 3, 4, 0x0D))
+    return int(found[0x000]), q, dq, torque, amps, volts, int(found[0x00F])
