@@ -15,6 +15,8 @@ from xml.parsers import expat
 
 from .core.terms.joint_kind import JointKind
 
+Vector = tuple[float, float, float]
+ZERO: Vector = (0.0, 0.0, 0.0)
 SIZE_CAP = 5 * 1024 * 1024
 DEPTH_CAP = 64
 ELEMENT_CAP = 50_000
@@ -28,10 +30,17 @@ class XmlError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class DescribedJoint:
-    """A joint as a robot description has it.
+    """A joint of a robot description: the one reading of <joint>.
 
-    Attributes: kind (``revolute``, …), lower and upper (its stops, rad or m; infinite where it has
-    none), velocity and effort (their limits; None where there are none).
+    Attributes:
+        kind: ``revolute``, ``prismatic``, ….
+        lower, upper: Its stops, rad or m; infinite where it has none.
+        velocity, effort: Its limits; None where it has none.
+        parent, child: Its links.
+        xyz, rpy: Of its frame in that of the parent link, m and rad.
+        axis: In its own frame, as written.
+        leader: The joint that it follows, q = multiplier · leader + offset; None: none.
+        damping, friction: N·m·s/rad or N·s/m, and N·m or N; 0: unknown.
     """
 
     kind: str
@@ -39,6 +48,16 @@ class DescribedJoint:
     upper: float = math.inf
     velocity: float | None = None
     effort: float | None = None
+    parent: str = ""
+    child: str = ""
+    xyz: Vector = ZERO
+    rpy: Vector = ZERO
+    axis: Vector = (1.0, 0.0, 0.0)
+    leader: str | None = None
+    multiplier: float = 1.0
+    offset: float = 0.0
+    damping: float = 0.0
+    friction: float = 0.0
 
     @property
     def dimension(self) -> str:
@@ -70,26 +89,55 @@ def joints_in(robot: ET.Element) -> dict[str, DescribedJoint]:
 
 def joint_of(joint: ET.Element) -> DescribedJoint:
     """A <joint>; what is no number counts as missing, a missing stop beside the other as zero."""
-    kind, limit = joint.get("type", ""), joint.find("limit")
-    if limit is None:
-        return DescribedJoint(kind)
-    velocity, effort = _number(limit, "velocity"), _number(limit, "effort")
-    lower, upper = _number(limit, "lower", 0.0), _number(limit, "upper", 0.0)
-    if kind == "continuous" or lower is None or upper is None:
-        return DescribedJoint(kind, velocity=velocity, effort=effort)
-    return DescribedJoint(kind, lower, upper, velocity, effort)
+    kind, leader = joint.get("type", ""), joint.find("mimic")
+    lower, upper = -math.inf, math.inf
+    if kind != "continuous" and joint.find("limit") is not None:
+        low, high = _number(joint, "limit", "lower", 0.0), _number(joint, "limit", "upper", 0.0)
+        if low is not None and high is not None:
+            lower, upper = low, high
+    return DescribedJoint(
+        kind,
+        lower,
+        upper,
+        velocity=_number(joint, "limit", "velocity"),
+        effort=_number(joint, "limit", "effort"),
+        parent=_text(joint, "parent", "link", ""),
+        child=_text(joint, "child", "link", ""),
+        xyz=_vector(joint, "origin", "xyz", ZERO),
+        rpy=_vector(joint, "origin", "rpy", ZERO),
+        axis=_vector(joint, "axis", "xyz", (1.0, 0.0, 0.0)),
+        leader=None if leader is None else leader.get("joint", ""),
+        multiplier=_number(joint, "mimic", "multiplier", 1.0) or 0.0,
+        offset=_number(joint, "mimic", "offset", 0.0) or 0.0,
+        damping=_number(joint, "dynamics", "damping", 0.0) or 0.0,
+        friction=_number(joint, "dynamics", "friction", 0.0) or 0.0,
+    )
 
 
-def _number(element: ET.Element, key: str, default: float | None = None) -> float | None:
+def _text(owner: ET.Element, tag: str, key: str, default: str) -> str:
+    element = owner.find(tag)
+    return default if element is None else element.get(key, default)
+
+
+def _number(owner: ET.Element, tag: str, key: str, default: float | None = None) -> float | None:
     """A finite number of an attribute; the default without one, None where it is none."""
-    text = element.get(key)
-    if text is None:
+    text = _text(owner, tag, key, "")
+    if not text:
         return default
     try:
         value = float(text)
     except ValueError:
         return None
     return value if math.isfinite(value) else None
+
+
+def _vector(owner: ET.Element, tag: str, key: str, default: Vector) -> Vector:
+    """Three finite numbers of an attribute, or the default."""
+    try:
+        x, y, z = map(float, _text(owner, tag, key, "").split())
+    except ValueError:
+        return default
+    return (x, y, z) if math.isfinite(x + y + z) else default
 
 
 def parse_xml(given: bytes | str, source: str, times: int = 1) -> ET.Element:

@@ -18,7 +18,6 @@ from ..core.model.coupling import Coupling
 from ..core.terms.joint_kind import JointKind
 from ..urdf_xml import joint_of
 from .chain import cut
-from .geometry import numbers_of
 from .meshes import MeshFinder, MeshPathError, mesh_url
 from .urdf_tree import Tree
 from .urdf_xml import SIZE_CAP, UrdfError, check_expanded, check_numbers, parse_xml
@@ -201,13 +200,13 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
             f"{source}: joint {name!r} is of type {kind[:40]!r}; allowed: fixed, "
             f"{', '.join(MOVABLE)}{FLOATING if kind == 'floating' else ''}"
         )
-    if not numbers_of(element.find("axis"), "xyz", (1.0, 0.0, 0.0)).any():
+    has = joint_of(element)
+    if not any(has.axis):
         raise UrdfError(f"{source}: joint {name!r}: its <axis> is zero; give it a direction")
-    limits = joint_of(element)
     bounded = kind != "continuous"
     unlimited = element.find("limit") is None
-    if bounded and (unlimited or not limits.lower < limits.upper):
-        found = "no <limit>" if unlimited else f"lower {limits.lower:g}, upper {limits.upper:g}"
+    if bounded and (unlimited or not has.lower < has.upper):
+        found = "no <limit>" if unlimited else f"lower {has.lower:g}, upper {has.upper:g}"
         raise UrdfError(
             f"{source}: joint {name!r} has {found}; give it <limit lower=… upper=…> with "
             "lower < upper, or make it continuous"
@@ -215,35 +214,23 @@ def _joint(element: ET.Element, source: str) -> UrdfJoint:
     return UrdfJoint(
         name=name,
         kind=JointKind(kind),
-        parent=Tree.parent(element),
-        child=Tree.child(element),
-        lower=limits.lower if bounded else None,
-        upper=limits.upper if bounded else None,
-        effort=limits.effort if (limits.effort or 0.0) > 0.0 else None,
-        velocity=limits.velocity if (limits.velocity or 0.0) > 0.0 else None,
-        mimic=_mimic(name, element),
-        damping=_dynamics(element, "damping"),
-        friction=_dynamics(element, "friction"),
+        parent=has.parent,
+        child=has.child,
+        lower=has.lower if bounded else None,
+        upper=has.upper if bounded else None,
+        effort=_known(has.effort),
+        velocity=_known(has.velocity),
+        mimic=None
+        if has.leader is None
+        else Mimic(follower=name, leader=has.leader, multiplier=has.multiplier, offset=has.offset),
+        damping=_known(has.damping),
+        friction=_known(has.friction),
     )
 
 
-def _dynamics(element: ET.Element, key: str) -> float | None:
-    """Damping or friction of <dynamics>; exporters write zero for unknown values."""
-    dynamics = element.find("dynamics")
-    value = 0.0 if dynamics is None else float(dynamics.get(key, "0"))
-    return value if value > 0.0 else None
-
-
-def _mimic(name: str, element: ET.Element) -> Mimic | None:
-    mimic = element.find("mimic")
-    if mimic is None:
-        return None
-    return Mimic(
-        follower=name,
-        leader=mimic.get("joint", ""),
-        multiplier=float(mimic.get("multiplier", "1")),
-        offset=float(mimic.get("offset", "0")),
-    )
+def _known(value: float | None) -> float | None:
+    """A positive value; exporters write zero for unknown ones."""
+    return value if value is not None and value > 0.0 else None
 
 
 def _check_mimics(joints: tuple[UrdfJoint, ...], source: str) -> None:

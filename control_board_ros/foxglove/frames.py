@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -13,10 +12,9 @@ from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from control_board_ros.urdf_xml import XmlError, heard
+from control_board_ros.urdf_xml import DescribedJoint, Vector, heard_joints
 
 Quat = tuple[float, float, float, float]
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,54 +50,24 @@ class Frame:
 
 def frames_of(description: str) -> list[Frame]:
     """The frames of a robot description; none where it cannot be read."""
-    try:
-        robot = heard(description)
-        return [frame_of(joint) for joint in robot.findall("joint")]
-    except (XmlError, ValueError, AttributeError):
-        return []
+    return [frame_of(name, joint) for name, joint in heard_joints(description).items()]
 
 
-def frame_of(joint: ET.Element) -> Frame:
-    """The frame that a <joint> carries.
-
-    Raises:
-        ValueError, AttributeError: it is none.
-    """
-    origin, mimic = joint.find("origin"), joint.find("mimic")
-    xyz = numbers(origin, "xyz", (0.0, 0.0, 0.0))
-    axis = numbers(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
-    length = math.hypot(*axis) or 1.0
-    kind, name = joint.get("type", ""), joint.get("name", "")
-    leader, factor, offset = name, 1.0, 0.0
-    if mimic is not None:
-        leader = mimic.get("joint", "")
-        factor, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
-    parent: Any = joint.find("parent")
-    child: Any = joint.find("child")
+def frame_of(name: str, joint: DescribedJoint) -> Frame:
+    """The frame that a joint carries."""
+    x, y, z = joint.axis
+    length = math.hypot(x, y, z) or 1.0
     return Frame(
-        parent.get("link"),
-        child.get("link"),
-        xyz,
-        of_rpy(numbers(origin, "rpy", (0.0, 0.0, 0.0))),
-        (axis[0] / length, axis[1] / length, axis[2] / length),
-        "" if kind == "fixed" else leader,
-        kind == "prismatic",
-        factor,
-        offset,
+        joint.parent,
+        joint.child,
+        joint.xyz,
+        of_rpy(joint.rpy),
+        (x / length, y / length, z / length),
+        "" if joint.kind == "fixed" else joint.leader or name,
+        joint.kind == "prismatic",
+        joint.multiplier,
+        joint.offset,
     )
-
-
-def numbers(element: ET.Element | None, key: str, default: Vector) -> Vector:
-    """Three numbers of an attribute.
-
-    Raises:
-        ValueError: there are not three.
-    """
-    text = None if element is None else element.get(key)
-    if text is None:
-        return default
-    x, y, z = map(float, text.split())
-    return x, y, z
 
 
 def of_rpy(rpy: Vector) -> Quat:
