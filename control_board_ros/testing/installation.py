@@ -34,7 +34,7 @@ PATIENCE = 120.0
 def extras(requirements: Iterable[str]) -> dict[str, str]:
     """Distributions that only extras ask for, lower case with ``-``, and the extra of each.
 
-    What the base needs with another Python only counts as not asked for.
+    Requirements of the base with another Python are left out.
     """
     wanted: dict[str, str] = {}
     base = set()
@@ -83,13 +83,13 @@ def laws() -> str:
     Raises:
         AssertionError: they are not, in a wheel that was made to hold them.
     """
-    said = compiled.describe()
-    assert said == "compiled", said
-    return said
+    found = compiled.describe()
+    assert found == "compiled", found
+    return found
 
 
 def messages() -> str:
-    """Load each type of the interface, and take one through the middleware's type support."""
+    """Load each type of the interface, and serialise one by the middleware's type support."""
     from rclpy.serialization import deserialize_message, serialize_message
 
     types = {endpoint.type: endpoint.load() for endpoint in interface.ENDPOINTS}
@@ -127,7 +127,7 @@ def simulation() -> str:
 
 
 def node() -> str:
-    """The node as a process: modes, a move, a refusal that says why, a fault and its end."""
+    """The node as a process: modes, a move, a refusal with its reason, a fault and its end."""
     from control_board_ros.client import ControlBoardClient
 
     with (
@@ -153,17 +153,17 @@ def node() -> str:
 
 
 def command_line() -> str:
-    """The executables: control_board says its version, cbctl asks a board."""
+    """The executables: control_board prints its version, cbctl the modes of a board."""
     from ament_index_python.packages import get_package_prefix
 
     folder = Path(get_package_prefix(DISTRIBUTION)) / "lib" / DISTRIBUTION
     with free_domain() as domain:
         environment = child_environment(domain)
-        told = _output([str(folder / "control_board"), "--version"], environment)
+        version = _output([str(folder / "control_board"), "--version"], environment)
     with board_process() as board:
         modes = json.loads(_output([str(folder / "cbctl"), "modes", "--json"], board.environment))
     assert len(modes) == 7, modes
-    return told.splitlines()[0]
+    return version.splitlines()[0]
 
 
 def _output(command: Sequence[str], environment: dict[str, str]) -> str:

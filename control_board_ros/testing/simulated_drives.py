@@ -17,7 +17,7 @@ class SimulatedDrives:
     """A DrivePlant whose drives are those of a simulated robot.
 
     Args:
-        kind: The set-point that each drive takes.
+        kind: The set-point that each drive accepts.
         robot: A configuration.
         values: Parameters on top, with ``__`` for a dot in the name.
 
@@ -98,7 +98,7 @@ class SimulatedDrives:
         )
 
     def pass_time(self, seconds: float) -> None:
-        """Time passes while the drives hear nothing."""
+        """Time passes without communication."""
         joints = self.settings.board.joints
         deaf = [j for j, joint in enumerate(joints) if joint.takes != (SetPoint.PWM,)]
         if deaf:

@@ -17,7 +17,7 @@ from drives_elsewhere import NAMES
 from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.plants.drives.can_line import open_bus
 from control_board_ros.plants.interface import Setup
-from control_board_ros.testing.plants import asked
+from control_board_ros.testing.plant_contract import set_points
 
 can = pytest.importorskip("can")
 #: s for a frame; only a failure takes that long.
@@ -66,7 +66,7 @@ def test_drives_of_another_process_are_driven_by_can_frames_over_udp(
     try:
         plant.connect(Setup(period=0.5, timeout=5.0, joints=(None, None)))
         for _ in range(20_000):
-            found = plant.exchange(asked([kind] * 2, **rows))
+            found = plant.exchange(set_points([kind] * 2, **rows))
             assert not any(found.faults), found.faults
             if np.abs(found.position - 0.2).max() < 0.02:
                 break

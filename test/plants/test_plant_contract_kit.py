@@ -163,14 +163,14 @@ WRONG: dict[str, tuple[Callable[[], object], str]] = {
         lambda: Servos(limits=DriveLimits(lower=1.0, upper=-1.0)),
         "left: limits.lower 1.0 is not below limits.upper -1.0"),
     "it reads numbers of all joints": (Partial, "position has shape (1,); (2,) is wanted"),
-    "it has the sensors that it says": (
-        lambda: Servos(current_sensor=True), "current_sensor is told of left, right, and "),
+    "it has the sensors that it describes": (
+        lambda: Servos(current_sensor=True), "current_sensor is described for left, right, and "),
     "it applies nothing without power": (
         type("Alive", (Servos,), {"exchange": lambda self, wanted: replace(
             Servos.exchange(self, wanted), applied=np.ones(2))}),
         "applied is [1. 1.] without power"),
-    "it applies at most what is asked": (Reversed, "applied is [-1.  1.] where [ 1. -1.] was"),
-    "it accepts each set point that it tells": (Wordless, "from OFF to PWM: 7"),
+    "it applies at most the set point": (Reversed, "applied is [-1.  1.] where [ 1. -1.] was"),
+    "it accepts each set point that it describes": (Wordless, "from OFF to PWM: 7"),
     "it holds a joint where it is": (Drifting, "POSITION: held where it is, a joint moved by"),
     "it accepts repeated calls": (Forgetful, "OSError: bus off"),
     "it names the fault of a drive": (Stubborn, "clear_fault() leaves stuck"),
@@ -216,7 +216,7 @@ def test_what_cannot_be_seen_says_what_would_show_it(quick: None) -> None:
     found = {each.check: each for each in check(Servos)}
     assert {each.outcome for each in found.values()} == {Outcome.KEPT, Outcome.UNSEEN}
     assert "give fail=" in found["it names the fault of a drive"].text
-    assert "set the drives' own in connect()" in found["its drives end what nobody renews"].text
+    assert "set the drives' own in connect()" in found["its drives have a watchdog"].text
 
 
 def test_what_a_plant_has_not_is_told() -> None:
@@ -234,7 +234,7 @@ def test_the_command_prints_each_check(
     assert main(["levers", "--joints", "a,b"]) == 0
     out = capsys.readouterr().out
     assert "kept     it accepts repeated calls\n" in out
-    assert "not seen its drives end what nobody renews: no drive tells" in out
+    assert "not seen its drives have a watchdog: no drive reports" in out
     assert "without  a, b: no torque_sensor" in out
     assert main(["levers", "--joints", "a", "colour=red"]) == 1
     assert "cannot be made" in capsys.readouterr().err

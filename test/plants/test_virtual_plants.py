@@ -15,7 +15,7 @@ from control_board_ros.plants.interface import Setup
 from control_board_ros.plants.offers import within
 from control_board_ros.plants.virtual.plant import make_virtual
 from control_board_ros.settings.loading import Settings, load
-from control_board_ros.testing.plants import asked
+from control_board_ros.testing.plant_contract import set_points
 
 ARM = Path(__file__).parents[1] / "support" / "arm.urdf"
 LIBRARIES = {"moteus": "moteus", "dynamixel": "dynamixel_sdk", "cia402": "canopen",
@@ -42,11 +42,11 @@ def test_the_drives_of_a_virtual_plant_move_the_robots_body(driver: str) -> None
         n = len(offered.board.joints)
         kind = offered.board.joints[0].drive[0]
         plant.connect(Setup(period=0.5, timeout=5.0, joints=offered.board.joints))
-        home = plant.exchange(asked([SetPoint.OFF] * n)).position
+        home = plant.exchange(set_points([SetPoint.OFF] * n)).position
         rows = {"position": home + 0.1, "stiffness": np.full(n, 100.0), "damping": np.full(n, 4.0)}
         assert kind in (SetPoint.POSITION, SetPoint.IMPEDANCE)
         for _ in range(20_000):
-            found = plant.exchange(asked([kind] * n, **rows))
+            found = plant.exchange(set_points([kind] * n, **rows))
             assert not any(found.faults), found.faults
             if (found.position - home > 0.05).all():
                 break

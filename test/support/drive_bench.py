@@ -18,7 +18,7 @@ from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Readings, Setup
 from control_board_ros.plants.virtual.world import World, free_world
-from control_board_ros.testing.plant_contract import asked
+from control_board_ros.testing.plant_contract import set_points
 
 PERIOD = 2e-3
 TIMEOUT = 0.1
@@ -96,7 +96,7 @@ class Bench:
         if kind is SetPoint.IMPEDANCE:
             values = {"stiffness": 4.0, "damping": 1.0} | values
         rows = {name: np.full(n, value) for name, value in values.items()}
-        wanted = SetPoints.off(n) if kind is SetPoint.OFF else asked([kind] * n, **rows)
+        wanted = SetPoints.off(n) if kind is SetPoint.OFF else set_points([kind] * n, **rows)
         for _ in range(cycles):
             found = self.tick(wanted)
         return found

@@ -22,7 +22,7 @@ from enum import StrEnum
 
 from . import checks as plain
 from . import silence
-from .bench import BrokenError, Make, Subject, UnseenError, asked, board_for, setup_for
+from .bench import BrokenError, Make, Subject, UnseenError, board_for, set_points, setup_for
 
 __all__ = [
     "CHECKS",
@@ -32,11 +32,11 @@ __all__ = [
     "Outcome",
     "Subject",
     "UnseenError",
-    "asked",
     "board_for",
     "check",
     "lacks",
     "plant_contract",
+    "set_points",
     "setup_for",
 ]
 
@@ -47,18 +47,18 @@ CHECKS: tuple[Check, ...] = (
     plain.it_describes_itself_before_it_is_connected,
     plain.its_limits_and_rates_make_sense,
     plain.it_reads_numbers_of_all_joints,
-    plain.it_has_the_sensors_that_it_says,
+    plain.it_has_the_sensors_that_it_describes,
     plain.it_applies_nothing_without_power,
-    plain.it_applies_at_most_what_is_asked,
-    plain.it_accepts_each_set_point_that_it_tells,
+    plain.it_applies_at_most_the_set_point,
+    plain.it_accepts_each_set_point_that_it_describes,
     plain.it_holds_a_joint_where_it_is,
     plain.it_accepts_repeated_calls,
     plain.it_names_the_fault_of_a_drive,
     silence.a_board_reads_it_without_an_alarm,
     silence.it_is_let_go_when_the_board_falls_silent,
-    silence.a_board_bears_that_it_hangs,
+    silence.a_board_detects_that_it_hangs,
     silence.it_comes_back_after_an_error,
-    silence.its_drives_end_what_nobody_renews,
+    silence.its_drives_have_a_watchdog,
     plain.it_closes_twice_and_without_a_connection,
     plain.it_opens_again_after_a_close_with_power,
 )
@@ -93,7 +93,7 @@ def check(
     Args:
         make: Creates the plant; called once or twice by each check.
         checks: To run, some of CHECKS.
-        wait: Lets time pass for its drives while nobody talks to them, s.
+        wait: Lets time pass for its drives without communication, s.
         fail: Makes the drive of a joint of the plant made last report a fault that a reset clears.
     """
     subject = Subject(make, wait, fail)
@@ -103,7 +103,7 @@ def check(
             one(subject)
         except UnseenError as error:
             yield Finding(name, Outcome.UNSEEN, str(error))
-        except Exception as error:  # noqa: BLE001 - somebody else's code
+        except Exception as error:  # noqa: BLE001 - code of others
             kind = "" if isinstance(error, BrokenError) else f"{type(error).__name__}: "
             yield Finding(name, Outcome.BROKEN, f"{kind}{error}")
         else:

@@ -60,7 +60,7 @@ def made(given: argparse.Namespace, joints: Sequence[str], *, virtual: bool) -> 
 
 
 def described(maker: Make) -> Description:
-    """What a plant says before it is connected.
+    """The description of a plant before it is connected.
 
     Raises:
         PlantSettingsError: it cannot be made.

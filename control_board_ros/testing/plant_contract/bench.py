@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the checks of a plant stand on: plants made and closed, set-points, a board for it."""
+"""Basis of the checks of a plant: plants made and closed, set-points, a board for it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Make = Callable[[], RobotPlant | DrivePlant]
 TIMEOUT = 0.1
 #: Attempts to connect, and s from one to the next.
 ATTEMPTS, RETRY = 5, 0.2
-#: The first of these that a drive takes holds its joint; the others rest at 0.
+#: The first of these that a drive accepts holds its joint; the others rest at 0.
 HOLDING = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY)
 AT_ZERO = (SetPoint.TORQUE, SetPoint.CURRENT, SetPoint.PWM)
 #: N·m/rad and N·m·s/rad of the impedance that holds a joint.
@@ -41,11 +41,11 @@ STIFFNESS, DAMPING = 4.0, 1.0
 
 
 class BrokenError(AssertionError):
-    """A plant does not do what the contract says; one line."""
+    """A plant violates the contract; one line."""
 
 
 class UnseenError(Exception):
-    """A check cannot be made on this plant; the line says what would make it possible."""
+    """A check cannot be made on this plant; one line: what would make it possible."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Subject:
 
     Attributes:
         make: Creates it.
-        wait: Lets time pass for its drives while nobody talks to them, s.
+        wait: Lets time pass for its drives without communication, s.
         fail: Makes the drive of a joint report a fault that a reset clears; None: it cannot.
     """
 
@@ -120,7 +120,7 @@ def setup_for(plant: DrivePlant) -> Setup:
     return Setup(period=board.period, timeout=TIMEOUT, joints=board.joints)
 
 
-def asked(kinds: Sequence[SetPoint], **values: Array) -> SetPoints:
+def set_points(kinds: Sequence[SetPoint], **values: Array) -> SetPoints:
     """Set-points of joints; values by the names of ``Value``, shape (n,), default 0."""
     n = len(kinds)
     block = np.zeros((VALUES, n))
@@ -136,7 +136,7 @@ def off(plant: DrivePlant) -> SetPoints:
 
 
 def at_rest(joints: Sequence[JointDescription], position: Array) -> SetPoints:
-    """Set-points that hold each joint where it is, or 0 where its drive takes none of those."""
+    """Set-points that hold each joint where it is, or 0 where its drive accepts none of those."""
     kinds = [
         next(kind for kind in (*HOLDING, *AT_ZERO) if kind in joint.set_points) for joint in joints
     ]
@@ -147,7 +147,7 @@ def resting(kinds: Sequence[SetPoint], position: Array) -> SetPoints:
     """Set-points of these kinds, with which a joint without load stays where it is."""
     impedance = np.array([kind is SetPoint.IMPEDANCE for kind in kinds], dtype=np.float64)
     placed = np.array([kind in HOLDING[:2] for kind in kinds], dtype=np.float64)
-    return asked(
+    return set_points(
         kinds,
         position=placed * position,
         stiffness=STIFFNESS * impedance,

@@ -22,12 +22,12 @@ from .bench import (
     HOLDING,
     Subject,
     UnseenError,
-    asked,
     at_rest,
     connect,
     expect,
     off,
     resting,
+    set_points,
     setup_for,
 )
 
@@ -96,7 +96,7 @@ def _sensible(found: Description) -> None:
 
 
 def it_reads_numbers_of_all_joints(subject: Subject) -> None:
-    """Every array has one finite number per joint (motors: or NaN); no reading is of tomorrow."""
+    """Every array has one finite number per joint (motors: or NaN); no age is negative."""
     with subject.connected() as (plant, n):
         found = plant.exchange(off(plant))
         expect(isinstance(found, Readings), f"exchange() gives {type(found).__name__}")
@@ -121,7 +121,7 @@ def it_reads_numbers_of_all_joints(subject: Subject) -> None:
             expect(bool((np.asarray(found.ages) >= 0.0).all()), f"ages has {found.ages}; s from 0")
 
 
-def it_has_the_sensors_that_it_says(subject: Subject) -> None:
+def it_has_the_sensors_that_it_describes(subject: Subject) -> None:
     """Described measurements of a joint are read."""
     with subject.connected() as (plant, _):
         joints, found = plant.describe().joints, plant.exchange(off(plant))
@@ -133,34 +133,34 @@ def it_has_the_sensors_that_it_says(subject: Subject) -> None:
             ("temperature_sensor", "temperature"),
             ("output_sensor", "applied"),
         ):
-            told = [joint.name for joint in joints if getattr(joint, has)]
+            described = [joint.name for joint in joints if getattr(joint, has)]
             expect(
-                not told or getattr(found, row) is not None,
-                f"{has} is told of {', '.join(told)}, and {row} is None",
+                not described or getattr(found, row) is not None,
+                f"{has} is described for {', '.join(described)}, and {row} is None",
             )
 
 
 def it_applies_nothing_without_power(subject: Subject) -> None:
     """M10, N1: connecting does not enable motors, and outputs to disabled ones are not applied."""
     with subject.connected() as (plant, n):
-        _unpowered(plant, plant.exchange(asked([SetPoint.OFF] * n, pwm=np.full(n, LITTLE))))
+        _unpowered(plant, plant.exchange(set_points([SetPoint.OFF] * n, pwm=np.full(n, LITTLE))))
 
 
-def it_applies_at_most_what_is_asked(subject: Subject) -> None:
+def it_applies_at_most_the_set_point(subject: Subject) -> None:
     """Applied when enabled, never reversed; zero when disabled again."""
     with subject.connected() as (plant, n):
         joints = plant.describe().joints
         kinds = [SetPoint.PWM if SetPoint.PWM in j.set_points else SetPoint.OFF for j in joints]
         if SetPoint.PWM not in kinds:
-            raise UnseenError("it takes no PWM, so what is applied cannot be compared with it")
+            raise UnseenError("it accepts no PWM, with which the applied output could be compared")
         output = np.where(np.arange(n) % 2 == 0, LITTLE, -LITTLE)
         output[[kind is SetPoint.OFF for kind in kinds]] = 0.0
-        plant.exchange(asked(kinds, pwm=output))
-        found = plant.exchange(asked(kinds, pwm=output))
+        plant.exchange(set_points(kinds, pwm=output))
+        found = plant.exchange(set_points(kinds, pwm=output))
         if found.applied is not None:
-            told = f"applied is {found.applied} where {output} was asked"
-            expect(bool((np.abs(found.applied) <= LITTLE * (1.0 + 1e-6)).all()), told)
-            expect(bool((found.applied * output >= 0.0).all()), told)
+            text = f"applied is {found.applied} where {output} was requested"
+            expect(bool((np.abs(found.applied) <= LITTLE * (1.0 + 1e-6)).all()), text)
+            expect(bool((found.applied * output >= 0.0).all()), text)
         _unpowered(plant, plant.exchange(off(plant)))
 
 
@@ -175,7 +175,7 @@ def _unpowered(plant: DrivePlant, found: Readings) -> None:
         expect(not acting.any(), f"applied is {found.applied} without power")
 
 
-def it_accepts_each_set_point_that_it_tells(subject: Subject) -> None:
+def it_accepts_each_set_point_that_it_describes(subject: Subject) -> None:
     """S1, S3: from disabled and from every other kind, at the joint's own position."""
     with subject.connected() as (plant, _):
         joints, found = plant.describe().joints, plant.exchange(off(plant))
@@ -184,7 +184,7 @@ def it_accepts_each_set_point_that_it_tells(subject: Subject) -> None:
                 way = f"from {before.name} to {after.name}"
                 for kind in (before, after):
                     kinds = [kind if kind in j.set_points else SetPoint.OFF for j in joints]
-                    found = plant.exchange(asked(kinds, position=found.position))
+                    found = plant.exchange(set_points(kinds, position=found.position))
                 expect(bool(np.isfinite(found.position).all()), f"{way}: no position is read")
                 expect(not any(found.faults), f"{way}: {_first(found)}")
         plant.exchange(off(plant))
@@ -234,8 +234,8 @@ def it_names_the_fault_of_a_drive(subject: Subject) -> None:
                 break
             subject.wait(setup_for(plant).period)
         expect(any(faults), "a fault of a drive is never read")
-        told = [k for k, fault in enumerate(faults) if fault]
-        expect(told == [joint], f"a fault of joint {joint} is told of joints {told}")
+        faulted = [k for k, fault in enumerate(faults) if fault]
+        expect(faulted == [joint], f"a fault of joint {joint} is reported for joints {faulted}")
         expect(bool(str(faults[joint]).strip()), "a fault has no name")
         left = cleared(subject, plant, [joint])
         expect(not left, f"clear_fault() leaves {left}")
@@ -284,7 +284,7 @@ def lacks(found: Description) -> list[str]:
         (lambda j: set(j.set_points) & set(HOLDING),
          "no set-point that holds a joint: the board closes every loop at its own rate"),
         (lambda j: j.current_sensor or j.output_sensor,
-         "no current_sensor and no output_sensor: nobody checks the encoder (F1)"),
+         "no current_sensor and no output_sensor: the encoder is not checked (F1)"),
         (lambda j: j.temperature_sensor, "no temperature_sensor: the winding's is an estimate"),
         (lambda j: j.limits != DriveLimits(), "no limits: those of the board alone act (S4)"),
         (lambda j: j.drive, "no type and firmware in drive"),

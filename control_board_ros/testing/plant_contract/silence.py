@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
@@ -21,7 +21,7 @@ PATIENCE, LOOK = 60.0, 2e-3
 
 
 class Noted:
-    """A DrivePlant around another one, that notes calls, and hangs or raises where it is told to.
+    """A DrivePlant around another one that records calls, and hangs or raises on request.
 
     Attributes: driven, left (there was an exchange with power; it was let go), gate (exchanges
     wait for it), trouble (what the next exchange raises), connections.
@@ -91,28 +91,28 @@ class Loop:
         """Go on until the alarms are so; with a step, s, the time of the guard passes."""
         for _ in range(round(PATIENCE / LOOK)):
             self.time += step
-            if good(told := self.cycle(wanted)):
+            if good(alarms := self.cycle(wanted)):
                 return
-        expect(False, f"{what}; {'; '.join(set(told.values())) or 'no alarm'}")
+        expect(False, f"{what}; {_words(alarms) or 'no alarm'}")
+
+    def without_alarm(self, wanted: Actuation, what: str) -> None:
+        """Go on until no joint has an alarm."""
+        self.until(lambda alarms: not alarms, wanted, what)
 
     def drive(self, wanted: Actuation) -> None:
         """Go on until the plant was given power."""
-        for _ in range(round(PATIENCE / LOOK)):
-            told = self.cycle(wanted)
-            if self._noted.driven.is_set():
-                return
-        expect(False, f"it never gets power; {'; '.join(set(told.values()))}")
+        self.until(lambda _: self._noted.driven.is_set(), wanted, "it never gets power")
 
 
 @contextlib.contextmanager
 def looped(subject: Subject, timeout: float) -> Iterator[tuple[Noted, Loop, Actuation, Actuation]]:
-    """A plant behind its guard; what holds its joints where they are, and what takes the power."""
+    """A plant behind its guard; set-points that hold its joints, and that disable them."""
     with subject.made() as plant:
         noted, n = Noted(plant), len(plant.describe().joints)
         loop, on, none = Loop(noted, timeout), np.ones(n), np.zeros(n)
         try:
             idle = Actuation(none, none)
-            loop.until(lambda told: not told, idle, "before it gets power")
+            loop.without_alarm(idle, "before it gets power")
             position = loop.guarded.read().values[Row.POSITION].copy()
             held = at_rest(plant.describe().joints, position)
             yield noted, loop, Actuation(none, on, held.kinds, held.values, brakes=none), idle
@@ -125,30 +125,30 @@ def a_board_reads_it_without_an_alarm(subject: Subject) -> None:
     """Behind the guard of the node, in its thread."""
     with looped(subject, PATIENCE) as (_, loop, _, idle):
         for _ in range(20):
-            told = loop.cycle(idle)
-            expect(not told, f"an alarm without a cause: {_words(told)}")
+            alarms = loop.cycle(idle)
+            expect(not alarms, f"an alarm without a cause: {_words(alarms)}")
             found = loop.guarded.read().values[[Row.POSITION, Row.VELOCITY]]
             expect(bool(np.isfinite(found).all()), "position or velocity is not finite")
 
 
 def it_is_let_go_when_the_board_falls_silent(subject: Subject) -> None:
-    """B5: after plant_timeout without a set-point; it goes on once the board knows."""
+    """B5: after plant_timeout without a set-point; it recovers after the board's fault."""
     with looped(subject, TIMEOUT) as (noted, loop, held, idle):
         loop.drive(held)
         loop.time += 10.0 * TIMEOUT
         noted.left.wait(PATIENCE)
         expect(noted.left.is_set(), "the board fell silent, and let_go() is never called")
-        expect(bool(loop.guarded.read().reasons), "the board fell silent, and no joint says so")
-        loop.until(lambda told: not told, idle, "it does not answer any more after let_go()")
+        expect(bool(loop.guarded.read().reasons), "the board fell silent: no joint has an alarm")
+        loop.without_alarm(idle, "it does not answer any more after let_go()")
 
 
-def a_board_bears_that_it_hangs(subject: Subject) -> None:
+def a_board_detects_that_it_hangs(subject: Subject) -> None:
     """B3: a fault within plant_timeout; it goes on once it answers again."""
     with looped(subject, TIMEOUT) as (noted, loop, _, idle):
         noted.gate.clear()
-        loop.until(bool, idle, "it hangs, and no joint says so", step=LOOK)
+        loop.until(bool, idle, "it hangs, and no joint has an alarm", step=LOOK)
         noted.gate.set()
-        loop.until(lambda told: not told, idle, "it hung, and does not answer any more")
+        loop.without_alarm(idle, "it hung, and does not answer any more")
 
 
 def it_comes_back_after_an_error(subject: Subject) -> None:
@@ -156,13 +156,13 @@ def it_comes_back_after_an_error(subject: Subject) -> None:
     with looped(subject, PATIENCE) as (noted, loop, held, idle):
         loop.drive(held)
         noted.trouble = OSError("the cable is out")
-        loop.until(lambda told: "the cable is out" in _words(told), held, "an error is not told")
-        loop.until(lambda told: not told, idle, "after an error and connect() it does not answer")
+        loop.until(lambda alarms: "the cable is out" in _words(alarms), held, "no error is shown")
+        loop.without_alarm(idle, "after an error and connect() it does not answer")
         expect(noted.connections > 1, "after an error it is not connected anew")
 
 
-def its_drives_end_what_nobody_renews(subject: Subject) -> None:
-    """S5: the drives' own watchdog, for a computer that is stopped; told as a fault."""
+def its_drives_have_a_watchdog(subject: Subject) -> None:
+    """S5: the drives' own watchdog, for a computer that is stopped; reported as a fault."""
     with subject.connected() as (plant, n):
         joints, found = plant.describe().joints, plant.exchange(off(plant))
         held = at_rest(joints, found.position)
@@ -170,12 +170,12 @@ def its_drives_end_what_nobody_renews(subject: Subject) -> None:
         subject.wait(3.0 * TIMEOUT)
         if not any(plant.exchange(held).faults):
             raise UnseenError(
-                "no drive tells of a watchdog: where this computer stops, the last set-point "
+                "no drive reports a watchdog: where this computer stops, the last set-point "
                 "stays; set the drives' own in connect(), to setup.timeout at most"
             )
         left = cleared(subject, plant, range(n))
         expect(not left, f"after a watchdog, clear_fault() leaves {left}")
 
 
-def _words(reasons: object) -> str:
-    return "; ".join(dict.fromkeys(reasons.values())) if isinstance(reasons, dict) else ""
+def _words(alarms: Mapping[int, str]) -> str:
+    return "; ".join(dict.fromkeys(alarms.values()))
