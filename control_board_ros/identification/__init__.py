@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a robot's joints are: friction, rotor inertia, motor constants, delay, payload.
+"""Parameters of a robot's joints: friction, rotor inertia, motor constants, delay, payload.
 
 ``motions`` plans what joints do, ``bench`` plays it on a simulation (``cbctl identify`` on a
 board), ``samples`` filters what was recorded, ``rigid`` gives the torques of the arm's masses,

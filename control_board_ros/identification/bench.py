@@ -49,7 +49,7 @@ class Bench:
         did are left out of those that follow.
 
         Raises:
-            IdentificationError: a joint takes no mode that holds a position.
+            IdentificationError: a joint refuses the modes of the motions.
         """
         self._approach(bounds)
         records, left = [], {one.joint: one for one in bounds}
@@ -110,7 +110,7 @@ class Bench:
             strained = np.abs(now.torque[columns]) > most
             behind = np.abs(now.position_reference - now.position)[columns] > LAG * reach
             if strained.any():
-                ended = f"{names[int(np.argmax(strained))]} needs more torque than it may have"
+                ended = f"{names[int(np.argmax(strained))]} needs more torque than permitted"
             elif behind.any():
                 ended = f"{names[int(np.argmax(behind))]} does not follow its reference"
         goal.check()

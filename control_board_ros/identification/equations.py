@@ -32,12 +32,12 @@ BEARING, LAG = "bearing", "lag"
 MASS, CENTER = "mass", "center"
 OF_JOINT = (KT, EFFICIENCY, RESISTANCE, DELAY, COULOMB, VISCOUS, BREAKAWAY, BEARING, LAG, ROTOR)
 SENSOR, MOTOR, WINDING, FRICTION = "sensor", "motor", "winding", "friction"
-#: The least mass that a point mass has in its tensor, kg.
+#: Lower bound of the mass in the tensor of a point mass, kg.
 LEAST_MASS = 1e-3
-#: How far the centre of a payload is likely to be from the link's origin, m: what masses and
-#: rotors can only explain together is decided by it, with a wide interval.
+#: Likely distance of a payload's centre from the link's origin, m: decides, with a wide interval,
+#: what masses and rotors explain only together.
 LIKELY = 0.3
-#: Radius of gyration that a payload is likely to have about its centre, m; likewise.
+#: Likely radius of gyration of a payload about its centre, m; likewise.
 GYRATION = 0.05
 
 
@@ -46,10 +46,10 @@ class Problem:
 
     Args:
         robot: As configured.
-        joints: That are identified.
+        joints: The identified ones.
         samples: Of all its joints.
         carrier: The joint whose link carries the payload.
-        with_payload: A payload is looked for.
+        with_payload: Estimate a payload.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Problem:
         self._later = self.current + 0.5 * robot.period * change
         self._ratio = robot.numbers("motor.gear_ratio", joints)
         starting = np.abs(samples.start).max(axis=1, keepdims=True) > 0.0
-        still = ~starting & samples.asked[:, columns]
+        still = ~starting & samples.commanded[:, columns]
         self._moving, self._start = samples.moving[:, columns], samples.start[:, columns]
         self.senses = np.isfinite(self.torque).all(axis=0)
         drawn = np.isfinite(self.current).all(axis=0) & (np.abs(self.current).max(axis=0) > 0.0)
@@ -148,7 +148,7 @@ class Problem:
         return np.asarray(found)
 
     def sides(self, x: Floats) -> dict[str, tuple[Floats, Floats]]:
-        """What is measured, and what the model gives for it, of every equation, shape (m, k)."""
+        """Measured values and those of the model, of every equation, shape (m, k)."""
         unknown, payload = self.spread(x)
         masses = self.masses(unknown[ROTOR], payload)
         gain = unknown[KT] * self._ratio
@@ -171,7 +171,7 @@ class Problem:
         }
 
     def friction(self, x: Floats) -> tuple[Floats, Floats]:
-        """What the motors give beyond the load, and the model of it, shape (m, k)."""
+        """Torque of the motors beyond the load, and its model, shape (m, k)."""
         given, whole = self.sides(x)[MOTOR]
         unknown, payload = self.spread(x)
         felt = self.torque + unknown[LAG] * self._rise
@@ -205,7 +205,7 @@ class Problem:
 
 
 def heavy(mass: float) -> float:
-    """A mass that can be divided by, kg."""
+    """A mass that is a valid divisor, kg."""
     return math.copysign(max(abs(mass), LEAST_MASS), mass)
 
 

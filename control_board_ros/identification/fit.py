@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The unknowns of joints (``equations``), by least squares, with confidence intervals.
 
-Equations are weighted by what they leave unexplained in a first fit. The intervals hold 95 %: they
+Equations are weighted by their residuals in a first fit. The intervals hold 95 %: they
 are those of the greater of two covariances, the usual one and the one of sums of residuals over
 each second (a sandwich), as residuals near in time are alike.
 """
@@ -56,7 +56,7 @@ class Estimate:
 class Traced:
     """Both sides of an equation over its samples, for a report: time (s), measured, model.
 
-    Of FRICTION over speed (rad/s): what the motor gives beyond the load, and its model.
+    Of FRICTION over speed (rad/s): torque of the motor beyond the load, and its model.
     """
 
     time: Floats
@@ -73,10 +73,10 @@ class Traced:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
-    """What a fit finds.
+    """Result of a fit.
 
     Attributes: joints, estimates (by joint and unknown), payload (MASS and CENTER's x, y, z by
-    name; empty: none was looked for), carrier (of the payload), traces (by joint and equation),
+    name; empty: none was estimated), carrier (of the payload), traces (by joint and equation),
     samples (number).
     """
 
@@ -158,13 +158,13 @@ def uncertainty(jacobian: Floats, residuals: Floats, blocks: np.ndarray) -> tupl
 
 
 def fit(robot: Robot, joints: Sequence[str], samples: Samples, *, payload: bool = True) -> Fitted:
-    """Fit the unknowns of joints, and of what the last link carries.
+    """Fit the unknowns of joints, and the payload of the last link.
 
     Args:
         robot: As configured.
-        joints: That are identified.
+        joints: The identified ones.
         samples: Of all its joints.
-        payload: Look for one.
+        payload: Estimate one.
 
     Raises:
         IdentificationError: the joints do not feel the URDF's masses.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motions that show what a joint is: slow ramps, sines and steps, one joint at a time or together.
+"""Motions that identify a joint: slow ramps, sines and steps, one joint at a time or together.
 
 Every motion begins and ends at rest at the joint's centre, and stays within range, speed and
 acceleration of its bounds. Units: rad, rad/s, rad/s², s; m where joints slide.
@@ -36,7 +36,7 @@ TOGETHER, LOWEST, RATIO = 16.0, 0.25, 1.17
 FADE = 1.5
 #: Distance that motions keep from software limits, rad and m.
 CLEAR, CLEAR_SLIDING = 0.02, 0.002
-#: The least range that shows anything, as a share of the one asked for.
+#: Minimum range, as a share of the requested one.
 LEAST = 0.2
 
 RAMP, SINE, STEP, ALL = "ramps", "sines", "steps", "together"
@@ -44,7 +44,7 @@ RAMP, SINE, STEP, ALL = "ramps", "sines", "steps", "together"
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What one joint may do.
+    """Limits of the motions of one joint.
 
     Attributes: joint, centre (rad), reach (to either side, rad), speed (rad/s), acceleration
     (rad/s²), torque (N·m; beyond it the motion is stopped).
@@ -78,7 +78,7 @@ class Motion:
 
 
 class NoRoomError(ValueError):
-    """A joint stands so near to a limit that nothing can be shown."""
+    """The limits of a joint leave too little range."""
 
 
 def bounds_of(

@@ -70,7 +70,8 @@ class Finding:
     """One quantity of a joint.
 
     Attributes: joint, quantity, value and sure (half width of the interval; three of each for a
-    centre), before (as configured, None: not known), why (it is not written; empty: it is).
+    centre), before (as configured; None without a parameter), why (reason not to write it; empty:
+    written).
     """
 
     joint: str
@@ -91,7 +92,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What was found.
+    """Result of an identification.
 
     Attributes: robot, findings, troubles (by joint; nothing is found of these), fitted (None:
     every joint has trouble).
@@ -117,10 +118,10 @@ def identify(
         robot: As configured.
         records: Of motions.
         joints: That moved in them.
-        payload: Look for one; without, it is sure that the robot carries what its URDF says.
+        payload: Estimate one; without, the robot carries exactly what its URDF has.
 
     Raises:
-        IdentificationError: the data shows nothing, or the robot's masses are not known.
+        IdentificationError: the data shows nothing, or the robot's masses are unknown.
     """
     troubles = troubles_of(robot, records, joints)
     good = [joint for joint in joints if joint not in troubles]
@@ -167,7 +168,7 @@ def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
         return ""
     return (
         f"wrong gear ratio or torque constant: motor.torque_constant × motor.gear_ratio is "
-        f"{factor:.3g} times what the parameters say; correct the wrong one and identify it again"
+        f"{factor:.3g} times that of the parameters; correct the wrong one and identify it again"
     )
 
 

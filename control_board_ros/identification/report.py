@@ -23,7 +23,7 @@ SPEEDS = 40
 PAUSE, GAP = 0.5, 0.1
 NOTE = (
     "Intervals hold 95 %. Measured and model are filtered alike (20 ms). Friction over speed: "
-    "what the motor gives beyond the joint's torque, mean at each speed. Time leaves out what "
+    "torque of the motor beyond the joint's, mean at each speed. Time leaves out what "
     "is not of the equation: other joints' motions, reversals, rest."
 )
 
@@ -120,7 +120,7 @@ def friction_chart(traced: Traced, kind: JointKind) -> Chart:
         np.array([values[rows == k].mean() for k in bins])
         for values in (speed, traced.measured, traced.model)
     )
-    way = np.flatnonzero(np.diff(np.sign(x)) != 0.0) + 1  # nothing is known at rest
+    way = np.flatnonzero(np.diff(np.sign(x)) != 0.0) + 1  # undefined at rest
     x, y, z = np.insert(x, way, 0.0), np.insert(y, way, np.nan), np.insert(z, way, np.nan)
     factor = kind.shown_factor
     return Chart(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The torques of the arm's masses, linear in what is not known of them.
+"""The torques of the arm's masses, linear in their unknowns.
 
 τ = τ_0 + Σ_j J_j y_j + m y_m + h·y_h + I·y_I: rotors J_j, and a point mass at one link with
 h = m c and I = m (c·c 1 − c cᵀ). The columns y are differences of recursive Newton-Euler
@@ -26,7 +26,7 @@ OF_MASS = ("mass", *PLACES["moment"], *PLACES["tensor"])
 class Loads:
     """Torques of samples, m of them, of the k identified joints.
 
-    Attributes: known (of masses that are known, shape (m, k)), rotors (per kg·m² of each of the k
+    Attributes: known (of the given masses, shape (m, k)), rotors (per kg·m² of each of the k
     rotors, shape (k, m, k)), payload (per mass, h and I of the point mass, shape (10, m, k); in
     the axes of the URDF's link).
     """
@@ -44,7 +44,7 @@ def loads_of(
     Args:
         samples: Of the board's joints.
         model: Of the arm, without their rotors.
-        columns: The joints that are identified.
+        columns: The identified joints.
         carrier: The joint whose link carries the payload.
         in_links: Rotors turn with their whole link, as in pybullet.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is known of a robot before it is identified: its parameters and its URDF."""
+"""A robot before its identification: its parameters and its URDF."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..settings.loading import Settings
 from ..sim.config import IDEAL, PYBULLET
 from . import IdentificationError
 
-#: Parameters of a joint that are used.
+#: Parameters of a joint.
 USED = (
     "motor.torque_constant",
     "motor.gear_ratio",
@@ -88,7 +88,7 @@ class Robot:
         return self.values["physics"] == PYBULLET and not self.values["plant"]
 
     def hands_voltage(self, joint: str) -> bool:
-        """The board gives its drive a PWM: what the motor gets is known."""
+        """The board gives its drive a PWM: the voltage of the motor is given."""
         return list(self.values.get(f"{joint}.drive") or [SetPoint.PWM.code]) == [
             SetPoint.PWM.code
         ]
@@ -103,9 +103,7 @@ class Robot:
             IdentificationError: the joints do not feel the URDF's masses.
         """
         if not self.values["base_fixed"]:
-            raise IdentificationError(
-                "base_fixed is false: gravity's way through the arm is unknown"
-            )
+            raise IdentificationError("base_fixed is false: the direction of gravity is unknown")
         if self.values["physics"] == IDEAL and not self.values["plant"]:
             raise IdentificationError(
                 "physics: ideal has no masses to identify; start the board with mujoco or pybullet"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was recorded of motions, and what a fit uses of it: smooth, with accelerations.
+"""Records of motions, and the samples that a fit uses: filtered, with accelerations.
 
 All signals pass the same zero-phase low pass (a Gaussian), which leaves linear equations of motion
 true; the acceleration is the derivative of the filtered velocity. Units: rad, rad/s, rad/s², N·m,
@@ -22,7 +22,7 @@ from .motions import CRAWL, CRAWLS, RAMP, SLOW
 Bools = NDArray[np.bool_]
 Signals = dict[str, Floats]
 
-#: What is recorded of every joint.
+#: Recorded signals of every joint.
 SIGNALS = (
     "position",
     "velocity",
@@ -50,7 +50,7 @@ class Record:
 
     Attributes:
         what: The kind of motion.
-        speeds: The greatest speed asked for, by the name of each joint that moves, rad/s.
+        speeds: The greatest speed requested, by the name of each joint that moves, rad/s.
         time: Of each reading, s, shape (m,).
         signals: By the names of SIGNALS: of the board's joints, shape (m, n); output in %, NaN
             where something is not measured.
@@ -75,7 +75,7 @@ class Samples:
         rise: Of the torque, N·m/s, shape (m, n).
         voltage: Of the motors: value, per s, per s², shape (m, n, 3).
         moving: The joint moves steadily in one direction, shape (m, n).
-        asked: The motion is one of the joint's, shape (m, n).
+        commanded: The motion is one of the joint's, shape (m, n).
         start: The joint is about to leave its rest: 1 or −1 for the direction, shape (m, n).
         time: s from the first sample, without the time between motions, shape (m,).
         block: Number of the second that a sample is of, shape (m,).
@@ -90,7 +90,7 @@ class Samples:
     rise: Floats
     voltage: Floats
     moving: Bools
-    asked: Bools
+    commanded: Bools
     start: Floats
     time: Floats
     block: NDArray[np.intp]
@@ -119,8 +119,8 @@ def samples_of(
         time: Floats = step * np.arange(len(whole["position"]), dtype=np.float64)
         cut = int(np.ceil(TAIL * WIDTH / step))
         whole["moving"] = steady(whole["velocity"], record.speeds, names, cut)
-        whole["asked"] = np.zeros_like(whole["velocity"])
-        whole["asked"][:, [list(names).index(joint) for joint in record.speeds]] = 1.0
+        whole["commanded"] = np.zeros_like(whole["velocity"])
+        whole["commanded"][:, [list(names).index(joint) for joint in record.speeds]] = 1.0
         whole["start"] = np.zeros_like(whole["velocity"])
         rows = np.arange(cut, time.size - cut, max(round(WIDTH / step), 1))
         rows = rows[~near_gaps(record.time - record.time[0], time[rows])]
@@ -130,10 +130,9 @@ def samples_of(
         if record.what == RAMP:
             (joint, speed), *_ = record.speeds.items()
             column = list(names).index(joint)
-            begun = starts(whole, step, column, float(gain[column]), SLOW * speed)
-            near = near_gaps(record.time - record.time[0], time[np.array(begun, dtype=np.intp)])
-            begun = [row for row, gap in zip(begun, near, strict=True) if not gap]
-            part = joined([part, of_starts(whole, begun, column, time)])
+            begins = np.array(starts(whole, step, column, float(gain[column]), SLOW * speed), int)
+            begins = begins[~near_gaps(record.time - record.time[0], time[begins])]
+            part = joined([part, of_starts(whole, begins, column, time)])
         part["block"] = blocks + np.floor(part["time"])
         blocks = int(part["block"].max()) + 1
         part["time"] = part["time"] + since
@@ -147,7 +146,7 @@ def samples_of(
     made = joined(parts)
     found: dict[str, Any] = {field.name: made[field.name] for field in fields(Samples)}
     found["block"] = made["block"].astype(np.intp)
-    return Samples(**found | {name: made[name] > 0.5 for name in ("moving", "asked")})
+    return Samples(**found | {name: made[name] > 0.5 for name in ("moving", "commanded")})
 
 
 def joined(parts: Sequence[dict[str, Floats]]) -> dict[str, Floats]:
@@ -183,7 +182,7 @@ def smoothed(record: Record, supply: Floats) -> tuple[float, Signals]:
 
 
 def near_gaps(readings: Floats, time: Floats) -> Bools:
-    """Which times are so near to a gap of readings that the low pass has nothing to pass, s."""
+    """Which times are so near to a gap of readings that the low pass is without data, s."""
     gaps = np.flatnonzero(np.diff(readings) > WIDTH)
     found = np.zeros(time.size, dtype=np.bool_)
     for begin, end in zip(readings[gaps], readings[gaps + 1], strict=True):
@@ -239,10 +238,11 @@ def starts(signals: Signals, step: float, column: int, gain: float, slow: float)
     ]
 
 
-def of_starts(whole: Signals, rows: Sequence[int], column: int, time: Floats) -> dict[str, Floats]:
+def of_starts(
+    whole: Signals, rows: NDArray[np.intp], column: int, time: Floats
+) -> dict[str, Floats]:
     """The samples at which a joint leaves its rest."""
-    chosen = np.array(rows, dtype=np.intp)
-    part = {name: values[chosen] for name, values in whole.items()}
+    part = {name: values[rows] for name, values in whole.items()}
     part["moving"], part["start"] = np.zeros_like(part["velocity"]), part["start"].copy()
     part["start"][:, column] = np.sign(part["reference"][:, column])
-    return part | {"time": time[chosen]}
+    return part | {"time": time[rows]}

@@ -23,7 +23,7 @@ MOVED, TURNED = 0.2, 0.5
 OFF = 0.02
 #: Play that is more than encoders and a stiff gearbox make, rad and m.
 PLAY, PLAY_SLIDING = 2e-3, 2e-4
-#: Least speed at which the side of the play is known, rad/s or m/s as a share of the greatest.
+#: Least speed at which the side of the play is certain, rad/s or m/s as a share of the greatest.
 SURE_SPEED = 0.1
 #: Way after a reversal in which play is taken up, rad and m.
 TAKEN_UP, TAKEN_UP_SLIDING = 0.015, 1.5e-3
@@ -32,7 +32,7 @@ TRAVEL, TRAVEL_SLIDING = 5e-3, 5e-4
 
 
 def troubles_of(robot: Robot, records: Sequence[Record], joints: Sequence[str]) -> dict[str, str]:
-    """What is wrong with joints, by name; of those with nothing wrong, nothing."""
+    """The trouble of joints, by name; only of those with one."""
     found = {}
     for joint in joints:
         own = [record for record in records if joint in record.speeds]
@@ -42,7 +42,7 @@ def troubles_of(robot: Robot, records: Sequence[Record], joints: Sequence[str]) 
 
 
 def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
-    """What is wrong with a joint; empty: nothing."""
+    """The trouble of a joint; empty: none."""
     column = robot.names.index(joint)
     if not any(record.time.size for record in records):
         return "was not moved: no readings"
@@ -63,13 +63,13 @@ def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
             )
         if moved < kind.choose(TRAVEL, TRAVEL_SLIDING) or not np.isfinite(turned):
             return (
-                f"does not move: {kind.position(moved)} of {kind.position(wanted)} asked for; a "
+                f"does not move: {kind.position(moved)} of {kind.position(wanted)} requested; a "
                 f"closed brake, an obstacle, a hard stop, or a motor without power{after(why)}"
             )
     if (text := of_gearbox(rows, kind, ratio)) or not why:
         return text
     if moved < MOVED * wanted:
-        ways = f"{kind.position(moved)} of {kind.position(wanted)} asked for"
+        ways = f"{kind.position(moved)} of {kind.position(wanted)} requested"
         return f"does not move: {ways}{after(why)}"
     return f"was stopped: {why}"
 
@@ -85,7 +85,7 @@ def after(why: str) -> str:
 
 
 def of_gearbox(rows: dict[str, Floats], kind: JointKind, ratio: float) -> str:
-    """What the encoder of the motor tells against that of the joint; empty: nothing wrong.
+    """Contradiction of the encoders of motor and joint; empty: none.
 
     Args:
         rows: Of one joint: ``position``, ``velocity``, ``motor_position``.
@@ -114,7 +114,7 @@ def of_gearbox(rows: dict[str, Floats], kind: JointKind, ratio: float) -> str:
     if abs(turns / ratio - 1.0) > OFF:
         return (
             f"wrong gear ratio: its motor turns {turns:.4g} times per joint turn, "
-            f"motor.gear_ratio says {ratio:g}; correct the parameter and identify it again"
+            f"motor.gear_ratio is {ratio:g}; correct the parameter and identify it again"
         )
     play = 2.0 * float(found[3]) / ratio if both else 0.0
     if play > kind.choose(PLAY, PLAY_SLIDING):

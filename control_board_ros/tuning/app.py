@@ -31,20 +31,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for names, options in OPTIONS:
         parser.add_argument(*names, **options)
     given = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, interrupt)  # as Ctrl-C: also ends the processes
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: ends the processes
     try:
         tune(given)
     except (TuningError, SettingsError) as error:
         say(f"cbctl: {error}")
         return REFUSED
     except KeyboardInterrupt:
-        say("cbctl: interrupted; the same command goes on where it ended")
+        say("cbctl: interrupted; the same command continues")
         return REFUSED
     return DONE
-
-
-def interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
 
 
 def say(text: str) -> None:
@@ -76,15 +72,15 @@ def tune(given: argparse.Namespace) -> None:
         f"{len(tasks)} controllers, {plan.trials} trials each, payload up to {payload:.3g} kg, "
         f"{min(jobs, len(tasks))} processes; trials are kept in {shown(storage)}"
     )
-    begun = time.monotonic()
+    start = time.monotonic()
 
-    def tell(found: Found, done: int, whole: int) -> None:
+    def show(found: Found, done: int, whole: int) -> None:
         say(
             f"{done}/{whole}  {found.joint}, {found.stage}: cost {found.cost:.2f} of before, "
-            f"{found.trials} trials, {time.monotonic() - begun:.0f} s"
+            f"{found.trials} trials, {time.monotonic() - start:.0f} s"
         )
 
-    outcomes = judge(plan, run_all(plan, tasks, jobs, tell))
+    outcomes = judge(plan, run_all(plan, tasks, jobs, show))
     report = output.with_suffix(".html")
     write_parameters(output, outcomes, plan)
     write_report(report, outcomes, plan)
@@ -117,13 +113,9 @@ def tasks_of(settings: Settings, joints: str | None) -> list[tuple[str, str]]:
     Raises:
         TuningError: unknown joint.
     """
-    known = {joint.name: joint for joint in settings.board.joints}
-    names = list(known) if joints is None else joints.split(",")
-    if unknown := [name for name in names if name not in known]:
-        raise TuningError(f"joint {unknown[0]!r} unknown; joints: {', '.join(known)}")
-    tasks = [(name, POSITION) for name in names]
-    return tasks + [
-        (name, COMPLIANT)
-        for name in names
-        if InteractionMode.COMPLIANT in known[name].interaction_modes
-    ]
+    by_name = {joint.name: joint for joint in settings.board.joints}
+    names = list(by_name) if joints is None else joints.split(",")
+    if unknown := [name for name in names if name not in by_name]:
+        raise TuningError(f"joint {unknown[0]!r} unknown; joints: {', '.join(by_name)}")
+    sensing = [n for n in names if InteractionMode.COMPLIANT in by_name[n].interaction_modes]
+    return [*((name, POSITION) for name in names), *((name, COMPLIANT) for name in sensing)]

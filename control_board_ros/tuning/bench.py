@@ -77,23 +77,16 @@ class Bench:
         """
         board = with_gains(self._settings, changes)
         j = board.names.index(joint)
-        return [
-            self._play(simulation, scene, board, j, stage)
-            for simulation, scene in list(zip(self._simulations, self._scenes, strict=True))[
-                :first
-            ]
-        ]
-
-    def _play(
-        self, simulation: Simulation, scene: Scene, config: BoardConfig, j: int, stage: str
-    ) -> list[Motion]:
-        stand = Stand(simulation, config, j)
-        try:
-            stand.start()
-            motions = position_motions if stage == POSITION else compliant_motions
-            return motions(stand, float(scene.pose[j]))
-        except PlantGone as error:
-            raise Faulted(str(error)) from error
+        motions = position_motions if stage == POSITION else compliant_motions
+        played = []
+        for simulation, scene in zip(self._simulations[:first], self._scenes[:first], strict=True):
+            stand = Stand(simulation, board, j)
+            try:
+                stand.start()
+                played.append(motions(stand, float(scene.pose[j])))
+            except PlantGone as error:
+                raise Faulted(str(error)) from error
+        return played
 
 
 class Stand:
@@ -191,18 +184,12 @@ def with_gains(settings: Settings, changes: Mapping[str, float]) -> BoardConfig:
     Raises:
         SettingsError: a gain is not allowed.
     """
-    fixed = {n: v for n, v in changes.items() if n.endswith(".impedance.damping")}
-    board = settings.changed({n: v for n, v in changes.items() if n not in fixed}).board
-    return with_damping(board, fixed)
-
-
-def with_damping(board: BoardConfig, damping: Mapping[str, float]) -> BoardConfig:
-    """The same with other dampings, set by a request, not by a parameter."""
-    if not damping:
-        return board
+    damping = {n: v for n, v in changes.items() if n.endswith(".impedance.damping")}
+    board = settings.changed({n: v for n, v in changes.items() if n not in damping}).board
     joints = []
-    for joint in board.joints:
-        value = damping.get(f"{joint.name}.impedance.damping", joint.impedance.damping)
-        value = min(value, joint.impedance.max_damping)
-        joints.append(replace(joint, impedance=replace(joint.impedance, damping=value)))
+    for joint in board.joints:  # dampings are set by requests, not by parameters
+        own = joint.impedance
+        value = damping.get(f"{joint.name}.impedance.damping", own.damping)
+        own = replace(own, damping=min(value, own.max_damping))
+        joints.append(replace(joint, impedance=own))
     return replace(board, joints=tuple(joints))

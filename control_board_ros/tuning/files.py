@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -14,6 +14,7 @@ import yaml
 from .. import __version__
 from ..core.config.config import JointConfig
 from ..core.terms.joint_kind import JointKind
+from ..core.terms.measurement import Array
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, difference, document, number
 from . import TuningError
@@ -38,6 +39,14 @@ SHOWN = {
     "chatter": "chatter of the output",
     "torque": "RMS torque error",
 }
+
+#: Titles of the charts of position errors, by motion.
+ERRORS = {
+    "move": "Error of the move",
+    "push": "Error under a push",
+    "release": "Error after its release",
+}
+Values = Callable[[Motion], Array]
 
 
 def parameters(outcomes: Sequence[Outcome], robot: str) -> dict[str, Any]:
@@ -168,39 +177,32 @@ def section(outcome: Outcome, kind: JointKind) -> str:
 
 def charts(outcome: Outcome, kind: JointKind) -> list[Chart]:
     """The motions of the first fresh scene, before and after."""
-    found = []
     then = {motion.what: motion for motion in outcome.before.motions}
+
+    def chart(title: str, unit: str, now: Motion, values: Values, role: str = "error") -> Chart:
+        traces = [Trace("after", now.time, values(now), role)]
+        if old := then.get(now.what):
+            traces.insert(0, Trace("before", old.time, values(old), "before"))
+        return Chart(title, unit, traces)
+
+    def error(motion: Motion) -> Array:
+        return kind.shown_factor * (motion.reference - motion.position)
+
+    def from_end(motion: Motion) -> Array:
+        way: Array = motion.position - motion.reference[-1]
+        return kind.shown_factor * way
+
+    def torque_error(motion: Motion) -> Array:
+        return motion.torque_reference - motion.torque
+
+    found = []
     for now in outcome.after.motions:
-        old = then.get(now.what)
+        if title := ERRORS.get(now.what):
+            found.append(chart(title, kind.shown_unit, now, error))
         if now.what == "step":
-            traces = [end_trace("after", now, kind, "measured")]
-            traces[:0] = [end_trace("before", old, kind, "before")] if old else []
-            found.append(Chart("Step: position from its end", kind.shown_unit, traces))
-            continue
-        traces = [error_trace("after", now, kind, "error")]
-        traces[:0] = [error_trace("before", old, kind, "before")] if old else []
-        names = {
-            "move": "Error of the move",
-            "push": "Error under a push",
-            "release": "Error after its release",
-        }
-        found.append(Chart(names[now.what], kind.shown_unit, traces))
-        if outcome.stage != POSITION and now.what == "move":
-            torques = [Trace("after", now.time, now.torque_reference - now.torque, "error")]
-            if old:
-                error = old.torque_reference - old.torque
-                torques.insert(0, Trace("before", old.time, error, "before"))
-            found.append(Chart("Torque error of the move", kind.force_unit, torques))
+            title = "Step: position from its end"
+            found.append(chart(title, kind.shown_unit, now, from_end, "measured"))
+        if now.what == "move" and outcome.stage != POSITION:
+            title = "Torque error of the move"
+            found.append(chart(title, kind.force_unit, now, torque_error))
     return found
-
-
-def end_trace(label: str, shown: Motion, kind: JointKind, role: str) -> Trace:
-    """Position relative to the end of the reference."""
-    return Trace(
-        label, shown.time, kind.shown_factor * (shown.position - shown.reference[-1]), role
-    )
-
-
-def error_trace(label: str, shown: Motion, kind: JointKind, role: str) -> Trace:
-    """Reference − position of a motion."""
-    return Trace(label, shown.time, kind.shown_factor * (shown.reference - shown.position), role)

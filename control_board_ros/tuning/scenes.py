@@ -63,7 +63,7 @@ def simulation_of(settings: Settings, scene: Scene) -> SimulationConfig:
     )
     urdf = whole.urdf
     if urdf is not None:
-        for one in settings.board.joints:  # what the robot carries always, as identified
+        for one in settings.board.joints:  # the constant payload, as identified
             if one.payload.mass > 0.0:
                 link = next(j.child for j in urdf.joints if j.name == one.name)
                 urdf = with_mass(urdf, link, one.payload.mass, one.payload.center, one.name)
@@ -121,10 +121,6 @@ def usual_payload(settings: Settings) -> float:
         if name in torques:
             most = min(most, PAYLOAD_SHARE * torques[name] / (GRAVITY * max(lever, LEAST_LEVER)))
         lever += float(np.linalg.norm(origin_of(element)[0]))
-        link = parent_of(element)
+        parent = element.find("parent")
+        link = "" if parent is None else parent.get("link", "")
     return most if math.isfinite(most) else 0.0
-
-
-def parent_of(joint: ET.Element) -> str:
-    parent = joint.find("parent")
-    return "" if parent is None else parent.get("link", "")

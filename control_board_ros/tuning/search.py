@@ -164,11 +164,8 @@ def base_figures(plan: Plan, space: Space) -> list[Figures]:
     Raises:
         TuningError: the joint faults with both.
     """
-    bench, derived = (
-        bench_of(plan.robot, plan.payload, plan.seed, plan.found),
-        dict.fromkeys(space.ranges, 0.0),
-    )
-    for changes in ({}, space.changes(derived)):
+    bench = bench_of(plan.robot, plan.payload, plan.seed, plan.found)
+    for changes in ({}, space.changes(dict.fromkeys(space.ranges, 0.0))):
         try:
             return [
                 figures(space.stage, motions)
@@ -197,8 +194,8 @@ def value_of(
     return (1.0 - MARGIN_SHARE) * cost(stage, found, before) + MARGIN_SHARE * at_edge
 
 
-def run_all(plan: Plan, tasks: list[tuple[str, str]], jobs: int, tell: Any) -> list[Found]:
-    """Search for every joint and stage in ``jobs`` processes; ``tell`` receives each result.
+def run_all(plan: Plan, tasks: list[tuple[str, str]], jobs: int, show: Any) -> list[Found]:
+    """Search for every joint and stage in ``jobs`` processes; ``show`` receives each result.
 
     Raises:
         TuningError: a search cannot begin.
@@ -209,7 +206,7 @@ def run_all(plan: Plan, tasks: list[tuple[str, str]], jobs: int, tell: Any) -> l
         try:
             for future in as_completed(futures):
                 results[futures[future]] = future.result()
-                tell(results[futures[future]], len(results), len(tasks))
+                show(results[futures[future]], len(results), len(tasks))
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for process in list((pool._processes or {}).values()):

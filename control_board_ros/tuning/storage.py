@@ -119,8 +119,7 @@ def kept_in(place: str) -> Iterator[None]:
         if found is None:
             raise
         raise TuningError(
-            f"the storage {shown(place)} failed: {reason(found)}; "
-            "the same command goes on where it ended"
+            f"the storage {shown(place)} failed: {reason(found)}; the same command continues"
         ) from error
 
 
