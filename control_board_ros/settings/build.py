@@ -119,24 +119,23 @@ def board_of(
     values: Values,
     joints: tuple[JointConfig, ...],
     masses: ArmModel | None,
-    coupled: Couplings = Couplings(None, None),  # noqa: B008
+    coupled: Couplings,
 ) -> BoardConfig:
     """The configuration of the board from its joints, their masses and their couplings.
 
     Raises:
         ConfigError: a value is not allowed.
     """
-    known = [own.name for own in joints]
-    known = known if coupled.joints is None else [*coupled.joints.physical_joints]
+    coupling = coupled.joints or Coupling.plain([own.name for own in joints])
     for own in joints:
         if not own.gravity_compensation:
             continue
         key = f"{own.name}.gravity_compensation"
         if not values["base_fixed"]:
             raise ConfigError(
-                key, True, "false where base_fixed is false: gravity's way is unknown"
+                key, True, "false where base_fixed is false: the direction of gravity is unknown"
             )
-        if own.name not in known:
+        if own.name not in coupling.physical_joints:
             raise ConfigError(key, True, "false for an axis of a coupling: its weight is unknown")
     return configure(
         BoardConfig,

@@ -50,8 +50,7 @@ def read_file(path: Path, node: str = "/control_board") -> Layer:
     Raises:
         SettingsError: the file is unreadable or invalid.
     """
-    text = _read_text(path)
-    top = _parse(text, str(path))
+    top = _parse(read_text(path), str(path))
     layer = Layer(folder=path.absolute().parent, path=path.absolute())
     sections = list(_sections(top, str(path)))
     if not sections:
@@ -78,7 +77,8 @@ def parse_value(text: str, where: str) -> Any:
     raise SettingsError(f"{where}: {shown(text)} is not one value or a list of values")
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """The text of a file of settings; raises SettingsError where it cannot be read."""
     try:
         if path.is_dir():
             raise SettingsError(f"{path}: is a folder; name a YAML file")
@@ -94,7 +94,7 @@ def _read_text(path: Path) -> str:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise SettingsError(f"{shown(str(path))}: cannot be read ({reason})") from None
     if len(data) > SIZE_CAP:
-        raise SettingsError(f"{path}: larger than {SIZE_CAP >> 20} MiB; no parameter file is")
+        raise SettingsError(f"{path}: larger than {SIZE_CAP >> 20} MiB; settings are smaller")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

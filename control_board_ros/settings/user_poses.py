@@ -24,7 +24,7 @@ import yaml
 
 from ..core.goals.pose import NAME, Pose
 from ..core.selection import RequestError
-from .params_file import SIZE_CAP
+from .params_file import read_text
 from .yaml_tree import Leaf, SettingsError, parse_yaml, shown
 from .yaml_tree import Mapping as Tree
 
@@ -56,19 +56,8 @@ class UserPoses:
             RequestError: the file is unreadable or invalid; one line.
         """
         try:
-            with self.path.open("rb") as file:
-                data = file.read(SIZE_CAP + 1)
-        except FileNotFoundError:
-            return {}
-        except OSError as error:
-            raise RequestError(f"{self.path}: cannot be read ({error.strerror})") from None
-        if len(data) > SIZE_CAP:
-            raise RequestError(f"{self.path}: larger than {SIZE_CAP >> 20} MiB; no poses are")
-        try:
-            return poses_in(data.decode(), str(self.path))
-        except UnicodeDecodeError:
-            raise RequestError(f"{self.path}: is not UTF-8 text; save it as UTF-8") from None
-        except SettingsError as error:
+            return poses_in(read_text(self.path), str(self.path)) if self.path.exists() else {}
+        except (SettingsError, OSError) as error:
             raise RequestError(str(error)) from None
 
     def save(self, pose: Pose, names: Collection[str] = ()) -> dict[str, Pose]:
