@@ -126,7 +126,7 @@ class Bench:
     def parameter(self, name: str, default: T) -> T:
         """A parameter of the board; the default where another board lacks it, or its type."""
         try:
-            value: Any = self.client.get_parameters([name])[name]
+            value: Any = self._client.get_parameters([name])[name]
             return type(default)(value)
         except (BoardError, RequestError, TypeError, ValueError):
             return default

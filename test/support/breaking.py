@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import wraps
+from pkgutil import resolve_name
 from typing import Any
 
 
@@ -31,7 +32,7 @@ WRONG: dict[str, Wrong] = {}
 def breaks(
     rule: str, *, robot: str = "", **options: Any
 ) -> Callable[[Callable[[], None]], Callable[[], None]]:
-    """Register a wrong board under the name of its function."""
+    """Register a wrong board under the name of the function that changes it."""
 
     def register(function: Callable[[], None]) -> Callable[[], None]:
         WRONG[function.__name__] = Wrong(function, rule, robot, options)
@@ -40,17 +41,37 @@ def breaks(
     return register
 
 
-def around(owner: Any, name: str, new: Callable[..., Any]) -> None:
-    """Put ``new(old, *args)`` in the place of a function or method, and of a command's start."""
+def replaces(
+    rule: str, target: str, *, robot: str = "", **options: Any
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register a wrong board with one function replaced, under the name of the new one."""
+
+    def register(new: Callable[..., Any]) -> Callable[..., Any]:
+        WRONG[new.__name__] = Wrong(lambda: around(target, new), rule, robot, options)
+        return new
+
+    return register
+
+
+def around(target: str, new: Callable[..., Any]) -> None:
+    """Put ``new(old, *args)`` in place of a function or method, also as the start of a command.
+
+    Args:
+        target: ``core.machine.machine:Machine.enter``, imported now.
+        new: its replacement.
+    """
     from control_board_ros.core.machine.commands import COMMANDS
 
-    old = getattr(owner, name)
+    module, _, path = target.partition(":")
+    *owners, name = path.split(".")
+    place = resolve_name(":".join([f"control_board_ros.{module}", *owners]))
+    old = getattr(place, name)
 
     @wraps(old)
     def replaced(*args: Any, **kwargs: Any) -> Any:
         return new(old, *args, **kwargs)
 
-    setattr(owner, name, replaced)
+    setattr(place, name, replaced)
     for kind, row in COMMANDS.items():
         if row.start is old:
             COMMANDS[kind] = replace(row, start=replaced)

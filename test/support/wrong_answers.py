@@ -7,7 +7,7 @@ import dataclasses
 import time
 from typing import Any
 
-from breaking import around, breaks
+from breaking import around, breaks, replaces
 
 from control_board_ros import interface
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
@@ -20,34 +20,27 @@ def diagnostics_elsewhere() -> None:
     interface.DIAGNOSTICS = dataclasses.replace(interface.DIAGNOSTICS, name="/diagnosis")
 
 
-@breaks("D2")
-def a_velocity_switches() -> None:
-    from control_board_ros.core.machine.commands import Commands
-
-    def command(
-        old: Any, self: Commands, kind: CommandKind, selection: Any, *args: Any, **more: Any
-    ) -> Any:
-        reply = old(self, kind, selection, *args, **more)
-        if kind is K.VELOCITY:
-            for j in selection.numbers:
-                if self._state.control_modes[j] is M.POSITION:
-                    self._machine.enter([j], M.VELOCITY)
-        return reply
-
-    around(Commands, "command", command)
+@replaces("D2", "core.machine.commands:Commands.command")
+def a_velocity_switches(
+    old: Any, self: Any, kind: CommandKind, selection: Any, *args: Any, **more: Any
+) -> Any:
+    reply = old(self, kind, selection, *args, **more)
+    if kind is K.VELOCITY:
+        for j in selection.numbers:
+            if self._state.control_modes[j] is M.POSITION:
+                self._machine.enter([j], M.VELOCITY)
+    return reply
 
 
 @breaks("A")
 def answers_in_the_boards_order() -> None:
-    from control_board_ros.node.wiring.services import Services
-
     def joints(old: Any, board: Any, request: Any) -> Any:
         chosen = old(board, request)
         return [name for name in board.names if name in chosen]
 
-    around(Services, "_joints", lambda old, *args: joints(old, *args[-2:]))
+    around("node.wiring.services:Services._joints", lambda old, *args: joints(old, *args[-2:]))
     for name in ("get_control_mode", "get_interaction_mode"):
-        around(Services, name, in_order)
+        around(f"node.wiring.services:Services.{name}", in_order)
 
 
 def in_order(old: Any, self: Any, request: Any, response: Any) -> Any:
@@ -56,18 +49,13 @@ def in_order(old: Any, self: Any, request: Any, response: Any) -> Any:
     return old(self, request, response)
 
 
-@breaks("A")
-def refusals_in_the_boards_order() -> None:
-    from control_board_ros.node.wiring.services import Services
-
-    def set_control_mode(old: Any, self: Any, request: Any, response: Any) -> Any:
-        old(self, request, response)
-        if list(request.names) != sorted(request.names) and len(set(request.modes)) == 1:
-            response.answers = list(response.answers)[::-1]
-            response.reasons = list(response.reasons)[::-1]
-        return response
-
-    around(Services, "set_control_mode", set_control_mode)
+@replaces("A", "node.wiring.services:Services.set_control_mode")
+def refusals_in_the_boards_order(old: Any, self: Any, request: Any, response: Any) -> Any:
+    old(self, request, response)
+    if list(request.names) != sorted(request.names) and len(set(request.modes)) == 1:
+        response.answers = list(response.answers)[::-1]
+        response.reasons = list(response.reasons)[::-1]
+    return response
 
 
 @breaks("A")
@@ -84,31 +72,25 @@ def a_state_with_fields_of_length_one() -> None:
     publishing.StateMessage = Shortened  # type: ignore[misc]
 
 
-@breaks("D2")
-def a_position_switches() -> None:
-    from control_board_ros.core.machine.commands import Commands
-
-    def command(
-        old: Any, self: Commands, kind: CommandKind, selection: Any, *args: Any, **more: Any
-    ) -> Any:
-        reply = old(self, kind, selection, *args, **more)
-        if kind is K.POSITION and len(selection.names) == 1:
-            for j in selection.numbers:
-                if self._state.control_modes[j] is M.VELOCITY:
-                    self._machine.enter([j], M.POSITION)
-        return reply
-
-    around(Commands, "command", command)
+@replaces("D2", "core.machine.commands:Commands.command")
+def a_position_switches(
+    old: Any, self: Any, kind: CommandKind, selection: Any, *args: Any, **more: Any
+) -> Any:
+    reply = old(self, kind, selection, *args, **more)
+    if kind is K.POSITION and len(selection.names) == 1:
+        for j in selection.numbers:
+            if self._state.control_modes[j] is M.VELOCITY:
+                self._machine.enter([j], M.POSITION)
+    return reply
 
 
 @breaks("")
 def answers_late() -> None:
     """Not one rule is broken: all take too long."""
-    from control_board_ros.node.wiring.services import Services
 
     def late(old: Any, *args: Any) -> Any:
         time.sleep(0.4)
         return old(*args)
 
     for name in ("get_control_mode", "set_control_mode"):
-        around(Services, name, late)
+        around(f"node.wiring.services:Services.{name}", late)

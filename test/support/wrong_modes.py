@@ -7,7 +7,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from breaking import around, breaks
+from breaking import around, breaks, replaces
 
 from control_board_ros.conformance.bench import Allowed
 from control_board_ros.core.terms import modes
@@ -28,58 +28,43 @@ M, K = ControlMode, CommandKind
 def drive(mode: ControlMode) -> None:
     """Let a mode that is unpowered give half a percent to the motor."""
     LAWS[mode] = dict.fromkeys(InteractionMode, Law.OUTPUT)
-    from control_board_ros.core.machine.machine import Machine
 
-    def enter(old: Any, self: Machine, joints: Any, entered: ControlMode) -> None:
+    def enter(old: Any, self: Any, joints: Any, entered: ControlMode) -> None:
         old(self, joints, entered)
         if entered is mode:
             for j in joints:
                 self.controller.joints[j].output_command = 0.5
 
-    around(Machine, "enter", enter)
+    around("core.machine.machine:Machine.enter", enter)
 
 
-@breaks("V1")
-def names_for_codes() -> None:
-    from control_board_ros.node.wiring import messages
-
-    def joint_modes(old: Any, names: Any, control: Any, interaction: Any, stamp: int) -> Any:
-        message = old(names, control, interaction, stamp)
-        message.interaction_modes = [mode.name for mode in interaction]
-        return message
-
-    around(messages, "joint_modes", joint_modes)
+@replaces("V1", "node.wiring.messages:joint_modes")
+def names_for_codes(old: Any, names: Any, control: Any, interaction: Any, stamp: int) -> Any:
+    message = old(names, control, interaction, stamp)
+    message.interaction_modes = [mode.name for mode in interaction]
+    return message
 
 
-@breaks("M1")
-def one_for_all() -> None:
-    from control_board_ros.core.machine.requests import Requests
+@replaces("M1", "core.machine.requests:Requests.request")
+def one_for_all(old: Any, self: Any, selection: Any, wanted: Any) -> Any:
     from control_board_ros.core.selection import Selection
 
-    def request(old: Any, self: Requests, selection: Any, wanted: Any) -> Any:
-        if len(selection.names) == 1 and isinstance(wanted[0], ControlMode):
-            for j in range(self._machine.state.n):
-                if j not in selection.joints:
-                    old(self, Selection.of([j], selection.names), wanted)
-        return old(self, selection, wanted)
-
-    around(Requests, "request", request)
+    if len(selection.names) == 1 and isinstance(wanted[0], ControlMode):
+        for j in range(self._machine.state.n):
+            if j not in selection.joints:
+                old(self, Selection.of([j], selection.names), wanted)
+    return old(self, selection, wanted)
 
 
-@breaks("M2")
-def position_when_a_velocity_expires() -> None:
-    from control_board_ros.core.machine.machine import Machine
-
-    def expire(old: Any, self: Machine) -> None:
-        takes = self.state.accepts[K.VELOCITY].copy()
-        ramping = [self.references.is_ramping(j) for j in range(self.state.n)]
-        targets = [joint.ramp_target for joint in self.controller.joints]
-        old(self)
-        for j, joint in enumerate(self.controller.joints):
-            if takes[j] and ramping[j] and targets[j] != 0.0 and joint.ramp_target == 0.0:
-                self.enter([j], M.POSITION)
-
-    around(Machine, "expire", expire)
+@replaces("M2", "core.machine.machine:Machine.expire")
+def position_when_a_velocity_expires(old: Any, self: Any) -> None:
+    takes = self.state.accepts[K.VELOCITY].copy()
+    ramping = [self.references.is_ramping(j) for j in range(self.state.n)]
+    targets = [joint.ramp_target for joint in self.controller.joints]
+    old(self)
+    for j, joint in enumerate(self.controller.joints):
+        if takes[j] and ramping[j] and targets[j] != 0.0 and joint.ramp_target == 0.0:
+            self.enter([j], M.POSITION)
 
 
 @breaks("M3")
@@ -92,31 +77,23 @@ def velocity_in_position() -> None:
     ACCEPTS[M.POSITION] |= {K.VELOCITY}
 
 
-@breaks("M4")
-def ignored_and_not_counted() -> None:
-    from control_board_ros.core.machine.commands import Commands
-
-    def ignored(old: Any, self: Commands, *args: Any) -> Any:
-        counts = self._state.rejected.copy()
-        answers = old(self, *args)
-        self._state.rejected[:] = counts
-        return answers
-
-    around(Commands, "_judged", ignored)
+@replaces("M4", "core.machine.commands:Commands._judged")
+def ignored_and_not_counted(old: Any, self: Any, *args: Any) -> Any:
+    counts = self._state.rejected.copy()
+    answers = old(self, *args)
+    self._state.rejected[:] = counts
+    return answers
 
 
-@breaks("M5")
-def refuses_what_it_does_not_implement() -> None:
+@replaces("M5", "core.machine.decisions:_decide_control_mode")
+def refuses_what_it_does_not_implement(old: Any, *args: Any) -> Any:
     from control_board_ros.core.machine import decisions
     from control_board_ros.core.terms.reply import Answer
 
-    def decide(old: Any, *args: Any) -> Any:
-        verdict = old(*args)
-        if verdict.answer is Answer.UNSUPPORTED:
-            return decisions.Verdict(Answer.REFUSED, verdict.reason)
-        return verdict
-
-    around(decisions, "_decide_control_mode", decide)
+    verdict = old(*args)
+    if verdict.answer is Answer.UNSUPPORTED:
+        return decisions.Verdict(Answer.REFUSED, verdict.reason)
+    return verdict
 
 
 @breaks("M6")
@@ -124,43 +101,30 @@ def a_status_can_be_set() -> None:
     REQUESTS[M.HW_FAULT] = Event.FORCE_IDLE
 
 
-@breaks("M7")
-def a_joint_may_be_named_twice() -> None:
-    from control_board_ros.core.selection import Selector
-
-    def resolve(old: Any, self: Selector, joints: Any) -> Any:
-        return old(self, tuple(dict.fromkeys(joints)))
-
-    around(Selector, "_resolve", resolve)
+@replaces("M7", "core.selection:Selector._resolve")
+def a_joint_may_be_named_twice(old: Any, self: Any, joints: Any) -> Any:
+    return old(self, tuple(dict.fromkeys(joints)))
 
 
-@breaks("M8")
-def the_present_mode_resets() -> None:
+@replaces("M8", "core.machine.decisions:_decide_control_mode")
+def the_present_mode_resets(old: Any, facts: Any, wanted: ControlMode) -> Any:
     from control_board_ros.core.machine import decisions
 
-    def decide(old: Any, facts: Any, wanted: ControlMode) -> Any:
-        verdict = old(facts, wanted)
-        if verdict == decisions.FINE and wanted in SELECTABLE:
-            return verdict._replace(effect=wanted)
-        return verdict
-
-    around(decisions, "_decide_control_mode", decide)
+    verdict = old(facts, wanted)
+    if verdict == decisions.FINE and wanted in SELECTABLE:
+        return verdict._replace(effect=wanted)
+    return verdict
 
 
-@breaks("M9")
-def a_move_survives_a_change_of_mode() -> None:
-    from control_board_ros.core.machine.machine import Machine
-
-    def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
-        before = {self.state.control_modes[j] for j in joints}
-        keep = before <= modes.STOPPABLE and mode in modes.STOPPABLE and before != {mode}
-        if keep:
-            self.references.reset = lambda *_, **__: None  # type: ignore[method-assign]
-        old(self, joints, mode)
-        if keep:
-            del self.references.reset
-
-    around(Machine, "enter", enter)
+@replaces("M9", "core.machine.machine:Machine.enter")
+def a_move_survives_a_change_of_mode(old: Any, self: Any, joints: Any, mode: ControlMode) -> None:
+    before = {self.state.control_modes[j] for j in joints}
+    keep = before <= modes.STOPPABLE and mode in modes.STOPPABLE and before != {mode}
+    if keep:
+        self.references.reset = lambda *_, **__: None  # type: ignore[method-assign]
+    old(self, joints, mode)
+    if keep:
+        del self.references.reset
 
 
 @breaks("M10")
@@ -168,15 +132,10 @@ def power_in_idle() -> None:
     drive(M.IDLE)
 
 
-@breaks("M11")
-def references_are_forgotten() -> None:
-    from control_board_ros.core.laws.references import References
-
-    def reset(old: Any, self: References, joints: Any, **kwargs: Any) -> None:
-        old(self, joints, **kwargs)
-        self.last[:, joints] = 0.0
-
-    around(References, "reset", reset)
+@replaces("M11", "core.laws.references:References.reset")
+def references_are_forgotten(old: Any, self: Any, joints: Any, **kwargs: Any) -> None:
+    old(self, joints, **kwargs)
+    self.last[:, joints] = 0.0
 
 
 @breaks("I2")
@@ -186,54 +145,36 @@ def nothing_is_stored_in_a_fault() -> None:
     decisions.STORES_INTERACTION = modes.STORES_INTERACTION - {M.HW_FAULT}
 
 
-@breaks("I3")
-def compliant_takes_direct_positions() -> None:
-    from control_board_ros.core.machine.requests import Requests
-
-    def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
-        old(self, j, wanted)
-        state = self._machine.state
-        if wanted is InteractionMode.COMPLIANT and state.control_modes[j] is M.POSITION:
-            state.accepts[K.POSITION_DIRECT, j] = True
-
-    around(Requests, "_store_interaction", store)
+@replaces("I3", "core.machine.requests:Requests._store_interaction")
+def compliant_takes_direct_positions(old: Any, self: Any, j: int, wanted: InteractionMode) -> None:
+    old(self, j, wanted)
+    state = self._machine.state
+    if wanted is InteractionMode.COMPLIANT and state.control_modes[j] is M.POSITION:
+        state.accepts[K.POSITION_DIRECT, j] = True
 
 
-@breaks("I4")
-def a_move_survives_the_interaction_mode() -> None:
-    from control_board_ros.core.machine.requests import Requests
-
-    def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
-        references = self._machine.references
-        references.reset = lambda *_, **__: None  # type: ignore[method-assign]
-        old(self, j, wanted)
-        del references.reset
-
-    around(Requests, "_store_interaction", store)
+@replaces("I4", "core.machine.requests:Requests._store_interaction")
+def a_move_survives_the_interaction_mode(
+    old: Any, self: Any, j: int, wanted: InteractionMode
+) -> None:
+    references = self._machine.references
+    references.reset = lambda *_, **__: None  # type: ignore[method-assign]
+    old(self, j, wanted)
+    del references.reset
 
 
-@breaks("I6")
-def any_stiffness() -> None:
-    from control_board_ros.core import group
-
-    def all_within(old: Any, chosen: Any, what: str, values: Any, most: Any, **more: Any) -> Any:
-        return old(chosen, what, values, most * (2.0 if what == "stiffness" else 1.0), **more)
-
-    around(group, "all_within", all_within)
+@replaces("I6", "core.group:all_within")
+def any_stiffness(old: Any, chosen: Any, what: str, values: Any, most: Any, **more: Any) -> Any:
+    return old(chosen, what, values, most * (2.0 if what == "stiffness" else 1.0), **more)
 
 
-@breaks("I10")
-def a_compliant_stop_pushes() -> None:
-    from control_board_ros.core.machine.stops import Stops
-
-    def hold(old: Any, self: Stops, chosen: Any) -> None:
-        old(self, chosen)
-        state = self._state
-        for j in chosen:
-            if state.interaction_modes[j] is InteractionMode.COMPLIANT:
-                self._references.hold(np.array([j]), state.position[[j]] + 0.1)
-
-    around(Stops, "_hold", hold)
+@replaces("I10", "core.machine.stops:Stops._hold")
+def a_compliant_stop_pushes(old: Any, self: Any, chosen: Any) -> None:
+    old(self, chosen)
+    state = self._state
+    for j in chosen:
+        if state.interaction_modes[j] is InteractionMode.COMPLIANT:
+            self._references.hold(np.array([j]), state.position[[j]] + 0.1)
 
 
 @breaks("F1")
@@ -246,14 +187,9 @@ def idle_leaves_a_fault() -> None:
     TRANSITIONS[M.HW_FAULT, M.IDLE] = M.IDLE
 
 
-@breaks("F3")
-def any_cause_is_cleared() -> None:
-    from control_board_ros.core.machine.machine import Machine
-
-    def facts(old: Any, self: Machine, j: int) -> Any:
-        return old(self, j)._replace(cause=None)
-
-    around(Machine, "facts", facts)
+@replaces("F3", "core.machine.machine:Machine.facts")
+def any_cause_is_cleared(old: Any, self: Any, j: int) -> Any:
+    return old(self, j)._replace(cause=None)
 
 
 @breaks("F4")
@@ -266,101 +202,75 @@ def force_idle_only_in_a_fault() -> None:
 def a_fault_is_forgotten() -> None:
     from control_board_ros.core.terms.faults import FaultRecord
 
-    around(FaultRecord, "cleared", lambda _, self: FaultRecord(self.name))
+    around("core.terms.faults:FaultRecord.cleared", lambda _, self: FaultRecord(self.name))
 
 
-@breaks("V1")
-def another_vocab() -> None:
-    from control_board_ros.node.wiring import messages
-
-    def joint_modes(old: Any, *args: Any) -> Any:
-        message = old(*args)
-        vocabs = message.control_mode_vocabs
-        message.control_mode_vocabs = [
-            int.from_bytes(number.to_bytes(4, "little"), "big", signed=True) for number in vocabs
-        ]
-        return message
-
-    around(messages, "joint_modes", joint_modes)
+@replaces("V1", "node.wiring.messages:joint_modes")
+def another_vocab(old: Any, *args: Any) -> Any:
+    message = old(*args)
+    vocabs = message.control_mode_vocabs
+    message.control_mode_vocabs = [
+        int.from_bytes(number.to_bytes(4, "little"), "big", signed=True) for number in vocabs
+    ]
+    return message
 
 
-@breaks("V1")
-def a_mode_of_its_own() -> None:
-    from control_board_ros.node.wiring.services import Services
-
-    def get(old: Any, *args: Any) -> Any:
-        response = old(*args)
-        response.control_modes = [f"{codes},swim" for codes in response.control_modes]
-        return response
-
-    around(Services, "get_available_modes", get)
+@replaces("V1", "node.wiring.services:Services.get_available_modes")
+def a_mode_of_its_own(old: Any, *args: Any) -> Any:
+    response = old(*args)
+    response.control_modes = [f"{codes},swim" for codes in response.control_modes]
+    return response
 
 
-@breaks("M4")
-def a_mixed_message_is_refused_whole() -> None:
-    from control_board_ros.core.machine.commands import Commands
+@replaces("M4", "core.machine.commands:Commands.command")
+def a_mixed_message_is_refused_whole(
+    old: Any, self: Any, kind: CommandKind, selection: Any, *args: Any, **more: Any
+) -> Any:
     from control_board_ros.core.terms.reply import refused
 
-    def command(
-        old: Any, self: Commands, kind: CommandKind, selection: Any, *args: Any, **more: Any
-    ) -> Any:
-        takes = self._state.accepts[kind, selection.joints]
-        if takes.any() and not takes.all():
-            self._state.rejected[selection.joints] += np.uint64(1)
-            return refused("not all of them accept it", selection.names)
-        return old(self, kind, selection, *args, **more)
-
-    around(Commands, "command", command)
+    takes = self._state.accepts[kind, selection.joints]
+    if takes.any() and not takes.all():
+        self._state.rejected[selection.joints] += np.uint64(1)
+        return refused("not all of them accept it", selection.names)
+    return old(self, kind, selection, *args, **more)
 
 
 @breaks("M4")
 def an_ignored_move_is_kept() -> None:
-    from control_board_ros.core.machine.commands import Commands
-    from control_board_ros.core.machine.machine import Machine
-
     kept: dict[int, float] = {}
 
     def ignored(
-        old: Any, self: Commands, kind: CommandKind, selection: Any, asked: Any, along: Any
+        old: Any, self: Any, kind: CommandKind, selection: Any, asked: Any, along: Any
     ) -> Any:
         if kind is K.POSITION and len(asked) == 1 and np.isfinite(asked[0]):
             kept[int(selection.joints[0])] = float(asked[0])
         return old(self, kind, selection, asked, along)
 
-    def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
+    def enter(old: Any, self: Any, joints: Any, mode: ControlMode) -> None:
         old(self, joints, mode)
         for j in joints:
             if mode is M.POSITION and j in kept:
                 self.references.move(np.array([j]), np.array([kept.pop(j)]), np.array([0.3]))
 
-    around(Commands, "_judged", ignored)
-    around(Machine, "enter", enter)
+    around("core.machine.commands:Commands._judged", ignored)
+    around("core.machine.machine:Machine.enter", enter)
 
 
-@breaks("M5")
-def refuses_and_says_success() -> None:
+@replaces("M5", "node.wiring.services:answered")
+def refuses_and_says_success(old: Any, response: Any, reply: Any) -> Any:
     from control_board_ros.core.terms.reply import Answer
-    from control_board_ros.node.wiring import services
 
-    def answered(old: Any, response: Any, reply: Any) -> Any:
-        old(response, reply)
-        response.success = bool(reply) or Answer.UNSUPPORTED in reply.answers
-        return response
-
-    around(services, "answered", answered)
+    old(response, reply)
+    response.success = bool(reply) or Answer.UNSUPPORTED in reply.answers
+    return response
 
 
-@breaks("M5")
-def idle_for_what_it_does_not_implement() -> None:
-    from control_board_ros.core.machine.machine import Machine
-
-    def raise_fault(old: Any, self: Machine, j: int, code: Any, text: str) -> None:
-        if code.name == "UNSUPPORTED":
-            self.enter([j], M.IDLE)
-        else:
-            old(self, j, code, text)
-
-    around(Machine, "raise_fault", raise_fault)
+@replaces("M5", "core.machine.machine:Machine.raise_fault")
+def idle_for_what_it_does_not_implement(old: Any, self: Any, j: int, code: Any, text: str) -> None:
+    if code.name == "UNSUPPORTED":
+        self.enter([j], M.IDLE)
+    else:
+        old(self, j, code, text)
 
 
 @breaks("M6")
@@ -368,69 +278,44 @@ def calibration_is_a_mode() -> None:
     REQUESTS[M.CALIBRATING] = M.IDLE
 
 
-@breaks("M9")
-def a_jump_on_entering() -> None:
-    from control_board_ros.core.machine.machine import Machine
-
-    def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
-        old(self, joints, mode)
-        if mode in modes.STOPPABLE:
-            chosen = np.array(joints)
-            self.references.hold(chosen, self.state.position[chosen] + 0.03)
-
-    around(Machine, "enter", enter)
+@replaces("M9", "core.machine.machine:Machine.enter")
+def a_jump_on_entering(old: Any, self: Any, joints: Any, mode: ControlMode) -> None:
+    old(self, joints, mode)
+    if mode in modes.STOPPABLE:
+        chosen = np.array(joints)
+        self.references.hold(chosen, self.state.position[chosen] + 0.03)
 
 
-@breaks("M9")
-def an_output_on_entering_open_loop() -> None:
-    from control_board_ros.core.machine.machine import Machine
-
-    def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
-        old(self, joints, mode)
-        if mode is M.OPENLOOP:
-            for j in joints:
-                self.controller.joints[j].output_command = 0.3
-
-    around(Machine, "enter", enter)
-
-
-@breaks("M9")
-def no_load_taken_over() -> None:
-    """TORQUE begins with a torque that nobody asked for."""
-    from control_board_ros.core.machine.machine import Machine
-
-    def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
-        old(self, joints, mode)
-        if mode is M.TORQUE:
-            for j in joints:
-                self.controller.joints[j].command_torque(self.state.torque[j] + 3.0)
-
-    around(Machine, "enter", enter)
-
-
-@breaks("I1")
-def compliant_for_all() -> None:
-    from control_board_ros.core.machine.requests import Requests
-
-    def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
-        for other in range(self._machine.state.n):
-            if other == j or self._machine.config.joints[other].torque_sensor:
-                old(self, other, wanted)
-
-    around(Requests, "_store_interaction", store)
-
-
-@breaks("I2")
-def stiff_on_entering_from_idle() -> None:
-    from control_board_ros.core.machine.machine import Machine
-
-    def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
+@replaces("M9", "core.machine.machine:Machine.enter")
+def an_output_on_entering_open_loop(old: Any, self: Any, joints: Any, mode: ControlMode) -> None:
+    old(self, joints, mode)
+    if mode is M.OPENLOOP:
         for j in joints:
-            if self.state.control_modes[j] is M.IDLE:
-                self.state.interaction_modes[j] = InteractionMode.STIFF
-        old(self, joints, mode)
+            self.controller.joints[j].output_command = 0.3
 
-    around(Machine, "enter", enter)
+
+@replaces("M9", "core.machine.machine:Machine.enter")
+def no_load_taken_over(old: Any, self: Any, joints: Any, mode: ControlMode) -> None:
+    """TORQUE begins with a torque that nobody asked for."""
+    old(self, joints, mode)
+    if mode is M.TORQUE:
+        for j in joints:
+            self.controller.joints[j].command_torque(self.state.torque[j] + 3.0)
+
+
+@replaces("I1", "core.machine.requests:Requests._store_interaction")
+def compliant_for_all(old: Any, self: Any, j: int, wanted: InteractionMode) -> None:
+    for other in range(self._machine.state.n):
+        if other == j or self._machine.config.joints[other].torque_sensor:
+            old(self, other, wanted)
+
+
+@replaces("I2", "core.machine.machine:Machine.enter")
+def stiff_on_entering_from_idle(old: Any, self: Any, joints: Any, mode: ControlMode) -> None:
+    for j in joints:
+        if self.state.control_modes[j] is M.IDLE:
+            self.state.interaction_modes[j] = InteractionMode.STIFF
+    old(self, joints, mode)
 
 
 @breaks("I4")
@@ -441,47 +326,35 @@ def the_present_interaction_mode_stops() -> None:
         verdict = old(facts, wanted)
         return verdict._replace(effect=wanted) if verdict == decisions.FINE else verdict
 
-    from control_board_ros.core.machine.requests import Requests
-
-    def store(old: Any, self: Requests, j: int, wanted: InteractionMode) -> None:
+    def store(old: Any, self: Any, j: int, wanted: InteractionMode) -> None:
         old(self, j, wanted)
         if self._machine.state.control_modes[j] in modes.STOPPABLE:
             self._machine.enter([j], self._machine.state.control_modes[j])
 
-    around(decisions, "_decide_interaction", decide)
-    around(Requests, "_store_interaction", store)
+    around("core.machine.decisions:_decide_interaction", decide)
+    around("core.machine.requests:Requests._store_interaction", store)
 
 
 @breaks("I5")
 def half_the_spring() -> None:
-    from control_board_ros.core.laws.control import Controller
-
-    def set_impedance(
-        old: Any, self: Controller, joints: Any, stiffness: Any, damping: Any
-    ) -> None:
+    def set_impedance(old: Any, self: Any, joints: Any, stiffness: Any, damping: Any) -> None:
         old(self, joints, stiffness, damping)
         for j in joints.tolist():
             self.joints[j].stiffness *= 0.5
 
-    from control_board_ros.core.board import Board
-
-    def get(old: Any, self: Board, joints: Any = None) -> Any:
+    def get(old: Any, self: Any, joints: Any = None) -> Any:
         stiffness, damping = old(self, joints)
         return 2.0 * stiffness, damping
 
-    around(Controller, "set_impedance", set_impedance)
-    around(Board, "get_impedance", get)
+    around("core.laws.control:Controller.set_impedance", set_impedance)
+    around("core.board:Board.get_impedance", get)
 
 
 @breaks("I6")
 def impedance_acts_with_the_next_mode() -> None:
-    from control_board_ros.core.board import Board
-    from control_board_ros.core.laws.control import Controller
-    from control_board_ros.core.machine.machine import Machine
-
     wanted: dict[int, tuple[float, float]] = {}
 
-    def set_impedance(old: Any, self: Controller, joints: Any, *args: Any) -> None:
+    def set_impedance(old: Any, self: Any, joints: Any, *args: Any) -> None:
         before = [(self.joints[j].stiffness, self.joints[j].damping) for j in joints.tolist()]
         old(self, joints, *args)
         for j, (stiffness, damping) in zip(joints.tolist(), before, strict=True):
@@ -489,72 +362,56 @@ def impedance_acts_with_the_next_mode() -> None:
             wanted[j] = joint.stiffness, joint.damping
             joint.stiffness, joint.damping = stiffness, damping
 
-    def enter(old: Any, self: Machine, joints: Any, mode: ControlMode) -> None:
+    def enter(old: Any, self: Any, joints: Any, mode: ControlMode) -> None:
         for j in joints:
             joint = self.controller.joints[j]
             joint.stiffness, joint.damping = wanted.get(j, (joint.stiffness, joint.damping))
         old(self, joints, mode)
 
-    def get(old: Any, self: Board, joints: Any = None) -> Any:
+    def get(old: Any, self: Any, joints: Any = None) -> Any:
         found = old(self, joints)
         for k, j in enumerate(self.selector.select(joints).joints.tolist()):
             found[0][k], found[1][k] = wanted.get(j, (found[0][k], found[1][k]))
         return found
 
-    around(Controller, "set_impedance", set_impedance)
-    around(Machine, "enter", enter)
-    around(Board, "get_impedance", get)
+    around("core.laws.control:Controller.set_impedance", set_impedance)
+    around("core.machine.machine:Machine.enter", enter)
+    around("core.board:Board.get_impedance", get)
 
 
-@breaks("I7", joint="bare")
-def compliant_without_a_sensor_is_refused() -> None:
+@replaces("I7", "core.machine.decisions:_decide_interaction", joint="bare")
+def compliant_without_a_sensor_is_refused(old: Any, *args: Any) -> Any:
     from control_board_ros.core.machine import decisions
     from control_board_ros.core.terms.reply import Answer
 
-    def decide(old: Any, *args: Any) -> Any:
-        verdict = old(*args)
-        if verdict.answer is Answer.UNSUPPORTED:
-            return decisions.Verdict(Answer.REFUSED, verdict.reason)
-        return verdict
-
-    around(decisions, "_decide_interaction", decide)
+    verdict = old(*args)
+    if verdict.answer is Answer.UNSUPPORTED:
+        return decisions.Verdict(Answer.REFUSED, verdict.reason)
+    return verdict
 
 
-@breaks("F2")
-def force_idle_works_and_says_it_failed() -> None:
-    from control_board_ros.node.wiring.services import Services
-
-    def set_control_mode(old: Any, self: Any, request: Any, response: Any) -> Any:
-        old(self, request, response)
-        response.success = response.success and list(request.modes) != ["fidl"]
-        return response
-
-    around(Services, "set_control_mode", set_control_mode)
+@replaces("F2", "node.wiring.services:Services.set_control_mode")
+def force_idle_works_and_says_it_failed(old: Any, self: Any, request: Any, response: Any) -> Any:
+    old(self, request, response)
+    response.success = response.success and list(request.modes) != ["fidl"]
+    return response
 
 
-@breaks("F2")
-def a_fault_refuses_and_says_success() -> None:
-    from control_board_ros.node.wiring.services import Services
-
-    def set_control_mode(old: Any, self: Any, request: Any, response: Any) -> Any:
-        old(self, request, response)
-        response.success = response.success or (
-            "hwfa" in response.modes
-            and "unsupported" not in response.answers
-            and list(request.modes) not in (["hwfa"], [""])
-        )
-        return response
-
-    around(Services, "set_control_mode", set_control_mode)
+@replaces("F2", "node.wiring.services:Services.set_control_mode")
+def a_fault_refuses_and_says_success(old: Any, self: Any, request: Any, response: Any) -> Any:
+    old(self, request, response)
+    response.success = response.success or (
+        "hwfa" in response.modes
+        and "unsupported" not in response.answers
+        and list(request.modes) not in (["hwfa"], [""])
+    )
+    return response
 
 
 @breaks("F5")
 def a_fault_is_stamped_when_cleared() -> None:
-    from control_board_ros.core.terms.faults import FaultRecord
-
     around(
-        FaultRecord,
-        "cleared",
+        "core.terms.faults:FaultRecord.cleared",
         lambda old, self: dataclasses.replace(old(self), text="cleared"),
     )
 
@@ -566,9 +423,7 @@ POWERS = {"allowed": Allowed(power_cycle=True)}
 
 @breaks("K1", **CALIBRATES)
 def a_calibration_does_nothing() -> None:
-    from control_board_ros.core.calibration.calibrations import Calibrations
-
-    around(Calibrations, "start", lambda *_: None)
+    around("core.calibration.calibrations:Calibrations.start", lambda *_: None)
 
 
 @breaks("K2", **CALIBRATES)
@@ -586,9 +441,7 @@ def calibrated_into_idle() -> None:
 
 @breaks("N1", **POWERS)  # waits it out for what does not come
 def a_power_cycle_does_nothing() -> None:
-    from control_board_ros.core.board import Board
-
-    around(Board, "power_cycle", lambda *_: None)
+    around("core.board:Board.power_cycle", lambda *_: None)
 
 
 @breaks("N3", **POWERS)
