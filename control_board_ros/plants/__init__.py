@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plants of somebody else: real motors, or another simulation, behind the same board (SPEC B).
+"""Third-party plants: real motors, or another simulation, behind the same board (SPEC B).
 
 An author writes a class with the methods of ``interface.DrivePlant``, or of ``RobotPlant`` where
-the motors take PWM and nothing else, and names what makes one in
+the motors accept PWM only, and names what makes one in
 the entry-point group ``control_board_ros.plants``; users choose it by ``plant:=name``.
 """
 

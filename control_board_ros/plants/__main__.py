@@ -135,7 +135,7 @@ def put_joints(trial: Trial, axes: Sequence[Axis]) -> None:
         print(
             f"{config.name}: {has.drive}, id {axis.id}, direction {axis.direction}, ratio "
             f"{axis.ratio:g}, at {round(math.degrees(found.position[k]), 1) + 0.0}°, "
-            f"takes {', '.join(kind.code for kind in has.set_points)}"
+            f"accepts {', '.join(kind.code for kind in has.set_points)}"
         )
         for line in limit_differences(config, has):
             print(f"  {line}")
@@ -151,7 +151,7 @@ def report(moved: Moved) -> str:
 
 
 def agreed(question: str) -> bool:
-    """Whether the user says yes."""
+    """Whether the user agrees."""
     return input(f"{question} [y/N] ").strip().lower() in ("y", "yes")
 
 

@@ -23,19 +23,19 @@ LEAVING = 1.0
 
 
 class PlantApart:
-    """A DrivePlant whose methods run in a process of its own, which ``connect`` starts anew.
+    """A DrivePlant whose methods run in a process of its own, which ``connect`` restarts.
 
     Args:
         name: Of the plant's entry point.
         joints: Names, in the board's order.
         arguments: Of the user, ``name=value`` each.
-        silence: After which it loses its power when nobody asks it, s.
+        silence: Time without a request after which it disables its motors, s.
 
     Attributes:
         process: That holds the plant.
 
     Raises:
-        PlantSettingsError: there is no such plant, or it does not take these joints or arguments.
+        PlantSettingsError: there is no such plant, or it refuses these joints or arguments.
     """
 
     process: subprocess.Popen[bytes]
@@ -47,7 +47,7 @@ class PlantApart:
         try:
             self._start()
             self._description: Description = self._ask("describe")
-        except Exception as error:  # noqa: BLE001 - somebody else's code
+        except Exception as error:  # noqa: BLE001 - third-party code
             self.close()
             raise PlantSettingsError(str(error)) from None
 
@@ -71,7 +71,7 @@ class PlantApart:
         self._ask("clear_fault", joint)
 
     def close(self) -> None:
-        """Let the process take the power off and end; it does so by itself if it hangs now."""
+        """Let the process disable the motors and end; it does so by itself if it hangs now."""
         if self._connection.closed:
             return
         self._connection.close()

@@ -35,7 +35,7 @@ def find(name: str) -> Maker:
         )
     try:
         made = offered[name].load()
-    except Exception as error:  # noqa: BLE001 - it is somebody else's module
+    except Exception as error:  # noqa: BLE001 - third-party module
         raise PlantSettingsError(
             f"plant: {name!r} cannot be imported ({type(error).__name__}: {error}); "
             f"look at {offered[name].value}"
@@ -52,13 +52,13 @@ def make(name: str, joints: Sequence[str], arguments: Sequence[str]) -> RobotPla
         arguments: Of the user, ``name=value`` each.
 
     Raises:
-        PlantSettingsError: there is none, or it does not take these joints or arguments.
+        PlantSettingsError: there is none, or it refuses these joints or arguments.
     """
     given = pairs(arguments)
     maker = find(name)
     try:
         return maker(tuple(joints), given)
-    except Exception as error:  # noqa: BLE001 - it is somebody else's code
+    except Exception as error:  # noqa: BLE001 - third-party code
         raise PlantSettingsError(
             f"plant: {name!r} cannot be made ({type(error).__name__}: {error}); "
             "look at joints and plant_arguments"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors about plants of somebody else, each one line for people."""
+"""Errors about third-party plants, each one line for people."""
 
 
 class PlantSettingsError(ValueError):

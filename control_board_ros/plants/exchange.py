@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One exchange with somebody else's plant: set-points, readings, each of them checked.
+"""One exchange with a third-party plant: set-points, readings, each of them checked.
 
 No threads and no clock here: ``guarded`` calls this in a thread that may hang.
 """
@@ -43,9 +43,9 @@ class Exchange:
     """Exchanges with a plant, in the order and the units of a board.
 
     Args:
-        plant: Of somebody else.
+        plant: The third party's.
         board: Its joints are among the plant's.
-        timeout: Silence that each side bears, s.
+        timeout: Allowed silence of each side, s.
     """
 
     def __init__(self, plant: DrivePlant, board: BoardConfig, timeout: float) -> None:
@@ -74,7 +74,7 @@ class Exchange:
         self._turned: Array | None = None
 
     def connect(self) -> None:
-        """Open the way to the hardware, anew."""
+        """Connect to the hardware, also again."""
         self.forget()
         self._plant.connect(self._setup)
 
@@ -100,7 +100,7 @@ class Exchange:
         return bool(self._wanted.powered.any())
 
     def let_go(self) -> None:
-        """Each motor does what its ``on_silence`` says."""
+        """Each motor does its ``on_silence``."""
         self.forget()
         self._plant.let_go()
 
@@ -143,7 +143,7 @@ class Exchange:
         return Sample(values, self._faults(found), applied, late, self._motors(found))
 
     def _settled(self, applied: Array, velocity: Array, torque: Array, wanted: SetPoints) -> Array:
-        """The current that the winding settles at, i = (V − Ke dq)/R, or that the torque takes."""
+        """The steady current of the winding, i = (V − Ke dq)/R, or that of the torque."""
         current = (self._volts * applied - self._back_emf * velocity) / self._resistance
         current = np.where(wanted.kinds == SetPoint.PWM, current, torque / self._per_ampere)
         current[~wanted.powered] = 0.0

@@ -9,11 +9,11 @@ reason in words, while
 * the last exchange raised, or returned what is no reading,
 * its drive reports a fault of its own, which is reset there once the joint is without power.
 
-After an error the thread connects anew, every RETRY seconds, with all joints without power.
+After an error the thread reconnects, every RETRY seconds, with all joints without power.
 
 The thread watches the control loop, too (B5): outputs that are older than ``timeout`` count no
-more, and it takes the power off all joints. A loop that goes on then finds an alarm of each joint
-that it drove, and gives no power before it has taken note of it.
+more, and it disables all joints. A loop that continues then finds an alarm of each joint
+that it drove, and enables none before it has read the alarm.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ RETRY = 0.2
 CYCLES = 3.0
 #: s beyond the timeout that the thread sleeps, so that it wakes after it.
 LEAST_WAIT = 1e-4
-#: Lines that are kept until the node takes them.
+#: Lines that are kept until the node reads them.
 NEWS = 1000
 #: s that a start waits for the first sample; after it the joints begin in HW_FAULT.
 FIRST_SAMPLE = 5.0
@@ -52,7 +52,7 @@ ALARM, DRIVE = 1.0 + FaultCode.PLANT, 1.0 + FaultCode.DRIVE
 
 
 def patience(timeout: float, period: float) -> float:
-    """For how long a control loop may say nothing: the timeout, and some cycles at least, s."""
+    """The allowed silence of a control loop: the timeout, and some cycles at least, s."""
     return max(timeout, CYCLES * period)
 
 
@@ -71,18 +71,18 @@ class Wanted:
 
 
 class GuardedPlant:
-    """A ``core.measurement.Plant`` around somebody else's.
+    """A ``core.measurement.Plant`` around a third party's.
 
     Args:
-        plant: Of somebody else.
+        plant: The third party's.
         board: Its joints are among the plant's.
         timeout: After which a plant that does not answer is a fault, and a control loop that
-            says nothing loses the power, s.
+            is silent loses the power, s.
         clock: For tests, s.
         first: s to wait for the first sample.
 
     Attributes:
-        applied: PWM that the plant says that it applied last, percent, shape (n,).
+        applied: PWM that the plant reports as applied last, percent, shape (n,).
         late: Answers of each joint that came too late for their exchange so far, shape (n,).
         limits: Of the drives that are connected, by joint; replaced whole when they differ.
         processes: The ids of those that run the plant, beside this one.
@@ -100,7 +100,7 @@ class GuardedPlant:
         self._board = board
         self.limits: tuple[DriveLimits, ...] = (DriveLimits(),) * len(board.joints)
         self._acting, self._refusal = self.limits, ""
-        self._limits: set[str] = set()  # lines about those that differ, told already
+        self._limits: set[str] = set()  # lines about those that differ, already reported
         self._news: deque[str] = deque(maxlen=NEWS)
         self._patience = patience(timeout, board.period)
         self._exchange = Exchange(self._plant, board, timeout)
@@ -135,7 +135,7 @@ class GuardedPlant:
         return sample is None or sample[1] < self._cycle
 
     def read(self) -> Measurement:
-        """The last readings; their alarms say what is wrong with them."""
+        """The last readings, with their alarms."""
         self._notice_silence()
         self._told = True
         error, sample = self._error or self._refusal, self._sample
@@ -202,7 +202,7 @@ class GuardedPlant:
     def _silent(self, sample: tuple[float, int, Sample] | None) -> float:
         """For how long the plant owes an answer, s.
 
-        None is owed to outputs that nobody gave, nor for the time in which the control loop stood
+        None is owed without outputs, nor for the time in which the control loop stood
         still itself: paused, or kept from running.
         """
         now = self._clock()
@@ -215,7 +215,7 @@ class GuardedPlant:
         return now - self._waiting
 
     def _notice_silence(self) -> None:
-        """Find out in the loop's own thread that it said nothing for too long (B5)."""
+        """Find out in the loop's own thread that it was silent for too long (B5)."""
         wanted, now = self._wanted, self._clock()
         if self._silence or not (wanted.drives and self._is_old(wanted, now)):
             return
@@ -236,17 +236,17 @@ class GuardedPlant:
                 self._exchange.connect()
                 self._compare_limits()
                 self._talk()
-            except Exception as error:  # noqa: BLE001 - somebody else's code; told as a fault
+            except Exception as error:  # noqa: BLE001 - third-party code; told as a fault
                 self._error = f"{type(error).__name__}: {' '.join(clean(error, 200).split())}"
                 self._answered.set()
-                with contextlib.suppress(Exception):  # the error before it is what is told
+                with contextlib.suppress(Exception):  # the error before it is reported
                     self._exchange.let_go()
                 self._ending.wait(RETRY)
-        with contextlib.suppress(Exception):  # it ends; whoever wants to know has had the fault
+        with contextlib.suppress(Exception):  # it ends; the fault is already reported
             self._plant.close()
 
     def _compare_limits(self) -> None:
-        """Drives tell their limits when connected; one that comes back may have others (S4)."""
+        """Drives report their limits when connected; one that comes back may have others (S4)."""
         has = {joint.name: joint for joint in self._plant.describe().joints}
         joints = self._board.joints
         lines = [line for joint in joints for line in limit_differences(joint, has[joint.name])]

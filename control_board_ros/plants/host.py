@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The process that holds a plant; ``apart`` starts it, and asks.
 
-It hears requests on a socket and answers each. When it hears nothing for the silence that it was
-told while the plant has power, or the other end is gone, it lets the plant go (B5).
+It answers each request on a socket. When none comes for the silence that it was
+given while the plant has power, or the other end is gone, it lets the plant go (B5).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def main(descriptor: int) -> None:
     name, joints, arguments, silence = connection.recv()
     try:
         plant = Watchdog(as_drives(make(name, joints, arguments)))
-    except Exception as error:  # noqa: BLE001 - somebody else's code; told to who asked
+    except Exception as error:  # noqa: BLE001 - third-party code; told to who asked
         connection.send((type(error).__name__, str(error)))
         return
     connection.send(("", None))
@@ -49,7 +49,7 @@ def serve(connection: Connection[Any, Any], plant: Watchdog, silence: float) -> 
             if connection.poll(silence if plant.drives else None):
                 connection.send(answer(plant, *connection.recv()))
             else:
-                plant.strike(f"its board said nothing for {1e3 * silence:.0f} ms")
+                plant.strike(f"its board was silent for {1e3 * silence:.0f} ms")
     except (EOFError, OSError):  # the other end is gone
         plant.strike("its board is gone")
     finally:
@@ -60,5 +60,5 @@ def answer(plant: Watchdog, name: str, arguments: tuple[Any, ...]) -> Answer:
     """What a method of the plant returns, or what it raises."""
     try:
         return "", getattr(plant, name)(*arguments)
-    except Exception as error:  # noqa: BLE001 - somebody else's code; told to who asked
+    except Exception as error:  # noqa: BLE001 - third-party code; told to who asked
         return type(error).__name__, str(error)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the author of a plant writes: see docs/howto/own_plant.md.
 
-A :class:`DrivePlant` has drives that close loops of their own: it takes set-points (SPEC S). A
-:class:`RobotPlant` has motors that take PWM and nothing else.
+A :class:`DrivePlant` has drives that close loops of their own: it accepts set-points (SPEC S). A
+:class:`RobotPlant` has motors that accept PWM only.
 
 All methods but ``describe`` are called from one thread, one after the other, and may block and
 raise: the board goes on without them, and puts the joints into HW_FAULT with the reason.
@@ -25,7 +25,7 @@ from ..core.terms.vocabs import ControlMode
 
 
 class Clock(StrEnum):
-    """Who says when the next exchange is due."""
+    """Who determines when the next exchange is due."""
 
     BOARD = "board"  # the board calls write and read once per control cycle
     PLANT = "plant"  # read blocks until the plant's own cycle (SYNC, a fieldbus master)
@@ -33,7 +33,7 @@ class Clock(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveLimits:
-    """What a drive allows, at the joint; None: it has no such limit, or does not tell it (S4).
+    """The limits of a drive, at the joint; None: it has no such limit, or does not report it (S4).
 
     Attributes: lower, upper (position), velocity, torque (either way), current (of the motor).
     """
@@ -51,26 +51,26 @@ class JointDescription:
 
     Attributes:
         name: Of the board's joint.
-        set_points: Kinds that its drive takes (S1), in any order.
+        set_points: Kinds that its drive accepts (S1), in any order.
         drive: Its type, and its firmware where it is known, for people.
         rate: Of the drive's own loops, Hz; None: not known.
         delay: From a set-point that is handed over to the reading that shows its effect, beyond
             one exchange, s.
         resolution: Step of its position readings, rad.
         limits: That the drive keeps by itself; after ``connect`` those that it has then.
-        on_silence: What the motor can do when its drive hears nothing (S5), the usual one first.
+        on_silence: What the motor can do without commands (S5), the usual one first.
         control_modes: That it can be driven in; the board offers no other (M5).
         torque_sensor: It reads the joint's torque. Without this and ``torque_estimate`` the joint
             has no TORQUE and no COMPLIANT (I7).
         torque_estimate: It reads a torque that it estimates from the motor's current; TORQUE and
-            COMPLIANT then need a drive that takes ``torque`` or ``impedance``.
+            COMPLIANT then need a drive that accepts ``torque`` or ``impedance``.
         current_sensor: Without one nothing checks the encoder against the motor's own travel.
         output_sensor: It reads the PWM that acts, ``Readings.applied``: by that the encoder is
             checked against the motor's travel where a drive closes loops of its own.
         motor_encoder: It reads the position of the motor's shaft.
         temperature_sensor: It reads the winding's temperature.
         brake: It has a brake that ``SetPoints.released`` opens.
-        power_switch: Power can be taken off; else IDLE is an output of 0.
+        power_switch: The motor can be disabled; else IDLE is an output of 0.
     """
 
     name: str
@@ -97,8 +97,8 @@ class Description:
     """What a plant has.
 
     Attributes:
-        joints: In the order of every array that it gives and takes.
-        clock: Who says when the next exchange is due.
+        joints: In the order of every array of the plant.
+        clock: Who determines when the next exchange is due.
         rate: The most exchanges per second, Hz; None: whatever the board asks.
     """
 
@@ -147,8 +147,8 @@ class Readings:
         motor_position, motor_velocity: Of the motors' shafts, at the shaft, positive as the joint;
             NaN where a joint has no encoder there. Velocity None: the change of the position.
         voltage: Of the supply, V; NaN where it is not measured.
-        applied: PWM that truly acts, percent; None: the drive does not tell.
-        ages: s since the joints' readings were taken, 0 where they are of this exchange: a joint
+        applied: PWM that truly acts, percent; None: not reported.
+        ages: s since the joints' readings were made, 0 where they are of this exchange: a joint
             whose answer is late has its last reading again, with the age that it has by now.
         faults: What each drive reports as its fault; empty, or None, where it is healthy.
     """
@@ -171,16 +171,16 @@ OF_MOTORS = ("motor_position", "motor_velocity", "voltage")
 
 
 class DrivePlant(Protocol):
-    """Somebody else's plant, of drives that take set-points."""
+    """A third-party plant, of drives that accept set-points."""
 
     def describe(self) -> Description:
         """What there is. Called before ``connect``, when it touches no hardware, and after it,
-        when ``drive`` and ``limits`` may say what the drives themselves told.
+        when ``drive`` and ``limits`` may be those that the drives report.
         """
         ...
 
     def connect(self, setup: Setup) -> None:
-        """Open the way to the hardware, anew after an error; no joint gets power by it.
+        """Connect to the hardware, again after an error; no joint gets power by it.
 
         Checks that each drive is there and of a type and firmware that is supported, sets its
         watchdog to at most ``setup.timeout``, and what it does then to ``on_silence``.
@@ -200,7 +200,7 @@ class DrivePlant(Protocol):
         ...
 
     def let_go(self) -> None:
-        """Nobody says any more what to do: each motor does what its ``on_silence`` says, as far as
+        """No more commands come: each motor does its ``on_silence``, as far as
         the hardware still listens.
         """
         ...
@@ -211,14 +211,14 @@ class DrivePlant(Protocol):
 
 
 class RobotPlant(Protocol):
-    """Somebody else's plant, of motors that take PWM."""
+    """A third-party plant, of motors that accept PWM."""
 
     def describe(self) -> Description:
         """What there is; called before ``connect``, and touches no hardware."""
         ...
 
     def connect(self) -> None:
-        """Open the way to the hardware, anew after an error; no joint gets power by it."""
+        """Connect to the hardware, again after an error; no joint gets power by it."""
         ...
 
     def read(self) -> Readings:

@@ -41,7 +41,7 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
     rate = settings.board.control_rate
     if description.rate is not None and rate > description.rate * (1.0 + 1e-9):
         raise PlantSettingsError(
-            f"control_rate: {rate:g} is not allowed; plant {name!r} takes "
+            f"control_rate: {rate:g} is not allowed; plant {name!r} accepts "
             f"{description.rate:g} Hz at most"
         )
     if settings.values["real_time_factor"] != 1.0:
@@ -52,7 +52,7 @@ def within(settings: Settings, name: str, description: Description) -> Settings:
     try:
         board = _patient(cut(settings.board, has), settings)
     except ConfigError as error:
-        raise PlantSettingsError(f"plant {name!r} has less than is asked for: {error}") from None
+        raise PlantSettingsError(f"plant {name!r} lacks what is configured: {error}") from None
     values = dict(settings.values)
     for made in board.joints:
         values[f"{made.name}.torque_sensor"] = made.torque_sensor
@@ -102,7 +102,7 @@ def _patient(board: BoardConfig, settings: Settings) -> BoardConfig:
 
 
 def follows_current(has: JointDescription) -> bool:
-    """Whether a drive takes currents, or tells its own to a loop of the board."""
+    """Whether a drive accepts currents, or reports its own to a loop of the board."""
     return has.current_sensor or SetPoint.CURRENT in has.set_points
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plant whose motors take PWM, as one of drives that take that set-point and no other."""
+"""A plant whose motors accept PWM, as one of drives that accept that set-point only."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A plant that is let go when nobody has asked for anything for too long (B5).
+"""A plant that is let go without requests for too long (B5).
 
 For the process that holds the plant; the process of the board may be stopped, hang, or be gone.
 """
@@ -17,7 +17,7 @@ from .interface import Description, DrivePlant, Readings, Setup
 class Watchdog:
     """A DrivePlant around another one.
 
-    After :meth:`strike` no set-point acts until all are without power: whoever gives those knows.
+    After :meth:`strike` no set-point acts until all are without power: the sender is aware of it.
     Until then each joint that was driven reports a fault.
     """
 
@@ -33,7 +33,7 @@ class Watchdog:
         return bool(self._last.powered.any())
 
     def strike(self, reason: str) -> None:
-        """Each motor does what its ``on_silence`` says: without power, where it says nothing."""
+        """Each motor does its ``on_silence``: without power, where it has none."""
         self._struck = {int(joint): reason for joint in np.flatnonzero(self._last.powered)}
         self._last = self._off
         with contextlib.suppress(Exception):

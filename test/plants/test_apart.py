@@ -68,7 +68,7 @@ def test_silence_takes_the_power_off(apart: PlantApart, offered: Path) -> None:
     until(lambda: offered.read_text().splitlines()[-1] == "0 0")
     found = apart.exchange(output(20.0, 0.0))
     assert found.applied.tolist() == [0.0, 0.0]
-    assert found.faults == ["its board said nothing for 50 ms", ""]
+    assert found.faults == ["its board was silent for 50 ms", ""]
     assert apart.exchange(output(0.0, 0.0)).faults == ["", ""]
     driven(apart)
 

@@ -106,7 +106,7 @@ def test_a_sensor_behind_a_bus_may_be_as_silent_as_the_plant() -> None:
     ("joints", "rest", "told"),
     [
         (IIWA[1:], {}, "joints: 'lbr_iiwa_joint_1' is not allowed; plant 'levers' has lbr"),
-        (IIWA, {"rate": 500.0}, "control_rate: 1000 is not allowed; .* takes 500 Hz at most"),
+        (IIWA, {"rate": 500.0}, "control_rate: 1000 is not allowed; .* accepts 500 Hz at most"),
     ],
 )
 def test_a_plant_that_does_not_fit_is_one_line(
@@ -118,7 +118,7 @@ def test_a_plant_that_does_not_fit_is_one_line(
 
 def test_a_joint_must_have_the_mode_that_it_starts_in() -> None:
     lacking = [JointDescription(name=name, control_modes=(M.OPENLOOP,)) for name in IIWA]
-    with pytest.raises(PlantSettingsError, match=r"less than is asked for: .*startup_mode"):
+    with pytest.raises(PlantSettingsError, match=r"lacks what is configured: .*startup_mode"):
         cut(*lacking)
 
 

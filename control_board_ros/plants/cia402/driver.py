@@ -7,7 +7,7 @@ A kind of set-point is a mode of operation, which comes in the PDO with its own 
     velocity    CSV (9)     target velocity, torque offset
     torque      CST (10)    target torque
 
-The targets of the modes that are not asked for are those at which the drive rests. Its watchdog is
+The targets of the inactive modes are those at which the drive rests. Its watchdog is
 the heartbeat of this driver (0x1016), a frame per exchange.
 """
 
@@ -146,7 +146,7 @@ class Cia402Drives:
             ):
                 raise PlantSettingsError(
                     f"{axis.name}: id {axis.id} does not accept {value} in object "
-                    f"0x{index:04x}:{subindex}, by which it would stop when it hears nothing; "
+                    f"0x{index:04x}:{subindex}, by which it would stop without frames; "
                     "unwatched=1 goes without"
                 )
         # Where it exists: stay operational without heartbeat, and so report it.
@@ -287,7 +287,7 @@ def scale_of(axis: Axis, sdo: Sdo) -> Scale:
     """Units of a drive, by its options, or as the drive itself has them.
 
     Raises:
-        PlantSettingsError: neither says them.
+        PlantSettingsError: neither has them.
     """
     counts = float(axis.own["counts"])
     if counts <= 0.0:
@@ -300,7 +300,7 @@ def scale_of(axis: Axis, sdo: Sdo) -> Scale:
     ):
         if value <= 0.0:
             raise PlantSettingsError(
-                f"{axis.name}: id {axis.id} does not tell its {what} (object 0x{index:04x}); "
+                f"{axis.name}: id {axis.id} does not report its {what} (object 0x{index:04x}); "
                 f"add {axis.name}.{what}=… to plant_arguments"
             )
     speed = float(axis.own["velocity_counts"]) or counts

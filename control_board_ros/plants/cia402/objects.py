@@ -83,7 +83,7 @@ ERRORS = {
     0x7380: "position sensor",
     0x8110: "CAN overrun",
     0x8120: "CAN in error passive mode",
-    HEARTBEAT_LOST: "watchdog: it heard nothing for too long (heartbeat)",
+    HEARTBEAT_LOST: "watchdog: no heartbeat within its timeout",
     0x8140: "CAN recovered from bus off",
     0x8210: "PDO not processed, of wrong length",
     0x8311: "excess torque",

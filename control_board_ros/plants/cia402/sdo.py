@@ -115,7 +115,7 @@ def _network(line: CanLine) -> Any:
             if can_id & 0x780 == o.SDO_REQUEST:
                 line.drain(lambda _: None)
             line.send(can_id, bytes(data))
-            if can_id & 0x780 == o.SDO_REQUEST and data[0] != 0x80:  # nobody answers to an abort
+            if can_id & 0x780 == o.SDO_REQUEST and data[0] != 0x80:  # an abort has no answer
                 line.gather(self._hear, [can_id & 0x7F], PATIENCE)
 
         def _hear(self, message: Any) -> int | None:

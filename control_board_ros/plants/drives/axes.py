@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints and the drives that move them: direction, gear ratio, zero, and the options that say so.
+"""Joints and the drives that move them: direction, gear ratio, zero, and their options.
 
 A drive's own values are at its output, in rad, rad/s and N·m; at the joint, with s = ±1 and a
 ratio of N turns of the drive's output per turn of the joint::
@@ -97,7 +97,7 @@ class Axes:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What the user says of a bus and its drives: ``plant_arguments``.
+    """The options of a bus and its drives: ``plant_arguments``.
 
     Attributes: bus (as ``socketcan:can0``), axes, own (options of this driver for the whole bus).
     """

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bring-up of drives: each joint is moved by a little, and what turned is compared with the file.
 
-A drive reads its own shaft: whether the joint turns the same way and as far, somebody must look.
+A drive reads its own shaft: the user observes whether the joint turns the same way and as far.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .axes import Axis
 
 #: rad that a joint is moved by; the share of its limits that it may use; s that it is held there.
 MOVE, SHARE, HOLD = math.radians(2.0), 0.1, 0.3
-#: The first of these that a drive takes moves it.
+#: The first of these that a drive accepts moves it.
 KINDS = (SetPoint.POSITION, SetPoint.IMPEDANCE, SetPoint.VELOCITY)
 #: Of a move, that may be missing from what is read, or of a ratio, that is no correction.
 TOLERANCE = 0.1
@@ -32,7 +32,7 @@ TOLERANCE = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """What a joint was told and what its drive read, rad."""
+    """The commanded motion of a joint and the one that its drive read, rad."""
 
     joint: str
     asked: float
@@ -40,7 +40,7 @@ class Moved:
 
     @property
     def follows(self) -> bool:
-        """Whether the drive did what it was told."""
+        """Whether the drive followed the command."""
         return abs(self.read - self.asked) <= TOLERANCE * abs(self.asked)
 
 
@@ -73,17 +73,17 @@ class Trial:
         return self._plant.exchange(self._off)
 
     def move(self, joint: int) -> Moved:
-        """Move a joint by MOVE, away from the nearer limit, and take its power off.
+        """Move a joint by MOVE, away from the nearer limit, and disable its motor.
 
         Raises:
-            PlantSettingsError: its drive takes no set-point that moves it by so much, or a drive
+            PlantSettingsError: its drive accepts no set-point that moves it by MOVE, or a drive
                 reports a fault.
         """
         config, has = self.joints[joint], self.description.joints[joint]
         kind = next((kind for kind in KINDS if kind in has.set_points), None)
         if kind is None:
             known = ", ".join(kind.code for kind in KINDS)
-            raise PlantSettingsError(f"{config.name}: its drive takes none of {known}")
+            raise PlantSettingsError(f"{config.name}: its drive accepts none of {known}")
         start = float(self.read().position[joint])
         limits = config.limits
         middle = 0.5 * (limits.lower + limits.upper)
@@ -124,7 +124,7 @@ def corrections(axis: Axis, moved: Moved, turned: float) -> dict[str, str]:
     Args:
         axis: As it is configured.
         moved: What its drive read.
-        turned: What the joint did, rad, positive as its URDF says.
+        turned: The true motion of the joint, rad, positive as in its URDF.
 
     Raises:
         PlantSettingsError: it did not turn.

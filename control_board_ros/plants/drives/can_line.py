@@ -13,7 +13,7 @@ from ..errors import PlantSettingsError
 
 #: Frames that an exchange reads at most for each that it waits for: a flood does not hold it up.
 FLOOD = 8
-#: s to wait for what a drive says at the beginning, and how often it is asked.
+#: s to wait for the first answer of a drive, and number of attempts.
 PATIENCE, ATTEMPTS = 0.05, 5
 #: The largest id of 11 bits.
 SHORT = 0x7FF
@@ -27,7 +27,7 @@ BUS_OFF = 0x40
 def frame() -> Any:
     """A message of python-can that shares its data with its copies.
 
-    A virtual bus copies each message for each who hears it, and the data is what takes long.
+    A virtual bus copies each message for each receiver; copying its data is slow.
     """
     import can
 
@@ -43,7 +43,7 @@ def frame() -> Any:
 def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
     """A bus of python-can.
 
-    On one computer the groups of ``udp_multicast`` hear each other; its ports keep buses apart.
+    On one computer a group of ``udp_multicast`` receives all groups of its port.
 
     Args:
         text: Interface and channel, as ``socketcan:can0``; of ``udp_multicast`` with a port, as
@@ -160,7 +160,7 @@ class CanLine:
                 take(message)
 
     def collect(self, seconds: float) -> list[Any]:
-        """Every frame of a while: what a scan hears, and whether two answer as one."""
+        """All frames of a time: the answers to a scan, and whether two answer as one."""
         found = []
         end = time.monotonic() + seconds
         while (left := end - time.monotonic()) > 0.0:
@@ -178,7 +178,7 @@ class CanLine:
             frame_id: Of the question.
             data: Of the question.
             pick: What a frame answers, or None where it is no answer to this.
-            attempts: How often it is asked until there is one, with more patience each time.
+            attempts: Number of requests until there is one, each with twice the timeout.
         """
         heard: list[bytes] = []
         several = False
@@ -196,7 +196,7 @@ class CanLine:
         """Leave the bus; safe to call twice.
 
         Args:
-            last: Frames to send before, as far as the bus takes them.
+            last: Frames to send before, best effort.
         """
         with contextlib.suppress(OSError):  # where none gets out the drives' watchdogs act
             for frame_id, data in last:

@@ -29,14 +29,14 @@ from ..interface import (
 )
 from .axes import Axes, Axis
 
-#: Answers too many until two drives are taken to have one id; an exchange without takes some back.
+#: Surplus answers that mean two drives with one id; an exchange without forgives some.
 CLASHES, FORGIVEN = 3.0, 0.3
 #: Questions whose answers may still be on their way; more than one exchange reads at most.
 LATEST = 100
 NONE = DriveLimits()
-#: What a drive says of its watchdog and of a restart, where it has no number of its own for it.
-WATCHDOG = DriveFault(0, "watchdog: it heard nothing for too long")
-RESTARTED = DriveFault(0, "it started anew")
+#: Watchdog and restart of a drive that has no fault number of its own for them.
+WATCHDOG = DriveFault(0, "watchdog: no command within its timeout")
+RESTARTED = DriveFault(0, "drive restarted")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +56,7 @@ class Found:
 
 
 class Answers:
-    """What the drives of a bus said last, at their outputs, shape (n,) each.
+    """The last answers of the drives of a bus, at their outputs, shape (n,) each.
 
     Attributes:
         position, velocity, torque, current, temperature, voltage: rad, rad/s, N·m, A, °C, V.
@@ -64,9 +64,9 @@ class Answers:
             there is none.
         faults: Of each drive, or None.
         times: When each answered last, s; -inf: never.
-        heard: What each said in this exchange, as it came.
+        heard: The raw answers of each in this exchange.
         missed, foreign, malformed: Counts: exchanges that a drive did not answer in time, frames
-            of drives that nobody asked, frames that make no sense.
+            of unknown drives, invalid frames.
     """
 
     def __init__(self, count: int, clock: Callable[[], float] = time.monotonic) -> None:
@@ -80,7 +80,7 @@ class Answers:
         self.missed = self.foreign = self.malformed = 0
 
     def came(self, drive: int, data: bytes) -> None:
-        """An answer of a drive came now, and has been taken over."""
+        """Note an answer of a drive, whose values are stored."""
         self.times[drive] = self._clock()
         self.heard[drive][bytes(data)] = None
 
@@ -89,7 +89,7 @@ class Answers:
 class Traits:
     """What all drives of a driver have; see ``JointDescription``.
 
-    Attributes: watchdog (their own acts when they hear nothing), motor_encoders (which have one
+    Attributes: watchdog (their own acts without commands), motor_encoders (which have one
         beside the encoder of the position, by place).
     """
 
@@ -119,7 +119,7 @@ class Driver(Protocol):
         """A set-point to each drive, and what they answer until the time is up.
 
         Args:
-            kinds: SetPoint of each; None: it is told nothing.
+            kinds: SetPoint of each; None: no command.
             values: At their outputs, shape (VALUES, n), see core.set_points.Value.
             answers: To be filled with what came.
         """
@@ -129,7 +129,7 @@ class Driver(Protocol):
         """Reset the fault of a drive by its place; it has no power.
 
         Returns:
-            What it is where it was set up anew, for it may be another.
+            Its identity where it was set up again, for it may be another.
         """
         ...
 
@@ -158,7 +158,7 @@ class DrivesPlant:
         self._found: tuple[Found | None, ...] = (None,) * len(axes)
         self._off = SetPoints.off(len(axes))
         self._clashes, self._owed, self._last = self._no_clashes()
-        #: Since when each drive owes an answer, s: not while nobody asks, as where we stand still.
+        #: Since when each drive owes an answer, s: a loop that pauses is owed none.
         self._asked = np.full(len(axes), math.inf)
 
     def _no_clashes(self) -> tuple[list[float], list[int], list[bytes]]:
@@ -192,7 +192,7 @@ class DrivesPlant:
         return Description(joints=tuple(joints))
 
     def connect(self, setup: Setup) -> None:
-        """Open the bus anew.
+        """Open the bus again.
 
         Raises:
             OSError: a drive does not answer, or two answer as one.
@@ -273,7 +273,7 @@ class DrivesPlant:
             self._found = (*self._found[:joint], anew, *self._found[joint + 1 :])
 
     def let_go(self) -> None:
-        """Power off where that is what ``on_silence`` says; the other drives hear nothing more."""
+        """Disable motors whose ``on_silence`` is free; the others receive nothing more."""
         kinds = [SetPoint.OFF if free else None for free in self._free]
         self.driver.exchange(kinds, self._axes.to_drive(self._off), self.answers)
 
@@ -282,7 +282,7 @@ class DrivesPlant:
 
 
 def silent(axis: Axis, age: float) -> str:
-    """The fault of a drive that says nothing."""
+    """The fault of a silent drive."""
     if math.isinf(age):
         return f"no answer from id {axis.id}; is it powered, and its id right?"
     return f"no answer from id {axis.id} for {1e3 * age:.0f} ms"

@@ -161,7 +161,7 @@ class ServoBus:
         raise ConnectionError(f"id {drive} does not answer; is it powered?")
 
     def sync(self, item: Item, values: Mapping[int, bytes]) -> None:
-        """Write an item of several servos at once, by their ids; nobody answers."""
+        """Write an item of several servos at once, by their ids; there is no answer."""
         if values:
             data = [byte for drive, value in values.items() for byte in (drive, *value)]
             self.protocol.syncWriteTxOnly(self.port, *item, data, len(data))

@@ -132,7 +132,7 @@ class DynamixelDrives:
         self._read([k for k, kind in enumerate(kinds) if kind is not None], answers)
 
     def clear_fault(self, drive: int) -> Found | None:
-        """What a servo shut down for is cleared by a restart; then it is set up anew."""
+        """A reboot clears a shutdown; then the servo is set up again."""
         bus, axis = self._opened, self._axes[drive].id
         if self._restarted[drive]:
             return self._set_up(drive) if bus.models(axis, attempts=1) else None
@@ -217,7 +217,7 @@ class DynamixelDrives:
             return WATCHDOG
         self._without[k] = 0 if torque or not self._kinds[k] else self._without[k] + 1
         if self._without[k] >= UNPOWERED:
-            return DriveFault(0, "it has no torque, though it was told to")
+            return DriveFault(0, "no torque, although enabled")
         return None
 
 

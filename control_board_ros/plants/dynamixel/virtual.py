@@ -58,6 +58,10 @@ class Framer:
     def __init__(self) -> None:
         self._bytes = b""
 
+    def drop(self) -> None:
+        """The line was quiet: what is left of a packet is none, as a servo decides by time."""
+        self._bytes = b""
+
     def feed(self, data: bytes) -> Iterator[Packet]:
         """The packets that are whole now."""
         self._bytes += data
@@ -186,7 +190,7 @@ class VirtualDynamixel:
         return bytes(self.table[self._direct(address + k)] for k in range(length))
 
     def _direct(self, address: int) -> int:
-        """Indirect data stand for what their addresses say."""
+        """Indirect data are those at their addresses."""
         number = address - self._model.data
         if 0 <= number < 28:
             return self._get(Item(t.INDIRECT + 2 * number, 2))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Feetech STS servos by their maker's library: one sync write and one sync read for a whole bus.
 
-They have no watchdog: a servo that hears nothing goes on with what it heard last. Of a position
+They have no watchdog: a servo without commands follows the last one. Of a position
 that is to be held; velocities and PWM are offered with ``unwatched=1`` only. A kind of set-point
 is an operating mode, changed without torque, and not stored. Positions go without velocity and
 feed-forward.
@@ -32,7 +32,7 @@ MODES = {
     SetPoint.PWM: t.PWM_MODE,
 }
 IDS = range(253)
-#: Answers without torque, until a servo that should have it is taken to have started anew.
+#: Answers without torque that mean a restart of a servo that should have torque.
 UNPOWERED = 5
 
 
@@ -110,7 +110,7 @@ class FeetechDrives:
         bus.sync(t.TORQUE, {ids[k]: bytes(1) for k in modes})
         bus.sync(t.MODE, {ids[k]: bytes([mode]) for k, mode in modes.items()})
         bus.sync(t.GOALS, {ids[k]: goals(kind, columns[k]) for k, kind in powered.items()})
-        # Anew, while the answers tell otherwise; but no torque to one that had it, and lost it.
+        # Repeated while the answers differ; but no torque to one that had it, and lost it.
         switches = {
             ids[k]: bytes([k in powered])
             for k, kind in wanted.items()
@@ -132,7 +132,7 @@ class FeetechDrives:
             bus.read(t.READ, [ids[k] for k in wanted], take, answers)
 
     def clear_fault(self, drive: int) -> Found | None:
-        """Torque off resets what a servo shut down for; one that started anew is set up again."""
+        """Torque off resets a shutdown; a servo that restarted is set up again."""
         bus, axis = self._opened, self._axes[drive].id
         if self._restarted[drive]:
             return self._set_up(drive) if bus.models(axis, attempts=1) else None

@@ -42,6 +42,10 @@ class Framer:
     def __init__(self) -> None:
         self._bytes = b""
 
+    def drop(self) -> None:
+        """The line was quiet: what is left of a packet is none, as a servo decides by time."""
+        self._bytes = b""
+
     def feed(self, data: bytes) -> Iterator[Packet]:
         """The packets that are whole now."""
         self._bytes += data
@@ -109,7 +113,7 @@ class VirtualFeetech:
         self._set(t.STATUS, self.persists)
 
     def fail(self, code: int, *, persists: bool = False) -> None:
-        """A protection takes its torque; one that persists is there again after each reset."""
+        """A protection disables it; one that persists is there again after each reset."""
         self.persists = code if persists else 0
         self._set(t.STATUS, code)
         self._set(t.TORQUE, 0)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Damiao and RobStride motors in MIT mode: a frame down and one up for each, k, d, τ in the motor.
 
-They take ``impedance`` as it is, and ``torque`` as an impedance with k = d = 0.
+They accept ``impedance`` as it is, and ``torque`` as an impedance with k = d = 0.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from . import frames as f
 from . import robstride as r
 
 IDS = range(1, 128)
-#: Of Damiao's, whose answers tell four bits of an id.
+#: Of Damiao's, whose answers hold four bits of an id.
 SHORT_IDS = range(1, 16)
 
 
@@ -44,7 +44,7 @@ class MitDrives:
         self._line: CanLine | None = None
         n = len(self._axes)
         self._ranges = [self._check(axis) for axis in self._axes]
-        #: Of RobStride's motors; whose faults are asked for next.
+        #: Of RobStride's motors; the next one whose faults are requested.
         self._power = {k: r.Power(self._ranges[k]) for k, axis in enumerate(self._axes)
                        if axis.own["model"] != f.DAMIAO}  # fmt: skip
         self._turn = 0
@@ -55,7 +55,7 @@ class MitDrives:
         self._powered, self._enabled, self._restarted = [False] * n, [False] * n, [False] * n
 
     def _check(self, axis: Axis) -> f.Ranges:
-        """Its ranges, as far as they are known before it is asked.
+        """Its ranges, as far as they are known before it answers.
 
         Raises:
             PlantSettingsError: no such model or id, or a watchdog that cannot be set.
@@ -63,7 +63,7 @@ class MitDrives:
         if axis.own["model"] == f.DAMIAO:
             if axis.id not in SHORT_IDS:
                 raise PlantSettingsError(
-                    f"{axis.name}.id={axis.id}: 1 to 15 is wanted: answers tell four bits of it"
+                    f"{axis.name}.id={axis.id}: 1 to 15 is wanted: answers hold four bits of it"
                 )
             return f.Ranges(12.5, 30.0, 10.0)
         found = r.ranges(axis)
@@ -174,7 +174,7 @@ class MitDrives:
         line.gather(self._take, asked, self._wait)
 
     def clear_fault(self, drive: int) -> Found | None:
-        """Clear, and set up anew what started anew."""
+        """Clear faults; set up again a motor that restarted."""
         anew = None
         line, axis = self._opened, self._axes[drive].id
         if drive in self._power:
@@ -232,7 +232,7 @@ class MitDrives:
         return None
 
     def _move(self, k: int, data: bytes) -> tuple[float, float, float]:
-        """Take over what an answer tells of the motion; rad, rad/s, N·m."""
+        """Store the motion of an answer; rad, rad/s, N·m."""
         answers = self._answers
         found = f.readings(self._ranges[k], data)
         answers.position[k], answers.velocity[k], answers.torque[k] = found

@@ -53,7 +53,7 @@ def packed(ranges: Ranges, q: float, dq: float, k: float, d: float, torque: floa
 
 
 def command(ranges: Ranges, data: bytes) -> tuple[float, float, float, float, float]:
-    """What a command says: q, q̇, k, d, τ."""
+    """The values of a command: q, q̇, k, d, τ."""
     bits = int.from_bytes(data, "big")
     return (
         _value(bits >> 48, -ranges.position, ranges.position, 16),
@@ -73,7 +73,7 @@ def answer(ranges: Ranges, head: int, q: float, dq: float, torque: float, heat: 
 
 
 def readings(ranges: Ranges, data: bytes) -> tuple[float, float, float]:
-    """What an answer says: q, q̇, τ."""
+    """The values of an answer: q, q̇, τ."""
     bits = int.from_bytes(data[1:6], "big")
     return (
         _value(bits >> 24, -ranges.position, ranges.position, 16),

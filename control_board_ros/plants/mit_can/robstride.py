@@ -2,9 +2,9 @@
 """RobStride motors in their MIT protocol: scales by model, faults, and a loss of power.
 
 Answer    id · q 16 bit · q̇ 12 · τ 12 · temperature 16, 0.1 °C; from the master's id
-Faults    asked for: id · 32 bits, lowest byte first · zeros
+Faults    on request: id · 32 bits, lowest byte first · zeros
 
-An answer tells no state, and no frame of this protocol sets the watchdog: a motor that its
+An answer holds no state, and no frame of this protocol sets the watchdog: a motor that its
 watchdog or a restart took the power from is noticed by the torque that it does not give.
 """
 
@@ -41,14 +41,14 @@ FAULTS = {
     14: "stall overload",
     16: "over-current of phase A",
 }
-#: Share of its range from which a torque that is asked for counts; share of that which is none;
-#: answers until it is told.
+#: Share of its range from which a commanded torque counts; share of that which is none;
+#: answers until it is reported.
 ASKED, GIVEN, PATIENT = 0.02, 0.1, 20
 POWERLESS = DriveFault(0, "no torque, though it is on: its watchdog acted, or it restarted")
 
 
 def ranges(axis: Axis) -> f.Ranges:
-    """The ranges of a motor: of its model, or as its option ``scales`` says.
+    """The ranges of a motor: of its model, or of its option ``scales``.
 
     Raises:
         PlantSettingsError: the model is unknown, or the scales are none.
@@ -72,18 +72,18 @@ def ranges(axis: Axis) -> f.Ranges:
 
 
 def fault(word: int) -> DriveFault | None:
-    """What a word of faults says."""
+    """The names of a word of faults."""
     names = ", ".join(name for bit, name in FAULTS.items() if word >> bit & 1)
     return DriveFault(word, names or "see its manual") if word else None
 
 
 def fault_word(data: bytes) -> int | None:
-    """The faults that an answer tells; None: it tells its motion."""
+    """The faults of an answer; None: it holds the motion."""
     return int.from_bytes(data[1:5], "little") if data[5:] == bytes(3) else None
 
 
 class Power:
-    """Whether a motor gives the torque that it is asked for."""
+    """Whether a motor gives the commanded torque."""
 
     def __init__(self, ranges: f.Ranges) -> None:
         self._ranges, self._without = ranges, 0

@@ -26,7 +26,7 @@ class VirtualMit:
         ranges: What its numbers mean.
 
     Attributes:
-        state: As its answers tell it: disabled, enabled, or a fault.
+        state: As in its answers: disabled, enabled, or a fault.
         silent: It answers to nothing.
         torque: At its output now, N·m.
     """

@@ -5,7 +5,7 @@ Every set-point is a command of the drive's position mode, which is the one mode
 guards: with the scales a of its gains, and the gains kp, kd that are configured in it::
 
     position    q, q̇, τ_ff      a_p = a_d = 1
-    velocity    q̇, τ_ff         q as its own trajectory stands, a_p = a_d = 1
+    velocity    q̇, τ_ff         q of its own trajectory, a_p = a_d = 1
     impedance   q, q̇, τ_ff      a_p = 2π k / kp, a_d = 2π d / kd
     torque      τ                a_p = a_d = 0
 
@@ -123,7 +123,7 @@ class MoteusDrives:
         line.gather(self._take, asked, self._wait)
 
     def clear_fault(self, drive: int) -> Found | None:
-        """A stop clears it; a drive that started anew is set up again."""
+        """A stop clears it; a drive that restarted is set up again."""
         anew = None
         if self._restarted[drive]:
             found = identify(self._opened, self._axes[drive].id, attempts=1)

@@ -18,7 +18,7 @@ STARTING = (0, 2, 3, 4)
 VOLTAGE_DQ = 8
 #: Part of the supply that its modulation reaches.
 MODULATION = 0.5
-#: The library's position command: floats, with what stands between them; made once, and filled.
+#: The library's position command: floats, and the bytes between them; made once, and filled.
 POSITIONS = struct.Struct("<6s6f2sf2sf")
 #: An answer as it usually comes, and the heads of its three parts; any other is parsed in full.
 USUAL = struct.Struct("<2sb3s4f2s3b")
@@ -47,11 +47,11 @@ FAULTS = {
     49: "position control error",
     50: "velocity control error",
 }
-WATCHDOG = DriveFault(TIMEOUT, "watchdog: it heard nothing for too long")
+WATCHDOG = DriveFault(TIMEOUT, "watchdog: no command within its timeout")
 
 
 def template(drive: Any) -> tuple[bytes, bytes, bytes, bytes]:
-    """What stands between the numbers of the library's position command, and its query."""
+    """The bytes between the numbers of the library's position command, and its query."""
     numbers = dict.fromkeys(("position", "velocity", "feedforward_torque", "kp_scale"), 0.0)
     numbers |= {"kd_scale": 0.0, "maximum_torque": 0.0, "watchdog_timeout": 0.0}
     data = drive.make_position(**numbers, ilimit_scale=0.0, query=True).data

@@ -2,7 +2,7 @@
 """Frames of a virtual moteus: what a controller reads in one, and how it writes its answer.
 
 The maker's library reads frames and writes numbers. What comes again and again is kept as it did
-so: questions, and numbers of few values. The floats of its usual command stand where it has them.
+so: questions, and numbers of few values. The floats of its usual command are at fixed places.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ SCALES = {
     R_TEMPERATURE: (1.0, 0.1, 1e-3),
     R_MOTOR_TEMPERATURE: (1.0, 0.1, 1e-3),
 }
-#: The usual command: mode 10 and floats, with what stands before each row of these.
+#: The usual command: mode 10 and floats, with the bytes before each row of these.
 COMMAND = struct.Struct("<6s6f2sf2sf")
 HEADS = (b"\x01\x00\x0a\x0c\x06\x20", b"\x0d\x27", b"\x0d\x2b")
 COMMANDED = (
@@ -72,7 +72,7 @@ LENGTHS = (*range(9), 12, 16, 20, 24, 32, 48, 64)
 
 class Read(NamedTuple):
     """A frame: what it writes, by register; registers that it asks for, with their resolutions;
-    what it says on the diagnostic stream, and how much (bytes) it wants of it, by channel.
+    its diagnostic stream, and how much (bytes) it requests of it, by channel.
     """
 
     writes: Mapping[int, float]
@@ -122,7 +122,7 @@ question = lru_cache(64)(parse)
 
 
 def answer(reads: tuple[tuple[int, int], ...], registers: Mapping[int, float]) -> bytes:
-    """Replies to what was asked for; a register that is not there is 0."""
+    """Replies to a query; a register that is not there is 0."""
     parts = []
     for head, numbers, resolution in runs(reads):
         parts.append(head)

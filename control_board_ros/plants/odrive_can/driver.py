@@ -31,7 +31,7 @@ MODES = {
     SetPoint.VELOCITY: f.VELOCITY_CONTROL,
     SetPoint.TORQUE: f.TORQUE_CONTROL,
 }
-#: What is asked beside the position, exchange after exchange, and its format.
+#: What is requested beside the position, one per exchange, and its format.
 IN_TURN = (f.BEAT, f.TORQUES)
 FORMATS = {f.BEAT: "<IBBBB", f.TORQUES: "<ff", f.ESTIMATES: "<ff"}
 
@@ -149,7 +149,7 @@ class OdriveDrives:
             line.send(frame(drive, f.STATE), struct.pack("<I", f.CLOSED_LOOP))
 
     def clear_fault(self, drive: int) -> Found | None:
-        """Errors are cleared by a command; a drive that started anew is set up again."""
+        """Errors are cleared by a command; a drive that restarted is set up again."""
         anew = None
         axis = self._axes[drive]
         if self._restarted[drive]:

@@ -42,7 +42,7 @@ ERRORS = {
     0x0000_8000: "velocity limit violation",
     0x0001_0000: "position limit violation",
     0x0002_0000: "requested current too high",
-    WATCHDOG_EXPIRED: "watchdog: it heard nothing for too long",
+    WATCHDOG_EXPIRED: "watchdog: no command within its timeout",
     0x0200_0000: "emergency stop requested",
     0x0400_0000: "spinout detected",
     0x0800_0000: "brake resistor disarmed",
@@ -82,7 +82,7 @@ KNOWN: Mapping[tuple[str, str], Mapping[str, Endpoint]] = {
 
 
 class Version(NamedTuple):
-    """What a node says of itself."""
+    """The state of a node."""
 
     protocol: int
     hardware: str

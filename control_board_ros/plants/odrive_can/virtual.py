@@ -20,7 +20,7 @@ from . import frames as f
 REV = 2.0 * math.pi
 FIRMWARE, HARDWARE = (0, 6, 11), (4, 4, 58)
 PARAMETERS = f.KNOWN["0.6.11", "4.4"]
-#: s between two heartbeats that nobody asked for; of a velocity over its limit until an error.
+#: s between two heartbeats; s of a velocity over its limit until an error.
 BEAT, TOLERANCE = 0.1, 1.2
 
 

@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def watch(names: Sequence[str], far_end: FarEnd) -> Never:
-    """Print what changes, for ever."""
+    """Print what changes, until interrupted."""
     before = [False] * len(names)
     while True:
         now = [drive.torque != 0.0 for drive in far_end.drives]

@@ -32,7 +32,7 @@ class VirtualCanBus:
     Args:
         world: What they move.
         drives: Its drives, and others that nothing hangs on.
-        address: Interface and channel; empty: a channel of this process that nobody has.
+        address: Interface and channel; empty: a new channel of this process.
         fd: With CAN FD frames.
 
     Attributes:
@@ -65,7 +65,7 @@ class VirtualCanBus:
             self.bus.shutdown()
 
     def go_off(self) -> None:
-        """The driver's interface leaves the bus after errors, and says so as socketcan does."""
+        """The driver's interface leaves the bus after errors, and reports it as socketcan does."""
         self.to_drives.cut = self.from_drives.cut = True
         self.bus.send(self._message(arbitration_id=BUS_OFF, is_error_frame=True))
 
@@ -81,7 +81,7 @@ class VirtualCanBus:
                     continue
                 answers = list(self._answers(message))
             for frame_id, data in self.from_drives.carry(iter(answers)):
-                with contextlib.suppress(Exception):  # nobody takes it
+                with contextlib.suppress(Exception):  # there is no receiver
                     self.bus.send(
                         self._message(
                             arbitration_id=frame_id,

@@ -22,6 +22,8 @@ class Framer(Protocol):
 
     def feed(self, data: bytes) -> Iterator[Any]: ...
 
+    def drop(self) -> None: ...
+
 
 class VirtualSerialBus:
     """Drives that answer on a pseudo terminal until it is closed.
@@ -67,6 +69,8 @@ class VirtualSerialBus:
                         for packet in self._framer.feed(data):
                             for drive in self.drives:
                                 answers += [(0, answer) for answer in drive.on_packet(packet)]
+                else:
+                    self._framer.drop()
             for _, data in self.from_drives.carry(iter(answers)):
-                with contextlib.suppress(OSError):  # nobody takes it
+                with contextlib.suppress(OSError):  # there is no receiver
                     os.write(self._master, data)

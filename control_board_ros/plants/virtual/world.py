@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What virtual drives move: a body, stepped in real time by whoever looks at it.
+"""What virtual drives move: a body, stepped in real time by its readers.
 
 Nobody needs a thread for it: before a frame is read, :meth:`World.advance` makes up for the time
 that went by, drives and body, a step of STEP after the other.
@@ -95,8 +95,8 @@ class World:
     Attributes:
         state: Position and velocity of the joints, shape (2, n).
         time: Up to which they are stepped, s.
-        longest: s of real time that ``advance`` takes.
-        lock: Held by whoever looks at drives or joints.
+        longest: Time limit of ``advance``, s of real time.
+        lock: Held by readers of drives or joints.
     """
 
     def __init__(
