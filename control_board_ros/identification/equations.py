@@ -63,7 +63,7 @@ class Problem:
     ) -> None:
         self.samples, self.loads, self.with_payload = samples, loads, with_payload
         self.joints = tuple(joints)
-        self._columns = columns = [robot.names.index(name) for name in joints]
+        columns = [robot.names.index(name) for name in joints]
         self.torque = samples.torque[:, columns]
         self.current = samples.current[:, columns]
         self.velocity = samples.velocity[:, columns]
@@ -89,45 +89,33 @@ class Problem:
         self._place(robot, drawn, handed)
 
     def _place(self, robot: Robot, drawn: np.ndarray, handed: np.ndarray) -> None:
-        """Which unknowns are free, where they start, and their scales."""
-        limits = robot.numbers("limits.torque", self.joints)
-        speeds = robot.numbers("limits.velocity", self.joints)
-        starts = {
-            KT: robot.numbers("motor.torque_constant", self.joints),
-            EFFICIENCY: robot.numbers("motor.efficiency", self.joints),
-            RESISTANCE: robot.numbers("motor.resistance", self.joints),
-            DELAY: np.zeros(len(self.joints)),
-            COULOMB: 0.01 * limits,
-            VISCOUS: 0.01 * limits / speeds,
-            BREAKAWAY: 0.01 * limits,
-            BEARING: np.zeros(len(self.joints)),
-            LAG: np.zeros(len(self.joints)),
-            ROTOR: 0.3 * robot.numbers("inertia_min", self.joints),
+        """The free unknowns, their starts and scales."""
+        joints, still = self.joints, np.zeros(len(self.joints))
+        cycle = np.full(len(joints), robot.period)
+        rubbing = 0.01 * robot.numbers("limits.torque", joints)
+        viscous = rubbing / robot.numbers("limits.velocity", joints)
+        constant = robot.numbers("motor.torque_constant", joints)
+        efficiency = robot.numbers("motor.efficiency", joints)
+        resistance = robot.numbers("motor.resistance", joints)
+        rotor = 0.3 * robot.numbers("inertia_min", joints)
+        loose = (self.uses[MOTOR] & (self._start != 0.0)).any(axis=0)
+        table = {  # start, scale, free
+            KT: (constant, constant, drawn),
+            EFFICIENCY: (efficiency, efficiency, handed & self.senses),
+            RESISTANCE: (resistance, resistance, handed),
+            DELAY: (still, cycle, handed),
+            COULOMB: (rubbing, rubbing, drawn),
+            VISCOUS: (viscous, viscous, drawn),
+            BREAKAWAY: (rubbing, rubbing, loose),
+            BEARING: (still, rubbing, self.senses & self._moving.any(axis=0)),
+            LAG: (still, cycle, self.senses),
+            ROTOR: (rotor, rotor, self.senses | drawn),
         }
-        scales = starts | {
-            DELAY: np.full(len(self.joints), robot.period),
-            BEARING: 0.01 * limits,
-            LAG: np.full(len(self.joints), robot.period),
-        }
-        loose = self.uses[MOTOR] & (self._start != 0.0)
-        masses = self.senses | drawn
-        free = {
-            KT: drawn,
-            EFFICIENCY: handed & self.senses,
-            RESISTANCE: handed,
-            DELAY: handed,
-            COULOMB: drawn,
-            VISCOUS: drawn,
-            BREAKAWAY: loose.any(axis=0),
-            BEARING: self.senses & self._moving.any(axis=0),
-            LAG: self.senses,
-            ROTOR: masses,
-        }
-        self._starts, self._free = starts, free
+        self._starts = {name: start for name, (start, _, _) in table.items()}
         self.unknowns = [
-            (k, name) for k in range(len(self.joints)) for name in OF_JOINT if free[name][k]
+            (k, name) for k in range(len(joints)) for name in OF_JOINT if table[name][2][k]
         ]
-        rows = [(starts[name][k], scales[name][k]) for k, name in self.unknowns]
+        rows = [(table[name][0][k], table[name][1][k]) for k, name in self.unknowns]
         if self.with_payload:
             rows += [(1.0, 1.0), *3 * [(0.0, 0.1)], (0.0, GYRATION**2)]
         self.start, self.scale = np.array(rows).reshape(-1, 2).T
@@ -194,6 +182,10 @@ class Problem:
             rows.append(weighed / [LIKELY, LIKELY, LIKELY, GYRATION**2])
         return np.concatenate(rows)
 
+    def weights(self, rest: dict[str, Floats]) -> dict[str, Floats]:
+        """1/RMS of each joint's values of an equation, shape (k,); 1 where none is used."""
+        return {name: 1.0 / spread_of(values, self.uses[name]) for name, values in rest.items()}
+
     @property
     def blocks(self) -> np.ndarray:
         """Number of the second of each residual."""
@@ -202,6 +194,14 @@ class Problem:
         if self.with_payload:
             found.append(np.full(4, int(self.samples.block.max()) + 1))
         return np.concatenate(found)
+
+
+def spread_of(values: Floats, used: np.ndarray) -> Floats:
+    """RMS of each column where it is used; 1 where it nowhere is."""
+    count = used.sum(axis=0)
+    square = np.where(used, values, 0.0) ** 2
+    rms = np.sqrt(square.sum(axis=0) / np.maximum(count, 1))
+    return np.where(count > 0, np.maximum(rms, 1e-9), 1.0)
 
 
 def heavy(mass: float) -> float:

@@ -97,40 +97,19 @@ class Fitted:
 def solve(problem: Problem) -> tuple[Floats, Floats, Floats]:
     """The unknowns, half widths of their intervals, and the covariance."""
     scale, x = problem.scale, problem.start
-    sides = problem.sides(x)
-    weights = {
-        name: 1.0 / spread_of(measured, problem.uses[name])
-        for name, (measured, _) in sides.items()
-    }
+    weights = problem.weights({name: one for name, (one, _) in problem.sides(x).items()})
+
+    def residuals(z: Floats) -> Floats:
+        return problem.residuals(z * scale, weights)
+
     for _ in range(3):
-        found = least_squares(
-            lambda z: problem.residuals(z * scale, weights),  # noqa: B023 - used at once
-            x / scale,
-            method="trf",
-            x_scale="jac",
-        )
-        x = found.x * scale
-        sides = problem.sides(x)
-        weights = {
-            name: 1.0 / spread_of(measured - model, problem.uses[name])
-            for name, (measured, model) in sides.items()
-        }
-    residuals = problem.residuals(x, weights)
-    jacobian = least_squares(
-        lambda z: problem.residuals(z * scale, weights), x / scale, max_nfev=1
-    ).jac
-    covariance, freedom = uncertainty(jacobian, residuals, problem.blocks)
+        x = least_squares(residuals, x / scale, method="trf", x_scale="jac").x * scale
+        rest = {name: measured - model for name, (measured, model) in problem.sides(x).items()}
+        weights = problem.weights(rest)
+    last = least_squares(residuals, x / scale, max_nfev=1)
+    covariance, freedom = uncertainty(last.jac, residuals(x / scale), problem.blocks)
     widths = student.ppf(0.5 + 0.5 * LEVEL, freedom) * np.sqrt(np.diag(covariance))
     return x, widths * scale, covariance * np.outer(scale, scale)
-
-
-def spread_of(values: Floats, used: np.ndarray) -> Floats:
-    """RMS of each column where it is used; 1 where it nowhere is."""
-    found = np.ones(values.shape[1])
-    for k in range(values.shape[1]):
-        if used[:, k].any():
-            found[k] = max(float(np.sqrt(np.mean(values[used[:, k], k] ** 2))), 1e-9)
-    return found
 
 
 def uncertainty(jacobian: Floats, residuals: Floats, blocks: np.ndarray) -> tuple[Floats, Floats]:

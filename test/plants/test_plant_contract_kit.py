@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from levers import Levers, offer
+from simulated_drives import SimulatedDrives
 
 from control_board_ros.core.terms.drives import KINDS, SetPoint
 from control_board_ros.plants import Description, DriveLimits, JointDescription, Readings
@@ -20,7 +21,6 @@ from control_board_ros.testing.plant_contract import (
     plant_contract,
 )
 from control_board_ros.testing.plant_contract.__main__ import main
-from control_board_ros.testing.simulated_drives import SimulatedDrives
 
 
 def simulated(kind: SetPoint) -> Callable[..., None]:

@@ -5,12 +5,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..core.terms.drives import SetPoint
-from ..core.terms.measurement import Actuation, Motor, Row
-from ..core.terms.set_points import SetPoints
-from ..plants.interface import Description, DriveLimits, JointDescription, Readings, Setup
-from ..settings.loading import load
-from ..sim.plant import SimulatedPlant
+from control_board_ros.core.terms.drives import SetPoint
+from control_board_ros.core.terms.measurement import Actuation, Motor, Row
+from control_board_ros.core.terms.set_points import SetPoints
+from control_board_ros.plants.interface import (
+    Description,
+    DriveLimits,
+    JointDescription,
+    Readings,
+    Setup,
+)
+from control_board_ros.settings.loading import load
+from control_board_ros.sim.plant import SimulatedPlant
 
 
 class SimulatedDrives:
