@@ -17,21 +17,19 @@ joints, ``report`` reports the results, ``app`` is the command line.
 """
 
 from . import (
-    calibration,
     faults,
     interaction,
     interfaces,
     modes,
     motion,
-    power,
     references,
+    start_up,
     wire,
     yarp4,
 )
 from .bench import Bench
-from .outcomes import NotHeld, NotTestable
 from .report import as_json, as_junit, as_line, as_text
-from .rules import RULES, Rule, rule
+from .rules import RULES, NotHeld, NotTestable, Rule, rule
 from .runner import Outcome, Result, run
 
 __all__ = [
@@ -46,16 +44,15 @@ __all__ = [
     "as_junit",
     "as_line",
     "as_text",
-    "calibration",
     "faults",
     "interaction",
     "interfaces",
     "modes",
     "motion",
-    "power",
     "references",
     "rule",
     "run",
+    "start_up",
     "wire",
     "yarp4",
 ]

@@ -21,9 +21,8 @@ from ..conformance_options import OPTIONS, seconds
 from ..startup import announce_often
 from .bench import Allowed, Bench
 from .channel import Channel
-from .outcomes import NotTestable, OutOfTime
 from .report import as_json, as_junit, as_line, as_text, too_few
-from .rules import RULES, Rule, in_order
+from .rules import RULES, NotTestable, OutOfTime, Rule, in_order
 from .runner import Result, Session, passed, run, unread
 from .shapes import Malformed
 

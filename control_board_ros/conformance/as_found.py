@@ -12,7 +12,7 @@ from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 from control_board_ros.protocols import Floats
 
 from .bench import Bench, M
-from .outcomes import NotHeld, NotTestable, NotTested
+from .rules import NotHeld, NotTestable, NotTested
 
 
 @dataclass(frozen=True, slots=True, eq=False)

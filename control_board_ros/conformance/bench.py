@@ -20,7 +20,7 @@ from control_board_ros.interface import Endpoint
 
 from .channel import Channel
 from .limits import Range
-from .outcomes import NotHeld, NotTestable, assume, offered
+from .rules import NotHeld, NotTestable, assume, offered
 from .shapes import PER_JOINT, check_lengths, reply_of
 
 M, K = ControlMode, CommandKind

@@ -18,7 +18,7 @@ from rclpy.node import Node
 from control_board_ros.client import BoardTimeout, State
 from control_board_ros.interface import JOINT_STATES, MODES, STATE, Endpoint
 
-from .outcomes import OutOfTime
+from .rules import OutOfTime
 from .shapes import Malformed, check_modes, check_state
 
 #: States and mode messages kept: 10 s at 1 kHz.

@@ -8,8 +8,7 @@ from control_board_ros.core.terms.modes import SELECTABLE
 from control_board_ros.interface import SET_CONTROL_MODE
 
 from .bench import Bench, M
-from .outcomes import NotTestable, assume, expect, offered
-from .rules import inside, rule
+from .rules import NotTestable, assume, expect, inside, offered, rule
 
 
 @rule("F1", "a fault disables the joint")

@@ -13,8 +13,7 @@ from control_board_ros.interface import GET_IMPEDANCE, SET_IMPEDANCE, SET_INTERA
 
 from .bench import COMPLIANT, STIFF, Bench, Fate, K, M
 from .moving import amid_a_move, run_on
-from .outcomes import NotTestable, assume, expect, offered
-from .rules import inside, rule
+from .rules import NotTestable, assume, expect, inside, offered, rule
 
 
 def both(bench: Bench) -> None:

@@ -23,8 +23,7 @@ from control_board_ros.interface import (
 )
 
 from .bench import Bench, K, M
-from .outcomes import NotTestable, assume, expect, offered
-from .rules import inside, rule
+from .rules import NotTestable, assume, expect, inside, offered, rule
 
 #: Getters of several joints.
 GETTERS = (

@@ -11,8 +11,7 @@ from control_board_ros.interface import GET_CONTROL_MODE, POSITION_COMMAND, SET_
 from .bench import Bench, Fate, K, M
 from .limits import read_limits
 from .moving import amid_a_move, run_on
-from .outcomes import assume, expect, offered
-from .rules import inside, rule
+from .rules import assume, expect, inside, offered, rule
 
 #: rad; a target this close to the present position causes no motion.
 STILL = 1e-3

@@ -11,8 +11,7 @@ from control_board_ros.client import State
 from .bench import FEWEST, TIMEOUT, Bench, K, M
 from .limits import LONGEST_MOVE
 from .moving import amid_a_move, in_time, patiently, stream
-from .outcomes import assume, expect
-from .rules import inside, rule
+from .rules import assume, expect, inside, rule
 
 Floats = NDArray[np.float64]
 

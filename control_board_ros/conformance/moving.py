@@ -11,7 +11,7 @@ from control_board_ros.client import State
 from control_board_ros.interface import VELOCITY_COMMAND
 
 from .bench import Bench
-from .outcomes import NotHeld, NotTested, assume
+from .rules import NotHeld, NotTested, assume
 
 T = TypeVar("T")
 

@@ -10,8 +10,7 @@ from control_board_ros.interface import SET_REFERENCE_SPEED, STOP
 from .bench import COMPLIANT, Bench, K, M
 from .limits import read_limits
 from .moving import amid_a_move, run_on
-from .outcomes import assume, expect, offered
-from .rules import inside, rule
+from .rules import assume, expect, inside, offered, rule
 
 #: s until a velocity reference expires, where the timeout is unknown.
 EXPIRED = 0.2

@@ -1,13 +1,48 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The rules by name."""
+"""The rules by name, and how the test of one ends other than with its evidence."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from .bench import Bench
-from .outcomes import NotTestable
+if TYPE_CHECKING:
+    from .bench import Bench
+
+
+class NotHeld(Exception):  # noqa: N818
+    """The board violates the rule; the text has the observed and the expected value."""
+
+
+class NotTestable(Exception):  # noqa: N818
+    """The rule does not apply to this board; the text has the reason."""
+
+
+class NotTested(Exception):  # noqa: N818
+    """The rule applies but could not be tested; the text has the reason."""
+
+
+class OutOfTime(NotTested):
+    """The rule exceeded its time limit."""
+
+
+def expect(condition: object, text: str) -> None:
+    """The rule itself; raises NotHeld where the condition is false."""
+    if not condition:
+        raise NotHeld(text)
+
+
+def assume(condition: object, text: str) -> None:
+    """A precondition covered by another rule; raises NotTested where the condition is false."""
+    if not condition:
+        raise NotTested(text)
+
+
+def offered(condition: object, text: str) -> None:
+    """A feature that the rule requires; raises NotTestable where the condition is false."""
+    if not condition:
+        raise NotTestable(text)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,8 +20,7 @@ from .as_found import AsFound
 from .bench import Allowed, Bench
 from .channel import Channel
 from .limits import Range, read_limits
-from .outcomes import NotHeld, NotTestable, NotTested, OutOfTime
-from .rules import Rule
+from .rules import NotHeld, NotTestable, NotTested, OutOfTime, Rule
 from .shapes import Malformed
 
 #: Load that counts as light, relative to the most loaded joint.

@@ -12,7 +12,7 @@ from control_board_ros.core.terms.reply import Answer, Reply
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode, encode
 from control_board_ros.interface import Endpoint
 
-from .outcomes import NotHeld
+from .rules import NotHeld
 
 #: The fields of a BoardState message with one entry per joint.
 PER_JOINT = tuple(field.name for field in fields(State) if field.name not in ("stamp", "names"))

@@ -14,8 +14,7 @@ from control_board_ros.interface import (
 )
 
 from .bench import OTHERS, Bench, K, M
-from .outcomes import assume, expect
-from .rules import rule
+from .rules import assume, expect, rule
 
 #: Field of the references of each kind.
 FIELDS = {

@@ -14,8 +14,7 @@ from control_board_ros.core.terms.modes import MOVES, UNPOWERED
 from control_board_ros.protocols import Floats
 
 from .bench import TIMEOUT, Bench, K, M
-from .outcomes import assume, expect, offered
-from .rules import rule
+from .rules import assume, expect, offered, rule
 
 #: s until a joint is at rest after a move.
 SETTLING = 0.3

@@ -1,11 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """``python -m control_board_ros.tuning``."""
 
-from __future__ import annotations
-
 import sys
 
 from .app import main
 
-if __name__ == "__main__":
-    sys.exit(main())
+sys.exit(main())

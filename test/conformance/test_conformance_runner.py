@@ -21,8 +21,8 @@ from std_msgs.msg import Header
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_junit, as_text
 from control_board_ros.conformance.limits import Limits, Range
 from control_board_ros.conformance.motion import fitted, minimum_jerk
-from control_board_ros.conformance.outcomes import NotHeld, NotTestable, NotTested, OutOfTime
 from control_board_ros.conformance.report import too_few
+from control_board_ros.conformance.rules import NotHeld, NotTestable, NotTested, OutOfTime
 from control_board_ros.conformance.runner import FEW, LATE, Session, passed, reading, run, unread
 from control_board_ros.conformance.shapes import (
     PER_JOINT,

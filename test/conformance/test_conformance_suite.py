@@ -17,8 +17,7 @@ from conformance_sessions import ARM, RATE, session_on
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_json, as_junit, as_text
 from control_board_ros.conformance.bench import Allowed
-from control_board_ros.conformance.outcomes import NotTestable
-from control_board_ros.conformance.rules import in_order
+from control_board_ros.conformance.rules import NotTestable, in_order
 from control_board_ros.conformance.runner import lightest, run
 from control_board_ros.testing import board_process
 

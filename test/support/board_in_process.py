@@ -24,8 +24,7 @@ from rig import Rig
 from control_board_ros.client import BoardError, State
 from control_board_ros.client.state import SETTLING
 from control_board_ros.conformance.channel import KEPT
-from control_board_ros.conformance.outcomes import NotTestable, OutOfTime
-from control_board_ros.conformance.rules import in_order
+from control_board_ros.conformance.rules import NotTestable, OutOfTime, in_order
 from control_board_ros.conformance.runner import Session, run, unread
 from control_board_ros.conformance.shapes import Malformed, check_modes, check_state
 from control_board_ros.core.terms.reply import accepted

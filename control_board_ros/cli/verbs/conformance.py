@@ -33,7 +33,7 @@ def conformance(session: Session, **given: Any) -> int:
     more than a few were not tested that the board offers.
     """
     from control_board_ros.conformance.app import chosen, try_board
-    from control_board_ros.conformance.outcomes import NotTestable, OutOfTime
+    from control_board_ros.conformance.rules import NotTestable, OutOfTime
 
     asked = Namespace(**given, json=session.options.json, timeout=session.options.timeout)
     try:

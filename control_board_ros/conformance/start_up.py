@@ -1,15 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""K: calibration; only with --calibrate, as the calibrator determines the motion."""
+"""K and N: calibration and power-on.
+
+K only with --calibrate, as the calibrator determines the motion; N only with --power-cycle, as it
+disables all joints at once.
+"""
 
 from __future__ import annotations
 
-from control_board_ros.core.terms.vocabs import parse_control_mode, parse_interaction_mode
+from control_board_ros.core.terms.vocabs import (
+    ControlMode,
+    parse_control_mode,
+    parse_interaction_mode,
+)
 
 from .bench import STIFF, Bench, Fate, K, M
-from .outcomes import NotTestable, expect, offered
-from .rules import inside, rule
+from .rules import assume, expect, inside, offered, rule
 
-#: s for a calibration of one joint.
+#: s for a calibration of one joint, or for a board to configure itself.
 LONGEST = 60.0
 
 
@@ -19,8 +26,8 @@ def begin(bench: Bench) -> None:
     Raises:
         NotTestable: not permitted, or not possible.
     """
-    if not bench.allowed.calibrate:
-        raise NotTestable("a calibration may leave the range; allow it with --calibrate")
+    text = "a calibration may leave the range; allow it with --calibrate"
+    offered(bench.allowed.calibrate, text)
     reply = bench.client.calibrate(bench.joint, wait=False)
     offered(reply, f"{bench.joint} does not calibrate: {reply.message}")
 
@@ -95,3 +102,47 @@ inside("K6", "a hard stop is met twice", "the position of the stop is not shown"
 inside(
     "K7", "a joint without the calibration it requires", "one would have to lose its calibration"
 )
+
+
+@rule("N1", "power-on is NOT_CONFIGURED, without power")
+def power_on(bench: Bench) -> str:
+    count = bench.channel.modes_received
+    power_cycle(bench)
+    off = [M.NOT_CONFIGURED.code] * len(bench.names)
+    seen = bench.channel.wait_for(
+        lambda: any(message.control_modes == off for message in bench.channel.modes_since(count)),
+        bench.channel.patience,
+    )
+    settle(bench)
+    expect(seen, "no message shows all joints NOT_CONFIGURED after power_cycle")
+    return "all joints NOT_CONFIGURED after power_cycle"
+
+
+inside("N2", "left with the whole configuration", "what has been received is not shown")
+
+
+@rule("N3", "the configured default after power-on")
+def default(bench: Bench) -> str:
+    power_cycle(bench)
+    modes = settle(bench)
+    offered(M.NOT_CONFIGURED not in modes, "it waits to be configured")
+    for name, mode in zip(bench.names, modes, strict=True):
+        expect(mode in (M.IDLE, M.POSITION), f"{name} starts in {mode}, not IDLE or POSITION")
+    return f"{', '.join(sorted({mode.name for mode in modes}))} after power_cycle"
+
+
+inside("N4", "before that everything is refused", "it configures itself, or another must do it")
+
+
+def power_cycle(bench: Bench) -> None:
+    """Begin at power-on; raises NotTestable without the permission."""
+    offered(bench.allowed.power_cycle, "it disables all joints; allow it with --power-cycle")
+    reply = bench.client.power_cycle()
+    assume(reply, f"power_cycle is refused: {reply.message}")
+
+
+def settle(bench: Bench) -> list[ControlMode]:
+    """The modes once no joint is NOT_CONFIGURED or CALIBRATING, or the timeout."""
+    starting = {M.NOT_CONFIGURED, M.CALIBRATING}
+    bench.poll(lambda: starting.isdisjoint(bench.client.get_control_mode()), LONGEST)
+    return bench.client.get_control_mode()
