@@ -121,6 +121,5 @@ def usual_payload(settings: Settings) -> float:
         if name in torques:
             most = min(most, PAYLOAD_SHARE * torques[name] / (GRAVITY * max(lever, LEAST_LEVER)))
         lever += float(np.linalg.norm(origin_of(element)[0]))
-        parent = element.find("parent")
-        link = "" if parent is None else parent.get("link", "")
+        link = tree.parent(element)
     return most if math.isfinite(most) else 0.0

@@ -110,7 +110,7 @@ class Response:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_an_answer_says_one_thing(response: Response, text: str) -> None:
+def test_success_and_answers_agree(response: Response, text: str) -> None:
     with pytest.raises(Malformed, match=text):
         reply_of(SET_CONTROL_MODE, ["left", "right"], response)
 
@@ -178,15 +178,15 @@ def test_modes_are_of_the_vocabs(codes: Any, vocabs: Any, rule: str, text: str) 
     ids=repr,
 )
 def test_no_answer_ends_it_with_a_traceback(error: Exception, rule: str) -> None:
-    with pytest.raises(Malformed, match="an answer cannot be") as told, reading():
+    with pytest.raises(Malformed, match="an answer cannot be") as raised, reading():
         raise error
-    assert told.value.rule == rule
+    assert raised.value.rule == rule
 
 
 def test_an_unread_board_breaks_one_rule() -> None:
-    found = unread([rule("V1"), rule("M1")], Malformed("V1", "it says 'swim'"))
+    found = unread([rule("V1"), rule("M1")], Malformed("V1", "it has 'swim'"))
     assert [result.outcome for result in found] == [NOT_HELD, NOT_TESTED]
-    assert found[0].evidence == "it says 'swim'"
+    assert found[0].evidence == "it has 'swim'"
     assert found[1].evidence == "the board cannot be read, see V1"
 
 
@@ -277,10 +277,10 @@ def test_a_board_that_answers_late_ends(capsys: pytest.CaptureFixture[str]) -> N
         assert app.main([*line, "--rule-time", "2"]) == app.NOT_HELD
     out, err = capsys.readouterr()
     found = json.loads(out)["results"]
-    told = [row["evidence"] for row in found if "longer than 2 s;" in row["evidence"]]
-    assert len(told) == LATE
-    assert "set_control_mode" not in told[0]
-    assert "get_control_mode is answered after 0.4" in told[0]
+    late = [row["evidence"] for row in found if "longer than 2 s;" in row["evidence"]]
+    assert len(late) == LATE
+    assert "set_control_mode" not in late[0]
+    assert "get_control_mode is answered after 0.4" in late[0]
     assert "were not tested though the board offers" in err
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Properties that the board does not know are found from motions (SPEC G3).
+"""Properties unknown to the board are found from motions (SPEC G3).
 
 Friction within 10 %, everything else within 5 %, with noise and steps in the sensors.
 """

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 
 
 def trouble(hidden: Hidden) -> str:
-    """What is said of the joint; nothing of it is written."""
+    """The trouble of the joint, of which nothing is written."""
     found = hidden.identified()
     assert not [one for one in found.written if one.joint == JOINT]
     return found.troubles[JOINT]
@@ -28,7 +28,7 @@ def hidden(**truth: float) -> Hidden:
 
 
 def test_a_joint_that_does_not_move_is_named() -> None:
-    """Its brake is closed, of which the board knows nothing."""
+    """Its brake is closed, unknown to the board."""
     held = hidden(brake__present=True, brake__slip_torque=200.0)
     held.plant.inject(JOINT, "brake_stuck")
     assert trouble(held).startswith("does not move")
@@ -43,7 +43,7 @@ def test_a_loose_belt_is_named_with_its_play() -> None:
 
 
 def test_a_wrong_gear_ratio_is_named_with_the_right_one() -> None:
-    """The motor encoder tells it, although the board stops the joint by a fault."""
+    """The motor encoder shows it, although the board stops the joint by a fault."""
     text = trouble(hidden(motor__gear_ratio=50.0))
     assert text.startswith("wrong gear ratio")
     assert " 50 times" in text or " 49.99 times" in text

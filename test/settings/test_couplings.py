@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Couplings declared in a parameter file (SPEC Y3), and what is said of bad ones."""
+"""Couplings declared in a parameter file (SPEC Y3), and refusals of bad ones."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ LENGTHS = "ground=36, crank=12, coupler=30, rocker=14"
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "expected"),
     [
         (INDEX.replace("[0.5, 0.5]", "[0.5]"), ["index.matrix", "2 numbers", "it has 1"]),
         (INDEX.replace("[0.5, 0.5]", "[0.5, 0.0]"), ["not all zeros for l_hand_index_3_joint"]),
@@ -128,15 +128,15 @@ LENGTHS = "ground=36, crank=12, coupler=30, rocker=14"
         ),
     ],
 )
-def test_bad_couplings(tmp_path: Path, text: str, says: list[str]) -> None:
+def test_bad_couplings(tmp_path: Path, text: str, expected: list[str]) -> None:
     """Y3: each is refused in a line: where, what, what is allowed."""
-    said = refusal(written(tmp_path, START + text))
-    for part in says:
-        assert part in said
+    refused = refusal(written(tmp_path, START + text))
+    for part in expected:
+        assert part in refused
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "expected"),
     [
         (MOTORS.replace("-1.5, 1.5", "2.0, 0.0"), "singular"),
         (MOTORS.replace(", -1.5, 1.5", ""), "4 numbers"),
@@ -158,9 +158,9 @@ def test_bad_couplings(tmp_path: Path, text: str, says: list[str]) -> None:
         ),
     ],
 )
-def test_bad_couplings_of_motors(tmp_path: Path, text: str, says: str) -> None:
+def test_bad_couplings_of_motors(tmp_path: Path, text: str, expected: str) -> None:
     """Y3: likewise."""
-    assert says in refusal(written(tmp_path, text))
+    assert expected in refusal(written(tmp_path, text))
 
 
 def test_axes_of_one_coupling_are_on_one_board(tmp_path: Path) -> None:
@@ -168,8 +168,8 @@ def test_axes_of_one_coupling_are_on_one_board(tmp_path: Path) -> None:
     text, limits = START + BOTH, "a.limits: {hard_lower: 0.4, hard_upper: 0.8}\n"
     limits += "b.limits: {hard_lower: -0.2, hard_upper: 0.2}\n"
     assert set(load(written(tmp_path, text + limits)).board.names) >= {"a", "b"}
-    said = refusal(written(tmp_path, text + limits + "joints: [a, l_hand_ring_1_joint]\n"))
-    assert "all axes of the coupling index, or none; b is missing" in said
+    refused = refusal(written(tmp_path, text + limits + "joints: [a, l_hand_ring_1_joint]\n"))
+    assert "all axes of the coupling index, or none; b is missing" in refused
 
 
 @pytest.mark.skipif(find_spec("icub_models") is None, reason="extra icub")

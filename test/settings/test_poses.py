@@ -55,7 +55,7 @@ def test_poses_of_files() -> None:
 
 
 def test_a_board_of_some_joints_has_the_poses_of_these() -> None:
-    """What a pose says of joints that the board does not have is not its business."""
+    """Positions of joints that the board does not have are ignored."""
     settings = load("iiwa", {"joints": J[2:4], f"poses.other.{J[0]}": 0.1})
     assert settings.poses[PARK].joints == (J[2], J[3])
     assert list(settings.poses) == [HOME, PARK]
@@ -146,8 +146,8 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("text", BROKEN)
-def test_a_broken_file_is_told_and_never_overwritten(user: UserPoses, text: str) -> None:
-    """One line with the place; saving does not lose what somebody wrote."""
+def test_a_broken_file_is_reported_and_never_overwritten(user: UserPoses, text: str) -> None:
+    """One line with the place; saving loses nothing of it."""
     user.path.parent.mkdir(parents=True)
     user.path.write_text(text)
     for act in (user.read, lambda: user.save(Pose("p", ("a",), (0.0,)))):
@@ -159,7 +159,7 @@ def test_a_broken_file_is_told_and_never_overwritten(user: UserPoses, text: str)
     assert user.path.read_text() == text
 
 
-def test_a_file_that_cannot_be_written_is_told(user: UserPoses) -> None:
+def test_a_file_that_cannot_be_written_is_reported(user: UserPoses) -> None:
     user.path.parent.parent.mkdir()
     user.path.parent.touch()
     with pytest.raises(RequestError, match=r"cannot be written \(.*\); make the folder writable"):
@@ -177,10 +177,10 @@ def test_so_many_poses_are_enough(user: UserPoses) -> None:
     assert len(user.read()) == MOST
 
 
-def test_a_lock_that_another_program_holds_is_told_and_waited_for_a_moment(
+def test_a_lock_of_another_program_is_awaited_briefly_and_reported(
     user: UserPoses,
 ) -> None:
-    """No service waits for somebody else's program."""
+    """No service waits for another program."""
     pose = Pose("ready", ("a",), (0.5,))
     user.save(pose)
     with (user.path.parent / f".{user.path.name}.lock").open("w") as other:

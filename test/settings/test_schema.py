@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The schema: parameter files and configurations go by what the fields say."""
+"""The schema: parameter files and configurations follow the fields."""
 
 from __future__ import annotations
 
@@ -117,17 +117,17 @@ def test_a_parameter_that_bounds_another(
     assert (caught.value.key, caught.value.allowed) == (f"{J2}.{name}", allowed)
 
 
-def test_what_the_reference_says_of_bounds() -> None:
-    said = {row.name: row.range_text for row in (*BOARD, *JOINT)}
-    assert said["control_rate"] == "a number from 10 to 20000"
-    assert said["gravity"] == "a list of numbers from -1000 to 1000"
-    assert said["limits.upper"] == "a number above limits.lower"
-    assert said["limits.lower"] == said["home"] == "a number"
-    assert said["reference_speed"] == "a number above 0 and up to limits.velocity"
-    assert said["impedance.damping"] == "a number from 0 to impedance.max_damping"
-    assert said["inertia_max"] == "a number of at least inertia_mean"
-    assert said["limits.torque"] == "a number above 0"
-    assert said["startup_mode"] == "idl, pos"
+def test_bounds_in_the_reference() -> None:
+    found = {row.name: row.range_text for row in (*BOARD, *JOINT)}
+    assert found["control_rate"] == "a number from 10 to 20000"
+    assert found["gravity"] == "a list of numbers from -1000 to 1000"
+    assert found["limits.upper"] == "a number above limits.lower"
+    assert found["limits.lower"] == found["home"] == "a number"
+    assert found["reference_speed"] == "a number above 0 and up to limits.velocity"
+    assert found["impedance.damping"] == "a number from 0 to impedance.max_damping"
+    assert found["inertia_max"] == "a number of at least inertia_mean"
+    assert found["limits.torque"] == "a number above 0"
+    assert found["startup_mode"] == "idl, pos"
 
 
 def test_numbers_stay_apart_from_zero_and_infinity() -> None:
@@ -147,6 +147,6 @@ def test_text_and_unit_describe_a_parameter() -> None:
 
 
 @pytest.mark.parametrize("row", [*BOARD, *JOINT], ids=lambda row: str(row.name))
-def test_descriptions_say_something_to_those_who_have_not_read_the_rules(row: Parameter) -> None:
+def test_descriptions_need_no_knowledge_of_the_rules(row: Parameter) -> None:
     """``ros2 param describe`` shows them: words, and no rule's code."""
     assert not re.search(r"\b[A-Z]\d{1,2}\b", row.description)

@@ -30,7 +30,7 @@ def iiwa() -> Settings:
     return load()
 
 
-# What is taken ------------------------------------------------------------------------------
+# What is accepted ---------------------------------------------------------------------------
 
 
 def test_the_default_is_the_iiwa(iiwa: Settings) -> None:
@@ -46,7 +46,7 @@ def test_the_default_is_the_iiwa(iiwa: Settings) -> None:
     assert iiwa.warnings == ()
 
 
-def test_software_limits_lie_inside_the_hard_stops(iiwa: Settings) -> None:
+def test_software_limits_are_inside_the_hard_stops(iiwa: Settings) -> None:
     for joint in iiwa.board.joints:
         limits = joint.limits
         assert limits.lower == pytest.approx(limits.hard_lower + 2 * DEGREE)
@@ -97,7 +97,7 @@ def test_motors_fit_the_joints() -> None:
             assert motor.supply_voltage / motor.resistance < limits.peak_current
 
 
-def test_a_file_changes_what_it_says_and_nothing_else(tmp_path: Path, iiwa: Settings) -> None:
+def test_a_file_changes_its_parameters_only(tmp_path: Path, iiwa: Settings) -> None:
     made = load(written(tmp_path, f"state_rate: 50\n{J2}:\n  position_pid.kp: 5000\n"))
     assert made.values["state_rate"] == 50.0
     assert isinstance(made.values["state_rate"], float)
@@ -139,14 +139,14 @@ def test_the_physics_rate_fits_the_control_rate(robot: str, rate: float, physics
     assert made.warnings == ()
 
 
-def test_a_rate_too_slow_for_the_gains_is_told() -> None:
-    """Gains hold from 200 Hz on; below, the log says why joints shake."""
+def test_a_rate_too_slow_for_the_gains_is_a_warning() -> None:
+    """Gains hold from 200 Hz on; below, the log has the reason why joints shake."""
     (warning,) = load(None, {"control_rate": 199.0}).warnings
     assert warning.startswith("control_rate: 199 Hz is too slow for the gains")
 
 
 def test_a_limit_below_home_is_allowed_while_the_board_runs(iiwa: Settings) -> None:
-    """Where nobody gives the calibration's start, it stays within the limits."""
+    """Without a given start of the calibration, it stays within the limits."""
     changed = iiwa.changed({f"{J2}.limits.upper": 0.3})
     assert changed.board.joints[1].limits.upper == 0.3
     assert changed.values[f"{J2}.calibration.start"] == 0.3
@@ -407,7 +407,7 @@ def test_unknown_configuration_names_the_nearest() -> None:
     assert "panda" in refusal("nothing-like-it")
 
 
-def test_wrong_overrides_say_so() -> None:
+def test_wrong_overrides_are_named() -> None:
     assert "did you mean 'state_rate'" in refusal(None, {"state_rat": 1.0})
     assert "overrides: state_rate: None" in refusal(None, {"state_rate": None})
     assert "overrides: joints: 'a' " in refusal(None, {"joints": ["a"]})
@@ -538,7 +538,7 @@ def test_every_value_of_the_settings_is_allowed_by_its_row(iiwa: Settings) -> No
         assert type(convert(row, name, Entry(value, ""))) is type(value), name
 
 
-def test_caps_are_what_the_security_page_says() -> None:
+def test_caps_are_those_of_the_security_page() -> None:
     assert params_file.SIZE_CAP == 1024 * 1024
     assert yaml_tree.DEPTH_CAP == 16
 
@@ -553,7 +553,7 @@ def test_parameters_of_the_board_change_at_run_time(iiwa: Settings) -> None:
 
 
 @pytest.mark.parametrize("name", list(RESERVED))
-def test_a_reserved_name_says_what_it_is_reserved_for(name: str) -> None:
+def test_a_reserved_name_is_refused_with_its_purpose(name: str) -> None:
     urdf: Any = SimpleNamespace(independent=(name, "elbow"), mimics={})
     with pytest.raises(SettingsError) as raised:
         joints_of((), urdf, "", "joints")

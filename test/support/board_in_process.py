@@ -76,7 +76,7 @@ class InProcess:
     # -- what a channel offers ----------------------------------------------------------------
 
     def clock(self) -> float:
-        """To look at it takes time, or a rule that looks again and again would never end."""
+        """Each call lets time pass: a rule that polls it ends."""
         self.pass_time()
         return self.now
 

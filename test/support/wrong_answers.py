@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Boards that break a rule of the interfaces (A, D), or the form of what they say."""
+"""Boards that break a rule of the interfaces (A, D), or the form of their messages."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def a_position_switches(
 
 @breaks("")
 def answers_late() -> None:
-    """Not one rule is broken: all take too long."""
+    """No rule is broken: all answers are late."""
 
     def late(old: Any, *args: Any) -> Any:
         time.sleep(0.4)

@@ -13,7 +13,7 @@ import json
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # also where Python is told to leave it out
+sys.path.insert(0, str(Path(__file__).parent))  # also with Python's -P
 
 import wrong_answers  # noqa: F401  (each registers its boards)
 import wrong_modes  # noqa: F401

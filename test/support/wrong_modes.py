@@ -58,12 +58,12 @@ def one_for_all(old: Any, self: Any, selection: Any, wanted: Any) -> Any:
 
 @replaces("M2", "core.machine.machine:Machine.expire")
 def position_when_a_velocity_expires(old: Any, self: Any) -> None:
-    takes = self.state.accepts[K.VELOCITY].copy()
+    accepts = self.state.accepts[K.VELOCITY].copy()
     ramping = [self.references.is_ramping(j) for j in range(self.state.n)]
     targets = [joint.ramp_target for joint in self.controller.joints]
     old(self)
     for j, joint in enumerate(self.controller.joints):
-        if takes[j] and ramping[j] and targets[j] != 0.0 and joint.ramp_target == 0.0:
+        if accepts[j] and ramping[j] and targets[j] != 0.0 and joint.ramp_target == 0.0:
             self.enter([j], M.POSITION)
 
 
@@ -146,7 +146,9 @@ def nothing_is_stored_in_a_fault() -> None:
 
 
 @replaces("I3", "core.machine.requests:Requests._store_interaction")
-def compliant_takes_direct_positions(old: Any, self: Any, j: int, wanted: InteractionMode) -> None:
+def compliant_accepts_direct_positions(
+    old: Any, self: Any, j: int, wanted: InteractionMode
+) -> None:
     old(self, j, wanted)
     state = self._machine.state
     if wanted is InteractionMode.COMPLIANT and state.control_modes[j] is M.POSITION:
@@ -228,8 +230,8 @@ def a_mixed_message_is_refused_whole(
 ) -> Any:
     from control_board_ros.core.terms.reply import refused
 
-    takes = self._state.accepts[kind, selection.joints]
-    if takes.any() and not takes.all():
+    accepts = self._state.accepts[kind, selection.joints]
+    if accepts.any() and not accepts.all():
         self._state.rejected[selection.joints] += np.uint64(1)
         return refused("not all of them accept it", selection.names)
     return old(self, kind, selection, *args, **more)
@@ -257,7 +259,7 @@ def an_ignored_move_is_kept() -> None:
 
 
 @replaces("M5", "node.wiring.services:answered")
-def refuses_and_says_success(old: Any, response: Any, reply: Any) -> Any:
+def a_refusal_with_success(old: Any, response: Any, reply: Any) -> Any:
     from control_board_ros.core.terms.reply import Answer
 
     old(response, reply)
@@ -296,7 +298,7 @@ def an_output_on_entering_open_loop(old: Any, self: Any, joints: Any, mode: Cont
 
 @replaces("M9", "core.machine.machine:Machine.enter")
 def no_load_taken_over(old: Any, self: Any, joints: Any, mode: ControlMode) -> None:
-    """TORQUE begins with a torque that nobody asked for."""
+    """TORQUE begins with an unrequested torque."""
     old(self, joints, mode)
     if mode is M.TORQUE:
         for j in joints:
@@ -391,14 +393,14 @@ def compliant_without_a_sensor_is_refused(old: Any, *args: Any) -> Any:
 
 
 @replaces("F2", "node.wiring.services:Services.set_control_mode")
-def force_idle_works_and_says_it_failed(old: Any, self: Any, request: Any, response: Any) -> Any:
+def force_idle_acts_without_success(old: Any, self: Any, request: Any, response: Any) -> Any:
     old(self, request, response)
     response.success = response.success and list(request.modes) != ["fidl"]
     return response
 
 
 @replaces("F2", "node.wiring.services:Services.set_control_mode")
-def a_fault_refuses_and_says_success(old: Any, self: Any, request: Any, response: Any) -> Any:
+def a_refusal_in_a_fault_with_success(old: Any, self: Any, request: Any, response: Any) -> Any:
     old(self, request, response)
     response.success = response.success or (
         "hwfa" in response.modes
@@ -416,7 +418,7 @@ def a_fault_is_stamped_when_cleared() -> None:
     )
 
 
-#: What a session needs that calibrates, or that takes the power from all.
+#: Options of a session that calibrates, or that disables all joints.
 CALIBRATES = {"joint": "left", "allowed": Allowed(calibrate=True)}
 POWERS = {"allowed": Allowed(power_cycle=True)}
 

@@ -23,18 +23,18 @@ from control_board_ros.tuning.storage import kept_in, shown, storage_of
 
 pytestmark = pytest.mark.physics
 
-#: A process that searches; with "hang", it stays in a trial for ever, from the third one on.
+#: A process that searches; with "hang", it never ends a trial, from the third one on.
 WORKER = """
 import sys, time
 from control_board_ros.tuning import search, storage
 
 robot, place, trials, what = sys.argv[1:]
 storage.ALIVE, storage.GIVEN_UP = 1, 2
-value_of, begun = search.value_of, []
+value_of, started = search.value_of, []
 
 def hanging(*arguments):
-    begun.append(arguments)
-    while len(begun) == 3:
+    started.append(arguments)
+    while len(started) == 3:
         time.sleep(0.1)
     return value_of(*arguments)
 
@@ -247,7 +247,7 @@ def test_storages_that_cannot_be_opened(place: str, text: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_a_storage_that_fails_is_said_in_a_line() -> None:
+def test_a_storage_that_fails_is_reported_in_a_line() -> None:
     """And an error of the program stays one."""
     from sqlalchemy.exc import OperationalError
 
@@ -258,8 +258,8 @@ def test_a_storage_that_fails_is_said_in_a_line() -> None:
         raise ZeroDivisionError
 
 
-def test_what_follows_from_a_storage_that_fails_is_said_in_a_line() -> None:
-    """Optuna ends with an error of its own; the cause is told."""
+def test_a_consequence_of_a_failing_storage_is_reported_in_a_line() -> None:
+    """Optuna ends with an error of its own; the cause is reported."""
     from sqlalchemy.exc import OperationalError
 
     def ends() -> None:

@@ -55,7 +55,7 @@ def test_a_payload_hangs_at_the_last_turning_link(crane: str) -> None:
     assert "_payload" not in urdf.text
 
 
-def test_the_usual_payload_takes_little_of_the_torque(crane: str) -> None:
+def test_the_usual_payload_needs_little_of_the_torque(crane: str) -> None:
     """Held at full reach, a tenth of the weakest joint's limit at most."""
     settings = settings_of(crane)
     payload = usual_payload(settings)
@@ -66,7 +66,7 @@ def test_the_usual_payload_takes_little_of_the_torque(crane: str) -> None:
         assert 9.81 * payload * lever <= 0.1001 * torques[name]
 
 
-def test_scenes_lie_within_the_limits_and_differ(crane: str) -> None:
+def test_scenes_are_within_the_limits_and_differ(crane: str) -> None:
     settings = settings_of(crane)
     searched = scenes(settings, 1.0, 1, fresh=False)
     fresh = scenes(settings, 1.0, 1, fresh=True)
@@ -176,7 +176,7 @@ def test_a_search_makes_poor_gains_better_and_goes_on(crane: str, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_what_is_worse_than_derived_gains_is_not_taken(crane: str, tmp_path: Path) -> None:
+def test_gains_worse_than_the_derived_ones_are_rejected(crane: str, tmp_path: Path) -> None:
     """Gains that a search would have praised, and that are worse elsewhere."""
     bad = {f"lift.{pid}.kp": 100.0 for pid in ("position_pid", "direct_pid")}
     (outcome,) = judge(plan_of(crane, tmp_path), [Found("lift", POSITION, bad, 0.1, 6)])
@@ -188,7 +188,7 @@ def test_what_is_worse_than_derived_gains_is_not_taken(crane: str, tmp_path: Pat
 
 
 @pytest.mark.slow
-def test_what_is_worse_is_not_taken(tmp_path: Path) -> None:
+def test_worse_gains_are_rejected(tmp_path: Path) -> None:
     """A robot with derived gains keeps them."""
     plan = Plan("iiwa", 0.5, 6, 1, str(tmp_path / "iiwa.journal"))
     joint = settings_of("iiwa").board.names[3]
@@ -223,7 +223,7 @@ SEARCHES = [Found(name, POSITION, {name: 1.0}, 0.1 * k, 6) for k, name in enumer
 DERIVED = {("a", POSITION): {}, ("b", POSITION): {}, ("c", POSITION): {"c": 2.0}}
 
 
-def test_gains_that_are_better_are_taken() -> None:
+def test_better_gains_are_accepted() -> None:
     outcomes = decide(
         SEARCHES, DERIVED, lambda key, gains: played(0.5 if key[0] in gains else 1.0)
     )
@@ -231,7 +231,7 @@ def test_gains_that_are_better_are_taken() -> None:
     assert [outcome.why for outcome in outcomes[:2]] == ["", ""]
 
 
-def test_gains_that_do_not_go_together_are_not_taken_together() -> None:
+def test_incompatible_gains_are_not_combined() -> None:
     """The better search stays; what it shakes keeps its gains, with the reason."""
 
     def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
@@ -242,8 +242,8 @@ def test_gains_that_do_not_go_together_are_not_taken_together() -> None:
     assert "no better in other poses (9.00 of before)" in b.why
 
 
-def test_the_derived_gains_are_taken_where_they_are_better() -> None:
-    """Than those found, and than those of before; their figures stand beside."""
+def test_better_derived_gains_are_accepted() -> None:
+    """Better than the found and the present ones; with their figures."""
 
     def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
         return played({1.0: 0.5, 2.0: 0.2}.get(gains.get(key[0], 0.0), 1.0))
@@ -255,7 +255,7 @@ def test_the_derived_gains_are_taken_where_they_are_better() -> None:
     assert c.derived.mean("tracking") == 0.2
 
 
-def test_gains_that_shake_another_joint_are_taken_back() -> None:
+def test_gains_that_shake_another_joint_are_reverted() -> None:
     """A joint that keeps its gains is no worse in the end, either."""
 
     def play(key: tuple[str, str], gains: Mapping[str, float]) -> Played:
