@@ -17,8 +17,7 @@ within a callback: the client serves its own connection. A script without a node
 ``connect("control_board")``, which brings one.
 """
 
-from .board import ControlBoardClient
-from .connecting import connect
+from .board import ControlBoardClient, connect
 from .errors import BoardError, BoardNotFound, BoardTimeout, InvalidAnswer
 from .goals import CalibrationFeedback, MoveFeedback
 from .poses import PoseFeedback

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The client of one board."""
+"""The client of one board, on a node of the user or on one of its own."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from rclpy.context import Context
+from rclpy.node import Node
+
 from .brakes import BrakeRequests
 from .commands import ReferenceCommands
+from .errors import BoardError
 from .goals import Goals
 from .impedance import ImpedanceRequests
 from .link import Link
@@ -121,3 +125,33 @@ class ControlBoardClient(Blocking, Interfaces):
     def names(self) -> tuple[str, ...]:
         """Joint names in the board's order."""
         return self._services.joints.names or self.wait_until_found()
+
+
+def connect(board: str = "control_board", **options: Any) -> ControlBoardClient:
+    """A client with a ROS context and a node of its own, closed with it: for scripts.
+
+    Args:
+        board: name of the board's node, absolute or relative to ``/``.
+        options: ``find_timeout``, ``answer_timeout`` of :class:`ControlBoardClient`, s.
+
+    Raises:
+        BoardError: ROS does not start: invalid RMW, domain or name.
+    """
+    context = Context()  # independent of the program's rclpy.init()
+    try:
+        context.init()
+        node = Node("control_board_client", context=context, enable_rosout=False)
+        client = ControlBoardClient(node, board, **options)
+    except Exception as error:
+        context.try_shutdown()
+        if isinstance(error, TypeError):
+            raise  # an unknown option
+        raise BoardError(f"cannot start a ROS node: {str(error).splitlines()[0]}") from error
+    client._close = weakref.finalize(client, _end, client._close, node, context)
+    return client
+
+
+def _end(close: Callable[[], Any], node: Node, context: Context) -> None:
+    close()
+    node.destroy_node()
+    context.try_shutdown()
