@@ -15,25 +15,22 @@ from .brakes import BrakeRequests
 from .commands import ReferenceCommands
 from .errors import BoardError
 from .goals import Goals
-from .impedance import ImpedanceRequests
 from .link import Link
+from .modes import ModeRequests
 from .motors import MotorRequests
-from .old_modes import OldModes
 from .operations import Awaitable, Blocking, gone_as_board_error
 from .parameters import ParameterRequests
 from .poses import PoseRequests
 from .readings import Readings
 from .references import ReferenceRequests
 from .services import Services
-from .simulation import SimulationRequests
 from .whole_board import WholeBoard
 from .yarp_names import name_here
 
 
 class Interfaces(
     WholeBoard,
-    OldModes,
-    ImpedanceRequests,
+    ModeRequests,
     BrakeRequests,
     ReferenceCommands,
     ReferenceRequests,
@@ -42,7 +39,6 @@ class Interfaces(
     MotorRequests,
     PoseRequests,
     ParameterRequests,
-    SimulationRequests,
 ):
     """All interfaces of a board."""
 

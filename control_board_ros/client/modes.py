@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Control modes and interaction modes, over the services (SPEC M, I)."""
+"""Control modes, interaction modes and impedance, and the old interface (SPEC M, I, D)."""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
+from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.drives import DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import (
@@ -20,21 +25,28 @@ from control_board_ros.interface import (
     GET_AVAILABLE_MODES,
     GET_CONTROL_MODE,
     GET_DRIVES,
+    GET_IMPEDANCE,
     GET_INTERACTION_MODE,
     SET_CONTROL_MODE,
+    SET_IMPEDANCE,
     SET_INTERACTION_MODE,
     Endpoint,
 )
-from control_board_ros.protocols import Interaction, Joints, Mode
+from control_board_ros.protocols import Floats, Interaction, Joints, Mode, Values
 
 from .operations import Interface, operation
 from .services import reply_of
+from .values import for_each
 
 Available = tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]
 
+#: Stack frames from the warning to the caller: _deprecated, _old, its caller, the driver
+#: (run, run_async), the form (blocking, awaitable).
+CALLER = 6
+
 
 class ModeRequests(Interface):
-    """IControlMode2 and IInteractionMode."""
+    """IControlMode2, IInteractionMode, IImpedanceControl, and the old IControlMode."""
 
     @operation
     async def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply:
@@ -108,7 +120,7 @@ class ModeRequests(Interface):
 
     @operation
     async def get_drives(self, joints: Joints = None) -> list[DriveUse]:
-        """Which set-points the drives take, and which loop runs where (S1)."""
+        """Set-points that the drives accept, and which loop runs where (S1)."""
         found = await self._services.read(GET_DRIVES, joints)
         return [
             DriveUse(
@@ -122,6 +134,115 @@ class ModeRequests(Interface):
             )
             for k in range(len(found.names))
         ]
+
+    # --- impedance of the compliant interaction mode (I6) ----------------------------------------
+
+    @operation
+    async def set_impedance(
+        self, joints: Joints, stiffness: Values | None = None, damping: Values | None = None
+    ) -> Reply:
+        """Set stiffness and damping at any time; effective in the next cycle (I6).
+
+        Args:
+            joints: target joints.
+            stiffness: N·m/rad (N/m), one for all joints or one each; None: unchanged.
+            damping: N·m·s/rad (N·s/m), likewise; None: the board's choice for the stiffness.
+        """
+        if stiffness is None and damping is None:
+            return refused("neither stiffness nor damping given; send one of them, or both")
+        services = self._services
+        try:
+            selection = await services.select(joints)
+            if stiffness is None:
+                present = await services.read(GET_IMPEDANCE, joints)
+                stiffness = present.stiffness
+            count = len(selection.names)
+            fields = {
+                "stiffness": for_each(stiffness, count, "stiffness"),
+                "damping": [] if damping is None else for_each(damping, count, "damping"),
+            }
+        except RequestError as error:
+            return refused(str(error))
+        return await services.change(SET_IMPEDANCE, selection, **fields)
+
+    @operation
+    async def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
+        """Stiffness and damping, N·m/rad and N·m·s/rad, two arrays of shape (k,)."""
+        response = await self._services.read(GET_IMPEDANCE, joints)
+        return np.array(response.stiffness), np.array(response.damping)
+
+    @operation
+    async def get_max_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
+        """The largest permitted stiffness and damping, two arrays of shape (k,)."""
+        response = await self._services.read(GET_IMPEDANCE, joints)
+        return np.array(response.max_stiffness), np.array(response.max_damping)
+
+    @operation
+    async def get_torque_offset(self, joints: Joints = None) -> Floats:
+        """τ_ff of the impedance law, N·m, shape (k,): as set, or the load taken over."""
+        response = await self._services.read(GET_IMPEDANCE, joints)
+        return np.array(response.torque_offset)
+
+    # --- one method per mode; those of the old IControlMode are deprecated (D1) ------------------
+
+    @operation
+    async def set_position_direct_mode(self, joints: Joints = None) -> Reply:
+        """Set POSITION_DIRECT."""
+        return await self.set_control_mode(joints, ControlMode.POSITION_DIRECT)
+
+    @operation
+    async def set_position_mode(self, joints: Joints = None) -> Reply:
+        """Set POSITION; deprecated (D1)."""
+        return await self._old(joints, ControlMode.POSITION)
+
+    @operation
+    async def set_velocity_mode(self, joints: Joints = None) -> Reply:
+        """Set VELOCITY; deprecated (D1)."""
+        return await self._old(joints, ControlMode.VELOCITY)
+
+    @operation
+    async def set_torque_mode(self, joints: Joints = None) -> Reply:
+        """Set TORQUE; deprecated (D1)."""
+        return await self._old(joints, ControlMode.TORQUE)
+
+    @operation
+    async def set_open_loop_mode(self, joints: Joints = None) -> Reply:
+        """Set OPENLOOP; deprecated (D1)."""
+        return await self._old(joints, ControlMode.OPENLOOP)
+
+    @operation
+    async def set_impedance_position_mode(self, joints: Joints = None) -> Reply:
+        """Set POSITION with COMPLIANT (I9); deprecated (D1)."""
+        return await self._old(joints, ControlMode.POSITION, InteractionMode.COMPLIANT)
+
+    @operation
+    async def set_impedance_velocity_mode(self, joints: Joints = None) -> Reply:
+        """Set VELOCITY with COMPLIANT (I9); deprecated (D1)."""
+        return await self._old(joints, ControlMode.VELOCITY, InteractionMode.COMPLIANT)
+
+    @operation
+    async def get_control_modes(self) -> list[ControlMode]:
+        """The control modes of all joints; deprecated (D1)."""
+        self._deprecated("get_control_modes", "get_control_mode()", CALLER - 1)
+        return await self.get_control_mode()
+
+    async def _old(
+        self, joints: Joints, mode: ControlMode, interaction: InteractionMode | None = None
+    ) -> Reply:
+        self._deprecated(OLD_NAMES[mode, interaction], replacement(mode, interaction), CALLER)
+        reply = await self.set_control_mode(joints, mode)
+        if reply and interaction is not None:
+            reply = await self.set_interaction_mode(joints, interaction)
+        return reply
+
+    def _deprecated(self, old: str, new: str, caller: int) -> None:
+        text = deprecation(old, new)
+        warnings.warn(text, DeprecationWarning, stacklevel=caller)
+        self.log_deprecated(text)
+
+    def log_deprecated(self, text: str) -> None:
+        """Warn in the log of the user's node (D1)."""
+        self._link.user.get_logger().warning(text)
 
 
 def mode_texts(modes: Any, parse: Callable[[Any], Vocab]) -> list[str]:

@@ -15,12 +15,10 @@ from control_board_ros.interface import MODES, Endpoint
 from control_board_ros.protocols import Joints
 from control_board_ros.text import NAME, clean
 
-from .calibrations import CalibrationView
 from .checking import check_asked
 from .errors import BoardError
-from .joint_names import JointNames
 from .link import Link
-from .state import StateView
+from .state import CalibrationView, JointNames, StateView
 
 Word = TypeVar("Word", bound=StrEnum)
 

@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The state of a board, from its ~/state messages."""
+"""What a client has received of a board: states, joint names, calibration statuses."""
 
 from __future__ import annotations
 
+import threading
 import time
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from control_board_ros.core.calibration.calibration import CalibrationStatus
+from control_board_ros.core.selection import RequestError, Selector
 from control_board_ros.interface import GET_CONTROL_MODE, MOST_JOINTS, STATE
 from control_board_ros.protocols import Floats
 from control_board_ros.text import clean_names
@@ -79,7 +83,7 @@ class State:
         floats = {
             field: np.array(getattr(message, field), dtype=np.float64) for field in FLOAT_FIELDS
         }
-        for field in OF_MOTORS:  # a board that tells nothing of motors
+        for field in OF_MOTORS:  # a board without these fields
             if not floats[field].size:
                 floats[field] = np.full(len(floats["position"]), np.nan)
         return cls(
@@ -179,3 +183,85 @@ class StateView:
         self._arrived = (*self._arrived[1:], info["received_timestamp"] or time.time_ns())
         self._received += 1
         self._at = self._since = time.monotonic()
+
+
+def joint_names(names: Sequence[str]) -> tuple[str, ...]:
+    """The joint names of a message, sanitised.
+
+    Raises:
+        RequestError: the names are invalid; the message is ignored.
+    """
+    if len(names) > MOST_JOINTS:
+        raise RequestError(f"a message of {len(names)} joints is left out; {MOST_JOINTS} at most")
+    known = clean_names(names)
+    if len(set(known)) != len(known) or not all(known):
+        raise RequestError("a message with a joint of no name, or of another's, is left out")
+    return known
+
+
+class JointNames:
+    """The joints of the last ~/modes message, updated by the link's thread.
+
+    Attributes: selector (None before the first message).
+    """
+
+    def __init__(self) -> None:
+        self.selector: Selector | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """In board order; empty before the first message."""
+        return self.selector.names if self.selector is not None else ()
+
+    def on_message(self, message: Any) -> None:
+        """Process a JointModes message; a restarted board may have other joints."""
+        names = joint_names(message.names)
+        if names != self.names:
+            self.selector = Selector(names)
+
+
+class CalibrationView:
+    """Status of the calibrations started by this client, by joint.
+
+    The link's thread updates it from feedback and results.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._statuses: dict[str, CalibrationStatus] = {}
+
+    def status(self, name: str) -> CalibrationStatus:
+        with self._lock:
+            return self._statuses.get(name, CalibrationStatus(name))
+
+    def started(self, names: Sequence[str]) -> None:
+        with self._lock:
+            for name in names:
+                self._statuses[name] = CalibrationStatus(name, running=True, phase="waiting")
+
+    def on_feedback(self, feedback: Any) -> None:
+        """Process a Calibrate feedback; after the result only completed joints count."""
+        with self._lock:
+            for name, progress in zip(feedback.names, feedback.progress, strict=True):
+                if self._statuses[name].running:
+                    self._statuses[name] = CalibrationStatus(
+                        name, running=True, progress=progress, phase=feedback.phase
+                    )
+                elif progress >= 1.0:
+                    self._statuses[name] = done(name)
+
+    def ended(self, names: Sequence[str], success: bool, message: str) -> None:
+        """Process a result; completed joints count as done even where others failed."""
+        with self._lock:
+            for name in names:
+                status = self._statuses[name]
+                if success or status.progress >= 1.0:
+                    self._statuses[name] = done(name)
+                else:
+                    self._statuses[name] = replace(
+                        status, running=False, phase="failed", message=message
+                    )
+
+
+def done(name: str) -> CalibrationStatus:
+    return CalibrationStatus(name, done=True, progress=1.0, phase="done")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The board as a whole: discovery, faults, description, power."""
+"""The board as a whole: discovery, faults, description, power, simulated time."""
 
 from __future__ import annotations
 
@@ -11,15 +11,20 @@ from control_board_ros.core.terms.faults import FaultRecord
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import parse_control_mode
 from control_board_ros.interface import (
+    CLEAR_INJECTED_FAULTS,
     CONFIGURE,
     EMERGENCY_STOP,
     GET_COUPLING,
     GET_FAULTS,
     GET_FREEZE_FRAME,
+    INJECT_FAULT,
     MOST_JOINTS,
+    PAUSE,
     POWER_CYCLE,
     RECOVER,
+    RESET,
     ROBOT_DESCRIPTION,
+    STEP,
 )
 from control_board_ros.protocols import Joints
 from control_board_ros.text import clean, clean_names
@@ -27,7 +32,9 @@ from control_board_ros.text import clean, clean_names
 from .errors import BoardError
 from .freeze_frame import FreezeFrame, fault_record
 from .operations import Interface, operation
-from .services import reply_of
+from .services import reply_of, whole
+
+MOST_STEPS = 2**32 - 1  # of one request: a uint32 on the wire
 
 
 class WholeBoard(Interface):
@@ -50,10 +57,10 @@ class WholeBoard(Interface):
 
     @operation
     async def get_coupling(self) -> Coupling:
-        """How the board's joints, its axes, and physical joints hang together (Y3).
+        """Coupling of the board's joints, its axes, with physical joints (Y3).
 
         Raises:
-            BoardError: what was answered is no answer.
+            BoardError: the response is invalid.
         """
         response = await self._link.call(GET_COUPLING)
         axes, joints = clean_names(response.axes), clean_names(response.physical_joints)
@@ -140,3 +147,47 @@ class WholeBoard(Interface):
     async def power_cycle(self) -> Reply:
         """Return to power-on (N1)."""
         return await self._services.trigger(POWER_CYCLE)
+
+    # --- simulated boards only -------------------------------------------------------------------
+
+    @operation
+    async def pause(self, paused: bool = True) -> Reply:
+        """Pause or resume the simulation."""
+        return await self._services.trigger(PAUSE, data=paused)
+
+    @operation
+    async def step(self, steps: int = 1) -> Reply:
+        """Advance a paused simulation by ``steps`` control cycles."""
+        if not 1 <= steps <= MOST_STEPS:
+            return refused(f"steps must be from 1 to {MOST_STEPS}, not {steps}")
+        return await self._services.trigger(STEP, steps=steps)
+
+    @operation
+    async def reset(self) -> Reply:
+        """Return to the initial pose and power-on."""
+        return await self._services.trigger(RESET)
+
+    @operation
+    async def inject_fault(self, joints: Joints, fault: str, persistent: bool = False) -> Reply:
+        """Inject a fault into simulated joints.
+
+        Args:
+            joints: target joints.
+            fault: ``overcurrent``, ``encoder``, ``torque_sensor``, …; the reply to an unknown
+                one lists all.
+            persistent: whether the cause remains until clear_injected_faults.
+        """
+        try:
+            selection = await self._services.select(joints)
+        except RequestError as error:
+            return refused(str(error))
+        response = await self._link.call(
+            INJECT_FAULT, names=list(selection.names), fault=fault, persistent=persistent
+        )
+        self._services.states.changed()
+        return whole(response.success, response.message, selection.names)
+
+    @operation
+    async def clear_injected_faults(self) -> Reply:
+        """Remove injected causes; the latch stays until FORCE_IDLE."""
+        return await self._services.trigger(CLEAR_INJECTED_FAULTS)

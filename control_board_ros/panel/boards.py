@@ -13,8 +13,7 @@ from typing import Any
 from rclpy.node import Node
 
 from control_board_ros.client import BoardError, ControlBoardClient
-from control_board_ros.client.joint_names import joint_names
-from control_board_ros.client.state import seconds
+from control_board_ros.client.state import joint_names, seconds
 from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import (

@@ -10,8 +10,8 @@ import pytest
 from control_board_ros import interface
 from control_board_ros.client.checking import check_asked, check_response
 from control_board_ros.client.errors import BoardError
-from control_board_ros.client.joint_names import joint_names
 from control_board_ros.client.services import reply_of, whole
+from control_board_ros.client.state import joint_names
 from control_board_ros.core.selection import RequestError, Selector
 from control_board_ros.core.terms.reply import Reason
 

@@ -12,14 +12,12 @@ from typing import Any, cast
 import pytest
 from control_board_msgs.msg import BoardState
 
-from control_board_ros.client.calibrations import CalibrationView
 from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTimeout
-from control_board_ros.client.joint_names import JointNames
 from control_board_ros.client.link import Link
 from control_board_ros.client.modes import mode_texts
 from control_board_ros.client.operations import Awaitable, Blocking, Interface, operation
 from control_board_ros.client.services import Services, reply_of
-from control_board_ros.client.state import StateView
+from control_board_ros.client.state import CalibrationView, JointNames, StateView
 from control_board_ros.client.values import as_given
 from control_board_ros.client.waiting import Wait, run
 from control_board_ros.core.selection import Selection
