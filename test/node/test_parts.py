@@ -40,8 +40,8 @@ from control_board_ros.node.loop.scheduling import take_priority
 from control_board_ros.node.process.executor import KeptWaitSetExecutor
 from control_board_ros.node.process.name_lock import NameTakenError, lock_name
 from control_board_ros.node.wiring import messages
+from control_board_ros.node.wiring.reporter import ThrottledLog
 from control_board_ros.node.wiring.state_message import StateMessage
-from control_board_ros.node.wiring.throttle import ThrottledLog
 from control_board_ros.testing import free_domain
 
 
