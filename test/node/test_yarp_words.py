@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""yarp_words.py, yarp_commands.py, and the callbacks of yarp_interface.py, without a node."""
+"""yarp_words.py, and the callbacks of yarp_interface.py, without a node."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ whole robot, and all of them offer the same of their joints.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from rclpy.clock import Clock
@@ -17,6 +17,7 @@ from rclpy.node import Node
 from ...compiled import describe, is_compiled
 from ...core.terms.measurement import Plant
 from ...interface import DIAGNOSTICS
+from ...settings.loading import Settings
 from ...simulation import made_board
 from ...startup import resume_collection, search_modules
 from ..loop.loop import ControlLoop
@@ -27,12 +28,11 @@ from ..wiring.diagnostics import Diagnostics
 from ..wiring.messages import stamp
 from ..wiring.parameters import Start
 from ..wiring.publishing import publisher
-from ..wiring.throttle import PERIOD
+from ..wiring.reporter import PERIOD
 from ..wiring.trajectory import followed
 from ..wiring.transforms import offer_transforms
 from .lifecycle import make_node, manage
 from .node import ALONE, PART, ROBOT, BoardNode
-from .shared_parameters import SharedParameters
 
 #: s after the start at which the graph is known well enough to look for another node of this name.
 SETTLED = 3.0
@@ -208,3 +208,42 @@ class Boards:
                 f"{len(same)} nodes are called {name} on this domain, and each executes every "
                 "request; stop the others (ros2 node list), or use another name or ROS_DOMAIN_ID"
             )
+
+
+class SharedParameters:
+    """Keeps the parameters of a robot's node and of its parts' nodes equal.
+
+    A parameter of a joint, set at the node of a part or of the robot, shows at both.
+
+    Args:
+        robot: the node of the whole robot.
+        parts: those of its parts.
+    """
+
+    def __init__(self, robot: BoardNode, parts: Collection[BoardNode]) -> None:
+        self._robot, self._parts = robot, parts
+        robot.parameters.reconfigure = self._set_at_robot
+        for part in parts:
+            part.on_reconfigured = self._set_at_part
+
+    def _set_at_robot(self, _settings: Settings, changes: Mapping[str, Any]) -> None:
+        """The parts check and apply them, all or none."""
+        changed: list[tuple[BoardNode, Settings, list[str]]] = []
+        for part in self._parts:
+            known = part.parameters.settings
+            own = {name: value for name, value in changes.items() if name in known.values}
+            if own:
+                changed.append((part, known.changed(own), list(own)))
+        with self._robot.member.exclusive():
+            for part, settings, _ in changed:
+                part.member.board.reconfigure(settings.board)
+        for part, settings, own_names in changed:
+            part.parameters.show(settings, own_names)
+
+    def _set_at_part(self, changes: Mapping[str, Any]) -> None:
+        """Show those of joints at the robot, too."""
+        parameters = self._robot.parameters
+        joints = tuple(f"{name}." for name in self._robot.member.board.names)
+        of_joints = {name: value for name, value in changes.items() if name.startswith(joints)}
+        if of_joints:
+            parameters.show(parameters.settings.changed(of_joints), of_joints)

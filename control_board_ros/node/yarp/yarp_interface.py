@@ -20,15 +20,17 @@ from ...core.group import JointGroup
 from ...core.machine.commands import COMMANDS
 from ...core.selection import RequestError, Selection
 from ...core.state import Snapshot
+from ...core.terms.reply import Answer, Reply, joints_of
+from ...core.terms.vocabs import CommandKind
 from ...interface import ENDPOINTS, YARP, Endpoint
 from ...protocols import Floats
 from ..loop.member import Member
+from ..wiring import streams
 from ..wiring.command_subscription import CommandSubscription
 from ..wiring.messages import bounded, doubles, optional
 from ..wiring.publishing import StatePublisher, publisher
 from ..wiring.reporter import Reporter
 from ..wiring.request_log import RequestLog, left_out
-from .yarp_commands import send
 from .yarp_words import (
     GET_NAME_ERROR,
     INVALID,
@@ -254,3 +256,25 @@ def require_reading(board: JointGroup) -> None:
     """Refuse a measurement that does not exist."""
     if not board.cycle:
         raise RefusedError(RETRIEVE_ERROR, "nothing is measured yet; ask again")
+
+
+def send(
+    board: JointGroup, kind: CommandKind, names: Sequence[str], values: Any, along: Any = None
+) -> Reply:
+    """Send references of one kind.
+
+    Args:
+        board: the receiver.
+        kind: of the references.
+        names: of joints; none: all.
+        values: one per joint.
+        along: speeds or accelerations, one per joint, which stay set for the joints that
+            accept them; None: those that are set.
+    """
+    reply = streams.send(board, kind, names, values, along)
+    if along is not None and (joints := joints_of(reply, Answer.ACCEPTED)):
+        asked = board.selector.select(names).names
+        given = dict(zip(asked, along, strict=True))
+        lasting = {str(COMMANDS[kind].along): [given[name] for name in joints]}
+        board.set_reference_speed(joints, **lasting)
+    return reply
