@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from control_board_msgs.action import Calibrate, GoToPose, Move
 from rclpy.action.server import ActionServer, CancelResponse
@@ -30,11 +30,12 @@ from ..loop.member import Member
 from .messages import bounded, doubles, optional
 from .request_log import RequestLog
 
-#: s between two looks at the goals under way (wall clock), which is the feedback's period.
+#: Period in s at which active goals are checked and feedback is sent (wall clock).
 PERIOD = 0.05
-#: s for which the result of a goal can still be asked for.
+#: s for which the result of a goal is kept.
 RESULT_KEPT = 60
 
+T = TypeVar("T")
 Task = MoveTask | CalibrationTask | PoseTask
 #: What starts a task, with the board held between two cycles.
 Begin = Callable[[JointGroup], Task]
@@ -75,12 +76,41 @@ def feedback_of(board: JointGroup, task: Task) -> Any:
 
 
 @dataclass(slots=True, eq=False)
-class Goal:
-    """A goal under way: rclpy's handle, what it started, and the future of its end."""
+class Goal(Generic[T]):
+    """An active goal: rclpy's handle, its task, and the future of its end."""
 
     handle: Any
-    task: Task
+    task: T
     ended: Future
+
+    def close(self, *, cancelled: bool, success: bool) -> None:
+        """Set the final state of the handle."""
+        if cancelled:
+            self.handle.canceled()
+        elif success:
+            self.handle.succeed()
+        else:
+            self.handle.abort()
+
+
+def action_server(
+    node: Node,
+    action: Endpoint,
+    execute: Callable[[Any], Any],
+    cancel: Callable[[Any], CancelResponse] = lambda _goal: CancelResponse.ACCEPT,
+) -> ActionServer:
+    """A server of one of the board's actions, with the QoS of its row."""
+    return ActionServer(
+        node,
+        action.load(),
+        action.name,
+        execute,
+        cancel_callback=cancel,
+        goal_service_qos_profile=action.qos.profile(),
+        result_service_qos_profile=action.qos.profile(),
+        cancel_service_qos_profile=action.qos.profile(),
+        result_timeout=RESULT_KEPT,
+    )
 
 
 class Actions:
@@ -103,7 +133,7 @@ class Actions:
         requests: RequestLog,
     ) -> None:
         self._member, self._warn, self._requests = member, warn, requests
-        self._goals: list[Goal] = []
+        self._goals: list[Goal[Task]] = []
         self._servers: Sequence[ActionServer] = [
             self._server(node, MOVE, move),
             self._server(node, CALIBRATE, calibration),
@@ -140,24 +170,14 @@ class Actions:
             outcome = await ended
             return asked.ended(kind.Result(success=outcome.success, message=outcome.message))
 
-        return ActionServer(
-            node,
-            kind,
-            action.name,
-            execute,
-            cancel_callback=lambda _goal: CancelResponse.ACCEPT,
-            goal_service_qos_profile=action.qos.profile(),
-            result_service_qos_profile=action.qos.profile(),
-            cancel_service_qos_profile=action.qos.profile(),
-            result_timeout=RESULT_KEPT,
-        )
+        return action_server(node, action, execute)
 
     def _look(self) -> None:
-        """Feedback for every goal; end those that have ended or are to be cancelled."""
+        """Send feedback of every goal; end the completed and the cancelled ones."""
         for goal in list(self._goals):
-            outcome: Outcome | None = Outcome(False, "internal error; the board's log tells more")
+            outcome: Outcome | None = Outcome(False, "internal error; see the board's log")
             try:
-                outcome = self._attend(goal.handle, goal.task)
+                outcome = self._attend(goal)
             finally:
                 if outcome is not None:
                     self._goals.remove(goal)
@@ -165,18 +185,13 @@ class Actions:
         if not self._goals:
             self._timer.cancel()
 
-    def _attend(self, handle: Any, task: Task) -> Outcome | None:
+    def _attend(self, goal: Goal[Task]) -> Outcome | None:
+        task = goal.task
         with self._member.exclusive() as board:
-            cancelled = handle.is_cancel_requested
+            cancelled = goal.handle.is_cancel_requested
             outcome = Outcome(False, task.cancel()) if cancelled else task.outcome()
             feedback = feedback_of(board, task)
-        handle.publish_feedback(feedback)
-        if outcome is None:
-            return None
-        if cancelled:
-            handle.canceled()
-        elif outcome.success:
-            handle.succeed()
-        else:
-            handle.abort()
+        goal.handle.publish_feedback(feedback)
+        if outcome is not None:
+            goal.close(cancelled=cancelled, success=outcome.success)
         return outcome

@@ -7,14 +7,13 @@ A goal is checked in every control cycle; a timer delivers its result, and feedb
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTrajectoryControllerState
-from rclpy.action.server import ActionServer, CancelResponse
+from rclpy.action.server import CancelResponse
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
@@ -35,22 +34,13 @@ from ...core.selection import RequestError
 from ...core.state import Snapshot
 from ...interface import FOLLOW_JOINT_TRAJECTORY
 from ..loop.member import Member
-from .actions import PERIOD, RESULT_KEPT
+from .actions import PERIOD, Goal, action_server
 from .messages import NANOSECONDS, bounded, doubles, set_stamp
 from .request_log import RequestLog
 from .trajectory import read_points, start_time
 
 #: What starts a goal.
 StartGoal = Callable[[Sequence[str], Points, float, Wishes], TrajectoryGoal]
-
-
-@dataclass(slots=True, eq=False)
-class Goal:
-    """A goal under way: rclpy's handle, what it started, and the future of its end."""
-
-    handle: Any
-    task: TrajectoryGoal
-    ended: Future
 
 
 class FollowTrajectory:
@@ -76,26 +66,15 @@ class FollowTrajectory:
         self._member, self._start_goal, self._on_error = member, start_goal, on_error
         self._requests = requests
         self._logger = node.get_logger()
-        self._goal: Goal | None = None
+        self._goal: Goal[TrajectoryGoal] | None = None
         # before the follower's step: reading and reference agree
         member.loop.hooks.insert(0, self._check)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(PERIOD, self._look, clock=steady, autostart=False)
-        action = FOLLOW_JOINT_TRAJECTORY
-        self._server = ActionServer(
-            node,
-            action.load(),
-            action.name,
-            self._execute,
-            cancel_callback=self._cancel,
-            goal_service_qos_profile=action.qos.profile(),
-            result_service_qos_profile=action.qos.profile(),
-            cancel_service_qos_profile=action.qos.profile(),
-            result_timeout=RESULT_KEPT,
-        )
+        self._server = action_server(node, FOLLOW_JOINT_TRAJECTORY, self._execute, self._cancel)
 
     async def _execute(self, handle: Any) -> Any:
-        """Start a goal, and wait for its end; one that is refused has its code and text, too."""
+        """Start a goal and wait for its end; the result of a refused one has its code and text."""
         asked = self._requests.goal(FOLLOW_JOINT_TRAJECTORY, handle)
         if handle.is_cancel_requested:  # it moves nothing, and preempts no other
             handle.canceled()
@@ -108,7 +87,7 @@ class FollowTrajectory:
             end = End(Code.INVALID_GOAL, str(error))
         except Exception as error:  # noqa: BLE001 - or the default result would say SUCCESSFUL
             self._on_error(error, FOLLOW_JOINT_TRAJECTORY.short)
-            end = End(Code.INVALID_GOAL, "internal error; the board's log tells more")
+            end = End(Code.INVALID_GOAL, "internal error; see the board's log")
         else:
             assert self._goal is not None
             asked.accepted()
@@ -160,15 +139,10 @@ class FollowTrajectory:
             self._goal = None
             self._finish(goal)
 
-    def _finish(self, goal: Goal) -> None:
+    def _finish(self, goal: Goal[TrajectoryGoal]) -> None:
         end = goal.task.outcome
         assert end is not None
-        if goal.task.cancelled:
-            goal.handle.canceled()
-        elif end.code is Code.SUCCESSFUL:
-            goal.handle.succeed()
-        else:
-            goal.handle.abort()
+        goal.close(cancelled=goal.task.cancelled, success=end.code is Code.SUCCESSFUL)
         self._logger.info(f"{FOLLOW_JOINT_TRAJECTORY.short}: {end.text}")
         goal.ended.set_result(end)
 

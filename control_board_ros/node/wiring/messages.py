@@ -46,9 +46,11 @@ def optional(values: Sequence[float]) -> Sequence[float] | None:
 
 
 def answered(response: Response, reply: Reply) -> Response:
-    """A response that says what the reply says."""
+    """A response with the content of a reply."""
     response.success = bool(reply)  # type: ignore[attr-defined]
     response.message = reply.message  # type: ignore[attr-defined]
+    if hasattr(response, "names"):
+        response.names = list(reply.joints)
     if hasattr(response, "answers"):
         response.answers = [str(answer) for answer in reply.answers]
         response.reasons = list(reply.reasons) or [""] * len(reply.answers)  # type: ignore[attr-defined]

@@ -86,7 +86,7 @@ class Services:
         with self._member.exclusive() as board:
             joints = bounded(request.names, board.count)
             reply = method(board)(joints, bounded(request.modes, board.count))
-        response.names, response.modes = list(reply.joints), codes(reply.modes)
+        response.modes = codes(reply.modes)
         return answered(response, reply)
 
     def _get_modes(
@@ -130,7 +130,6 @@ class Services:
                 optional(request.along),
                 together=request.together,
             )
-        response.names = list(reply.joints)
         response.values = doubles(reply.values or [math.nan] * len(reply.joints))
         return answered(response, reply)
 
@@ -184,7 +183,7 @@ class Services:
             joints = bounded(request.names, board.count)
             reply = board.set_brake(joints, bounded(request.modes, board.count))
             modes = board.get_brake(reply.joints) if reply.joints else []
-        response.names, response.modes = list(reply.joints), [mode or "" for mode in modes]
+        response.modes = [mode or "" for mode in modes]
         return answered(response, reply)
 
     def get_brake(self, request: Any, response: Any) -> Any:
@@ -209,7 +208,7 @@ class Services:
         with self._member.exclusive() as board:
             joints = bounded(request.names, board.count)
             reply = board.set_motors(joints, **given)
-        return self._named(response, reply)
+        return answered(response, reply)
 
     def get_pids(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
@@ -220,7 +219,7 @@ class Services:
         with self._member.exclusive() as board:
             joints, offsets = bounded(request.names, board.count), optional(request.offsets)
             reply = board.set_pids(request.loop, joints, reset=request.reset, offsets=offsets)
-        return self._named(response, reply)
+        return answered(response, reply)
 
     def set_encoders(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
@@ -228,11 +227,6 @@ class Services:
             reply = board.set_encoders(
                 joints, 0.0 if positions is None else positions, motor=request.motor
             )
-        return self._named(response, reply)
-
-    @staticmethod
-    def _named(response: Any, reply: Reply) -> Any:
-        response.names = list(reply.joints)
         return answered(response, reply)
 
     def get_coupling(self, _request: Any, response: Any) -> Any:
@@ -257,7 +251,7 @@ class Services:
     def recover(self, request: Any, response: Any) -> Any:
         with self._member.exclusive() as board:
             reply = board.recover(bounded(request.names, board.count), partial=request.partial)
-        response.names, response.modes = list(reply.joints), codes(reply.modes)
+        response.modes = codes(reply.modes)
         response.wait = doubles(reply.waits)
         return answered(response, reply)
 
