@@ -16,18 +16,18 @@ from .core.terms.vocabs import CommandKind
 
 K = CommandKind
 
-#: Joints of a board, or robot, at most: what says that it has more is none.
+#: Maximum number of joints of a board or robot.
 MOST_JOINTS = 500
 
-#: What the graph calls a node whose endpoints were found before its name.
+#: Name in the graph of a node whose endpoints were discovered before its name.
 NOT_KNOWN_YET = "_NODE_NAME_UNKNOWN_"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QoS:
-    """Quality of service: history keep last, of so many messages; durability volatile or latched.
+    """Quality of service: history keep last ``depth`` messages; durability volatile or latched.
 
-    ``latched`` is DDS's transient local: who comes late gets the last message.
+    ``latched`` is DDS's transient local: a late subscriber receives the last message.
     """
 
     depth: int
@@ -53,7 +53,7 @@ class QoS:
 
 STREAM = QoS(depth=10)
 LATCHED = QoS(depth=1, latched=True)
-#: Who comes late gets so many of the last messages.
+#: A late subscriber receives the last 50 messages.
 HISTORY = QoS(depth=50, latched=True)
 NEWEST = QoS(depth=1, reliable=False)
 #: As tf2's own broadcaster has it; several boards share the topic.
@@ -125,7 +125,7 @@ def service(name: str, type_: str, meaning: str) -> Endpoint:
 
 
 def action(name: str, type_: str, meaning: str) -> Endpoint:
-    """What takes time: a goal, feedback, a result."""
+    """An action: a goal, feedback, a result."""
     return Endpoint("action", name, full("action", type_), REQUESTS, meaning)
 
 

@@ -21,7 +21,7 @@ from .sim.plant import Body, SimulatedPlant
 
 
 def made_board(settings: Settings) -> Board:
-    """The board that settings describe, with the parts of a robot of several."""
+    """The board of settings, with the parts of a robot of several."""
     if not settings.parts:
         return Board(settings.board)
     parts = {name: settings.part(name).board for name in settings.parts}
@@ -81,7 +81,7 @@ class Simulation:
         self.step(round(seconds * self._rate))
 
     def close(self) -> None:
-        """Let go of the plant; safe to call twice."""
+        """Close the plant; safe to call twice."""
         self.plant.close()
 
     def __enter__(self) -> Self:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names and texts of others, made safe to show, to store and to name a file by.
 
-Whoever speaks ROS, wires a drive or sends a recording chooses such texts. A terminal takes some
-characters as orders (titles, colours, the clipboard), others turn what is read around, lone
-surrogates are no text at all, and a path reads ``../`` as a way out.
+ROS messages, drives and recordings contain texts of unknown origin. A terminal executes some
+characters (titles, colours, the clipboard), others reverse the direction of writing, lone
+surrogates are invalid, and ``../`` in a path leaves its folder.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _SPACES = frozenset("\t\n\v\f\r\x85\N{LINE SEPARATOR}\N{PARAGRAPH SEPARATOR}")
 
 
 def clean(text: object, most: int = TEXT) -> str:
-    """A text on one line, of so many characters at most, that a terminal shows as it stands.
+    """A text on one line, ``most`` characters long at most, safe for a terminal.
 
     What separates lines and columns becomes a space; control characters, what changes the
     direction of writing, and lone surrogates become U+FFFD. The end says what was left out.

@@ -20,18 +20,18 @@ class BrakeRequests(Interface):
 
     @operation
     async def set_brake(self, joints: Joints, modes: str | Sequence[str]) -> Reply:
-        """Choose who works brakes.
+        """Set the brake modes.
 
         Args:
-            joints: whose brakes; None: all that have one.
-            modes: ``automatic`` (the board, as the modes need it), ``open`` or ``closed`` (by
+            joints: target joints; None: all with a brake.
+            modes: ``automatic`` (by the board, as the modes require), ``open`` or ``closed`` (by
                 hand); one for all, or one each.
         """
         return await self._work(joints, [modes] if isinstance(modes, str) else list(modes))
 
     @operation
     async def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
-        """How brakes are worked; None where a joint has none."""
+        """Brake modes; None where a joint has no brake."""
         response = await self._services.read(GET_BRAKE, joints)
         return [BrakeMode(mode) if mode else None for mode in response.modes]
 
@@ -48,7 +48,7 @@ class BrakeRequests(Interface):
 
     @operation
     async def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply:
-        """Let the board work brakes (true), or keep them by hand as they are."""
+        """Give the brakes to the board (true), or keep their states by hand."""
         response = await self._services.read(GET_BRAKE, joints)
         having = [k for k, mode in enumerate(response.modes) if mode or joints is not None]
         names = [response.names[k] for k in having]
@@ -60,7 +60,7 @@ class BrakeRequests(Interface):
 
     @operation
     async def get_auto_brake_enabled(self, joints: Joints = None) -> list[bool]:
-        """Whether the board works brakes; false where a joint has none."""
+        """Whether the board controls the brakes; false where a joint has none."""
         response = await self._services.read(GET_BRAKE, joints)
         return [mode == BrakeMode.AUTOMATIC for mode in response.modes]
 

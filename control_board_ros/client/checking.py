@@ -33,7 +33,6 @@ OTHERS = frozenset({"poses"})
 def check_response(service: Endpoint, response: Any, board: str) -> None:
     """Reject a response with inconsistent lengths or unknown modes; sanitise its names.
 
-
     Raises:
         InvalidAnswer: one line: board, service, problem.
     """
@@ -57,7 +56,7 @@ def check_asked(service: Endpoint, response: Any, count: int, board: str) -> Non
     for field, kind in response.get_fields_and_field_types().items():
         entries = len(getattr(response, field)) if kind.startswith("sequence") else count
         if entries != count and not (field == "vocabs" and entries == 0):
-            where, asked = service.of(board), f"{count} joints asked for"
+            where, asked = service.of(board), f"{count} requested joints"
             text = f"{where} sent an invalid response: {entries} {field} for {asked}"
             raise InvalidAnswer(text)
 

@@ -103,7 +103,7 @@ class Goal:
             await self._cancel()
             self._changed()
             raise
-        await self._take_feedback()
+        await self._drain_feedback()
         while self._feedback:
             show(self._feedback.popleft())
         self._changed()
@@ -118,7 +118,7 @@ class Goal:
         goal = self._action.load().Goal(**fields)
 
         def send() -> None:
-            self._sending = self._client.send_goal_async(goal, self._hear, self._id)
+            self._sending = self._client.send_goal_async(goal, self._queue, self._id)
 
         await self._thread.run(send)
         if not await self._thread.outcome(self._sending, self._link.answer_timeout):
@@ -148,8 +148,8 @@ class Goal:
                 f"{self._link.name} went away during {self._name}; is it still running?"
             )
 
-    async def _take_feedback(self) -> None:
-        """Process the feedback received before the result: rclpy takes one message per task."""
+    async def _drain_feedback(self) -> None:
+        """Process the feedback that precedes the result: rclpy handles one message per task."""
         received = -1
         while received != self._received:
             received = self._received
@@ -180,7 +180,7 @@ class Goal:
                     "the joints may still move, stop them with: cbctl stop"
                 )
 
-    def _hear(self, message: Any) -> None:
+    def _queue(self, message: Any) -> None:
         self._on_feedback(message.feedback)
         self._feedback.append(message.feedback)
         self._received += 1

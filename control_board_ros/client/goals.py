@@ -108,8 +108,8 @@ class Goals(Interface):
     ) -> Reply:
         """Follow a trajectory in POSITION_DIRECT and wait for the end (T1).
 
-        Interrupted, it cancels the goal, which stops the joints, and lets the interruption
-        through.
+        Interrupted, it cancels the goal, which stops the joints, and raises the interruption
+        again.
 
         Args:
             joints: that follow it.
@@ -204,7 +204,7 @@ def trajectory(
     dq = None if velocities is None else np.asarray(velocities, float)
     shape = (t.size, len(names))
     if t.ndim != 1 or q.shape != shape or (dq is not None and dq.shape != shape):
-        raise RequestError(f"a trajectory of {t.size} times takes rows of shape {shape}")
+        raise RequestError(f"a trajectory of {t.size} times requires rows of shape {shape}")
     message = JointTrajectory(joint_names=list(names))
     for k in range(t.size):
         point = JointTrajectoryPoint(positions=q[k].tolist())

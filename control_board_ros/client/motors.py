@@ -41,7 +41,7 @@ class MotorRequests(Interface):
 
     @operation
     async def get_motors(self, joints: Joints = None) -> Motors:
-        """All that is known of motors and amplifiers."""
+        """Data and state of motors and amplifiers."""
         response = await self._services.read(GET_MOTORS, joints)
         return Motors(**arrays(response, Motors))
 
@@ -54,10 +54,10 @@ class MotorRequests(Interface):
         output_limits: Values | None = None,
         **terms: Values | None,
     ) -> Reply:
-        """Set the largest current (A) and PWM (percent), and what the laws take motors for.
+        """Set the largest current (A) and PWM (percent), and the motor model of the laws.
 
-        The latter by the names that ``get_motors`` has, ``torque_constants`` to
-        ``velocity_thresholds``; None: as it is. A power-on forgets all of it.
+        The latter by the names of ``get_motors``, ``torque_constants`` to
+        ``velocity_thresholds``; None: unchanged. A power-on resets all of it.
         """
         if unknown := terms.keys() - TERMS:
             raise TypeError(f"no such values: {', '.join(sorted(unknown))}; one of {list(TERMS)}")
@@ -91,17 +91,17 @@ class MotorRequests(Interface):
 
     @operation
     async def get_peak_current(self, joints: Joints = None) -> Floats:
-        """Currents beyond which there is an overcurrent, A."""
+        """Overcurrent thresholds, A."""
         return (await self.get_motors(joints)).peak_currents
 
     @operation
     async def get_max_current(self, joints: Joints = None) -> Floats:
-        """The largest currents that the board asks for, A."""
+        """The largest currents that the board commands, A."""
         return (await self.get_motors(joints)).max_currents
 
     @operation
     async def set_max_current(self, joints: Joints, currents: Values) -> Reply:
-        """Set the largest current that the board asks for, A: above 0, up to the peak."""
+        """Set the largest current that the board commands, A: above 0, up to the peak."""
         return await self.set_motors(joints, currents, None)
 
     @operation
@@ -126,18 +126,18 @@ class MotorRequests(Interface):
 
     @operation
     async def get_temperature_limit(self, joints: Joints = None) -> Floats:
-        """Temperatures of the windings that are a fault, °C."""
+        """Fault thresholds of the winding temperatures, °C."""
         return (await self.get_motors(joints)).temperature_limits
 
     @operation
     async def get_torque_range(self, joints: Joints = None) -> tuple[Floats, Floats]:
-        """The least and the greatest torque of joints, two arrays."""
+        """Minimum and maximum torque of joints, two arrays."""
         most = (await self.get_motors(joints)).torque_limits
         return -most, most
 
     @operation
     async def get_motor_torque_params(self, joints: Joints = None) -> MotorTorqueParameters:
-        """What the laws take motors for: torque and back-EMF constants, friction."""
+        """The motor model of the laws: torque and back-EMF constants, friction."""
         found = await self.get_motors(joints)
         values = {ours: getattr(found, name) for ours, name in YARP_TERMS.items()}
         return MotorTorqueParameters(**values)
@@ -146,9 +146,9 @@ class MotorRequests(Interface):
     async def set_motor_torque_params(
         self, joints: Joints, parameters: MotorTorqueParameters
     ) -> Reply:
-        """Set what the laws take motors for, from the next cycle on; None: as it is.
+        """Set the motor model of the laws, from the next cycle on; None: unchanged.
 
-        A power-on goes back to what is configured.
+        A power-on restores the configured one.
         """
         for name in ("ktau_scale", "bemf_scale"):
             if scale := getattr(parameters, name):
@@ -157,29 +157,29 @@ class MotorRequests(Interface):
         given = {name: getattr(parameters, ours) for ours, name in YARP_TERMS.items()}
         return await self.set_motors(joints, **given)
 
-    # --- encoders -------------------------------------------------------------------------------
+    # --- encoders --------------------------------------------------------------------------------
 
     @operation
     async def set_encoder(self, joints: Joints, positions: Values) -> Reply:
-        """Take angles as those that joints have now; they must be in IDLE."""
+        """Set the present angles of joints; they must be in IDLE."""
         return await self._apply(SET_ENCODERS, joints, {"positions": positions}, motor=False)
 
     @operation
     async def reset_encoder(self, joints: Joints = None) -> Reply:
-        """Take the angles that joints have now as 0; they must be in IDLE."""
+        """Set the present angles of joints to 0; they must be in IDLE."""
         return await self.set_encoder(joints, 0.0)
 
     @operation
     async def set_motor_encoder(self, joints: Joints, positions: Values) -> Reply:
-        """Let encoders of motors read so much where they are."""
+        """Set the present readings of motor encoders."""
         return await self._apply(SET_ENCODERS, joints, {"positions": positions}, motor=True)
 
     @operation
     async def reset_motor_encoder(self, joints: Joints = None) -> Reply:
-        """Let encoders of motors read 0 where they are."""
+        """Set the present readings of motor encoders to 0."""
         return await self.set_motor_encoder(joints, 0.0)
 
-    # --- control loops --------------------------------------------------------------------------
+    # --- control loops ---------------------------------------------------------------------------
 
     @operation
     async def get_pids(self, loop: str, joints: Joints = None) -> Pids:
@@ -198,7 +198,7 @@ class MotorRequests(Interface):
 
     @operation
     async def get_pid_reference(self, loop: str, joints: Joints = None) -> Floats:
-        """What a loop follows, in its unit."""
+        """References of a loop, in its unit."""
         return (await self.get_pids(loop, joints)).references
 
     @operation
@@ -208,17 +208,17 @@ class MotorRequests(Interface):
 
     @operation
     async def get_pid_output(self, loop: str, joints: Joints = None) -> Floats:
-        """What a loop puts out, N·m; of the current loop PWM, percent."""
+        """Outputs of a loop, N·m; of the current loop PWM, percent."""
         return (await self.get_pids(loop, joints)).outputs
 
     @operation
     async def get_pid_offset(self, loop: str, joints: Joints = None) -> Floats:
-        """What is added to the output, PWM percent."""
+        """Offsets of the output, PWM percent."""
         return (await self.get_pids(loop, joints)).offsets
 
     @operation
     async def set_pid_offset(self, loop: str, joints: Joints, offsets: Values) -> Reply:
-        """Set what is added to the output, PWM percent."""
+        """Set the offset of the output, PWM percent."""
         try:
             word = loop_of(loop).value
         except RequestError as error:
@@ -227,14 +227,14 @@ class MotorRequests(Interface):
 
     @operation
     async def reset_pid(self, loop: str, joints: Joints = None) -> Reply:
-        """Drop what a loop has integrated."""
+        """Reset the integrator of a loop."""
         try:
             word = loop_of(loop).value
         except RequestError as error:
             return refused(str(error))
         return await self._apply(SET_PIDS, joints, {}, loop=word, reset=True)
 
-    # --- torques from elsewhere -----------------------------------------------------------------
+    # --- external torque sensors -----------------------------------------------------------------
 
     @operation
     async def update_torque_sensor(self, joints: Joints, torques: Values) -> Reply:

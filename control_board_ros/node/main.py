@@ -205,7 +205,7 @@ def serve(
 
 
 def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> str:
-    """Say that the board runs, wait until it is to end, and park; why it is not parked, if so."""
+    """Print the welcome, wait for the end, and park; returns why it is not parked, if so."""
     from .process.lifecycle import starts_alone
 
     await_first_cycles(boards, ended)
@@ -218,13 +218,13 @@ def attend(boards: Boards, ended: threading.Event, at_once: threading.Event) -> 
 
 
 def park(boards: Boards, at_once: threading.Event) -> str:
-    """Take the robot to the pose park (R6); why that was not possible, or an empty text."""
+    """Move the robot to the pose park (R6); returns the reason of a failure, or an empty text."""
     from .process.parking import Parking
 
-    def tell(time: float) -> None:
+    def announce(time: float) -> None:
         say(f"parking, {time:.1f} s; a second Ctrl-C ends at once, without power\n")
 
-    parking = Parking(boards.main.member, boards.settings.poses[PARK], tell)
+    parking = Parking(boards.main.member, boards.settings.poses[PARK], announce)
     parking.run(at_once)
     if at_once.is_set():
         complain("not parked: a second signal came; the joints are without power where they were")

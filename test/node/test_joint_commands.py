@@ -105,7 +105,7 @@ def test_a_position_that_repeats_is_no_new_move(driven: Driven) -> None:
     assert driven.board.get_encoder("a")[0] == pytest.approx(target, abs=0.02)
 
 
-def test_what_no_mode_takes_is_counted_and_told(driven: Driven) -> None:
+def test_what_no_mode_accepts_is_counted_and_reported(driven: Driven) -> None:
     """M4: a joint without power ignores positions; the others are served."""
     driven.modes(M.IDLE, M.POSITION_DIRECT, M.VELOCITY)
     good, bad, worse = driven.command(a_position=0.1, b_position=0.1, c_effort=1.0)
@@ -144,7 +144,7 @@ def test_short_arrays_that_fit_nobody_are_refused_whole() -> None:
     before = driven.board.get_ref_position("a")[0]
     (reply,) = driven.command(a_position=0.1, b_velocity=0.2, c_position=0.3)
     assert reply.message == (
-        "refused, 2 numbers in position for 3 joints, of which 1 take it in their mode; "
+        "refused, 2 numbers in position for 3 joints, of which 1 accept it in their mode; "
         "send one per joint, NaN for no command"
     )
     assert driven.board.get_ref_position("a")[0] == before

@@ -96,7 +96,7 @@ def test_what_cannot_be_parked_says_why_and_does_not_move(case: str) -> None:
     assert rig.board.check_motion_done() == [True, True]
 
 
-def test_a_simulation_that_stands_still_is_told(loop: ControlLoop) -> None:
+def test_a_paused_simulation_is_reported(loop: ControlLoop) -> None:
     """R6: it would never end."""
     loop.pause(True)
     assert parked(loop) == (PAUSED, [])

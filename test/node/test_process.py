@@ -167,7 +167,7 @@ def test_a_second_node_of_the_name_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_a_namesake_of_another_user_is_told(tmp_path: Path) -> None:
+def test_a_namesake_of_another_user_is_reported(tmp_path: Path) -> None:
     """Where the lock cannot see the other one, the graph does, and both are warned."""
     with board_process() as board:
         with board_process(domain=board.domain, env={"XDG_RUNTIME_DIR": str(tmp_path)}) as other:
@@ -323,7 +323,7 @@ def test_use_sim_time_makes_one_time() -> None:
         assert "chosen at the start" in answer.reason
 
 
-def test_a_state_rate_above_the_control_rate_is_told() -> None:
+def test_a_state_rate_above_the_control_rate_is_reported() -> None:
     """What is in force is said at the start."""
     with board_process({"control_rate": 250.0, "state_rate": 1000.0}) as board:
         board.wait_for_output("state_rate 1000 Hz is above control_rate; 250 Hz is in force")
@@ -507,7 +507,7 @@ def test_every_publisher_is_heard_once(peer: Talker, qos: QoSProfile) -> None:
     peer.node.destroy_publisher(publisher)
 
 
-def test_a_best_effort_publisher_is_told_of_once(peer: Talker, board: BoardProcess) -> None:
+def test_a_best_effort_publisher_is_reported_once(peer: Talker, board: BoardProcess) -> None:
     """Who it is, on which topic, and what it risks; the topic's others are no reason."""
     topic = f"{peer.board}/command/torque"
     told = f"publishes {topic} with best effort"

@@ -227,7 +227,7 @@ def test_direct_positions_and_velocities(yarp: YarpClient, talker: Talker) -> No
     assert list(read.accelerations) == [2.5]
 
 
-def test_modes_are_told_with_the_states(yarp: YarpClient, talker: Talker) -> None:
+def test_modes_are_published_with_the_states(yarp: YarpClient, talker: Talker) -> None:
     """First letters, as there, and whole vocabs beside them."""
     talker.hear("letters", Int8MultiArray, "/joint_states/controlModes")
     talker.hear("vocabs", Int32MultiArray, "/joint_states/controlModeVocabs")

@@ -102,7 +102,7 @@ def test_every_mode_that_a_joint_is_in_has_a_name() -> None:
 
 
 @pytest.mark.parametrize("mode", ["HW_FAULT", "CALIBRATING", "position", "", "🤖", "x" * 10_000])
-def test_what_cannot_be_set_is_told(mode: str) -> None:
+def test_what_cannot_be_set_is_reported(mode: str) -> None:
     """M6: a status and an unknown mode; the text lists what can be set."""
     with pytest.raises(RefusedError) as refused:
         wanted(["POSITION", mode], 2)
@@ -268,7 +268,7 @@ def test_a_repeat_in_mixed_begins_anew(rig: Asked) -> None:
         (msg.Position(names=["a"], positions=[0.1], ref_velocities=[math.inf]), [1, 0]),
     ],
 )
-def test_what_is_wrong_is_ignored_counted_and_told(
+def test_what_is_wrong_is_ignored_counted_and_reported(
     rig: Asked, message: Any, counted: list[int]
 ) -> None:
     """M4, P13: as of the board's own commands."""
@@ -280,7 +280,7 @@ def test_what_is_wrong_is_ignored_counted_and_told(
     assert len(rig.warnings) == 1
 
 
-def test_nothing_is_told_before_it_is_measured() -> None:
+def test_nothing_is_reported_before_it_is_measured() -> None:
     answer = Asked().call("get_position", srv.GetPosition)
     assert (answer.response, list(answer.positions)) == ("RETRIEVE_ERROR", [])
     assert "nothing is measured yet" in answer.opt_descr

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A lock that goes to the thread that waits for it, and the joints while it is held."""
+"""A lock that passes to the waiting thread, and the joints while it is held."""
 
 from __future__ import annotations
 
@@ -23,12 +23,10 @@ class FairLock:
         self._gate, self._lock = threading.Lock(), threading.Lock()
 
     def acquire(self) -> None:
-        """Wait for the lock and acquire it."""
         with self._gate:
             self._lock.acquire()
 
     def release(self) -> None:
-        """Give it to who waits."""
         self._lock.release()
 
     def __enter__(self) -> None:
@@ -39,7 +37,7 @@ class FairLock:
 
 
 class Exclusive:
-    """What :meth:`Member.exclusive` gives: a group of joints while the lock is held.
+    """Context manager of :meth:`Member.exclusive`: a group of joints while the lock is held.
 
     A class, as a generator would cost each request and command 1 µs more.
     """

@@ -110,7 +110,7 @@ class ControlLoop:
         return self._shown[-2]
 
     def exclusive_of(self, group: JointGroup) -> Exclusive:
-        """What holds the lock for users of a group."""
+        """The lock of the loop as a context manager that gives a group."""
         return Exclusive(self._lock, group, self.end_exclusive)
 
     @property
@@ -120,7 +120,7 @@ class ControlLoop:
         return [] if late is None else late.tolist()
 
     def news(self) -> list[str]:
-        """What the plant found out since the last call, one line each."""
+        """Reports of the plant since the last call, one line each."""
         take = getattr(self._plant, "take_news", None)
         return [] if take is None else take()
 
@@ -205,7 +205,7 @@ class ControlLoop:
         return threading.get_ident() == self._thread.ident
 
     def set_real_time_factor(self, factor: float) -> None:
-        """Run at this many simulated seconds per second; 0 = as fast as possible.
+        """Set the simulated seconds per second; 0 = as fast as possible.
 
         Stamps go on from where they are; once simulated and real time have parted, stamps do not
         follow the system's clock any more.
@@ -232,7 +232,7 @@ class ControlLoop:
         return self._states.rate
 
     def set_state_rate(self, rate: float) -> None:
-        """Replace ``snapshots.latest`` so often on average, at most once per cycle."""
+        """Replace ``snapshots.latest`` at this mean rate, Hz; at most once per cycle."""
         self._states = Divider(rate, self.board.config.control_rate)
 
     def pause(self, paused: bool) -> None:
@@ -299,7 +299,7 @@ class ControlLoop:
         self.after_lock()
 
     def _run_cycle(self) -> None:
-        """With the lock held; the reading of t is taken before what is commanded at t acts."""
+        """With the lock held; the reading of t precedes the effect of the command of t."""
         show = self._states.pick()
         measurement = self._read()
         if show and not self._paused:
@@ -319,7 +319,7 @@ class ControlLoop:
         return self._intake.take(self._plant.read())
 
     def _stand_still(self) -> None:
-        """Run the steps asked for, else wait; show the state to newcomers now and then."""
+        """Run the requested steps, else wait; repeat the state every PAUSED_PERIOD."""
         while self._stepping.left and not self._stopping:
             self._cycle()
         self._wake.clear()

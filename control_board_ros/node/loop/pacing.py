@@ -19,7 +19,7 @@ EXACT = 0.05
 #: Lateness values kept between two looks at the statistics.
 KEPT = 1 << 14
 PR_SET_TIMERSLACK = 29
-#: Two clocks that are read within so long count as read at once, ns.
+#: Time between two readings of clocks that count as simultaneous, ns.
 AT_ONCE = 20_000
 #: Tries to read them so.
 TRIES = 4
@@ -31,7 +31,7 @@ class Statistics:
 
     Attributes: cycles, overruns (cycles that ended after the next one was due), skipped (periods
     given up after a lag of more than MAX_LAG), all counted since the start. Of the time since
-    the statistics were last taken: rate (cycles per second), median, p99 and worst (lateness of
+    the last statistics: rate (cycles per second), median, p99 and worst (lateness of
     the cycle start, s).
     """
 
@@ -138,7 +138,7 @@ class Divider:
     """Selects control cycles at a mean rate, as evenly as possible.
 
     Args:
-        rate: how many, Hz; more than the cycles there are picks every one.
+        rate: of the selected cycles, Hz; above ``control_rate`` all are selected.
         control_rate: cycles per second of simulated time, Hz.
 
     Attributes: rate (in force, Hz).
@@ -163,7 +163,7 @@ def system_ahead() -> int:
     """What the system's clock is ahead of the monotonic one, ns.
 
     A thread that loses the processor between the two readings would report a clock that was
-    set; such readings are taken again, and the closest pair counts.
+    set; such readings are repeated, and the closest pair counts.
     """
     best, ahead = math.inf, 0
     for _ in range(TRIES):

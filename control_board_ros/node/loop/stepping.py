@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 
 class Stepping:
-    """Counts cycles down and calls who waits; for callers holding the loop's lock.
+    """Counts cycles down and calls the waiting callbacks; for callers holding the loop's lock.
 
     Attributes: left (cycles that are still to run while the simulation is paused).
     """
@@ -19,10 +19,10 @@ class Stepping:
         self._on_cycle: deque[Callable[[], None]] = deque()
 
     def begin(self, cycles: int, on_done: Callable[[str], None], *, paused: bool) -> str:
-        """Run ``steps`` cycles; returns an empty text, or the reason for a refusal.
+        """Run ``cycles`` cycles; returns an empty text, or the reason for a refusal.
 
         Args:
-            cycles: how many, exactly.
+            cycles: their exact number.
             on_done: called after the last one with an empty text, or why they did not all run.
             paused: whether simulated time is stopped.
         """
@@ -36,7 +36,7 @@ class Stepping:
         return ""
 
     def ended(self) -> Callable[[], None]:
-        """All steps have run: what answers who asked for them."""
+        """All steps have run; returns the callback that answers the request."""
         done, self._on_steps = self._on_steps, None
         return lambda: done("") if done is not None else None
 
@@ -46,7 +46,7 @@ class Stepping:
         return not self.left
 
     def finish(self, message: str) -> None:
-        """Answer who asked for the steps why they did not all run; none is left."""
+        """Cancel the remaining steps; ``message``: the reason, for the answer to the request."""
         done, self._on_steps, self.left = self._on_steps, None, 0
         if done is not None:
             done(message)
@@ -56,6 +56,6 @@ class Stepping:
         self._on_cycle.append(done)
 
     def notify_cycle(self) -> None:
-        """A cycle has run: call who waits for it."""
+        """A cycle has run: call the callbacks that wait for it."""
         while self._on_cycle:
             self._on_cycle.popleft()()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The boards of a process: the loop that runs them, their nodes, and what is there once.
+"""The boards of a process: their control loop, their nodes, and what they share.
 
 A board is alone, or has a robot's parts: then each part has a node of its own beside that of the
 whole robot, and all of them offer the same of their joints.
@@ -34,7 +34,7 @@ from ..wiring.transforms import offer_transforms
 from .lifecycle import make_node, manage
 from .node import ALONE, PART, ROBOT, BoardNode
 
-#: s after the start at which the graph is known well enough to look for another node of this name.
+#: s after the start at which discovery is complete enough to look for another node of this name.
 SETTLED = 3.0
 
 
@@ -88,10 +88,10 @@ class Boards:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(PERIOD, self._each_second, clock=steady)
         self._same_name_timer = node.create_timer(SETTLED, self._warn_of_same_name, clock=steady)
-        self._tell(simulated)
+        self._log_settings(simulated)
 
     def _offer(self) -> BoardNode:
-        """The nodes of the parts, and last that of the whole."""
+        """Make the nodes of the parts, then that of the whole; returns the latter."""
         start, settings, loop = self._start, self.settings, self.loop
         follower = followed(loop)
         for name, group in loop.board.parts.items():
@@ -110,7 +110,7 @@ class Boards:
         return robot
 
     def _main_node(self, name: str, namespace: str | None) -> Node:
-        """The node that may be a managed one: of the whole."""
+        """The node of the whole, a managed one where ``lifecycle`` is set."""
         return make_node(name, self.settings.values, **self._arguments(namespace))
 
     def _arguments(self, namespace: str | None) -> dict[str, Any]:
@@ -134,7 +134,7 @@ class Boards:
 
     @property
     def _statuses_of(self) -> str:
-        """What names of diagnostic statuses begin with: the full name of the board, or robot."""
+        """Prefix of the names of diagnostic statuses: the full name of the board, or robot."""
         node = self.main.node
         whole = node.get_namespace() if self.parts else node.get_fully_qualified_name()
         return str(whole).strip("/")
@@ -154,8 +154,8 @@ class Boards:
             board.publisher.await_arrival()
         return stopped
 
-    def _tell(self, simulated: bool) -> None:
-        """What a user should know of the settings."""
+    def _log_settings(self, simulated: bool) -> None:
+        """Log warnings and notes of the settings."""
         log, settings = self.main.reporter.log, self.settings
         for warning in settings.warnings:
             log.warning(warning)
@@ -182,8 +182,8 @@ class Boards:
             if parting:
                 self.main.publisher.announce_clock()
                 self.main.reporter.log.info(
-                    "stamps go on from where they are with simulated time, for good, and /clock "
-                    "tells it; start nodes that compare times with use_sim_time:=true"
+                    "stamps continue with simulated time from now on, and /clock "
+                    "publishes it; start nodes that compare times with use_sim_time:=true"
                 )
 
     def _each_second(self) -> None:

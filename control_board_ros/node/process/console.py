@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executable on its terminal: what it is started with, what it says, where its logs go."""
+"""The executable on its terminal: its arguments, its output, the folder of its logs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONGEST = 2000
 
 
 class KnownError(Exception):
-    """An error whose text says it all; ends the process with ``code``."""
+    """An expected error, reported in one line; ends the process with ``code``."""
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(text.partition("\n")[0])
@@ -77,7 +77,7 @@ def check_arguments(arguments: Sequence[str]) -> None:
 
 
 def check_name(name: str, namespace: str) -> None:
-    """Refuse names that ROS refuses, before rcl does so with half a page."""
+    """Reject invalid names in one line, before rcl rejects them in many."""
     word = r"[A-Za-z_][A-Za-z0-9_]*"
     if not re.fullmatch(word, name):
         raise KnownError(2, f"node name {name!r} is not allowed; letters, digits and _ are")

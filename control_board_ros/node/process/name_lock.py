@@ -17,12 +17,12 @@ class NameTakenError(Exception):
 
 
 def temporary_folder() -> Path:
-    """As tempfile says, which is too heavy an import for this."""
+    """The folder of tempfile, without the cost of its import."""
     return Path(os.environ.get("TMPDIR") or "/tmp")
 
 
 def runtime_folder() -> Path:
-    """A folder of this user's for what lives as long as the machine is up.
+    """A folder of this user that lasts until the machine stops.
 
     Raises:
         OSError: it cannot be created, or belongs to another user.
@@ -44,13 +44,13 @@ class NameLock:
     file: int
 
     def release(self) -> None:
-        """Give the lock back, and leave no file behind."""
+        """Release the lock and remove its file."""
         self.path.unlink(missing_ok=True)
         os.close(self.file)
 
 
 def lock_name(full_name: str, domain: str, other: str = "-r __node:=name") -> NameLock:
-    """Take the lock of a node's full name on a ROS domain; ``other`` gives another name.
+    """Acquire the lock of a node's full name on a ROS domain; ``other`` sets another name.
 
     Raises:
         NameTakenError: with the other's pid.
@@ -77,7 +77,7 @@ def lock_name(full_name: str, domain: str, other: str = "-r __node:=name") -> Na
 
 
 def is_at(file: int, path: Path) -> bool:
-    """Whether an open file is the one that a path names now."""
+    """Whether a path still names an open file."""
     try:
         return os.path.samestat(os.fstat(file), path.stat())
     except FileNotFoundError:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parking at the end: to the pose park, before the joints lose their power (SPEC R6)."""
+"""Parking before power-off: to the pose park (SPEC R6)."""
 
 from __future__ import annotations
 
@@ -11,27 +11,27 @@ from ...core.goals.poses import start_parking
 from ...core.selection import RequestError
 from ..loop.member import Member
 
-#: s between two looks at the joints (wall clock).
+#: Period in s at which the joints are checked (wall clock).
 PERIOD = 0.02
 
 PAUSED = "the simulation is paused; let it go on before, with: cbctl resume"
 
 
 class Parking:
-    """The way to the pose park, watched by a thread of its own.
+    """The move to the pose park, monitored by a thread of its own.
 
     A waiting caller can leave at any time, also where the control loop hangs with its lock.
 
     Args:
-        member: what is parked, all of it.
-        pose: where.
-        tell: called with the duration of the move, s.
+        member: the joints, all of them.
+        pose: the target.
+        on_start: called with the duration of the move, s.
 
     Attributes: reason (why the robot is not parked; empty when it is).
     """
 
-    def __init__(self, member: Member, pose: Pose, tell: Callable[[float], None]) -> None:
-        self._member, self._pose, self._tell = member, pose, tell
+    def __init__(self, member: Member, pose: Pose, on_start: Callable[[float], None]) -> None:
+        self._member, self._pose, self._on_start = member, pose, on_start
         self._left = threading.Event()
         self.reason = "a second signal came"
 
@@ -61,7 +61,7 @@ class Parking:
                 return self.reason
             task = start_parking(board, self._pose)
             time = task.remaining_time()
-        self._tell(time)
+        self._on_start(time)
         while not self._left.wait(PERIOD):
             if reason := self._stopped():
                 return reason
@@ -72,7 +72,7 @@ class Parking:
         return self.reason
 
     def _stopped(self) -> str:
-        """Why no joint moves any more; empty where time goes on."""
+        """Reason why no joint moves any more; empty while time passes."""
         if self._member.loop.failure is not None:
             return "the control loop failed"
         return PAUSED if self._member.loop.paused else ""

@@ -43,7 +43,7 @@ class CommandSubscription:
     def __init__(self, node: Node, topic: Endpoint, callback: Callable[[Any], None]) -> None:
         self._node, self._topic, self._callback = node, topic, callback
         self._best_effort: Any = None
-        self._told = self._waited = False
+        self._warned = self._waited = False
         self._leaving = False
         self._handover_end = 0.0
         self._stamps: deque[int] = deque(maxlen=STAMPS_KEPT)
@@ -59,12 +59,12 @@ class CommandSubscription:
         )
 
     def check(self) -> None:
-        """Remove the best-effort subscription when it is not needed; to be called now and then."""
+        """Remove the best-effort subscription when it is not needed; called once a second."""
         if self._best_effort is None:
             return
         names = self._best_effort_publishers()
         if names:
-            self._tell(names)
+            self._warn(names)
         if self._leaving and not names:
             self._node.destroy_subscription(self._best_effort)
             self._best_effort = None
@@ -73,26 +73,25 @@ class CommandSubscription:
         self._leaving = self._best_effort is not None and not names
 
     def _best_effort_publishers(self) -> list[str]:
-        """The names of the nodes that publish so."""
+        """Names of the nodes that publish with best effort."""
         return [
             f"{info.node_namespace.rstrip('/')}/{info.node_name}"
             for info in self._node.get_publishers_info_by_topic(self._reliable.topic_name)
             if info.qos_profile.reliability is ReliabilityPolicy.BEST_EFFORT
         ]
 
-    def _tell(self, names: list[str]) -> None:
-        """Warn once of those who publish with best effort.
+    def _warn(self, names: list[str]) -> None:
+        """Warn once of best-effort publishers.
 
-        A name that is not known yet is waited for, until the next check: a program that is not of
-        ROS never has one.
+        An undiscovered name is awaited until the next check: a program without ROS never has one.
         """
         if not self._waited and any(NOT_KNOWN_YET in name for name in names):
             self._waited = True
-        elif not self._told:
-            self._told = True
+        elif not self._warned:
+            self._warned = True
             self._node.get_logger().warning(
                 f"{', '.join(names)} publishes {self._reliable.topic_name} with best effort: it "
-                "is heard, but what is lost on the way is not sent again; publish it reliable"
+                "is received, but lost messages are not repeated; publish it reliable"
             )
 
     def _on_incompatible(self, _event: Any) -> None:

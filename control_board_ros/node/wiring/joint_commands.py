@@ -32,7 +32,7 @@ REFUSED = {"position": K.POSITION_DIRECT, "velocity": K.VELOCITY, "effort": K.TO
 
 
 class JointCommands:
-    """Takes joint commands and hands them to the board, each to its kind of reference.
+    """Passes joint commands to the board, each as its kind of reference.
 
     Args:
         member: whose joints are commanded.
@@ -53,8 +53,8 @@ class JointCommands:
 def take(board: JointGroup, message: Any) -> list[Reply]:
     """Start the references that a JointState carries; one reply for each kind of them.
 
-    A position that repeats is no new move (P1). A velocity beside a position that is taken says
-    nothing: a controller that has stopped leaves a 0 in its command interfaces.
+    A position that repeats is no new move (P1). A velocity beside an accepted position is
+    ignored: a controller that has stopped leaves a 0 in its command interfaces.
     """
     joints = bounded(message.name, board.count)
     try:
@@ -64,12 +64,12 @@ def take(board: JointGroup, message: Any) -> list[Reply]:
         return [board.reject(joints, f"refused, {error}")]
     given = {field: ~np.isnan(numbers) for field, numbers in values.items()}
     left = np.logical_or.reduce(list(given.values()))
-    taken = [
+    rows = [
         (K(kind), field, board.state.accepts[kind, chosen.joints]) for kind, field in KINDS.items()
     ]
     ignored = [(kind, field, np.True_) for field, kind in REFUSED.items()]
     replies = []
-    for kind, field, accepted in (*taken, *ignored):
+    for kind, field, accepted in (*rows, *ignored):
         picked = left & given[field] & accepted
         if picked.any():
             left &= ~picked
@@ -93,11 +93,11 @@ def spread_short(board: JointGroup, chosen: Selection, field: str, message: Any)
     spread = np.full(count, np.nan)
     if given.size:
         kinds = [kind for kind, name in KINDS.items() if name == field]
-        takes = board.state.accepts[:, chosen.joints][kinds].any(axis=0)
-        if given.size != (some := np.count_nonzero(takes)):
+        accepting = board.state.accepts[:, chosen.joints][kinds].any(axis=0)
+        if given.size != (some := np.count_nonzero(accepting)):
             raise RequestError(
-                f"{given.size} numbers in {field} for {count} joints, of which {some} take it in "
+                f"{given.size} numbers in {field} for {count} joints, of which {some} accept it in "
                 f"their mode; send one per joint, NaN for no command"
             )
-        spread[takes] = given
+        spread[accepting] = given
     return spread

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""State out: what the control loop has noted of a board, as messages.
+"""Publishes the snapshots of a board as messages.
 
 Publishing uses frozen snapshots and never the loop's lock; see ``state_thread``.
 """

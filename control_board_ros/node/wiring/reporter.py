@@ -102,17 +102,17 @@ class Reporter:
         """A service's callback that always answers, notes it, and never raises."""
         name, kind = service.short, service.load()
 
-        async def later(request: Any, response: Any, begun: float) -> Any:
+        async def later(request: Any, response: Any, started: float) -> Any:
             made = await response
-            note(service, request, made, begun)
+            note(service, request, made, started)
             return made
 
         def answer(request: Any, response: Any) -> Any:
-            begun = time.perf_counter()
+            started = time.perf_counter()
             made = answered(request, response)
             if inspect.iscoroutine(made):
-                return later(request, made, begun)
-            note(service, request, made, begun)
+                return later(request, made, started)
+            note(service, request, made, started)
             return made
 
         def answered(request: Any, response: Any) -> Any:
@@ -123,7 +123,7 @@ class Reporter:
             except Exception as error:  # noqa: BLE001 - no callback ends the node
                 self.on_error(error, name)
                 return kind.Response(
-                    success=False, message=f"internal error in {name}; the board's log tells more"
+                    success=False, message=f"internal error in {name}; see the board's log"
                 )
 
         return answer

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""~/requests: what the board was asked, and what it answered.
+"""~/requests: requests to the board with their answers.
 
-Who answers notes it down and goes on; messages are made and published in the thread that
-publishes, so that a request waits for none of it.
+The executor's thread records them; the publishing thread makes and publishes the messages, which
+delay no request.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class RequestLog:
         event: str,
         request: Any,
         response: Any,
-        begun: float,
+        started: float,
         *,
         success: bool,
         message: str,
@@ -83,27 +83,27 @@ class RequestLog:
             event: as in ``Request.msg``.
             request: as it came.
             response: as it is sent; None: there is none yet.
-            begun: when it was asked, s of ``time.perf_counter``.
-            success: whether the answer is yes.
-            message: what it says.
+            started: time of the request, s of ``time.perf_counter``.
+            success: of the answer.
+            message: of the answer.
             goal: identifier of a goal.
         """
-        duration = time.perf_counter() - begun
+        duration = time.perf_counter() - started
         now = self._snapshots.now()
         self._entries.append(
             Entry(endpoint, event, request, response, success, message, goal, duration, now)
         )
 
-    def answered(self, service: Endpoint, request: Any, response: Any, begun: float) -> None:
+    def answered(self, service: Endpoint, request: Any, response: Any, started: float) -> None:
         """Note the answer of a service that is not among those left out."""
         if not left_out(service):
             success, message = bool(response.success), getattr(response, "message", "")
             self.note(
-                service, "answered", request, response, begun, success=success, message=message
+                service, "answered", request, response, started, success=success, message=message
             )
 
     def goal(self, action: Endpoint, handle: Any) -> Goal:
-        """A goal that came; what becomes of it is noted by what this returns."""
+        """The record of a received goal."""
         return Goal(self, action, handle)
 
     def publish(self) -> None:
@@ -134,24 +134,24 @@ class RequestLog:
 
 
 class Goal:
-    """What becomes of one goal; ``handle`` is rclpy's."""
+    """Records one goal; ``handle`` is rclpy's."""
 
     def __init__(self, log: RequestLog, action: Endpoint, handle: Any) -> None:
         self._log, self._action, self._handle = log, action, handle
-        self._begun = time.perf_counter()
+        self._started = time.perf_counter()
 
     def accepted(self) -> None:
-        """It has begun."""
+        """Note that it has started."""
         self._note("accepted", None, success=True)
-        self._begun = time.perf_counter()
+        self._started = time.perf_counter()
 
     def refused(self, result: Any) -> Any:
-        """It does not begin; the result, as it is given."""
+        """Note that it was refused; returns its result."""
         self._note("refused", result, success=False)
         return result
 
     def ended(self, result: Any) -> Any:
-        """It has ended, in the state that its handle has now; the result, as it is given."""
+        """Note its end, in the present state of its handle; returns its result."""
         event = ENDS.get(self._handle.status, "aborted")  # rclpy aborts one without an end
         self._note(event, result, success=event == "succeeded")
         return result
@@ -163,7 +163,7 @@ class Goal:
             event,
             self._handle.request,
             result,
-            self._begun,
+            self._started,
             success=success,
             message=message,
             goal=bytes(self._handle.goal_id.uuid).hex(),
@@ -171,7 +171,7 @@ class Goal:
 
 
 def left_out(service: Endpoint) -> bool:
-    """Whether a service only reads, or is asked as often as there are control cycles."""
+    """Whether a service only reads, or can be called in every control cycle."""
     word = service.short.rpartition("/")[2]
     return word.startswith(("get_", "list_")) or service.name == STEP.name
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""References of programs that repeat them: position moves, too, may come as a stream."""
+"""References that programs repeat: a stream of position moves, too."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def send(
     names, values, along = moves
     reply = board.command(kind, names, values, along)
     if reply and np.array_equal(board.get_target_position(reply.joints), values):
-        return accepted(reply.joints)  # slower than asked for: no news of a stream
+        return accepted(reply.joints)  # slower than requested: not reported for a stream
     return reply
 
 
@@ -45,8 +45,8 @@ def without_repeats(
     """Names, positions and speeds of the moves that are new; None where none is.
 
     A move is not new while it runs, and where its joint holds its target. Restarted with every
-    message of a stream, it would never get up to its speed. What does not fit is returned as it
-    came, for the board to say so.
+    message of a stream, it would never reach its speed. Invalid requests are returned unchanged:
+    the board reports them.
     """
     try:
         chosen = board.selector.select(names)

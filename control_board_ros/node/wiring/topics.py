@@ -45,7 +45,7 @@ def send(
         kind: of the references, as on the wire.
         joints: names; none for all.
         values: one per joint, shape (k,); None: none were sent.
-        along: what comes along, likewise; of feed-forward the torques.
+        along: speeds or accelerations, likewise; of feed-forward the torques.
         together: whether all joints accept their references or none does.
     """
     if kind == FEEDFORWARD:
@@ -151,6 +151,6 @@ class CommandTopics:
             board.beat()
 
     def _answer(self, reply: Reply) -> None:
-        """Tell what was ignored, and what was accepted and bounded."""
+        """Log ignored references, and accepted ones that were bounded."""
         if reply.message:
             self._warn(reply.message, "times" if reply else "ignored")

@@ -51,7 +51,7 @@ def followed(loop: ControlLoop) -> Follower:
 
 
 class TrajectoryTopic:
-    """Takes trajectories and lets the control loop follow them.
+    """Passes trajectories to the follower, which the control loop steps.
 
     Args:
         member: whose joints follow.

@@ -168,12 +168,12 @@ class YarpInterface:
         failure = FAILURES.get(name, RETRIEVE_ERROR)
 
         def answer(request: Any, response: Any) -> Any:
-            begun = time.perf_counter()
+            started = time.perf_counter()
             made = answered(request, response)
             if not left_out(service):
                 said, text = made.response == OK, made.opt_descr
                 self._requests.note(
-                    service, "answered", request, made, begun, success=said, message=text
+                    service, "answered", request, made, started, success=said, message=text
                 )
             return made
 
@@ -185,7 +185,7 @@ class YarpInterface:
                 return kind.Response(response=refusal.word, opt_descr=refusal.text)
             except Exception as error:  # noqa: BLE001 - no callback ends the node
                 self._on_error(error, service.name)
-                text = f"internal error in {service.name}; the board's log tells more"
+                text = f"internal error in {service.name}; see the board's log"
                 return kind.Response(response=failure, opt_descr=text)
             return response
 

@@ -26,7 +26,7 @@ NAMES_ERROR = "NAMES_ERROR"
 SIZE_ERROR = "SIZE_ERROR"
 #: An index is no joint's.
 GET_NAME_ERROR = "GET_NAME_ERROR"
-#: What was asked for cannot be read now.
+#: The requested value cannot be read now.
 RETRIEVE_ERROR = "RETRIEVE_ERROR"
 #: The modes are not set.
 SET_ERROR = "SET_ERROR"
