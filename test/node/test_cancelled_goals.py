@@ -52,12 +52,12 @@ def test_a_goal_cancelled_before_it_began(action: Any, monkeypatch: pytest.Monke
     member = SimpleNamespace(exclusive=never, loop=SimpleNamespace(hooks=[], paused=False))
     snapshots = SimpleNamespace(now=lambda: 0)
     board = SimpleNamespace(count=1)
-    told: list[Any] = []
+    published: list[Any] = []
     requests = RequestLog(
-        SimpleNamespace(publish=told.append), SimpleNamespace(snapshots=snapshots, board=board)
+        SimpleNamespace(publish=published.append),
+        SimpleNamespace(snapshots=snapshots, board=board),
     )
-    for module in (actions, follow_trajectory):
-        monkeypatch.setattr(module, "ActionServer", serve)
+    monkeypatch.setattr(actions, "ActionServer", serve)
     made = [
         actions.Actions(node, member, never, never, requests),
         follow_trajectory.FollowTrajectory(node, member, never, never, requests),
@@ -69,4 +69,4 @@ def test_a_goal_cancelled_before_it_began(action: Any, monkeypatch: pytest.Monke
     text = result.error_string if action is FOLLOW_JOINT_TRAJECTORY else result.message
     assert text == "cancelled before it began"
     requests.publish()
-    assert [(one.name, one.event) for one in told] == [(action.short, "canceled")]
+    assert [(one.name, one.event) for one in published] == [(action.short, "canceled")]

@@ -96,8 +96,8 @@ def spread_short(board: JointGroup, chosen: Selection, field: str, message: Any)
         accepting = board.state.accepts[:, chosen.joints][kinds].any(axis=0)
         if given.size != (some := np.count_nonzero(accepting)):
             raise RequestError(
-                f"{given.size} numbers in {field} for {count} joints, of which {some} accept it in "
-                f"their mode; send one per joint, NaN for no command"
+                f"{given.size} numbers in {field} for {count} joints, of which {some} accept it "
+                f"in their mode; send one per joint, NaN for no command"
             )
         spread[accepting] = given
     return spread
