@@ -11,14 +11,14 @@ from control_board_ros.core.terms.vocabs import BrakeMode
 from control_board_ros.interface import GET_BRAKE, SET_BRAKE
 from control_board_ros.protocols import Flags, Joints
 
-from .operations import Interface, operation
+from .operations import Interface, operation, request
 from .services import reply_of
 
 
 class BrakeRequests(Interface):
     """IJointBrake."""
 
-    @operation
+    @request
     async def set_brake(self, joints: Joints, modes: str | Sequence[str]) -> Reply:
         """Set the brake modes.
 
@@ -41,12 +41,12 @@ class BrakeRequests(Interface):
         response = await self._services.read(GET_BRAKE, joints)
         return list(response.closed)
 
-    @operation
+    @request
     async def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply:
         """Close (true) or open brakes by hand."""
         return await self._work(joints, by_hand(active))
 
-    @operation
+    @request
     async def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply:
         """Give the brakes to the board (true), or keep their states by hand."""
         response = await self._services.read(GET_BRAKE, joints)
@@ -66,10 +66,7 @@ class BrakeRequests(Interface):
 
     async def _work(self, joints: Joints, modes: Sequence[str]) -> Reply:
         services = self._services
-        try:
-            selection = await services.select(joints)
-        except RequestError as error:
-            return refused(str(error))
+        selection = await services.select(joints)
         names = [] if joints is None else list(selection.names)
         response = await self._link.call(SET_BRAKE, names=names, modes=[str(m) for m in modes])
         services.states.changed()

@@ -26,7 +26,7 @@ from control_board_ros.interface import (
 )
 from control_board_ros.protocols import Joints, Values
 
-from .operations import Interface, operation
+from .operations import Interface, operation, request
 from .services import reply_of
 from .values import as_given, for_each
 
@@ -47,7 +47,7 @@ class ReferenceCommands(Interface):
         """
         return await self._send(POSITION_COMMAND, joints, True, positions=positions, speeds=speeds)
 
-    @operation
+    @request
     async def relative_move(
         self, joints: Joints, distances: Values, speeds: Values | None = None
     ) -> Reply:
@@ -59,11 +59,8 @@ class ReferenceCommands(Interface):
             speeds: mean speeds, rad/s, likewise.
         """
         services = self._services
-        try:
-            selection = await services.select(joints)
-            ways = for_each(distances, len(selection.names), "distances")
-        except RequestError as error:
-            return refused(str(error))
+        selection = await services.select(joints)
+        ways = for_each(distances, len(selection.names), "distances")
         state = await services.states.latest()
         targets = state.position[selection.joints] + ways
         return await self._send(

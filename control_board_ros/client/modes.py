@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
-from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.drives import DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import (
@@ -34,7 +33,7 @@ from control_board_ros.interface import (
 )
 from control_board_ros.protocols import Floats, Interaction, Joints, Mode, Values
 
-from .operations import Interface, operation
+from .operations import Interface, operation, request
 from .services import reply_of
 from .values import for_each
 
@@ -137,7 +136,7 @@ class ModeRequests(Interface):
 
     # --- impedance of the compliant interaction mode (I6) ----------------------------------------
 
-    @operation
+    @request
     async def set_impedance(
         self, joints: Joints, stiffness: Values | None = None, damping: Values | None = None
     ) -> Reply:
@@ -151,18 +150,15 @@ class ModeRequests(Interface):
         if stiffness is None and damping is None:
             return refused("neither stiffness nor damping given; send one of them, or both")
         services = self._services
-        try:
-            selection = await services.select(joints)
-            if stiffness is None:
-                present = await services.read(GET_IMPEDANCE, joints)
-                stiffness = present.stiffness
-            count = len(selection.names)
-            fields = {
-                "stiffness": for_each(stiffness, count, "stiffness"),
-                "damping": [] if damping is None else for_each(damping, count, "damping"),
-            }
-        except RequestError as error:
-            return refused(str(error))
+        selection = await services.select(joints)
+        if stiffness is None:
+            present = await services.read(GET_IMPEDANCE, joints)
+            stiffness = present.stiffness
+        count = len(selection.names)
+        fields = {
+            "stiffness": for_each(stiffness, count, "stiffness"),
+            "damping": [] if damping is None else for_each(damping, count, "damping"),
+        }
         return await services.change(SET_IMPEDANCE, selection, **fields)
 
     @operation

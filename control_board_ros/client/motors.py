@@ -28,7 +28,7 @@ from control_board_ros.interface import (
 from control_board_ros.protocols import Floats, Joints, Values
 
 from .checking import check_asked
-from .operations import Interface, operation
+from .operations import Interface, operation, request
 from .values import for_each
 
 
@@ -45,7 +45,7 @@ class MotorRequests(Interface):
         response = await self._services.read(GET_MOTORS, joints)
         return Motors(**arrays(response, Motors))
 
-    @operation
+    @request
     async def set_motors(
         self,
         /,
@@ -159,7 +159,7 @@ class MotorRequests(Interface):
 
     # --- encoders --------------------------------------------------------------------------------
 
-    @operation
+    @request
     async def set_encoder(self, joints: Joints, positions: Values) -> Reply:
         """Set the present angles of joints; they must be in IDLE."""
         return await self._apply(SET_ENCODERS, joints, {"positions": positions}, motor=False)
@@ -169,7 +169,7 @@ class MotorRequests(Interface):
         """Set the present angles of joints to 0; they must be in IDLE."""
         return await self.set_encoder(joints, 0.0)
 
-    @operation
+    @request
     async def set_motor_encoder(self, joints: Joints, positions: Values) -> Reply:
         """Set the present readings of motor encoders."""
         return await self._apply(SET_ENCODERS, joints, {"positions": positions}, motor=True)
@@ -216,34 +216,25 @@ class MotorRequests(Interface):
         """Offsets of the output, PWM percent."""
         return (await self.get_pids(loop, joints)).offsets
 
-    @operation
+    @request
     async def set_pid_offset(self, loop: str, joints: Joints, offsets: Values) -> Reply:
         """Set the offset of the output, PWM percent."""
-        try:
-            word = loop_of(loop).value
-        except RequestError as error:
-            return refused(str(error))
+        word = loop_of(loop).value
         return await self._apply(SET_PIDS, joints, {"offsets": offsets}, loop=word, reset=False)
 
-    @operation
+    @request
     async def reset_pid(self, loop: str, joints: Joints = None) -> Reply:
         """Reset the integrator of a loop."""
-        try:
-            word = loop_of(loop).value
-        except RequestError as error:
-            return refused(str(error))
+        word = loop_of(loop).value
         return await self._apply(SET_PIDS, joints, {}, loop=word, reset=True)
 
     # --- external torque sensors -----------------------------------------------------------------
 
-    @operation
+    @request
     async def update_torque_sensor(self, joints: Joints, torques: Values) -> Reply:
         """Publish measured torques of joints whose ``torque_sensor`` is ``external``, N·m."""
-        try:
-            selection = await self._services.select(joints)
-            values = spread(torques, len(selection.names), "torques").tolist()
-        except RequestError as error:
-            return refused(str(error))
+        selection = await self._services.select(joints)
+        values = spread(torques, len(selection.names), "torques").tolist()
         names = list(selection.names)
         await self._link.publish(EXTERNAL_TORQUE_SENSOR, names=names, torques=values)
         return sent(selection.names)
@@ -252,15 +243,12 @@ class MotorRequests(Interface):
         self, service: Endpoint, joints: Joints, given: dict[str, Values | None], **fields: Any
     ) -> Reply:
         """Ask a service to set values, one for all joints or one each; None: none."""
-        try:
-            selection = await self._services.select(joints)
-            count = len(selection.names)
-            for name, values in given.items():
-                if values is not None:
-                    array = np.array(for_each(values, count, name), dtype=np.float64)
-                    fields[name] = finite(array, name).tolist()
-        except RequestError as error:
-            return refused(str(error))
+        selection = await self._services.select(joints)
+        count = len(selection.names)
+        for name, values in given.items():
+            if values is not None:
+                array = np.array(for_each(values, count, name), dtype=np.float64)
+                fields[name] = finite(array, name).tolist()
         return await self._services.change(service, selection, **fields)
 
 

@@ -19,6 +19,9 @@ from contextlib import contextmanager
 from functools import wraps
 from typing import Any, ClassVar, Concatenate, Generic, Literal, ParamSpec, TypeVar, overload
 
+from control_board_ros.core.selection import RequestError
+from control_board_ros.core.terms.reply import Reply, refused
+
 from .errors import BoardError
 from .executor_thread import GONE
 from .services import Services
@@ -87,6 +90,22 @@ class operation(Generic[P, R]):  # noqa: N801  (a decorator)
     ) -> Callable[Concatenate[Any, P], Any]: ...
     def __get__(self, owner: Interface | None, kind: type[Interface]) -> Any:
         return getattr(self, kind._form).__get__(owner, kind)
+
+
+class request(operation[P, Reply]):  # noqa: N801  (a decorator)
+    """An operation that refuses, in its reply, arguments that raise RequestError."""
+
+    def __init__(
+        self, coroutine: Callable[Concatenate[Any, P], Coroutine[Any, Any, Reply]]
+    ) -> None:
+        @wraps(coroutine)
+        async def refusing(self: Interface, /, *args: P.args, **kwargs: P.kwargs) -> Reply:
+            try:
+                return await coroutine(self, *args, **kwargs)
+            except RequestError as error:
+                return refused(str(error))
+
+        super().__init__(refusing)
 
 
 @contextmanager

@@ -14,12 +14,12 @@ from rclpy.parameter import parameter_value_to_python
 
 from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.terms.reply import Reply, refused
+from control_board_ros.core.terms.reply import Reply
 from control_board_ros.interface import service
 from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import nearest
 
-from .operations import Interface, operation
+from .operations import Interface, operation, request
 from .services import whole
 from .values import for_each
 
@@ -76,13 +76,10 @@ class ParameterRequests(Interface):
         values = zip(names, response.values, strict=True)
         return {name: parameter_value_to_python(value) for name, value in values}
 
-    @operation
+    @request
     async def set_parameters(self, values: Mapping[str, Any]) -> Reply:
         """Set parameters, all or none; checked together by the board."""
-        try:
-            present = await self.get_parameters(list(values))
-        except RequestError as error:
-            return refused(str(error))
+        present = await self.get_parameters(list(values))
         parameters = [
             Parameter(name=name, value=typed(value, present[name]))
             for name, value in values.items()
@@ -109,18 +106,15 @@ class ParameterRequests(Interface):
         (peak,) = await self._of_joints(("limits.peak_current",), joints)
         return -peak, peak
 
-    @operation
+    @request
     async def set_pos_limits(self, joints: Joints, lower: Values, upper: Values) -> Reply:
         """Set the software limits, rad, one for all joints or one each; checked together."""
-        try:
-            names = (await self._services.select(joints)).names
-            given = {
-                f"{name}.limits.{side}": value
-                for side, values in (("lower", lower), ("upper", upper))
-                for name, value in zip(names, for_each(values, len(names), side), strict=True)
-            }
-        except RequestError as error:
-            return refused(str(error))
+        names = (await self._services.select(joints)).names
+        given = {
+            f"{name}.limits.{side}": value
+            for side, values in (("lower", lower), ("upper", upper))
+            for name, value in zip(names, for_each(values, len(names), side), strict=True)
+        }
         return await self.set_parameters(given)
 
     @operation

@@ -17,7 +17,7 @@ from control_board_ros.protocols import Floats, Joints, Values
 from control_board_ros.text import clean_names
 
 from .goal import Goal
-from .operations import Interface, operation
+from .operations import Interface, operation, request
 from .services import whole
 
 
@@ -65,7 +65,7 @@ class PoseRequests(Interface):
             raise RequestError(response.message)
         return Pose(pose, clean_names(response.names), tuple(response.positions), response.speed)
 
-    @operation
+    @request
     async def save_pose(
         self,
         pose: str,
@@ -81,14 +81,11 @@ class PoseRequests(Interface):
             positions: rad; None: as measured.
             speed: mean speed of the slowest joint, rad/s; 0: the set reference speeds.
         """
-        try:
-            selection = await self._services.select(joints)
-            names = selection.names
-            given: list[float] = []
-            if positions is not None:
-                given = spread(positions, len(names), "positions").tolist()
-        except RequestError as error:
-            return refused(str(error))
+        selection = await self._services.select(joints)
+        names = selection.names
+        given: list[float] = []
+        if positions is not None:
+            given = spread(positions, len(names), "positions").tolist()
         response = await self._link.call(
             SAVE_POSE, names=list(selection.names), name=pose, positions=given, speed=float(speed)
         )

@@ -5,26 +5,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.modes import DIRECT_VELOCITY
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.interface import GET_CONTROL_MODE, GET_REFERENCES, SET_REFERENCE_SPEED, STOP
 from control_board_ros.protocols import Floats, Joints, Values
 
-from .operations import Interface, operation
+from .operations import Interface, operation, request
 from .values import for_each
 
 
 class ReferenceRequests(Interface):
     """The methods of IPositionControl, IVelocityControl, … besides references."""
 
-    @operation
+    @request
     async def stop(self, joints: Joints = None) -> Reply:
         """Set the position reference to the measured position; the mode stays (P3)."""
-        try:
-            selection = await self._services.select(joints)
-        except RequestError as error:
-            return refused(str(error))
+        selection = await self._services.select(joints)
         return await self._services.change(STOP, selection)
 
     @operation
@@ -37,7 +33,7 @@ class ReferenceRequests(Interface):
         """Set the acceleration of later velocity references, rad/s² (P5)."""
         return await self.set_reference_speed(joints, None, accelerations)
 
-    @operation
+    @request
     async def set_reference_speed(
         self, joints: Joints, speeds: Values | None = None, accelerations: Values | None = None
     ) -> Reply:
@@ -45,15 +41,12 @@ class ReferenceRequests(Interface):
         if speeds is None and accelerations is None:
             return refused("neither speeds nor accelerations given; send one of them, or both")
         fields = {}
-        try:
-            selection = await self._services.select(joints)
-            count = len(selection.names)
-            if speeds is not None:
-                fields["speeds"] = for_each(speeds, count, "speed")
-            if accelerations is not None:
-                fields["accelerations"] = for_each(accelerations, count, "acceleration")
-        except RequestError as error:
-            return refused(str(error))
+        selection = await self._services.select(joints)
+        count = len(selection.names)
+        if speeds is not None:
+            fields["speeds"] = for_each(speeds, count, "speed")
+        if accelerations is not None:
+            fields["accelerations"] = for_each(accelerations, count, "acceleration")
         return await self._services.change(SET_REFERENCE_SPEED, selection, **fields)
 
     @operation

@@ -31,7 +31,7 @@ from control_board_ros.text import clean, clean_names
 
 from .errors import BoardError
 from .freeze_frame import FreezeFrame, fault_record
-from .operations import Interface, operation
+from .operations import Interface, operation, request
 from .services import reply_of, whole
 
 MOST_STEPS = 2**32 - 1  # of one request: a uint32 on the wire
@@ -167,7 +167,7 @@ class WholeBoard(Interface):
         """Return to the initial pose and power-on."""
         return await self._services.trigger(RESET)
 
-    @operation
+    @request
     async def inject_fault(self, joints: Joints, fault: str, persistent: bool = False) -> Reply:
         """Inject a fault into simulated joints.
 
@@ -177,10 +177,7 @@ class WholeBoard(Interface):
                 one lists all.
             persistent: whether the cause remains until clear_injected_faults.
         """
-        try:
-            selection = await self._services.select(joints)
-        except RequestError as error:
-            return refused(str(error))
+        selection = await self._services.select(joints)
         response = await self._link.call(
             INJECT_FAULT, names=list(selection.names), fault=fault, persistent=persistent
         )
