@@ -6,7 +6,7 @@ from __future__ import annotations
 from argparse import Namespace
 from typing import Any
 
-from control_board_ros.conformance_options import OPTIONS
+from control_board_ros.program_options import CONFORMANCE
 
 from ..board.session import Session
 from ..line.arguments import argument, takes
@@ -21,8 +21,8 @@ def sentence(text: str) -> str:
 
 @takes(
     *(
-        argument(name, **settings | {"help": sentence(settings["help"])})
-        for name, settings in OPTIONS
+        argument(*names, **settings | {"help": sentence(settings["help"])})
+        for names, settings in CONFORMANCE
     )
 )
 def conformance(session: Session, **given: Any) -> int:

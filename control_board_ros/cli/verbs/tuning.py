@@ -7,7 +7,7 @@ import subprocess
 import sys
 from typing import Any
 
-from control_board_ros.tuning_options import OPTIONS
+from control_board_ros.program_options import TUNING
 
 from ..board.session import Session
 from ..line.arguments import argument, takes
@@ -19,7 +19,7 @@ PROGRAM = "control_board_ros.tuning"
 OPTION_OF = {"found": "--from"}
 
 
-@takes(*(argument(*names, **settings) for names, settings in OPTIONS))
+@takes(*(argument(*names, **settings) for names, settings in TUNING))
 def tune(session: Session, **values: Any) -> int:
     """Search for gains of a robot in simulation, and write a parameter file and a report.
 
