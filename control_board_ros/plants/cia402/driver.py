@@ -71,7 +71,7 @@ class Cia402Drives:
             torque=True,
             motor_encoders=frozenset(k for k, counts in enumerate(self._counts()) if counts > 0.0),
         )
-        self._line: CanLine | None = None
+        self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._scales, self._offsets = [Scale(1.0, 1.0, 1.0)] * n, [True] * n
@@ -90,7 +90,7 @@ class Cia402Drives:
 
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the bus; see ``drives.plant.Driver``."""
-        self._line = CanLine(self._options.bus, bitrate=int(self._options.own["bitrate"]))
+        self._line.open()
         self._setup, self._joints = setup, joints
         self._wait = budget(setup.period)
         found = []
@@ -107,7 +107,7 @@ class Cia402Drives:
 
     def _set_up(self, k: int) -> Found:
         """No power, watchdog, PDOs, and what it is; it is operational afterwards."""
-        line, axis, sdo = self._opened, self._axes[k], Sdo(self._opened, self._axes[k].id)
+        line, axis, sdo = self._line, self._axes[k], Sdo(self._line, self._axes[k].id)
         line.send(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))
         for word in (0, FAULT_RESET, 0):  # a fault of before, as that of its watchdog, is over
             sdo.put(o.CONTROL, 0, "<H", word)
@@ -154,7 +154,7 @@ class Cia402Drives:
 
     def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line, self._answers = self._opened, answers
+        line, self._answers = self._line, answers
         line.drain(self._take)
         columns = values.T.tolist()
         asked = [k for k, kind in enumerate(kinds) if kind is not None]
@@ -173,30 +173,22 @@ class Cia402Drives:
     def clear_fault(self, drive: int) -> Found | None:
         """A reset by the next control word; a drive that was away is set up again."""
         anew, lost = None, self._restarted[drive] or not self._parts[drive]
-        if lost and uploads(self._opened, self._axes[drive].id, o.DEVICE_TYPE, 1):
+        if lost and uploads(self._line, self._axes[drive].id, o.DEVICE_TYPE, 1):
             anew = self._set_up(drive)
         self._reset[drive], self._left[drive] = True, None
         return anew
 
     def close(self) -> None:
         """Power off and no watchdog, by commands that need no SYNC, and leave the bus."""
-        line, self._line = self._line, None
-        if line is not None:
-            off = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
-            unwatched = struct.pack("<BHBI", 0x23, o.CONSUMER_HEARTBEAT, 1, 0)
-            line.close(
-                (o.SDO_REQUEST | axis.id, data) for data in (off, unwatched) for axis in self._axes
-            )
-
-    @property
-    def _opened(self) -> CanLine:
-        if self._line is None:
-            raise ConnectionError("the bus is not open")
-        return self._line
+        off = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
+        unwatched = struct.pack("<BHBI", 0x23, o.CONSUMER_HEARTBEAT, 1, 0)
+        self._line.close(
+            (o.SDO_REQUEST | axis.id, data) for data in (off, unwatched) for axis in self._axes
+        )
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
         """The two PDOs of a drive."""
-        line, drive, scale = self._opened, self._axes[k].id, self._scales[k]
+        line, drive, scale = self._line, self._axes[k].id, self._scales[k]
         on = kind is not SetPoint.OFF and self._left[k] is None
         if on is not self._powered[k]:
             self._powered[k], self._enabled[k] = on, 0
@@ -350,8 +342,7 @@ def found_of(sdo: Sdo, drive: int, limits: DriveLimits | None = None) -> Found:
 
 def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
     """What answers on a bus, of CiA 402."""
-    line = CanLine(bus)
-    try:
+    with CanLine(bus) as line:
         for drive in ids:
             line.send(o.SDO_REQUEST | drive, struct.pack("<BHBI", 0x40, o.DEVICE_TYPE, 0, 0))
         heard = {m.arbitration_id & 0x7F: bytes(m.data) for m in line.collect(2.0 * PATIENCE)
@@ -361,8 +352,6 @@ def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
             for drive, data in sorted(heard.items())
             if len(data) == 8 and data[4] | data[5] << 8 == o.PROFILE
         ]
-    finally:
-        line.close()
 
 
 make = maker(

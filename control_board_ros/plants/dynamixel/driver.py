@@ -55,7 +55,7 @@ class DynamixelDrives:
             temperature=True,
             voltage=True,
         )
-        self._bus: ServoBus | None = None
+        self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._models: list[t.Model] = [t.MODELS[1020]] * n
@@ -65,7 +65,8 @@ class DynamixelDrives:
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the port; see ``drives.plant.Driver``."""
         self._setup, self._joints = setup, joints
-        self._bus = bus = connect(self._options.bus, int(self._options.own["baudrate"]))
+        bus = self._bus
+        bus.open()
         found = []
         for k, axis in enumerate(self._axes):
             only(bus.models(axis.id), axis, self._options.bus, "dynamixel")
@@ -73,15 +74,9 @@ class DynamixelDrives:
         bus.port.wait = budget(setup.period)
         return found
 
-    @property
-    def _opened(self) -> ServoBus:
-        if self._bus is None:
-            raise ConnectionError("the port is not open")
-        return self._bus
-
     def _set_up(self, k: int) -> Found:
         """Torque off, what is read, watchdog; returns what it is."""
-        bus, drive, name = self._opened, self._axes[k].id, self._axes[k].name
+        bus, drive, name = self._bus, self._axes[k].id, self._axes[k].name
         number = bus.get(drive, t.MODEL)
         if (model := t.MODELS.get(number)) is None:
             raise PlantSettingsError(
@@ -133,7 +128,7 @@ class DynamixelDrives:
 
     def clear_fault(self, drive: int) -> Found | None:
         """A reboot clears a shutdown; then the servo is set up again."""
-        bus, axis = self._opened, self._axes[drive].id
+        bus, axis = self._bus, self._axes[drive].id
         if self._restarted[drive]:
             return self._set_up(drive) if bus.models(axis, attempts=1) else None
         if bus.get(axis, t.ERROR):
@@ -146,9 +141,7 @@ class DynamixelDrives:
 
     def close(self) -> None:
         """Torque off, and leave the port."""
-        bus, self._bus = self._bus, None
-        if bus is not None:
-            bus.close(t.TORQUE, self._axes)
+        self._bus.close(self._axes)
 
     def _mode(self, kind: SetPoint) -> int:
         return self._position_mode if kind is SetPoint.POSITION else GOALS[kind][1]
@@ -171,7 +164,7 @@ class DynamixelDrives:
     def _sync(self, item: Item, values: Mapping[int, int]) -> None:
         """The same item of several servos at once."""
         half = 1 << 8 * item.length
-        self._opened.sync(
+        self._bus.sync(
             item,
             {
                 self._axes[k].id: (value % half).to_bytes(item.length, "little")
@@ -185,10 +178,10 @@ class DynamixelDrives:
         def take(drive: int, data: bytes) -> None:
             self._take(drive, data, answers)
 
-        self._opened.drain(take)
+        self._bus.drain(take)
         for place in {self._models[k].data for k in drives}:
             asked = [self._axes[k].id for k in drives if self._models[k].data == place]
-            self._opened.read(Item(place, t.READ_LENGTH), sorted(asked), take, answers)
+            self._bus.read(Item(place, t.READ_LENGTH), sorted(asked), take, answers)
 
     def _take(self, drive: int, data: bytes, answers: Answers) -> None:
         if (k := self._places.get(drive)) is None:
@@ -231,11 +224,6 @@ def watchdog_steps(timeout: float) -> int:
     return max(1, min(127, int(timeout / t.WATCHDOG_STEP)))
 
 
-def connect(bus: str, baudrate: int) -> ServoBus:
-    """The servos of a port."""
-    return ServoBus(t.LIBRARY, bus, baudrate)
-
-
 def identity(bus: ServoBus, drive: int) -> Found:
     """What a servo is, and its fault."""
     number, error = bus.get(drive, t.MODEL), bus.get(drive, t.ERROR)
@@ -250,12 +238,9 @@ def identity(bus: ServoBus, drive: int) -> Found:
 
 def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
     """What answers on a port."""
-    bus = connect(device, baudrate)
-    try:
+    with ServoBus(t.LIBRARY, device, baudrate) as bus:
         answered, _ = bus.protocol.broadcastPing(bus.port)
         return [identity(bus, drive) for drive in sorted(answered)]
-    finally:
-        bus.close(t.TORQUE)
 
 
 make = maker(

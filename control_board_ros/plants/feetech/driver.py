@@ -50,7 +50,7 @@ class FeetechDrives:
             voltage=True,
             watchdog=False,
         )
-        self._bus: ServoBus | None = None
+        self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._kinds, self._modes = [SetPoint.OFF] * n, [t.POSITION_MODE] * n
@@ -59,7 +59,8 @@ class FeetechDrives:
 
     def open(self, setup: Setup, _joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the port; see ``drives.plant.Driver``."""
-        self._bus = bus = connect(self._options.bus, int(self._options.own["baudrate"]))
+        bus = self._bus
+        bus.open()
         found = []
         for k, axis in enumerate(self._axes):
             only(bus.models(axis.id), axis, self._options.bus, "feetech")
@@ -67,15 +68,9 @@ class FeetechDrives:
         bus.port.wait = budget(setup.period)
         return found
 
-    @property
-    def _opened(self) -> ServoBus:
-        if self._bus is None:
-            raise ConnectionError("the port is not open")
-        return self._bus
-
     def _set_up(self, k: int) -> Found:
         """No torque, no ramps; returns what it is."""
-        bus, drive, name = self._opened, self._axes[k].id, self._axes[k].name
+        bus, drive, name = self._bus, self._axes[k].id, self._axes[k].name
         if (number := bus.get(drive, t.MODEL)) not in t.MODELS:
             raise PlantSettingsError(
                 f"{name}: id {drive} is of model {number}; supported: "
@@ -98,7 +93,7 @@ class FeetechDrives:
 
     def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        bus, ids = self._opened, [axis.id for axis in self._axes]
+        bus, ids = self._bus, [axis.id for axis in self._axes]
         columns = values.T.tolist()
         wanted = {
             k: SetPoint.OFF if self._restarted[k] else SetPoint(kind)
@@ -133,7 +128,7 @@ class FeetechDrives:
 
     def clear_fault(self, drive: int) -> Found | None:
         """Torque off resets a shutdown; a servo that restarted is set up again."""
-        bus, axis = self._opened, self._axes[drive].id
+        bus, axis = self._bus, self._axes[drive].id
         if self._restarted[drive]:
             return self._set_up(drive) if bus.models(axis, attempts=1) else None
         bus.put(axis, t.TORQUE, 0)
@@ -141,9 +136,7 @@ class FeetechDrives:
 
     def close(self) -> None:
         """Torque off, and leave the port."""
-        bus, self._bus = self._bus, None
-        if bus is not None:
-            bus.close(t.TORQUE, self._axes)
+        self._bus.close(self._axes)
 
     def _take(self, drive: int, data: bytes, answers: Answers) -> None:
         if (k := self._places.get(drive)) is None:
@@ -195,11 +188,6 @@ def goals(kind: SetPoint, value: Sequence[float]) -> bytes:
     return struct.pack("<HHH", position, pwm, velocity)
 
 
-def connect(bus: str, baudrate: int) -> ServoBus:
-    """The servos of a port."""
-    return ServoBus(t.LIBRARY, bus, baudrate)
-
-
 def identity(bus: ServoBus, drive: int) -> Found:
     """What a servo is, and its fault."""
     number, status = bus.get(drive, t.MODEL), bus.get(drive, t.STATUS)
@@ -215,12 +203,9 @@ def identity(bus: ServoBus, drive: int) -> Found:
 
 def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
     """What answers on a port."""
-    bus = connect(device, baudrate)
-    try:
+    with ServoBus(t.LIBRARY, device, baudrate) as bus:
         bus.port.wait = 5e-3
         return [identity(bus, drive) for drive in IDS if bus.models(drive, attempts=1)]
-    finally:
-        bus.close(t.TORQUE)
 
 
 make = maker(

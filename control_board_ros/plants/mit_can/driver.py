@@ -41,7 +41,7 @@ class MitDrives:
             torque=True,
             temperature=True,
         )
-        self._line: CanLine | None = None
+        self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         n = len(self._axes)
         self._ranges = [self._check(axis) for axis in self._axes]
         #: Of RobStride's motors; the next one whose faults are requested.
@@ -76,7 +76,7 @@ class MitDrives:
 
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the bus; see ``drives.plant.Driver``."""
-        self._line = CanLine(self._options.bus, bitrate=int(self._options.own["bitrate"]))
+        self._line.open()
         self._setup, self._joints = setup, joints
         self._wait = budget(setup.period)
         self._places.clear()
@@ -101,7 +101,7 @@ class MitDrives:
         )
 
     def _set_up_damiao(self, k: int) -> str:
-        line, axis = self._opened, self._axes[k]
+        line, axis = self._line, self._axes[k]
         told = registers(line, axis.id, f.MASTER_ID, first=True)
         master = only(told, axis, self._options.bus, "mit_can")
         self._places[master, axis.id] = k
@@ -114,7 +114,7 @@ class MitDrives:
         return f"{int(get(line, axis.id, f.SOFTWARE))}"
 
     def _set_up_robstride(self, k: int) -> str:
-        line, axis = self._opened, self._axes[k]
+        line, axis = self._line, self._axes[k]
         only(faults(line, axis.id), axis, self._options.bus, "mit_can")
         self._places[r.MASTER, axis.id] = k
         line.send(axis.id, f.DISABLE)
@@ -151,7 +151,7 @@ class MitDrives:
 
     def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line, self._answers = self._opened, answers
+        line, self._answers = self._line, answers
         line.drain(self._take)
         asked = []
         columns = values.T.tolist()
@@ -176,7 +176,7 @@ class MitDrives:
     def clear_fault(self, drive: int) -> Found | None:
         """Clear faults; set up again a motor that restarted."""
         anew = None
-        line, axis = self._opened, self._axes[drive].id
+        line, axis = self._line, self._axes[drive].id
         if drive in self._power:
             for data in (f.CLEAR, f.DISABLE, r.RUN_MIT):
                 line.send(axis, data)
@@ -189,15 +189,7 @@ class MitDrives:
 
     def close(self) -> None:
         """Power off, and leave the bus."""
-        line, self._line = self._line, None
-        if line is not None:
-            line.close((axis.id, f.DISABLE) for axis in self._axes)
-
-    @property
-    def _opened(self) -> CanLine:
-        if self._line is None:
-            raise ConnectionError("the bus is not open")
-        return self._line
+        self._line.close((axis.id, f.DISABLE) for axis in self._axes)
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         springs = kind is SetPoint.IMPEDANCE
@@ -296,22 +288,10 @@ def put(line: CanLine, drive: int, number: int, value: int) -> None:
 
 
 def _ask(line: CanLine, drive: int, data: bytes, number: int) -> bytes:
-    found: list[bytes] = []
-
-    def take(message: Any) -> int | None:
-        told = _register(message, drive, number)
-        if told is None:
-            return None
-        found.append(told)
-        return drive
-
-    for attempt in range(ATTEMPTS):
-        line.drain(lambda _: None)
-        line.send(f.REGISTERS, data)
-        line.gather(take, [drive], PATIENCE * 2**attempt)
-        if found:
-            return found[0]
-    raise ConnectionError(f"id {drive} does not answer for register {number}")
+    found = line.ask(f.REGISTERS, data, lambda m: _register(m, drive, number))
+    if found is None:
+        raise ConnectionError(f"id {drive} does not answer for register {number}")
+    return found
 
 
 def _register(message: Any, drive: int, number: int) -> bytes | None:
@@ -323,8 +303,7 @@ def _register(message: Any, drive: int, number: int) -> bytes | None:
 
 def scan(bus: str, ids: Sequence[int] = SHORT_IDS) -> list[Found]:
     """What answers on a bus."""
-    line = CanLine(bus)
-    try:
+    with CanLine(bus) as line:
         found = []
         for drive in ids:
             for _ in registers(line, drive, f.MASTER_ID):
@@ -346,8 +325,6 @@ def scan(bus: str, ids: Sequence[int] = SHORT_IDS) -> list[Found]:
             word = next((r.fault_word(data) or 0 for data in faults(line, drive)), 0)
             found.append(Found(id=drive, type="RobStride", fault=r.fault(word)))
         return found
-    finally:
-        line.close()
 
 
 make = maker(

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ...core.config.config import JointConfig
@@ -51,7 +52,7 @@ class MoteusDrives:
             current=True,
             voltage=True,
         )
-        self._line: CanLine | None = None
+        self._line = CanLine(options.bus, fd=True)
         self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._kp, self._kd, self._most = [1.0] * n, [1.0] * n, [math.nan] * n
@@ -61,7 +62,7 @@ class MoteusDrives:
         """Open the bus; see ``drives.plant.Driver``."""
         import moteus
 
-        self._line = line = CanLine(self._options.bus, fd=True)
+        self._line.open()
         self._setup, self._joints = setup, joints
         self._wait = budget(setup.period)
         resolution = moteus.QueryResolution()
@@ -72,13 +73,13 @@ class MoteusDrives:
         self._templates = [f.template(drive) for drive in self._drives]
         found = []
         for k, axis in enumerate(self._axes):
-            told = only(identify(line, axis.id), axis, self._options.bus, "moteus")
+            told = only(identify(self._line, axis.id), axis, self._options.bus, "moteus")
             found.append(self._set_up(k, told))
         return found
 
     def _set_up(self, k: int, found: Found) -> Found:
         """Stop a drive, set its watchdog and largest torque, and read its gains and limits."""
-        line, axis, joint = self._opened, self._axes[k], self._joints[k]
+        line, axis, joint = self._line, self._axes[k], self._joints[k]
         line.send(axis.id, f.padded(self._drives[k].make_stop().data))
         silence = OnSilence.FREE if joint is None else joint.on_silence
         ask(line, axis.id, f"conf set servo.timeout_mode {ON_SILENCE[silence]}")
@@ -92,24 +93,18 @@ class MoteusDrives:
         if joint is not None:  # S4: the smaller acts
             self._most[k] = joint.limits.torque / axis.ratio
         self._restarted[k] = self._running[k] = False
-        limits = [number(f"servopos.position_{end}") for end in ("min", "max")]
-        return Found(
-            id=found.id,
-            type=found.type,
-            firmware=found.firmware,
-            voltage=found.voltage,
-            fault=found.fault,
-            limits=DriveLimits(
-                lower=limits[0] * f.REV if math.isfinite(limits[0]) else None,
-                upper=limits[1] * f.REV if math.isfinite(limits[1]) else None,
-                velocity=number("servo.max_velocity") * f.REV,
-                current=number("servo.max_current_A"),
-            ),
+        lower, upper = (number(f"servopos.position_{end}") for end in ("min", "max"))
+        limits = DriveLimits(
+            lower=lower * f.REV if math.isfinite(lower) else None,
+            upper=upper * f.REV if math.isfinite(upper) else None,
+            velocity=number("servo.max_velocity") * f.REV,
+            current=number("servo.max_current_A"),
         )
+        return replace(found, limits=limits)
 
     def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line = self._opened
+        line = self._line
         self._answers = answers
         line.drain(self._take)
         asked = []
@@ -126,23 +121,15 @@ class MoteusDrives:
         """A stop clears it; a drive that restarted is set up again."""
         anew = None
         if self._restarted[drive]:
-            found = identify(self._opened, self._axes[drive].id, attempts=1)
+            found = identify(self._line, self._axes[drive].id, attempts=1)
             if found:
                 anew = self._set_up(drive, found[0])
-        self._opened.send(self._axes[drive].id, f.padded(self._drives[drive].make_stop().data))
+        self._line.send(self._axes[drive].id, f.padded(self._drives[drive].make_stop().data))
         return anew
 
     def close(self) -> None:
         """Stop all drives, and leave the bus."""
-        line, self._line = self._line, None
-        if line is not None:
-            line.close((axis.id, bytes([0x01, 0x00, f.STOPPED])) for axis in self._axes)
-
-    @property
-    def _opened(self) -> CanLine:
-        if self._line is None:
-            raise ConnectionError("the bus is not open")
-        return self._line
+        self._line.close((axis.id, bytes([0x01, 0x00, f.STOPPED])) for axis in self._axes)
 
     def _command(self, k: int, kind: SetPoint, value: list[float]) -> bytes:
         drive = self._drives[k]
@@ -289,8 +276,7 @@ def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
     import moteus
     from moteus.protocol import Register
 
-    line = CanLine(bus, fd=True)
-    try:
+    with CanLine(bus, fd=True) as line:
         query = (
             moteus.Controller(id=1).make_custom_query({Register.MODEL_NUMBER: moteus.INT32}).data
         )
@@ -298,8 +284,6 @@ def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
             line.send(0x8000 | drive, f.padded(query))
         heard = {m.arbitration_id >> 8 for m in line.collect(0.1) if m.arbitration_id & 0xFF == 0}
         return [found for drive in sorted(heard) for found in identify(line, drive)]
-    finally:
-        line.close()
 
 
 make = maker(MoteusDrives, bus="socketcan:can0", ids=range(1, 128), whole={"unwatched": 0.0})
