@@ -20,12 +20,11 @@ from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Axis, Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits
+from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import objects as o
@@ -72,7 +71,6 @@ class Cia402Drives:
             motor_encoders=frozenset(k for k, counts in enumerate(self._counts()) if counts > 0.0),
         )
         self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._scales, self._offsets = [Scale(1.0, 1.0, 1.0)] * n, [True] * n
         self._raw = [0] * n  # position, counts
@@ -152,23 +150,21 @@ class Cia402Drives:
         # Where it exists: stay operational without heartbeat, and so report it.
         sdo.accepts(o.ERROR_BEHAVIOUR, 1, "<B", 1)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
         line, self._answers = self._line, answers
         line.drain(self._take)
-        columns = values.T.tolist()
-        asked = [k for k, kind in enumerate(kinds) if kind is not None]
-        if asked:
+        if wanted:
             line.send(o.HEARTBEAT | o.MASTER, bytes([o.OPERATIONAL]))
-        for k in asked:
-            self._parts[k], kind = 0, kinds[k]
+        for k, (kind, value) in wanted.items():
+            self._parts[k] = 0
             if self._restarted[k]:  # its PDOs are not ours; and in this two drives differ
                 question = struct.pack("<BHBI", 0x40, o.IDENTITY, o.SERIAL, 0)
                 line.send(o.SDO_REQUEST | self._axes[k].id, question)
             else:
-                self._command(k, SetPoint(kind or 0), columns[k])
+                self._command(k, kind, value)
         line.send(o.SYNC, b"")
-        line.gather(self._take, [self._axes[k].id for k in asked], self._wait)
+        line.gather(self._take, wanted, self._wait)
 
     def clear_fault(self, drive: int) -> Found | None:
         """A reset by the next control word; a drive that was away is set up again."""
@@ -217,8 +213,7 @@ class Cia402Drives:
     def _take(self, message: Any) -> int | None:
         answers, data = self._answers, bytes(message.data)
         frame: int = message.arbitration_id
-        function, drive = frame & 0x780, frame & 0x7F
-        k = self._places.get(drive)
+        function, k = frame & 0x780, answers.places.get(frame & 0x7F)
         if k is None:
             answers.foreign += function in o.ANSWERS
             return None
@@ -227,10 +222,10 @@ class Cia402Drives:
         elif self._restarted[k]:
             if function == o.SDO_ANSWER:
                 answers.came(k, data)
-                return drive
+                return k
         elif function in o.ANSWERS:
             self._hear(k, function, data)
-            return drive if self._parts[k] == self._whole[k] else None
+            return k if self._parts[k] == self._whole[k] else None
         return None
 
     def _hear(self, k: int, function: int, data: bytes) -> None:

@@ -8,17 +8,16 @@ exchange torque off, mode, goal, torque on. Positions go without velocity and fe
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits
+from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits, Wanted
 from ..drives.serial_line import Item, ServoBus
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
@@ -56,7 +55,6 @@ class DynamixelDrives:
             voltage=True,
         )
         self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._models: list[t.Model] = [t.MODELS[1020]] * n
         self._kinds = [SetPoint.OFF] * n
@@ -106,25 +104,22 @@ class DynamixelDrives:
         )
         return replace(identity(bus, drive), limits=limits)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        columns = values.T.tolist()
-        wanted = {
-            k: SetPoint.OFF if self._restarted[k] else SetPoint(kind)
-            for k, kind in enumerate(kinds)
-            if kind is not None
+        kinds = {
+            k: SetPoint.OFF if self._restarted[k] else kind for k, (kind, _) in wanted.items()
         }
-        changed = {k: kind for k, kind in wanted.items() if kind is not self._kinds[k]}
+        changed = {k: kind for k, kind in kinds.items() if kind is not self._kinds[k]}
         if changed:
             self._sync(t.TORQUE, dict.fromkeys(changed, 0))
             on = {k: kind for k, kind in changed.items() if kind is not SetPoint.OFF}
             self._sync(t.MODE, {k: self._mode(kind) for k, kind in on.items()})
-            self._goals(on, columns)
+            self._goals(on, wanted)
             self._sync(t.TORQUE, dict.fromkeys(on, 1))
             for k, kind in changed.items():
                 self._kinds[k], self._without[k] = kind, 0
-        self._goals({k: kind for k, kind in wanted.items() if kind}, columns)
-        self._read([k for k, kind in enumerate(kinds) if kind is not None], answers)
+        self._goals(kinds, wanted)
+        self._read(wanted, answers)
 
     def clear_fault(self, drive: int) -> Found | None:
         """A reboot clears a shutdown; then the servo is set up again."""
@@ -146,10 +141,10 @@ class DynamixelDrives:
     def _mode(self, kind: SetPoint) -> int:
         return self._position_mode if kind is SetPoint.POSITION else GOALS[kind][1]
 
-    def _goals(self, kinds: Mapping[int, SetPoint], columns: Sequence[Sequence[float]]) -> None:
+    def _goals(self, kinds: Mapping[int, SetPoint], wanted: Wanted) -> None:
         for kind, (item, _) in GOALS.items():
             self._sync(
-                item, {k: self._raw(k, kind, columns[k]) for k in kinds if kinds[k] is kind}
+                item, {k: self._raw(k, kind, wanted[k][1]) for k in kinds if kinds[k] is kind}
             )
 
     def _raw(self, k: int, kind: SetPoint, value: Sequence[float]) -> int:
@@ -172,7 +167,7 @@ class DynamixelDrives:
             },
         )
 
-    def _read(self, drives: Sequence[int], answers: Answers) -> None:
+    def _read(self, drives: Collection[int], answers: Answers) -> None:
         """What is read of each, by the place of its indirect data."""
 
         def take(drive: int, data: bytes) -> None:
@@ -184,9 +179,9 @@ class DynamixelDrives:
             self._bus.read(Item(place, t.READ_LENGTH), sorted(asked), take, answers)
 
     def _take(self, drive: int, data: bytes, answers: Answers) -> None:
-        if (k := self._places.get(drive)) is None:
-            answers.foreign += 1
-        elif len(data) != t.READ_LENGTH:
+        if (k := answers.place(drive)) is None:
+            return
+        if len(data) != t.READ_LENGTH:
             answers.malformed += 1
         else:
             found = struct.unpack(t.READ_FORMAT, data)

@@ -15,12 +15,11 @@ from dataclasses import replace
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits
+from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
 from ..drives.serial_line import Item, ServoBus
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
@@ -51,7 +50,6 @@ class FeetechDrives:
             watchdog=False,
         )
         self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._kinds, self._modes = [SetPoint.OFF] * n, [t.POSITION_MODE] * n
         self._torque, self._without = [0] * n, [0] * n
@@ -91,30 +89,27 @@ class FeetechDrives:
         )
         return replace(identity(bus, drive), limits=limits)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
         bus, ids = self._bus, [axis.id for axis in self._axes]
-        columns = values.T.tolist()
-        wanted = {
-            k: SetPoint.OFF if self._restarted[k] else SetPoint(kind)
-            for k, kind in enumerate(kinds)
-            if kind is not None
+        kinds = {
+            k: SetPoint.OFF if self._restarted[k] else kind for k, (kind, _) in wanted.items()
         }
-        powered = {k: kind for k, kind in wanted.items() if kind is not SetPoint.OFF}
+        powered = {k: kind for k, kind in kinds.items() if kind is not SetPoint.OFF}
         modes = {k: MODES[kind] for k, kind in powered.items() if MODES[kind] != self._modes[k]}
         bus.sync(t.TORQUE, {ids[k]: bytes(1) for k in modes})
         bus.sync(t.MODE, {ids[k]: bytes([mode]) for k, mode in modes.items()})
-        bus.sync(t.GOALS, {ids[k]: goals(kind, columns[k]) for k, kind in powered.items()})
+        bus.sync(t.GOALS, {ids[k]: goals(kind, wanted[k][1]) for k, kind in powered.items()})
         # Repeated while the answers differ; but no torque to one that had it, and lost it.
         switches = {
             ids[k]: bytes([k in powered])
-            for k, kind in wanted.items()
+            for k, kind in kinds.items()
             if k in modes
             or kind is not self._kinds[k]
             or (self._torque[k] != (k in powered) and not self._had[k])
         }
         bus.sync(t.TORQUE, switches)
-        for k, kind in wanted.items():
+        for k, kind in kinds.items():
             if kind is not self._kinds[k]:
                 self._kinds[k], self._without[k], self._had[k] = kind, 0, False
             self._modes[k] = modes.get(k, self._modes[k])
@@ -139,9 +134,9 @@ class FeetechDrives:
         self._bus.close(self._axes)
 
     def _take(self, drive: int, data: bytes, answers: Answers) -> None:
-        if (k := self._places.get(drive)) is None:
-            answers.foreign += 1
-        elif len(data) != t.READ.length:
+        if (k := answers.place(drive)) is None:
+            return
+        if len(data) != t.READ.length:
             answers.malformed += 1
         else:
             self._torque[k] = part(data, t.TORQUE)

@@ -13,12 +13,11 @@ from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Axis, Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits
+from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -149,29 +148,24 @@ class MitDrives:
                 f"[{option}={math.ceil(10.0 * ratio) / 10.0}]"
             )
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
         line, self._answers = self._line, answers
         line.drain(self._take)
-        asked = []
-        columns = values.T.tolist()
-        for k, kind in enumerate(kinds):
-            if kind is None:
-                continue
+        for k, (kind, value) in wanted.items():
             drive = self._axes[k].id
             lost = k in self._power and (self._power[k].lost or self._words[k])
-            on = kind != SetPoint.OFF and not (self._restarted[k] or lost)
+            on = kind is not SetPoint.OFF and not (self._restarted[k] or lost)
             if on and not self._powered[k]:
                 line.send(drive, f.ENABLE)
             self._powered[k] = on
             if not on:
                 self._enabled[k] = False
-            line.send(drive, self._command(k, SetPoint(kind), columns[k]) if on else f.DISABLE)
-            asked.append(drive)
-        if blind := [k for k in self._power if kinds[k] is not None]:
+            line.send(drive, self._command(k, kind, value) if on else f.DISABLE)
+        if blind := [k for k in self._power if k in wanted]:
             self._turn += 1
             line.send(self._axes[blind[self._turn % len(blind)]].id, r.READ_FAULTS)
-        line.gather(self._take, asked, self._wait)
+        line.gather(self._take, wanted, self._wait)
 
     def clear_fault(self, drive: int) -> Found | None:
         """Clear faults; set up again a motor that restarted."""
@@ -220,7 +214,7 @@ class MitDrives:
             self._move(k, data)
             answers.temperature[k] = data[7]
             answers.faults[k] = self._judge(k, data[0] >> 4)
-            return self._axes[k].id
+            return k
         return None
 
     def _move(self, k: int, data: bytes) -> tuple[float, float, float]:
@@ -242,7 +236,7 @@ class MitDrives:
             self._words[k] = word
         lost = r.POWERLESS if power.lost else None
         self._answers.faults[k] = r.fault(self._words[k]) or lost
-        return self._axes[k].id if word is None else None
+        return k if word is None else None
 
     def _judge(self, k: int, state: int) -> DriveFault | None:
         if state == f.ENABLED:

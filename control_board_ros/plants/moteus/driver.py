@@ -21,12 +21,11 @@ from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits
+from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -53,7 +52,6 @@ class MoteusDrives:
             voltage=True,
         )
         self._line = CanLine(options.bus, fd=True)
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._kp, self._kd, self._most = [1.0] * n, [1.0] * n, [math.nan] * n
         self._running, self._restarted = [False] * n, [False] * n
@@ -102,20 +100,13 @@ class MoteusDrives:
         )
         return replace(found, limits=limits)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line = self._line
-        self._answers = answers
+        line, self._answers = self._line, answers
         line.drain(self._take)
-        asked = []
-        columns = values.T.tolist()
-        for k, kind in enumerate(kinds):
-            if kind is None:
-                continue
-            drive = self._axes[k].id
-            line.send(0x8000 | drive, f.padded(self._command(k, SetPoint(kind), columns[k])))
-            asked.append(drive)
-        line.gather(self._take, asked, self._wait)
+        for k, (kind, value) in wanted.items():
+            line.send(0x8000 | self._axes[k].id, f.padded(self._command(k, kind, value)))
+        line.gather(self._take, wanted, self._wait)
 
     def clear_fault(self, drive: int) -> Found | None:
         """A stop clears it; a drive that restarted is set up again."""
@@ -131,7 +122,7 @@ class MoteusDrives:
         """Stop all drives, and leave the bus."""
         self._line.close((axis.id, bytes([0x01, 0x00, f.STOPPED])) for axis in self._axes)
 
-    def _command(self, k: int, kind: SetPoint, value: list[float]) -> bytes:
+    def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         drive = self._drives[k]
         if kind is SetPoint.OFF or self._restarted[k]:
             self._running[k] = False
@@ -167,11 +158,9 @@ class MoteusDrives:
     def _take(self, message: Any) -> int | None:
         """Read an answer."""
         answers = self._answers
-        source: int = message.arbitration_id >> 8 & 0x7F
         if message.arbitration_id & 0xFF != 0:
             return None
-        if (k := self._places.get(source)) is None:
-            answers.foreign += 1
+        if (k := answers.place(message.arbitration_id >> 8 & 0x7F)) is None:
             return None
         try:
             mode, q, dq, torque, amps, volts, fault = f.reading(bytes(message.data))
@@ -185,7 +174,7 @@ class MoteusDrives:
         answers.torque[k], answers.current[k], answers.voltage[k] = torque, amps, volts
         answers.faults[k] = self._judge(k, mode, fault)
         answers.came(k, message.data)
-        return source
+        return k
 
     def _judge(self, k: int, mode: int, fault: int) -> DriveFault | None:
         if mode in f.RUNNING:

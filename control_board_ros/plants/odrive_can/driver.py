@@ -15,12 +15,11 @@ from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, REMOTE, CanLine, budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits
+from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -49,7 +48,6 @@ class OdriveDrives:
             torque=True,
         )
         self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
         n = len(self._axes)
         self._parameters: list[Mapping[str, f.Endpoint]] = [{}] * n
         self._kinds, self._turn = [SetPoint.OFF] * n, 0
@@ -95,24 +93,18 @@ class OdriveDrives:
         )
         return replace(found, limits=limits)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
         line, self._answers = self._line, answers
         line.drain(self._take)
-        columns = values.T.tolist()
         self._turn = (self._turn + 1) % len(IN_TURN)
-        asked = []
-        for k, kind in enumerate(kinds):
-            if kind is None:
-                continue
-            drive = self._axes[k].id
-            self._command(k, SetPoint.OFF if self._restarted[k] else SetPoint(kind), columns[k])
+        for k, (kind, value) in wanted.items():
+            self._command(k, SetPoint.OFF if self._restarted[k] else kind, value)
             questions = f.ESTIMATES, IN_TURN[self._turn]
             self._awaited[k] = set(questions)
             for command in questions:
-                line.send(frame(drive, command) | REMOTE, b"")
-            asked.append(drive)
-        line.gather(self._take, asked, self._wait)
+                line.send(frame(self._axes[k].id, command) | REMOTE, b"")
+        line.gather(self._take, wanted, self._wait)
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
         """The set-point of a drive; power, mode and watchdog where its kind is a new one."""
@@ -164,8 +156,7 @@ class OdriveDrives:
         form = FORMATS.get(command)
         if message.is_remote_frame or form is None:
             return None
-        if (k := self._places.get(drive)) is None:
-            answers.foreign += 1
+        if (k := answers.place(drive)) is None:
             return None
         found = struct.unpack(form, data) if len(data) == 8 else (math.nan,)
         if not all(map(math.isfinite, found)):
@@ -179,7 +170,7 @@ class OdriveDrives:
         else:
             answers.faults[k] = self._judge(k, *found[:2])
         self._awaited[k].discard(command)
-        return None if self._awaited[k] else drive
+        return None if self._awaited[k] else k
 
     def _judge(self, k: int, errors: int, state: int) -> DriveFault | None:
         if state == f.CLOSED_LOOP:
