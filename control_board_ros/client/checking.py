@@ -57,7 +57,7 @@ def check_asked(service: Endpoint, response: Any, count: int, board: str) -> Non
     for field, kind in response.get_fields_and_field_types().items():
         entries = len(getattr(response, field)) if kind.startswith("sequence") else count
         if entries != count and not (field == "vocabs" and entries == 0):
-            where, asked = service.of(board), f"{count} joints asked for"
+            where, asked = service.of(board), f"{count} joints requested"
             text = f"{where} sent an invalid response: {entries} {field} for {asked}"
             raise InvalidAnswer(text)
 

@@ -35,7 +35,7 @@ TYPES = {
 }
 TOKEN_WANTED = (
     "This panel opens with the address that cbctl panel printed, with its token. "
-    "Was it started anew? Then its token is new, too.\n"
+    "Was it restarted? Then its token is new, too.\n"
 )
 #: Close codes of WebSockets: "policy violation", "try again later".
 REFUSED, FULL = 1008, 1013

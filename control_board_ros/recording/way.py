@@ -31,7 +31,7 @@ class Way:
         times: Of its n points, from 0 on, s.
         positions: rad, shape (n, k).
         velocities: rad/s, shape (n, k); at rest at both ends.
-        stretched: How many times as long as asked for it takes, so that limits hold.
+        stretched: How many times as long as requested it takes, so that limits hold.
     """
 
     names: tuple[str, ...]

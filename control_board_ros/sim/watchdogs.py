@@ -32,7 +32,7 @@ class Watchdogs:
         seconds = [joint.drive_model.watchdog for joint in simulation.joints]
         self._cycles = [math.ceil(s * board.control_rate) if s else math.inf for s in seconds]
         self._then = [STRUCK[joint.on_silence] for joint in board.joints]
-        self._texts = [f"watchdog: nothing heard for {1e3 * s:.0f} ms" for s in seconds]
+        self._texts = [f"watchdog: no command for {1e3 * s:.0f} ms" for s in seconds]
         self._heard = SetPoints.off(len(seconds))
         self._silent = [0] * len(seconds)
         self._struck: dict[int, float] = {}

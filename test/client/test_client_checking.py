@@ -97,5 +97,5 @@ def test_names_that_no_board_has(names: list[str]) -> None:
 def test_answers_for_fewer_joints_than_asked(stiffness: list[float]) -> None:
     names = ["a"] * len(stiffness) or ["a", "b"]
     response = response_of(interface.GET_IMPEDANCE, names=names, stiffness=stiffness)
-    with pytest.raises(BoardError, match="for 2 joints asked for"):
+    with pytest.raises(BoardError, match="for 2 joints requested"):
         check_asked(interface.GET_IMPEDANCE, response, 2, "/board")

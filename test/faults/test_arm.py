@@ -238,7 +238,7 @@ def test_a_calibration_that_is_cancelled_leaves_the_joint_in_idle():
 
 
 def test_a_calibration_during_a_fast_motion_takes_over_smoothly():
-    """K1, M9: asked for in full motion, it stops the joint and then does its work."""
+    """K1, M9: requested in full motion, it stops the joint and then does its work."""
     with calibrated_arm(timeout=6.0) as simulation:
         board = simulation.board
         limits = board.config.joints[1].limits

@@ -122,7 +122,7 @@ def test_all_callbacks_raising() -> None:
         ):
             answer = talker.call(name, kind)
             assert not answer.success, name
-            assert answer.message == f"internal error in {name}; the board's log tells more"
+            assert answer.message == f"internal error in {name}; the board's log has more"
         for kind, topic in (
             (msg.PositionCommand, "position"),
             (msg.PositionDirectCommand, "position_direct"),

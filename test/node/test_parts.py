@@ -360,6 +360,7 @@ def test_what_a_start_makes_is_not_walked_by_collections() -> None:
 
 def test_a_callers_module_is_searched_before_the_loop_runs() -> None:
     """The logger of rclpy then finds its own file without a walk over all modules."""
-    inspect.modulesbyfile.clear()  # type: ignore[attr-defined]
+    for kept in (inspect.modulesbyfile, inspect._filesbymodname):  # type: ignore[attr-defined]
+        kept.clear()
     startup.search_modules()
     assert rcutils_logger.__file__ in inspect.modulesbyfile  # type: ignore[attr-defined]

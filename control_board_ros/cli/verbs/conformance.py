@@ -26,7 +26,7 @@ def sentence(text: str) -> str:
     )
 )
 def conformance(session: Session, **given: Any) -> int:
-    """Try the rules of a control board on this one, and say of each whether it held.
+    """Try the rules of a control board on this one, and report of each whether it held.
 
     One joint moves, within a part of its limits, and is without power at times; then all are left
     as found. It asks before that. Exit code 1: a rule did not hold, or

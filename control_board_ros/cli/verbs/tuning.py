@@ -13,7 +13,7 @@ from ..board.session import Session
 from ..line.arguments import argument, takes
 from ..text.output import put_json
 
-#: The search has the simulation in it, which cbctl does not know: it is a program of its own.
+#: The search needs the simulation, which cbctl does not import: it is a program of its own.
 PROGRAM = "control_board_ros.tuning"
 #: Options whose values have another name.
 OPTION_OF = {"found": "--from"}
@@ -37,7 +37,7 @@ def tune(session: Session, **values: Any) -> int:
             return subprocess.run(program, check=False).returncode
         done = subprocess.run(program, check=False, capture_output=True, text=True)
     except KeyboardInterrupt:
-        return 1  # it has the signal, too, and says how to go on
+        return 1  # it has the signal, too, and reports the next step
     lines = (done.stdout if done.returncode == 0 else done.stderr).splitlines()
     put_json({"success": done.returncode == 0, "lines": lines})
     return done.returncode

@@ -299,7 +299,7 @@ class ControlLoop:
         self.after_lock()
 
     def _run_cycle(self) -> None:
-        """With the lock held; the reading of t is taken before what is commanded at t acts."""
+        """With the lock held; the reading of t is made before what is commanded at t acts."""
         show = self._states.pick()
         measurement = self._read()
         if show and not self._paused:
@@ -319,7 +319,7 @@ class ControlLoop:
         return self._intake.take(self._plant.read())
 
     def _stand_still(self) -> None:
-        """Run the steps asked for, else wait; show the state to newcomers now and then."""
+        """Run the steps requested, else wait; show the state to newcomers now and then."""
         while self._stepping.left and not self._stopping:
             self._cycle()
         self._wake.clear()

@@ -31,7 +31,7 @@ class Statistics:
 
     Attributes: cycles, overruns (cycles that ended after the next one was due), skipped (periods
     given up after a lag of more than MAX_LAG), all counted since the start. Of the time since
-    the statistics were last taken: rate (cycles per second), median, p99 and worst (lateness of
+    the statistics were last read: rate (cycles per second), median, p99 and worst (lateness of
     the cycle start, s).
     """
 
@@ -163,7 +163,7 @@ def system_ahead() -> int:
     """What the system's clock is ahead of the monotonic one, ns.
 
     A thread that loses the processor between the two readings would report a clock that was
-    set; such readings are taken again, and the closest pair counts.
+    set; such readings are repeated, and the closest pair counts.
     """
     best, ahead = math.inf, 0
     for _ in range(TRIES):

@@ -36,7 +36,7 @@ class Stepping:
         return ""
 
     def ended(self) -> Callable[[], None]:
-        """All steps have run: what answers who asked for them."""
+        """All steps have run: what answers who requested them."""
         done, self._on_steps = self._on_steps, None
         return lambda: done("") if done is not None else None
 
@@ -46,7 +46,7 @@ class Stepping:
         return not self.left
 
     def finish(self, message: str) -> None:
-        """Answer who asked for the steps why they did not all run; none is left."""
+        """Answer who requested the steps why they did not all run; none is left."""
         done, self._on_steps, self.left = self._on_steps, None, 0
         if done is not None:
             done(message)

@@ -46,7 +46,7 @@ class Boards:
     Args:
         start: settings and what rclpy needs of the command line.
         plant: what the board drives; closed at the end.
-        on_end: called when the control loop ends by itself; ``loop.failure`` says why.
+        on_end: called when the control loop ends by itself; ``loop.failure`` is the reason.
         context: of rclpy; None for the default one.
 
     Attributes: settings, loop, main (the node of the whole board or robot), parts (those of its
@@ -155,7 +155,7 @@ class Boards:
         return stopped
 
     def _tell(self, simulated: bool) -> None:
-        """What a user should know of the settings."""
+        """Log warnings and notes about the settings."""
         log, settings = self.main.reporter.log, self.settings
         for warning in settings.warnings:
             log.warning(warning)
@@ -183,7 +183,7 @@ class Boards:
                 self.main.publisher.announce_clock()
                 self.main.reporter.log.info(
                     "stamps go on from where they are with simulated time, for good, and /clock "
-                    "tells it; start nodes that compare times with use_sim_time:=true"
+                    "has it; start nodes that compare times with use_sim_time:=true"
                 )
 
     def _each_second(self) -> None:

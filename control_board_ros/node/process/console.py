@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The executable on its terminal: what it is started with, what it says, where its logs go."""
+"""The executable on its terminal: its arguments, its output, the place of its logs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONGEST = 2000
 
 
 class KnownError(Exception):
-    """An error whose text says it all; ends the process with ``code``."""
+    """An error with a text for people; ends the process with ``code``."""
 
     def __init__(self, code: int, text: str) -> None:
         super().__init__(text.partition("\n")[0])

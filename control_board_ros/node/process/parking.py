@@ -25,13 +25,13 @@ class Parking:
     Args:
         member: what is parked, all of it.
         pose: where.
-        tell: called with the duration of the move, s.
+        report: called with the duration of the move, s.
 
     Attributes: reason (why the robot is not parked; empty when it is).
     """
 
-    def __init__(self, member: Member, pose: Pose, tell: Callable[[float], None]) -> None:
-        self._member, self._pose, self._tell = member, pose, tell
+    def __init__(self, member: Member, pose: Pose, report: Callable[[float], None]) -> None:
+        self._member, self._pose, self._report = member, pose, report
         self._left = threading.Event()
         self.reason = "a second signal came"
 
@@ -61,7 +61,7 @@ class Parking:
                 return self.reason
             task = start_parking(board, self._pose)
             time = task.remaining_time()
-        self._tell(time)
+        self._report(time)
         while not self._left.wait(PERIOD):
             if reason := self._stopped():
                 return reason

@@ -32,7 +32,7 @@ from .request_log import RequestLog
 
 #: s between two looks at the goals under way (wall clock), which is the feedback's period.
 PERIOD = 0.05
-#: s for which the result of a goal can still be asked for.
+#: s for which the result of a goal can still be requested.
 RESULT_KEPT = 60
 
 Task = MoveTask | CalibrationTask | PoseTask
@@ -155,7 +155,7 @@ class Actions:
     def _look(self) -> None:
         """Feedback for every goal; end those that have ended or are to be cancelled."""
         for goal in list(self._goals):
-            outcome: Outcome | None = Outcome(False, "internal error; the board's log tells more")
+            outcome: Outcome | None = Outcome(False, "internal error; the board's log has more")
             try:
                 outcome = self._attend(goal.handle, goal.task)
             finally:

@@ -92,7 +92,7 @@ class CommandSubscription:
             self._told = True
             self._node.get_logger().warning(
                 f"{', '.join(names)} publishes {self._reliable.topic_name} with best effort: it "
-                "is heard, but what is lost on the way is not sent again; publish it reliable"
+                "is received, but what is lost on the way is not sent again; publish it reliable"
             )
 
     def _on_incompatible(self, _event: Any) -> None:

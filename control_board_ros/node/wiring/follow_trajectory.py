@@ -106,9 +106,9 @@ class FollowTrajectory:
             end = End(error.code, error.text)
         except RequestError as error:
             end = End(Code.INVALID_GOAL, str(error))
-        except Exception as error:  # noqa: BLE001 - or the default result would say SUCCESSFUL
+        except Exception as error:  # noqa: BLE001 - or the default result would be SUCCESSFUL
             self._on_error(error, FOLLOW_JOINT_TRAJECTORY.short)
-            end = End(Code.INVALID_GOAL, "internal error; the board's log tells more")
+            end = End(Code.INVALID_GOAL, "internal error; the board's log has more")
         else:
             assert self._goal is not None
             asked.accepted()

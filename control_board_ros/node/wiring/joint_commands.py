@@ -53,7 +53,7 @@ class JointCommands:
 def take(board: JointGroup, message: Any) -> list[Reply]:
     """Start the references that a JointState carries; one reply for each kind of them.
 
-    A position that repeats is no new move (P1). A velocity beside a position that is taken says
+    A position that repeats is no new move (P1). A velocity beside a position that is accepted has
     nothing: a controller that has stopped leaves a 0 in its command interfaces.
     """
     joints = bounded(message.name, board.count)
@@ -96,8 +96,8 @@ def spread_short(board: JointGroup, chosen: Selection, field: str, message: Any)
         takes = board.state.accepts[:, chosen.joints][kinds].any(axis=0)
         if given.size != (some := np.count_nonzero(takes)):
             raise RequestError(
-                f"{given.size} numbers in {field} for {count} joints, of which {some} take it in "
-                f"their mode; send one per joint, NaN for no command"
+                f"{given.size} numbers in {field} for {count} joints, of which {some} accept it "
+                f"in their mode; send one per joint, NaN for no command"
             )
         spread[takes] = given
     return spread

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a node says in its log, and callbacks that say what went wrong instead of raising."""
+"""The log of a node, and callbacks that report errors instead of raising."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Reporter:
             except Exception as error:  # noqa: BLE001 - no callback ends the node
                 self.on_error(error, name)
                 return kind.Response(
-                    success=False, message=f"internal error in {name}; the board's log tells more"
+                    success=False, message=f"internal error in {name}; the board's log has more"
                 )
 
         return answer

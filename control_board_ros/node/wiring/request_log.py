@@ -83,9 +83,9 @@ class RequestLog:
             event: as in ``Request.msg``.
             request: as it came.
             response: as it is sent; None: there is none yet.
-            begun: when it was asked, s of ``time.perf_counter``.
+            begun: time of the request, s of ``time.perf_counter``.
             success: whether the answer is yes.
-            message: what it says.
+            message: its text.
             goal: identifier of a goal.
         """
         duration = time.perf_counter() - begun
@@ -141,7 +141,7 @@ class Goal:
         self._begun = time.perf_counter()
 
     def accepted(self) -> None:
-        """It has begun."""
+        """Note its start."""
         self._note("accepted", None, success=True)
         self._begun = time.perf_counter()
 
@@ -171,7 +171,7 @@ class Goal:
 
 
 def left_out(service: Endpoint) -> bool:
-    """Whether a service only reads, or is asked as often as there are control cycles."""
+    """Whether a service only reads, or is called in each control cycle."""
     word = service.short.rpartition("/")[2]
     return word.startswith(("get_", "list_")) or service.name == STEP.name
 

@@ -35,7 +35,7 @@ def send(
     names, values, along = moves
     reply = board.command(kind, names, values, along)
     if reply and np.array_equal(board.get_target_position(reply.joints), values):
-        return accepted(reply.joints)  # slower than asked for: no news of a stream
+        return accepted(reply.joints)  # slower than requested: no news of a stream
     return reply
 
 
@@ -46,7 +46,7 @@ def without_repeats(
 
     A move is not new while it runs, and where its joint holds its target. Restarted with every
     message of a stream, it would never get up to its speed. What does not fit is returned as it
-    came, for the board to say so.
+    came, for the board's report.
     """
     try:
         chosen = board.selector.select(names)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A log that says everything once per second and cause, with the count of what it left out."""
+"""A log that writes each cause once per second, with the count of what it left out."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def send(
         kind: of the references.
         names: of joints; none: all.
         values: one per joint.
-        along: speeds or accelerations, one per joint, which stay set for the joints that take
+        along: speeds or accelerations, one per joint, which stay set for the joints that accept
             them; None: those that are set.
     """
     reply = send_stream(board, kind, names, values, along)

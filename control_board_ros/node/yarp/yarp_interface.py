@@ -64,7 +64,7 @@ def offer_yarp(
     *,
     part: bool = False,
 ) -> list[CommandSubscription]:
-    """Offer it all, where the parameter ``yarp_interface`` says so.
+    """Offer it all, where the parameter ``yarp_interface`` is true.
 
     Args:
         node: to offer it from.
@@ -91,7 +91,7 @@ def offer_yarp(
     if taken := [row.name for row in rows if row.name in own]:
         reporter.log.warning(
             f"yarp_msgs_name {values['yarp_msgs_name']!r}: the board has {', '.join(taken)} "
-            "already, which YARP's clients do not find then; take another name, such as ~/yarp"
+            "already, which YARP's clients do not find then; use another name, such as ~/yarp"
         )
     free = [row for row in rows if row.name not in own]
     for row in free:
@@ -107,7 +107,7 @@ class YarpInterface:
     """What answers YARP's clients; a method is called as its service.
 
     Args:
-        member: the board that is asked.
+        member: of the board.
         warn: receives ignored and bounded references, and a name to count them by, for the log.
         on_error: called with unexpected exceptions.
         requests: receives answers of services.
@@ -183,7 +183,7 @@ class YarpInterface:
                 return kind.Response(response=refusal.word, opt_descr=refusal.text)
             except Exception as error:  # noqa: BLE001 - no callback ends the node
                 self._on_error(error, service.name)
-                text = f"internal error in {service.name}; the board's log tells more"
+                text = f"internal error in {service.name}; the board's log has more"
                 return kind.Response(response=failure, opt_descr=text)
             return response
 

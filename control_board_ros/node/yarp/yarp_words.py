@@ -26,7 +26,7 @@ NAMES_ERROR = "NAMES_ERROR"
 SIZE_ERROR = "SIZE_ERROR"
 #: An index is no joint's.
 GET_NAME_ERROR = "GET_NAME_ERROR"
-#: What was asked for cannot be read now.
+#: What was requested cannot be read now.
 RETRIEVE_ERROR = "RETRIEVE_ERROR"
 #: The modes are not set.
 SET_ERROR = "SET_ERROR"
@@ -86,7 +86,7 @@ def wanted(modes: Sequence[str], count: int) -> list[tuple[Wanted, ...]]:
 
 
 def implements(joint: JointConfig, mode: str) -> bool:
-    """Whether a joint implements what a settable mode asks of it; all know FORCE_IDLE."""
+    """Whether a joint implements a settable mode; all implement FORCE_IDLE."""
     known = {*joint.control_modes, *joint.interaction_modes, M.FORCE_IDLE}
     return known.issuperset(SETTABLE[mode])
 
