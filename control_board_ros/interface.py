@@ -16,7 +16,7 @@ from .core.terms.vocabs import CommandKind
 
 K = CommandKind
 
-#: Joints of a board, or robot, at most: what says that it has more is none.
+#: Joints of a board, or robot, at most: a message with more is invalid.
 MOST_JOINTS = 500
 
 #: What the graph calls a node whose endpoints were found before its name.
@@ -25,7 +25,7 @@ NOT_KNOWN_YET = "_NODE_NAME_UNKNOWN_"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QoS:
-    """Quality of service: history keep last, of so many messages; durability volatile or latched.
+    """Quality of service: history keep last, with a depth; durability volatile or latched.
 
     ``latched`` is DDS's transient local: who comes late gets the last message.
     """
@@ -53,7 +53,7 @@ class QoS:
 
 STREAM = QoS(depth=10)
 LATCHED = QoS(depth=1, latched=True)
-#: Who comes late gets so many of the last messages.
+#: Number of the last messages for a late subscriber.
 HISTORY = QoS(depth=50, latched=True)
 NEWEST = QoS(depth=1, reliable=False)
 #: As tf2's own broadcaster has it; several boards share the topic.
@@ -125,7 +125,7 @@ def service(name: str, type_: str, meaning: str) -> Endpoint:
 
 
 def action(name: str, type_: str, meaning: str) -> Endpoint:
-    """What takes time: a goal, feedback, a result."""
+    """An action: a goal, feedback, a result."""
     return Endpoint("action", name, full("action", type_), REQUESTS, meaning)
 
 
@@ -239,7 +239,7 @@ JOINT_TRAJECTORY = command(
 JOINT_COMMANDS = command(
     "~/joint_commands",
     "sensor_msgs/msg/JointState",
-    "References as the mode of each joint takes them: of its position, velocity and effort that "
+    "References as the mode of each joint accepts them: of its position, velocity and effort that "
     "of its control mode; NaN is no command. For ros2_control's topic-based hardware; see "
     "[Joint commands](#joint-commands).",
 )
@@ -286,7 +286,7 @@ GET_AVAILABLE_MODES = service(
 GET_DRIVES = service(
     "~/get_drives",
     "GetDrives",
-    "Read which set-points the drives of joints take, and which loop runs where.",
+    "Read which set-points the drives of joints accept, and which loop runs where.",
 )
 SEND_REFERENCE = service(
     "~/send_reference",
@@ -529,7 +529,7 @@ ENDPOINTS: tuple[Endpoint, ...] = tuple(
     if isinstance(value, Endpoint) and value is not PART_JOINT_STATES
 )
 #: What an operator notes about a board, in words: no board's, anybody may publish it, and
-#: recorders hear it.
+#: recorders receive it.
 NOTES = topic("~/notes", "std_msgs/msg/String", QoS(depth=100), "What an operator notes.")
 PUBLISHED = tuple(e for e in ENDPOINTS if e.kind == "topic")
 COMMAND_TOPICS = tuple(e for e in ENDPOINTS if e.kind == "command")

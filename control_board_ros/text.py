@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names and texts of others, made safe to show, to store and to name a file by.
 
-Whoever speaks ROS, wires a drive or sends a recording chooses such texts. A terminal takes some
+Any ROS node, drive or recording may contain such texts. A terminal reads some
 characters as orders (titles, colours, the clipboard), others turn what is read around, lone
 surrogates are no text at all, and a path reads ``../`` as a way out.
 """
@@ -21,10 +21,10 @@ _SPACES = frozenset("\t\n\v\f\r\x85\N{LINE SEPARATOR}\N{PARAGRAPH SEPARATOR}")
 
 
 def clean(text: object, most: int = TEXT) -> str:
-    """A text on one line, of so many characters at most, that a terminal shows as it stands.
+    """A text on one line, of bounded length, that a terminal shows unchanged.
 
     What separates lines and columns becomes a space; control characters, what changes the
-    direction of writing, and lone surrogates become U+FFFD. The end says what was left out.
+    direction of writing, and lone surrogates become U+FFFD. The end has what was left out.
     """
     whole = text if type(text) is str else _words_of(text)
     if len(whole) <= most and whole.isprintable():
@@ -66,7 +66,7 @@ def file_name(name: object) -> str:
 
 
 def _words_of(something: object) -> str:
-    """As ``str``, also of what fails to say what it is."""
+    """As ``str``, also of objects whose ``__str__`` fails."""
     try:
         return str.__str__(str(something))
     except Exception as error:  # noqa: BLE001 - somebody else's code

@@ -146,7 +146,7 @@ class Goal:
             )
 
     async def _take_feedback(self) -> None:
-        """Process the feedback received before the result: rclpy takes one message per task."""
+        """Process the feedback received before the result: rclpy handles one message per task."""
         received = -1
         while received != self._received:
             received = self._received

@@ -204,7 +204,7 @@ def trajectory(
     dq = None if velocities is None else np.asarray(velocities, float)
     shape = (t.size, len(names))
     if t.ndim != 1 or q.shape != shape or (dq is not None and dq.shape != shape):
-        raise RequestError(f"a trajectory of {t.size} times takes rows of shape {shape}")
+        raise RequestError(f"a trajectory of {t.size} times has rows of shape {shape}")
     message = JointTrajectory(joint_names=list(names))
     for k in range(t.size):
         point = JointTrajectoryPoint(positions=q[k].tolist())

@@ -59,6 +59,6 @@ class ImpedanceRequests(Interface):
 
     @operation
     async def get_torque_offset(self, joints: Joints = None) -> Floats:
-        """τ_ff of the impedance law, N·m, shape (k,): as set, or the load taken over."""
+        """τ_ff of the impedance law, N·m, shape (k,): as set, or the load on entering."""
         response = await self._services.read(GET_IMPEDANCE, joints)
         return np.array(response.torque_offset)

@@ -108,7 +108,7 @@ class ModeRequests(Interface):
 
     @operation
     async def get_drives(self, joints: Joints = None) -> list[DriveUse]:
-        """Which set-points the drives take, and which loop runs where (S1)."""
+        """Which set-points the drives accept, and which loop runs where (S1)."""
         found = await self._services.read(GET_DRIVES, joints)
         return [
             DriveUse(

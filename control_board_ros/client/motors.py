@@ -54,7 +54,7 @@ class MotorRequests(Interface):
         output_limits: Values | None = None,
         **terms: Values | None,
     ) -> Reply:
-        """Set the largest current (A) and PWM (percent), and what the laws take motors for.
+        """Set the largest current (A) and PWM (percent), and the motor constants of the laws.
 
         The latter by the names that ``get_motors`` has, ``torque_constants`` to
         ``velocity_thresholds``; None: as it is. A power-on forgets all of it.
@@ -137,7 +137,7 @@ class MotorRequests(Interface):
 
     @operation
     async def get_motor_torque_params(self, joints: Joints = None) -> MotorTorqueParameters:
-        """What the laws take motors for: torque and back-EMF constants, friction."""
+        """The motor constants of the laws: torque and back-EMF constants, friction."""
         found = await self.get_motors(joints)
         values = {ours: getattr(found, name) for ours, name in YARP_TERMS.items()}
         return MotorTorqueParameters(**values)
@@ -146,7 +146,7 @@ class MotorRequests(Interface):
     async def set_motor_torque_params(
         self, joints: Joints, parameters: MotorTorqueParameters
     ) -> Reply:
-        """Set what the laws take motors for, from the next cycle on; None: as it is.
+        """Set the motor constants of the laws, from the next cycle on; None: unchanged.
 
         A power-on goes back to what is configured.
         """
@@ -171,7 +171,7 @@ class MotorRequests(Interface):
 
     @operation
     async def set_motor_encoder(self, joints: Joints, positions: Values) -> Reply:
-        """Let encoders of motors read so much where they are."""
+        """Set the readings of motor encoders."""
         return await self._apply(SET_ENCODERS, joints, {"positions": positions}, motor=True)
 
     @operation

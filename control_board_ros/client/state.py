@@ -79,7 +79,7 @@ class State:
         floats = {
             field: np.array(getattr(message, field), dtype=np.float64) for field in FLOAT_FIELDS
         }
-        for field in OF_MOTORS:  # a board that tells nothing of motors
+        for field in OF_MOTORS:  # a board that reports no motors
             if not floats[field].size:
                 floats[field] = np.full(len(floats["position"]), np.nan)
         return cls(

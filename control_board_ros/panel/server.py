@@ -214,7 +214,7 @@ def by_number(hub: Hub, number: int) -> Any:
 def ended(task: asyncio.Task[None], report: Callable[[str], None]) -> None:
     """Report an unexpected end of the hub."""
     if not task.cancelled() and (error := task.exception()) is not None:
-        report(f"the panel has an error and hears no more boards: {error!r}; start it anew")
+        report(f"the panel has an error and receives no more boards: {error!r}; restart it")
 
 
 async def serve(hub: Hub, websocket: WebSocket) -> None:

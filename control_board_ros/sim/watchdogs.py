@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The watchdogs of simulated drives: what each does when it hears nothing (SPEC S5, S7)."""
+"""The watchdogs of simulated drives: what each does without commands (SPEC S5, S7)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STRUCK = {
 
 
 class Watchdogs:
-    """The last set-points that each drive heard, and since when it hears nothing.
+    """The last set-points that each drive received, and the time since.
 
     Args:
         board: With what each joint does in silence.
@@ -39,15 +39,15 @@ class Watchdogs:
 
     @property
     def reasons(self) -> Mapping[int, str]:
-        """What the drives report whose watchdog struck, by joint, until they hear OFF twice."""
+        """The reports of drives whose watchdog struck, by joint, until they receive OFF twice."""
         return {joint: self._texts[joint] for joint in self._struck}
 
     def pass_on(self, arriving: SetPoints, deaf: Collection[int], position: Array) -> SetPoints:
         """What the drives follow in this cycle.
 
         Args:
-            arriving: What reaches the drives that hear.
-            deaf: Joints whose drive hears nothing.
+            arriving: The set-points that arrive.
+            deaf: Joints whose drive receives nothing.
             position: Of the joints, shape (n,).
         """
         if not deaf and not self._struck:

@@ -310,7 +310,7 @@ def test_a_server_that_is_gone_says_so():
     """The physics ends under the board, in either engine: one exception of its own, one line."""
     with iiwa() as simulation:
         simulation.plant.body.close()
-        told = "^the physics (server is gone|is closed); start the board anew$"
+        told = "^the physics (server is gone|is closed); restart the board$"
         with pytest.raises(PlantGone, match=told):
             simulation.run(0.1)
 
