@@ -82,9 +82,7 @@ def test_a_lost_physics_server_ends_the_node() -> None:
         line = board.wait_for_output("; restart the board")
         board.process.wait(TIMEOUT)
         told = ("physics server is gone", "physics is closed")
-        assert line.strip() in [
-            f"control_board: the {what}; restart the board" for what in told
-        ]
+        assert line.strip() in [f"control_board: the {what}; restart the board" for what in told]
         assert "Traceback" not in board.output
 
 
