@@ -110,6 +110,7 @@ def as_record(figure: Figure, date: str) -> dict[str, Any]:
         "text": figure.text,
         "met": figure.met,
         "date": date,
+        "cpu": _cpu_model(),
     }
 
 
@@ -169,10 +170,10 @@ def full_table(record: dict[str, Any]) -> str:
                 MARKS[entry["met"]],
                 f"{before['text']} ({before['date'][:10]})" if before else "",
                 entry["reference"],
-                entry["date"],
+                f"{entry['date']}, {entry['cpu']}",
             )
         )
-    return f"Measured on {record['machine']['cpu']}: {told}.\n\n{table(rows)}"
+    return f"The last of them on {record['machine']['cpu']}: {told}.\n\n{table(rows)}"
 
 
 def short_table(record: dict[str, Any]) -> str:
@@ -184,9 +185,11 @@ def short_table(record: dict[str, Any]) -> str:
         if key in SHORT
     ]
     found = record["machine"]
+    shown = [entry for key, entry in record["figures"].items() if key in SHORT]
+    processors = " and ".join(sorted({entry["cpu"] for entry in shown}))
     return (
-        f"{found['cpu']}, {found['cores']} cores, {found['python']}, {record['date'][:10]}; "
-        f"`make bench` measures anew, [all figures](docs/performance.md).\n\n{table(rows)}"
+        f"{processors}, {found['cores']} cores, {found['python']}, to {record['date'][:10]}; "
+        f"`make bench` repeats them, [all figures](docs/performance.md).\n\n{table(rows)}"
     )
 
 

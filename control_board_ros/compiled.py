@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether what runs in every cycle is compiled, or its source runs as Python, and why.
 
-A compiled module lies beside its source and is imported in its place. It knows which source it
+A compiled module is beside its source and is imported in its place. It records which source it
 was made from; where that has changed since, as in an editable checkout, the source runs.
 """
 
@@ -28,7 +28,7 @@ def admit(name: str, digest: str) -> None:
     """Put a source that has changed in the place of the module compiled from it.
 
     Compiled modules call it at the end of their own import (tools/compile_modules.py). Where no
-    source lies beside it, the compiled module stays.
+    source is beside it, the compiled module stays.
 
     Args:
         name: Full name of the module.

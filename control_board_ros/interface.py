@@ -239,7 +239,7 @@ JOINT_TRAJECTORY = command(
 JOINT_COMMANDS = command(
     "~/joint_commands",
     "sensor_msgs/msg/JointState",
-    "References as the mode of each joint takes them: of its position, velocity and effort that "
+    "References as the mode of each joint accepts them: of its position, velocity and effort that "
     "of its control mode; NaN is no command. For ros2_control's topic-based hardware; see "
     "[Joint commands](#joint-commands).",
 )
@@ -286,7 +286,7 @@ GET_AVAILABLE_MODES = service(
 GET_DRIVES = service(
     "~/get_drives",
     "GetDrives",
-    "Read which set-points the drives of joints take, and which loop runs where.",
+    "Read which set-points the drives of joints accept, and which loop runs where.",
 )
 SEND_REFERENCE = service(
     "~/send_reference",
@@ -529,7 +529,7 @@ ENDPOINTS: tuple[Endpoint, ...] = tuple(
     if isinstance(value, Endpoint) and value is not PART_JOINT_STATES
 )
 #: What an operator notes about a board, in words: no board's, anybody may publish it, and
-#: recorders hear it.
+#: recorders receive it.
 NOTES = topic("~/notes", "std_msgs/msg/String", QoS(depth=100), "What an operator notes.")
 PUBLISHED = tuple(e for e in ENDPOINTS if e.kind == "topic")
 COMMAND_TOPICS = tuple(e for e in ENDPOINTS if e.kind == "command")

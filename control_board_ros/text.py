@@ -24,7 +24,7 @@ def clean(text: object, most: int = TEXT) -> str:
     """A text on one line, ``most`` characters long at most, safe for a terminal.
 
     What separates lines and columns becomes a space; control characters, what changes the
-    direction of writing, and lone surrogates become U+FFFD. The end says what was left out.
+    direction of writing, and lone surrogates become U+FFFD. The end has what was left out.
     """
     whole = text if type(text) is str else _words_of(text)
     if len(whole) <= most and whole.isprintable():
@@ -66,7 +66,7 @@ def file_name(name: object) -> str:
 
 
 def _words_of(something: object) -> str:
-    """As ``str``, also of what fails to say what it is."""
+    """As ``str``, also of objects whose ``__str__`` fails."""
     try:
         return str.__str__(str(something))
     except Exception as error:  # noqa: BLE001 - somebody else's code

@@ -130,7 +130,7 @@ it is read anew for every request. Of a pose with joints of several boards, each
 saves its own part.
 
 - `~/go_to_pose` moves the pose's joints along minimum-jerk profiles; other joints go on with
-  what they do. The slowest joint has the mean speed asked for, or the pose's, or (both 0) its
+  what they do. The slowest joint has the mean speed requested, or the pose's, or (both 0) its
   own reference speed; the others are so much slower that all arrive together, also where some
   are in motion at the start. Where limits make the move slower, the result says so.
 - Nobody switches modes for it: a joint in a mode that takes no position moves makes the goal

@@ -25,7 +25,7 @@ from .scenes import SCENES, play
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print one table per robot, write what was asked for; 0, or 2 for bad usage."""
+    """Measure, print one table per robot, write what was requested; 0, or 2 for bad usage."""
     parser = _parser()
     asked = parser.parse_args(arguments)
     rows = asked.rows.split(",") if asked.rows else list(ROWS)
@@ -141,7 +141,7 @@ def _one(name: str, rows: Sequence[str], asked: argparse.Namespace) -> dict[str,
 
 
 def kept(lines: Sequence[Line], findings: Sequence[Finding], rig: Rig) -> dict[str, object]:
-    """What goes into a file: the worst of each quantity, the failures, and what is asked for."""
+    """What goes into a file: the worst of each quantity, the failures, and what is requested."""
     figures = {
         f"{line.row.key}.{line.quantity.key}": [
             line.worst.value,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rows of the table about what no joint may do, whatever is asked for: too much speed (P14)."""
+"""Rows of the table about what no joint may do, whatever is requested: too much speed (P14)."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def leave(code: int) -> NoReturn:
     """End the process at once.
 
     The session has closed its node, context and thread, and all output is flushed: what Python
-    would still do is to take down modules one by one, a fifth of the time of ``cbctl modes``.
+    would still do is to unload modules one by one, a fifth of the time of ``cbctl modes``.
     """
     sys.stdout.flush()
     sys.stderr.flush()

@@ -55,13 +55,13 @@ def invoke(session: Session, words: Sequence[str]) -> int:
         return DONE
     except KeyboardInterrupt:
         return fail("interrupted", REFUSED, as_json=as_json)
-    except Exception as error:  # noqa: BLE001  (explain raises what it does not know)
+    except Exception as error:  # noqa: BLE001  (explain raises other errors)
         message, code = explain(error)
         return fail(message, code, as_json=as_json)
 
 
 def do(session: Session, words: Sequence[str]) -> int:
-    """Read a line and do what it says; the exit code.
+    """Read a line and run it; returns the exit code.
 
     Raises:
         UsageError: the line is wrong in itself.
@@ -105,7 +105,7 @@ def do(session: Session, words: Sequence[str]) -> int:
 
 
 def for_several() -> list[str]:
-    """The verbs that take a pattern of boards."""
+    """The verbs that accept a pattern of boards."""
     return [
         name for name in VERBS if hasattr(load(name), "several") or hasattr(load(name), "patterns")
     ]
@@ -122,7 +122,7 @@ def on_each(session: Session, verb: Callable[..., Any], values: dict[str, Any]) 
                 put(f"{board}" if k == 0 else f"\n{board}")
             try:
                 codes.append(verb(one, **values) or DONE)
-            except Exception as error:  # noqa: BLE001  (explain raises what it does not know)
+            except Exception as error:  # noqa: BLE001  (explain raises other errors)
                 message, code = explain(error)
                 one.answers = [{"success": False, "message": message}]
                 codes.append(code)

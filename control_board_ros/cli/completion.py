@@ -19,7 +19,7 @@ from .text.output import DONE, put
 #: s to look for a board and to wait for its answers: a Tab must not hang.
 TIMEOUT = 2.0
 
-#: What each shell runs once: it asks cbctl for the words that may stand at the cursor.
+#: What each shell runs once: it asks cbctl for the words that may follow at the cursor.
 SCRIPTS = {
     "bash": """\
 _cbctl() {
@@ -54,7 +54,7 @@ def offers(
     joints: Callable[[], Sequence[str]],
     poses: Callable[[], Sequence[str]] = tuple,
 ) -> list[str]:
-    """The words that may stand next on the line of a verb.
+    """The words that may follow on the line of a verb.
 
     Args:
         verb: its function.
@@ -110,7 +110,7 @@ def line_offers(
 def complete(
     environment: Mapping[str, str], verbs: Sequence[str], load: Callable[[str], Any]
 ) -> int:
-    """Print the words that may stand at the cursor, a line each; the exit code.
+    """Print the words that may follow at the cursor, a line each; returns the exit code.
 
     Args:
         environment: with COMP_WORDS, the line, and COMP_CWORD, the index of the word at the
@@ -182,7 +182,7 @@ def list_joints(session: Session) -> Sequence[str]:
 
 
 def list_poses(session: Session) -> Sequence[str]:
-    """The poses of the board; none where it does not tell them."""
+    """The poses of the board; none where it does not report them."""
     from control_board_ros.client import BoardError
     from control_board_ros.core.selection import RequestError
 

@@ -14,8 +14,8 @@ from .text.output import put
 
 TEXT = """Look at and move a control board.
 
-JOINT is a name, an index from 0, the part of one name, or all. Angles are in rad, or take a
-unit: 90deg, 1.57rad; sliding joints take m and mm. The options below may stand anywhere on the
+JOINT is a name, an index from 0, the part of one name, or all. Angles are in rad, or have a
+unit: 90deg, 1.57rad; sliding joints: m and mm. The options below may be anywhere on the
 line. Exit codes: 0 done, 1 refused or no board, 2 wrong usage.
 """
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from control_board_ros.text import clean, clean_lines
 
 from .. import __version__
-from ..conformance_options import OPTIONS, seconds
+from ..program_options import CONFORMANCE, seconds
 from ..startup import announce_often
 from .bench import Allowed, Bench
 from .channel import Channel
@@ -47,8 +47,8 @@ def parser() -> argparse.ArgumentParser:
     )
     add = options.add_argument
     add("--board", default="control_board", help="name of the board's node (%(default)s)")
-    for name, settings in OPTIONS:
-        add(name, **settings)
+    for names, settings in CONFORMANCE:
+        add(*names, **settings)
     add("--json", action="store_true", help="print JSON, and nothing else, on stdout")
     add(
         "--timeout", type=seconds, default=5.0, metavar="S", help="for each answer (%(default)s s)"

@@ -5,7 +5,7 @@ The owner drives the board: ``actuation = board.tick(measurement)`` is one contr
 cycle, the set methods take effect for all their joints between two cycles. It has no clock,
 thread or lock; callers from several threads bring their own. Nothing that a user or a robot
 does raises: set methods answer with a Reply, joints fault. Only get methods raise, a
-RequestError, when they are asked for a joint that does not exist.
+RequestError, when they are requested a joint that does not exist.
 
 It is the group of all its joints, with what users ask of joints (``group``); a robot of several
 parts has a group for each of them, too (SPEC R). Below are the cycle (``engine``) and the start-up
@@ -112,7 +112,7 @@ class Board(JointGroup):
                 group.set_stage(stage)
 
     def power_cycle(self) -> None:
-        """Back to power-on, every part; configured anew with autoconfigure (N1, R4)."""
+        """Back to power-on, every part; configured again with autoconfigure (N1, R4)."""
         for group in self.bring_up.groups.values():
             group.power_cycle()
         self._start_up()

@@ -131,7 +131,7 @@ class Engine:
             state.position -= state.offset
 
     def power_on(self, zone: Zone) -> None:
-        """Make the joints of a part begin anew (N1)."""
+        """Restart the joints of a part (N1)."""
         self.state.power_on(zone.joints)
         self.controller.power_on(zone)
         self.motors.retune()

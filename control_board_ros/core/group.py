@@ -211,7 +211,7 @@ class JointGroup(ModeShortcuts):
     ) -> Reply:
         """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
 
-        With ``together`` all joints take them or none does.
+        With ``together`` all joints accept them or none does.
         """
         try:
             chosen = self.selector.select(joints)
@@ -236,12 +236,12 @@ class JointGroup(ModeShortcuts):
         return self.selector.refuse(joints, RequestError(message, code))
 
     def get_move_time(self, joints: Joints, positions: Floats, speeds: Floats) -> Floats:
-        """How long position moves would take from now on (P1), s, shape (k,).
+        """The duration of position moves that start now (P1), s, shape (k,).
 
         Args:
             joints: as in every request.
             positions: targets, shape (k,).
-            speeds: mean speeds asked for, above 0, shape (k,).
+            speeds: mean speeds requested, above 0, shape (k,).
         """
         chosen = self.selector.select(joints).joints
         return self.engine.commands.get_move_time(chosen, positions, speeds)
@@ -368,7 +368,7 @@ class JointGroup(ModeShortcuts):
         output_limits: Values | None = None,
         **terms: Values | None,
     ) -> Reply:
-        """Set what amplifiers may do, and what the laws take motors for (Y5); None: as it is.
+        """Set limits of amplifiers, and the motor constants of the laws (Y5); None: unchanged.
 
         A power-on forgets it. The new values act in the next cycle.
 
@@ -403,7 +403,7 @@ class JointGroup(ModeShortcuts):
         Args:
             loop: as of ``get_pids``.
             joints: whose it is.
-            reset: whether its integral part begins anew at zero.
+            reset: whether its integral part restarts at zero.
             offsets: u_ff, PWM percent; None: as it is.
         """
         try:
@@ -472,7 +472,7 @@ class JointGroup(ModeShortcuts):
         return [(one.control_modes, one.interaction_modes) for one in found]
 
     def get_drives(self, joints: Joints = None) -> list[DriveUse]:
-        """Which set-points the drives take, and which loop runs where (S1)."""
+        """Which set-points the drives accept, and which loop runs where (S1)."""
         return [one.drive_use for one in self.get_config(joints)]
 
     def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
@@ -668,7 +668,7 @@ class JointGroup(ModeShortcuts):
         if all(state.control_modes[j] in CONFIGURED for j in self.joints) and all(
             state.stages[j] is stage for j in self.joints
         ):
-            text = "the board is configured already; power_cycle takes it back"
+            text = "the board is configured already; power_cycle undoes it"
             return refused(text, self.names)
         self._begin()
         return accepted(self.names)
@@ -695,7 +695,7 @@ class JointGroup(ModeShortcuts):
             self.engine.start_up.activate(self.joints)
 
     def power_cycle(self) -> None:
-        """Back to power-on: NOT_CONFIGURED, no power, configured anew with autoconfigure (N1)."""
+        """Back to power-on: NOT_CONFIGURED, no power, configured again with autoconfigure (N1)."""
         self.engine.power_on(Zone(self.name, self._columns, self.config))
 
     def power_off(self) -> None:

@@ -17,7 +17,7 @@ class ModeShortcuts:
     The class that inherits offers ``set_control_mode``, ``set_interaction_mode`` and
     ``get_control_mode``, and overrides :meth:`log_deprecated` where it has a log. The methods
     that the old IControlMode had (D1) raise a DeprecationWarning, those of IPositionControl,
-    IVelocityControl, ITorqueControl and IOpenLoopControl that bear the same name included.
+    IVelocityControl, ITorqueControl and IOpenLoopControl of the same name included.
     """
 
     set_control_mode: Any

@@ -287,7 +287,7 @@ def _parse_all(modes: Any, count: int, parse: Callable[[Any], V]) -> list[V]:
         return [parse(modes)] * count
     try:
         parsed = [parse(mode) for mode in modes]
-    except TypeError:  # not a list of them: one, of a kind that says itself what it is
+    except TypeError:  # not a list of them: a single one
         parsed = [parse(modes)]
     if len(parsed) == 1:
         return parsed * count

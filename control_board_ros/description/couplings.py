@@ -13,7 +13,7 @@ from ..core.terms.joint_kind import JointKind
 from .urdf import CoupledAxes, Urdf, UrdfJoint
 
 Range = tuple[float, float]
-#: By how much of its range a joint may be taken beyond its limit by rounding.
+#: Part of its range by which a joint may be moved beyond its limit by rounding.
 ROUNDING = 1e-6
 
 
@@ -44,7 +44,7 @@ def couple(urdf: Urdf, name: str, coupling: Coupling) -> Urdf:
     taken = set(urdf.independent) - set(coupling.physical_joints)
     for axis in coupling.axes:
         if axis in taken or coupling.axes.count(axis) > 1:
-            raise ValueError(f"another name for the axis {axis}; it is taken")
+            raise ValueError(f"another name for the axis {axis}; it is in use")
     axes = tuple(_axis(k, coupling, free) for k in range(len(coupling.axes)))
     return replace(urdf, coupled=(*urdf.coupled, CoupledAxes(name, coupling, axes)))
 
@@ -157,7 +157,7 @@ def rotors_at_joints(urdf: Urdf, reflected: Mapping[str, float]) -> dict[str, fl
 
 
 def beyond_limits(urdf: Urdf, ranges: Mapping[str, Range]) -> tuple[str, str] | None:
-    """The first axis that could take a physical joint beyond its limits, and what is allowed.
+    """The first axis that could move a physical joint beyond its limits, and what is allowed.
 
     Args:
         urdf: the robot.

@@ -100,7 +100,7 @@ def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assu
     lost = values["motor.coulomb"] + values["motor.viscous"] * velocity
     if lost > MOST_LOST * torque:
         text = f"{lost:.3g} of {torque:.3g} {joint.kind.force_unit}"
-        what = "friction and damping at full speed take most of the torque limit, or all"
+        what = "friction and damping at full speed need most of the torque limit, or all"
         advice = "expect slow or no motion, or give motor.coulomb, motor.viscous or limits.torque"
         assumed.warn(joint.name, text, what, advice)
 

@@ -50,7 +50,7 @@ class Inertial:
 def merge_fixed(tree: Tree) -> Tree:
     """The robot without fixed joints; the tree is changed.
 
-    A link takes over masses, shapes and joints of those that are fixed to it. The links behind
+    A link gets masses, shapes and joints of those that are fixed to it. The links behind
     moving joints, and the base link, keep their frames.
     """
     for joint in reversed(list(tree.walk(tree.base))):

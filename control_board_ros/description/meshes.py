@@ -94,7 +94,7 @@ class MeshFinder:
         allowed = [path for path in places if self._allowed(path)]
         if not allowed:
             raise MeshPathError(
-                f"mesh {name!r} lies outside the folders that meshes may come from; put it "
+                f"mesh {name!r} is outside the folders that meshes may come from; put it "
                 f"below {self.folder} or into a ROS package"
             )
         return next((path for path in allowed if path.is_file()), None)

@@ -80,7 +80,7 @@ def expand(path: Path, arguments: Sequence[str] = ()) -> bytes:
     if done.returncode != 0:
         said = done.stderr.decode(errors="replace").partition("when processing file")[0]
         reason = " ".join(said.removeprefix("error: ").split())[:300]
-        raise UrdfError(f"{path}: xacro does not take it ({reason}); check the file and arguments")
+        raise UrdfError(f"{path}: xacro refuses it ({reason}); check the file and arguments")
     return done.stdout
 
 

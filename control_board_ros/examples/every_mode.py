@@ -4,7 +4,7 @@
     python -m control_board_ros.examples.every_mode every_mode.png
 
 No ROS is needed: the script holds the board and steps the simulation itself. The picture needs
-matplotlib (``pip install matplotlib``); without it, the script tells in words what happened.
+matplotlib (``pip install matplotlib``); without it, the script prints what happened.
 """
 
 from __future__ import annotations
@@ -160,7 +160,7 @@ def plot(recording: Recording, path: str) -> None:
 
 
 def main() -> None:
-    """Walk, say what happened, plot where matplotlib is there."""
+    """Walk, print what happened, plot where matplotlib is installed."""
     path = sys.argv[1] if len(sys.argv) > 1 else "every_mode.png"
     try:
         import matplotlib  # noqa: F401

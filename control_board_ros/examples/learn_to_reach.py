@@ -20,7 +20,7 @@ from gymnasium.wrappers import FilterObservation, FlattenObservation, TimeLimit
 
 from control_board_ros.gym import ArmEnv
 
-#: What it takes to reach; the rest is the same throughout.
+#: What differs to reach; the rest is the same throughout.
 SEEN = ("position", "velocity", "tip", "to_goal")
 ARMS, STEPS = 4, 60_000
 
@@ -73,7 +73,7 @@ def learn(steps: int = STEPS, seed: int = 1) -> tuple[float, float]:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Learn, and tell what it brought."""
+    """Learn, and report the gain."""
     parser = argparse.ArgumentParser(description="Learn to reach with PPO.")
     parser.add_argument("--steps", type=int, default=STEPS)
     parser.add_argument("--seed", type=int, default=1)

@@ -26,7 +26,7 @@ PERIOD = 2.0  # s of one swing
 
 
 class Refused(Exception):  # noqa: N818 - the board's word for it
-    """The board says no; the text says why."""
+    """The board refuses; the text is its reason."""
 
 
 def swing(board: ControlBoardClient, joints: list[str], speed: float, seconds: float) -> None:

@@ -102,7 +102,7 @@ def turned(by: Quat, vector: Vector) -> Vector:
 
 
 def message(frames: list[Frame], positions: Mapping[str, float], stamp: Any) -> TFMessage:
-    """The frames as /tf has them; a joint that nobody tells of stands at 0."""
+    """The frames as /tf has them; a joint without a position is at 0."""
     found = []
     for frame in frames:
         (x, y, z), (a, b, c, w) = frame.at(positions.get(frame.leader, 0.0))

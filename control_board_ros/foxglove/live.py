@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The server: messages go on as they came (CDR), and are heard only while somebody looks.
+"""The server: messages are passed on as received (CDR), and only while a client subscribes.
 
-Nobody is called for a message: a loop takes what has come a hundred times a second.
+No callback runs per message: a loop reads what has come a hundred times a second.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ class CannotServe(OSError):  # noqa: N818
 
 
 class Forwarded:
-    """A topic of the board as a channel; heard on ROS while a client has subscribed.
+    """A topic of the board as a channel; subscribed on ROS while a client has subscribed.
 
     Args:
-        node: to hear it with; no executor serves it.
+        node: of the subscription; no executor serves it.
         topic: of the board.
         board: full name of its node.
         context: of the server.
@@ -110,7 +110,7 @@ class Live(ServerListener):
     """A server for Foxglove.
 
     Args:
-        node: hears the board; nobody spins it.
+        node: of the subscriptions; it is not spun.
         asking: asks the board; spun here.
         client: of the board.
         host: address to listen on.
@@ -316,5 +316,5 @@ class Live(ServerListener):
 
 
 def shown(value: Any) -> Any:
-    """A parameter's value as Foxglove takes it."""
+    """A parameter's value as of Foxglove."""
     return value if isinstance(value, bool | int | float | str) else list(value)

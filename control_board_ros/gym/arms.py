@@ -102,7 +102,7 @@ class Arms:
         return MujocoFleet(one, simulation, self.count)
 
     def begin(self, positions: Floats) -> None:
-        """All arms anew: board, motors, sensors; at rest at positions, shape (arms, n)."""
+        """Reset all arms: board, motors, sensors; at rest at positions, shape (arms, n)."""
         self.board = Board(self._config)
         self.plant = SimulatedPlant(self._config, self._simulation, self.body)
         state = self.board.state

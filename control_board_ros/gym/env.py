@@ -93,7 +93,7 @@ class Episodes:
         self.actions = spaces.Box(-1.0, 1.0, (arms.control.width * arms.n,), np.float32)
 
     def begin(self, randoms: Sequence[Generator]) -> None:
-        """Every arm a new episode, and everything anew."""
+        """A new episode of every arm, with everything reset."""
         self.arms.begin(self.task.begin(range(self.arms.count), randoms))
         self.steps[:] = 0
 
@@ -174,7 +174,7 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """A new episode; board and plant begin anew."""
+        """A new episode; board and plant restart."""
         super().reset(seed=seed)
         self._episodes.begin([self.np_random])
         self._show()

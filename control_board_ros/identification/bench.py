@@ -125,11 +125,6 @@ class Bench:
             board.set_control_mode(names, ControlMode.POSITION)
             simulation.run(REST)
         signals = {name: np.array([row[k] for row in rows]) for k, name in enumerate(SIGNALS)}
-        speeds = np.abs(motion.velocities).max(axis=0)
-        return Record(
-            motion.what,
-            dict(zip(names, speeds.tolist(), strict=True)),
-            np.array(times),
-            signals,
-            ended,
-        )
+        fastest = np.abs(motion.velocities).max(axis=0).tolist()
+        speeds = dict(zip(names, fastest, strict=True))
+        return Record(motion.what, speeds, np.array(times), signals, ended)

@@ -60,8 +60,13 @@ def write_parameters(path: Path, outcome: Outcome) -> None:
             f"# Use it on top of the robot's own: --params-file … --params-file {path.name}"
         )
     body = yaml.safe_dump(parameters(outcome), sort_keys=False)
+    write(path, "\n".join(lines) + "\n" + body)
+
+
+def write(path: Path, text: str) -> None:
+    """Write a file; raises IdentificationError where it cannot be written."""
     try:
-        path.write_text("\n".join(lines) + "\n" + body, "utf-8")
+        path.write_text(text, "utf-8")
     except OSError as error:
         raise IdentificationError(f"cannot write {path}: {error.strerror}") from error
 

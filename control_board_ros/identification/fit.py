@@ -153,12 +153,10 @@ def fit(robot: Robot, joints: Sequence[str], samples: Samples, *, payload: bool 
     loads = loads_of(
         samples, robot.model(joints), columns, robot.names.index(carrier), robot.rotors_in_links
     )
-    if not payload:
-        return solved(robot, joints, samples, loads, carrier, with_payload=False)
-    found = solved(robot, joints, samples, loads, carrier, with_payload=True)
-    if found.carries:
+    found = solved(robot, joints, samples, loads, carrier, with_payload=payload)
+    if found.carries or not payload:
         return found
-    # none: rotors are not to make up for its noise
+    # none: rotors must not compensate for its noise
     alone = solved(robot, joints, samples, loads, carrier, with_payload=False)
     return replace(alone, payload=found.payload)
 

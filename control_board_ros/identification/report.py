@@ -11,9 +11,8 @@ import numpy as np
 from ..core.terms.joint_kind import JointKind
 from ..recording.charts import Chart, Trace
 from ..recording.page import chart_section, document, table
-from . import IdentificationError
 from .equations import FRICTION, MOTOR, SENSOR, WINDING
-from .files import TITLES, shown
+from .files import TITLES, shown, write
 from .fit import Traced
 from .outcome import Outcome
 
@@ -38,10 +37,7 @@ def write_report(path: Path, outcome: Outcome, source: str) -> None:
     joints = [*outcome.troubles, *(outcome.fitted.joints if outcome.fitted else ())]
     for joint in dict.fromkeys(joints):
         sections.append(section(outcome, joint))
-    try:
-        path.write_text(document(f"{source}: identified", "".join(sections), NOTE), "utf-8")
-    except OSError as error:
-        raise IdentificationError(f"cannot write {path}: {error.strerror}") from error
+    write(path, document(f"{source}: identified", "".join(sections), NOTE))
 
 
 def overview(outcome: Outcome) -> str:

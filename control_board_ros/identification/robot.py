@@ -19,22 +19,6 @@ from ..settings.loading import Settings
 from ..sim.config import IDEAL, PYBULLET
 from . import IdentificationError
 
-#: Parameters of a joint.
-USED = (
-    "motor.torque_constant",
-    "motor.gear_ratio",
-    "motor.efficiency",
-    "motor.resistance",
-    "motor.inductance",
-    "motor.supply_voltage",
-    "motor.inertia",
-    "inertia_min",
-    "limits.torque",
-    "limits.velocity",
-    "payload.mass",
-    "drive_delay",
-)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Robot:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The executable ``control_board``: read the settings, lock the name, run, stop.
 
-Exit codes: 0 stopped by SIGINT or SIGTERM, 2 wrong settings, 3 the name is taken, 4 the physics
+Exit codes: 0 stopped by SIGINT or SIGTERM, 2 wrong settings, 3 the name is in use, 4 the physics
 server is gone, 5 stopped, but park_on_exit could not park the robot, 1 anything else.
 """
 

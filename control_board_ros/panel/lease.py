@@ -38,7 +38,7 @@ class Lease:
             self.give_to(who)
             return ""
         if self.asking not in (None, who):
-            return "somebody else is asking already; wait for the operator's answer"
+            return "another request is open already; wait for the operator's answer"
         if self.asking is None:
             self.asking = who
             self.until = now + self.answer_time if isinstance(self.holder, int) else math.inf

@@ -149,7 +149,7 @@ class Panels:
             self._claim = ""
 
     def _follow(self, best: Beat | None) -> None:
-        """Apply that another panel holds the lease, or nobody."""
+        """Apply that another panel, or none, holds the lease."""
         lease = self._lease
         holder = best.holder if best is not None else self._claim
         if best is not None and holder == self.name:  # handed over to us

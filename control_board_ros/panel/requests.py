@@ -179,5 +179,5 @@ def checked(do: str, kind: Kind, fields: dict[str, Any], id_: int) -> dict[str, 
         except ValueError as error:
             raise BadRequest(f"{name} of {do} is not valid; give {error}", id_) from None
     if fields:
-        raise BadRequest(f"{do} takes no {', '.join(sorted(map(str, fields)))[:80]}", id_)
+        raise BadRequest(f"{do} has no field {', '.join(sorted(map(str, fields)))[:80]}", id_)
     return given

@@ -35,7 +35,7 @@ TYPES = {
 }
 TOKEN_WANTED = (
     "This panel opens with the address that cbctl panel printed, with its token. "
-    "Was it started anew? Then its token is new, too.\n"
+    "Was it restarted? Then its token is new, too.\n"
 )
 #: Close codes of WebSockets: "policy violation", "try again later".
 REFUSED, FULL = 1008, 1013
@@ -214,7 +214,7 @@ def by_number(hub: Hub, number: int) -> Any:
 def ended(task: asyncio.Task[None], report: Callable[[str], None]) -> None:
     """Report an unexpected end of the hub."""
     if not task.cancelled() and (error := task.exception()) is not None:
-        report(f"the panel has an error and hears no more boards: {error!r}; start it anew")
+        report(f"the panel has an error and receives no more boards: {error!r}; restart it")
 
 
 async def serve(hub: Hub, websocket: WebSocket) -> None:

@@ -52,7 +52,7 @@ def sweep(
     times = times_of(low, rate, seconds)
     if times.size > MOST_POINTS:
         raise ValueError(
-            f"a sweep to {high:g} Hz in {seconds:g} s takes {times.size} points, at most "
+            f"a sweep to {high:g} Hz in {seconds:g} s needs {times.size} points, at most "
             f"{MOST_POINTS} are possible; make it shorter, or end at a lower frequency"
         )
 

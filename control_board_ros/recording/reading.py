@@ -40,7 +40,7 @@ SIGNALS = {
     "current": "A",
     "temperature": "°C",
 }
-#: The same of motors; NaN where a board does not tell them.
+#: The same of motors; NaN where a board does not report them.
 OF_MOTORS = ("motor_position",)
 #: Field of a parameter's value, by rcl_interfaces/msg/ParameterType.
 VALUE_FIELDS = {

@@ -18,7 +18,7 @@ from .reading import BoardRecording
 GRID = 0.05
 #: What a joint moves at least that counts as motion, rad or m.
 STILL = 2e-3
-#: Part of a joint's limits of speed and acceleration that a replay takes.
+#: Part of a joint's limits of speed and acceleration that a replay uses.
 SHARE = 0.9
 
 
@@ -31,7 +31,7 @@ class Way:
         times: Of its n points, from 0 on, s.
         positions: rad, shape (n, k).
         velocities: rad/s, shape (n, k); at rest at both ends.
-        stretched: How many times as long as asked for it takes, so that limits hold.
+        stretched: Duration over the requested one, so that limits hold.
     """
 
     names: tuple[str, ...]
@@ -42,7 +42,7 @@ class Way:
 
     @property
     def duration(self) -> float:
-        """How long it takes, s."""
+        """Duration, s."""
         return float(self.times[-1])
 
 

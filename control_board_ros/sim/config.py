@@ -101,7 +101,7 @@ class DriveModel:
         "Step of the torques that it is handed; 0: none", "N·m or N", default=0.0, low=0.0
     )
     velocity: float = parameter(
-        "The fastest velocity that it takes, whatever the board asks; 0: any",
+        "The fastest velocity that it follows, whatever the board commands; 0: any",
         "rad/s or m/s",
         default=0.0,
         low=0.0,
@@ -113,7 +113,7 @@ class DriveModel:
         low=0.0,
     )
     watchdog: float = parameter(
-        "Silence after which it does what on_silence says; 0: it has none",
+        "Silence after which it does its on_silence; 0: it has none",
         "s",
         default=0.1,
         low=0.0,

@@ -115,7 +115,7 @@ class Drive:
             setattr(self, name, value)
 
     def brake(self, closed: bool) -> None:
-        """Order the brake to close or to open, which takes its time."""
+        """Command the brake to close or to open; it needs its time."""
         if closed != self.order:
             self.order = closed
             self.steps_left = self.engage_steps if closed else self.release_steps
@@ -240,7 +240,7 @@ def loops(
 
 @cython.cfunc
 def change(d: Drive, kind: cython.int, torque: cython.double) -> cython.void:
-    """Follow something of another kind: no loop knows of the one before (S3).
+    """Follow something of another kind: no loop keeps the state of the one before (S3).
 
     What the motor gives beyond the measured torque, its friction, stays.
     """
@@ -251,7 +251,7 @@ def change(d: Drive, kind: cython.int, torque: cython.double) -> cython.void:
 
 @cython.cclass
 class Drives:
-    """The drives of a plant, and views of the arrays that everybody reads.
+    """The drives of a plant, and views of the shared arrays.
 
     Args:
         drives: Of class Drive.

@@ -122,7 +122,7 @@ KINDS: dict[str, Corruption] = {
 #: Faults of joints that have a brake: it does not open, or holds a fiftieth of its torque. They
 #: last until they are cleared.
 BRAKES = ("brake_stuck", "brake_worn")
-#: Of joints whose drive closes loops of its own: it hears nothing until this is cleared.
+#: Of joints whose drive closes loops of its own: it receives nothing until this is cleared.
 DEAF = "drive_deaf"
 LASTING = (*BRAKES, DEAF)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lies between a board and simulated drives that close loops of their own (SPEC S7)."""
+"""The link of a board to simulated drives that close loops of their own (SPEC S7)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .watchdogs import Watchdogs
 
 
 class DriveLink:
-    """Hands set-points to simulated drives, late and in steps as their models say.
+    """Passes set-points to simulated drives, with the delay and the steps of their models.
 
     Args:
         board: With the delay of each drive, whole control cycles of which count.
@@ -46,7 +46,7 @@ class DriveLink:
         Args:
             actuation: Of the board.
             motors: That follow.
-            deaf: Joints whose drive hears nothing.
+            deaf: Joints whose drive receives nothing.
         """
         self._past = [actuation.set_points(), *self._past[:-1]]
         now = self._watchdogs.pass_on(self._arriving(), deaf, motors.position)

@@ -9,7 +9,7 @@ rotor has none. Friction peaks at ``breakaway`` near standstill, at v_b = max(0.
 and is ``coulomb`` from 4 v_b on; eps is that of the peak. Back-EMF must fit the step too:
 h (Ke kt N η/R + viscous) < M.
 
-A small part of the Coulomb friction lies beyond the torque sensors: see ``stiction``.
+A small part of the Coulomb friction is beyond the torque sensors: see ``stiction``.
 
 The winding warms by R i² through its thermal resistance and capacitance, first order, solved
 exactly over 50 ms at a time for the current at their end: windings have time constants of minutes.
@@ -37,7 +37,7 @@ SLIP_SPEED = 1e-3
 #: Speed v_b at which friction is that of breakaway, rad/s and m/s, and over eps.
 PEAK_SPEED, PEAK_SPEED_SLIDING, PEAK_SLIPS = 3e-3, 3e-4, 3.0
 HEAT_PERIOD = 0.05
-#: A brake as stiff, and as damped, as the integration bears: σ h²/M = c h/M of it.
+#: The stiffest, most damped brake that is stable in the integration: σ h²/M = c h/M of it.
 CLUTCH = 0.5
 #: What a worn brake still holds of its torque.
 WORN = 0.02
@@ -122,7 +122,7 @@ class Motors:
             drive.brake(order > 0.0 or j in self._stuck)
 
     def brakes(self) -> Array:
-        """What the switches of the brakes tell: 1 where one is closed, NaN where there is none."""
+        """The switches of the brakes: 1 where one is closed, NaN where there is none."""
         return np.array([float(d.closed) if d.slip_torque else math.nan for d in self._drives])
 
     def damage(self, stuck: set[int], worn: set[int]) -> None:
@@ -196,7 +196,7 @@ def make_drive(joint: JointConfig, own: JointSimulation, inertia: float, step: f
 def loop_constants(
     joint: JointConfig, model: DriveModel, step: float, ratio: float
 ) -> dict[str, float]:
-    """What the drive's own loops know; attributes of Drive.
+    """The constants of the drive's own loops; attributes of Drive.
 
     Args:
         joint: Its configuration.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The watchdogs of simulated drives: what each does when it hears nothing (SPEC S5, S7)."""
+"""The watchdogs of simulated drives: what each does without commands (SPEC S5, S7)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ STRUCK = {
 
 
 class Watchdogs:
-    """The last set-points that each drive heard, and since when it hears nothing.
+    """The last set-points that each drive received, and the time since.
 
     Args:
         board: With what each joint does in silence.
@@ -32,22 +32,22 @@ class Watchdogs:
         seconds = [joint.drive_model.watchdog for joint in simulation.joints]
         self._cycles = [math.ceil(s * board.control_rate) if s else math.inf for s in seconds]
         self._then = [STRUCK[joint.on_silence] for joint in board.joints]
-        self._texts = [f"watchdog: nothing heard for {1e3 * s:.0f} ms" for s in seconds]
+        self._texts = [f"watchdog: no command for {1e3 * s:.0f} ms" for s in seconds]
         self._heard = SetPoints.off(len(seconds))
         self._silent = [0] * len(seconds)
         self._struck: dict[int, float] = {}
 
     @property
     def reasons(self) -> Mapping[int, str]:
-        """What the drives report whose watchdog struck, by joint, until they hear OFF twice."""
+        """The reports of drives whose watchdog struck, by joint, until they receive OFF twice."""
         return {joint: self._texts[joint] for joint in self._struck}
 
     def pass_on(self, arriving: SetPoints, deaf: Collection[int], position: Array) -> SetPoints:
         """What the drives follow in this cycle.
 
         Args:
-            arriving: What reaches the drives that hear.
-            deaf: Joints whose drive hears nothing.
+            arriving: The set-points that arrive.
+            deaf: Joints whose drive receives nothing.
             position: Of the joints, shape (n,).
         """
         if not deaf and not self._struck:

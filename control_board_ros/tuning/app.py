@@ -12,8 +12,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from ..core.terms.vocabs import InteractionMode
+from ..program_options import TUNING
 from ..settings.loading import Settings, SettingsError
-from ..tuning_options import OPTIONS
 from . import TuningError
 from .files import summary, write_parameters, write_report
 from .outcome import judge
@@ -28,7 +28,7 @@ DONE, REFUSED, USAGE = 0, 1, 2
 def main(arguments: Sequence[str] | None = None) -> int:
     """Search and write the result; returns the exit code."""
     parser = argparse.ArgumentParser(prog="cbctl tune", allow_abbrev=False)
-    for names, options in OPTIONS:
+    for names, options in TUNING:
         parser.add_argument(*names, **options)
     given = parser.parse_args(arguments)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: ends the processes

@@ -91,7 +91,7 @@ def test_help(alone: Any) -> None:
     assert alone().code == 2
     assert alone("move", "-h").code == 0
     assert "<bool>" not in shown.out
-    assert "Angles are in rad, or take a unit: 90deg" in " ".join(shown.out.split())
+    assert "Angles are in rad, or have a unit: 90deg" in " ".join(shown.out.split())
     assert all(len(line) == 120 for line in shown.out.splitlines() if line.startswith("│"))
     assert "<list" not in alone("modes", "-h").out
     program = f"from control_board_ros.cli import main; [main([v, '--help']) for v in {verbs}]"
@@ -107,7 +107,7 @@ def test_help(alone: Any) -> None:
 
 
 def test_version(alone: Any) -> None:
-    """Text for people, JSON for machines; no verb and no board are asked for."""
+    """Text for people, JSON for machines; no verb and no board are requested."""
     shown = alone("--version")
     assert (shown.code, shown.out) == (0, f"control_board_ros {__version__}\n")
     for words in (["--version", "--json"], ["--json", "--version"]):

@@ -313,7 +313,7 @@ def test_stop_everything_and_recover(cbctl: Any, ask: Any) -> None:
     assert {mode["control_mode"] for mode in ask("modes").values()} == {"hwfa"}
     held = cbctl("recover")
     assert held.code == 1
-    assert "emergency stop, asked for); release it" in held.err
+    assert "emergency stop, requested); release it" in held.err
     assert "release with: cbctl estop release" in held.err
     stuck = cbctl("clear")
     assert (stuck.code, stuck.out.count("the cause persists")) == (1, 7)
@@ -329,7 +329,7 @@ def test_stop_everything_and_recover(cbctl: Any, ask: Any) -> None:
     assert frame["fault"]["joint"] == FIRST
     assert len(frame["position"]) == len(frame["stamps"]) > 0
     drawn = cbctl("faults", "--frame", "0")
-    assert "emergency stop, asked for" in drawn.out
+    assert "emergency stop, requested" in drawn.out
     assert "position" in drawn.out
     assert cbctl("estop", "now").code == 1
 

@@ -11,7 +11,9 @@ def test_a_silence_is_told_once() -> None:
     silence = Silence(100.0)
     assert silence.update(10, 101.0) == ""
     assert silence.update(10, 105.9) == ""
-    assert silence.update(10, 106.0).startswith("nothing heard for 5 s, though the board is there")
+    assert silence.update(10, 106.0).startswith(
+        "nothing received for 5 s, although the board is there"
+    )
     assert silence.update(10, 200.0) == ""
     assert silence.update(11, 201.0) == ""
     assert silence.update(11, 206.0) != ""

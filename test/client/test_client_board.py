@@ -181,7 +181,7 @@ def test_commands_out_of_mode_are_told_and_counted(client: ControlBoardClient) -
     assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED)
     assert reply.codes == ("", "other_mode")
     assert reply.message == (
-        f"velocity reference for {NAMES[1]} ignored: mode is POSITION; it is taken in vel, mix"
+        f"velocity reference for {NAMES[1]} ignored: mode is POSITION; it is accepted in vel, mix"
     )
     assert reply.values[0] == 0.01
     assert math.isnan(reply.values[1])
@@ -281,7 +281,7 @@ def test_the_old_interface_warns(
 
 
 def test_measured_state(client: ControlBoardClient) -> None:
-    """A: encoders, speeds and torques of the joints asked for, in the order asked for."""
+    """A: encoders, speeds and torques of the joints requested, in the order requested."""
     state = client.get_state()
     assert state.names == NAMES
     assert client.get_encoder([3, 1]) == pytest.approx(state.position[[3, 1]], abs=1e-3)
@@ -315,7 +315,7 @@ def test_a_bounded_move_says_so(client: ControlBoardClient) -> None:
     assert client.move(5, 0.1, 0.5).message == ""
     reply = client.move([5, 1], [40.0, 0.6], [1.2, 0.1])
     assert reply
-    assert reply.message == f"{NAMES[5]}: position bounded to 118.0° (2291.8° was asked for)"
+    assert reply.message == f"{NAMES[5]}: position bounded to 118.0° (2291.8° was requested)"
     assert client.get_encoder(5) == pytest.approx([math.radians(118.0)], abs=0.01)
 
 
@@ -324,7 +324,7 @@ def test_a_move_that_is_only_started_says_so_too(client: ControlBoardClient) -> 
     reply = client.position_move(0, -40.0)
     assert reply
     assert reply.message.startswith(
-        f"{NAMES[0]}: position bounded to -168.0° (-2291.8° was asked for)"
+        f"{NAMES[0]}: position bounded to -168.0° (-2291.8° was requested)"
     )
     assert reply.values == tuple(client.get_target_position(0))
     assert client.relative_move(0, 0.1, 0.2).message == ""

@@ -64,7 +64,7 @@ def test_a_command_waits_for_the_board_itself() -> None:
                 with pytest.raises(BoardNotFound):
                     run(link.publish(POSITION_COMMAND, positions=[1.0]))
                 link.find_timeout = GUARD
-                for value in (2.0, 3.0):  # and again of a board that was started anew
+                for value in (2.0, 3.0):  # and again of a board that was restarted
                     with ros_node(domain, "board") as node:
                         node.create_publisher(JointModes, "~/modes", 1)
                         own = Ear(node)
@@ -169,7 +169,7 @@ def test_a_goal_waits_until_the_board_has_heard_of_the_client(
     with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
         link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
         try:
-            for _ in range(2):  # the second is the board that was started anew
+            for _ in range(2):  # the second is the board that was restarted
                 sent.clear()
                 with board_that_loses_answers(domain, 2):
                     run(link.action(MOVE))

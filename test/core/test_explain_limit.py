@@ -47,7 +47,7 @@ def test_the_first_point_of_a_path_that_is_cut(positions: tuple[float, ...], tex
 @pytest.mark.parametrize(
     ("kind", "way", "time", "told"),
     [
-        ("revolute", 1.0, 2.0, False),  # the speed asked for: 0.5 rad/s
+        ("revolute", 1.0, 2.0, False),  # the speed requested: 0.5 rad/s
         ("revolute", 1.0, 2.03, True),
         ("revolute", 4e-4, 1.0, False),  # too short for a word
         ("revolute", 6e-4, 1.0, True),
@@ -58,7 +58,7 @@ def test_the_first_point_of_a_path_that_is_cut(positions: tuple[float, ...], tex
 def test_a_move_is_told_of_where_it_is_slower(
     kind: str, way: float, time: float, told: bool
 ) -> None:
-    """P1: below 99 % of the speed asked for, and longer than what nobody sees."""
+    """P1: below 99 % of the speed requested, and longer than what nobody sees."""
     text = explain_slower(joint("a", kind=kind), way, 0.5, time)
     assert bool(text) is told
     assert not told or f"takes {time:.3g} s" in text

@@ -171,7 +171,7 @@ def test_a_hot_winding_is_warned_of_before_it_faults() -> None:
         assert bool(rig.warnings()) is warned, temperature
     rig.plant.values[Row.TEMPERATURE] = 111.0
     rig.tick(20)
-    assert rig.warnings() == ["left: winding at 111 °C, its limit is 120 °C; take load away"]
+    assert rig.warnings() == ["left: winding at 111 °C, its limit is 120 °C; reduce its load"]
     assert rig.modes() == [M.IDLE]
 
 

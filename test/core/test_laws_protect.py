@@ -219,7 +219,7 @@ def test_no_law_drives_a_joint_over_a_limit(
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_joint_found_beyond_a_limit_comes_back(sign: float) -> None:
-    """P9: without passing the limit to the inside when nothing else is asked for."""
+    """P9: without passing the limit to the inside when nothing else is requested."""
     one = commanded(sign * 5.0)
     body = Body(one)
     body.position = sign * 2.1

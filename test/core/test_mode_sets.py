@@ -29,7 +29,7 @@ def test_what_drives_a_joint_and_holds_no_position() -> None:
 
 
 def test_what_a_joint_implements_unless_it_is_configured_otherwise() -> None:
-    """M5, Y1, Y2: what YARP 4 added is asked for everywhere and implemented where it is listed."""
+    """M5, Y1, Y2: what YARP 4 added is requested everywhere and implemented where it is listed."""
     assert set(modes.SELECTABLE) - set(modes.STANDARD) == {M.VELOCITY_DIRECT, M.CURRENT}
     assert set(modes.REQUESTABLE) == {*modes.SELECTABLE, M.FORCE_IDLE}
 

@@ -150,18 +150,18 @@ def test_what_was_bounded_is_told_at_the_end(rig: Rig, monkeypatch: Any) -> None
     def bounded(*arguments: Any, **how: Any) -> Reply:
         reply = original(*arguments, **how)
         assert reply
-        text = "a: bounded to 0.1 rad (0.2 was asked for): software limit"
+        text = "a: bounded to 0.1 rad (0.2 was requested): software limit"
         return Reply(reply.joints, (Answer.ACCEPTED,), text, (text,))
 
     monkeypatch.setattr(rig.board, "command", bounded)
     success, message = outcome(rig, MoveTask(rig.board, ["a"], [0.2], [0.5]))
     assert success
-    assert message == "a: bounded to 0.1 rad (0.2 was asked for): software limit"
+    assert message == "a: bounded to 0.1 rad (0.2 was requested): software limit"
 
 
 def test_a_target_beyond_the_limits_succeeds_and_says_so(rig: Rig) -> None:
     """P1, P9: it arrives at the limit; the result says what was asked and what was done."""
     success, message = outcome(rig, MoveTask(rig.board, ["a"], [2.6], [1.2]))
     assert success
-    assert message.startswith("a: position bounded to 114.6° (149.0° was asked for)")
+    assert message.startswith("a: position bounded to 114.6° (149.0° was requested)")
     assert rig.board.get_encoder("a")[0] == pytest.approx(2.0, abs=0.01)

@@ -40,7 +40,7 @@ def arrivals(rig: Rig, task: PoseTask) -> tuple[Outcome, np.ndarray]:
 def test_all_joints_arrive_together_at_the_mean_speed_of_the_slowest(
     rig: Rig, speed: float, mean: float
 ) -> None:
-    """R5, P1: T = |Δ|/v of the joint with the longest way; the speed asked for, or the pose's."""
+    """R5, P1: T = |Δ|/v of the joint with the longest way; the speed requested, or the pose's."""
     task = PoseTask(rig.board, READY, speed)
     assert task.remaining_time() == pytest.approx(1.0 / mean)
     assert task.remaining() == pytest.approx(READY.positions)
@@ -60,7 +60,7 @@ def test_without_a_speed_the_slowest_reference_speed_counts(rig: Rig) -> None:
 
 
 def test_a_speed_beyond_the_limits_is_bounded_and_told(rig: Rig) -> None:
-    """P1: what will be done in place of what was asked for."""
+    """P1: what will be done in place of what was requested."""
     task = PoseTask(rig.board, READY, 50.0)
     outcome, ends = arrivals(rig, task)
     assert outcome.success
@@ -85,7 +85,7 @@ def speeds_within(rig: Rig, task: PoseTask) -> float:
 def test_joints_in_motion_arrive_together_too(
     rig: Rig, part: float, back: tuple[float, ...]
 ) -> None:
-    """R5, P1: a pose asked for on the way to another one: no jump, one end, within the limits."""
+    """R5, P1: a pose requested on the way to another one: no jump, one end, within the limits."""
     first = PoseTask(rig.board, READY)
     rig.run(part * first.remaining_time())
     task = PoseTask(rig.board, Pose("back", READY.joints, back), 0.5)
@@ -205,7 +205,7 @@ def test_the_part_of_a_pose() -> None:
 
 
 def test_a_plan_tells_what_makes_it_slower(rig: Rig) -> None:
-    """R5, P1: nothing where the speed asked for counts; the limit where that does."""
+    """R5, P1: nothing where the speed requested counts; the limit where that does."""
     pose = Pose("p", ("a",), (0.2,))
     assert tuple(plan_move(rig.board, pose, 0.1)) == (pytest.approx(2.0), "")
     time, why = plan_move(rig.board, pose, 3.0)

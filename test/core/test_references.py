@@ -129,7 +129,7 @@ def test_timeouts_in_cycles() -> None:
 
 @pytest.fixture
 def timeouts() -> ReferenceTimeouts:
-    """Of three joints: velocities last 5 cycles, torques 7, outputs for ever."""
+    """Of three joints: velocities last 5 cycles, torques 7, outputs indefinitely."""
     lasting = {K.VELOCITY: 5.0, K.TORQUE: 7.0}
     return ReferenceTimeouts(np.array([[lasting.get(kind, math.inf)] * 3 for kind in K]))
 

@@ -141,7 +141,7 @@ def test_a_braked_move_lasts_no_longer_than_its_limits_ask() -> None:
 
 
 def test_a_move_of_given_duration_goes_on_or_brakes() -> None:
-    """P1: T is what was asked for; v0 goes on into it, unless it overshoots or passes a limit."""
+    """P1: T is what was requested; v0 goes on into it, unless it overshoots or passes a limit."""
     limits = VELOCITY, ACCELERATION
     shortest = 1.5 * 1.0 / ACCELERATION
     assert durations_within(1.0, 2.0, 0.0, *limits) == (2.0, 0.0)  # from rest

@@ -262,7 +262,7 @@ def test_joints_in_another_mode_are_named_with_the_way_out(rig: Goals) -> None:
     """T2, M2, M4: nobody but the user switches modes; it counts, once, and nothing moves."""
     rig.request("set_control_mode", "b", "pos")
     with pytest.raises(
-        GoalError, match="for b ignored: mode is POSITION; it is taken in posd"
+        GoalError, match="for b ignored: mode is POSITION; it is accepted in posd"
     ) as refused:
         rig.send(ONE)
     assert refused.value.code is Code.INVALID_GOAL

@@ -36,7 +36,7 @@ def derived(robot_path: str, **values: Any) -> Settings:
 
 @pytest.mark.parametrize("name", [*SHIPPED, *FOREIGN])
 def test_ratings_of_a_motor_fit_its_joint(name: str) -> None:
-    """F6: nominal current for ever 15 K below the limit, and gravity within it in every pose."""
+    """F6: continuous nominal current 15 K below the limit, and gravity within it in every pose."""
     made = derived(name)
     carried = loads(made.urdf).by_name
     for joint, model in zip(made.board.joints, made.simulation.joints, strict=True):

@@ -238,7 +238,7 @@ def test_a_calibration_that_is_cancelled_leaves_the_joint_in_idle():
 
 
 def test_a_calibration_during_a_fast_motion_takes_over_smoothly():
-    """K1, M9: asked for in full motion, it stops the joint and then does its work."""
+    """K1, M9: requested in full motion, it stops the joint and then does its work."""
     with calibrated_arm(timeout=6.0) as simulation:
         board = simulation.board
         limits = board.config.joints[1].limits
@@ -310,7 +310,7 @@ def test_a_server_that_is_gone_says_so():
     """The physics ends under the board, in either engine: one exception of its own, one line."""
     with iiwa() as simulation:
         simulation.plant.body.close()
-        told = "^the physics (server is gone|is closed); start the board anew$"
+        told = "^the physics (server is gone|is closed); restart the board$"
         with pytest.raises(PlantGone, match=told):
             simulation.run(0.1)
 

@@ -328,7 +328,7 @@ def test_an_unsupported_mode_is_a_fault_with_its_reason():
     assert not rig.board.set_control_mode("bare", "torq")
     record = rig.board.get_faults("bare")[0]
     assert record.code == F.UNSUPPORTED
-    assert "torq (TORQUE) was asked for" in record.text
+    assert "torq (TORQUE) was requested" in record.text
 
 
 def test_a_failed_calibration_is_a_fault_with_its_reason():

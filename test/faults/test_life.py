@@ -79,12 +79,10 @@ def test_a_lost_physics_server_ends_the_node() -> None:
     """Exit code 4 and one line, with either engine."""
     with hurt("gone", exit_code=4) as (board, _):
         board.process.send_signal(signal.SIGUSR1)
-        line = board.wait_for_output("; start the board anew")
+        line = board.wait_for_output("; restart the board")
         board.process.wait(TIMEOUT)
         told = ("physics server is gone", "physics is closed")
-        assert line.strip() in [
-            f"control_board: the {what}; start the board anew" for what in told
-        ]
+        assert line.strip() in [f"control_board: the {what}; restart the board" for what in told]
         assert "Traceback" not in board.output
 
 

@@ -91,7 +91,7 @@ def test_from_configure_to_cleanup(managed: Talker) -> None:
 def test_what_is_not_possible_is_answered(
     board: BoardProcess, managed: Talker, label: str, number: int
 ) -> None:
-    """Nobody waits for ever; the log says what is possible, and nothing changes."""
+    """Nobody waits indefinitely; the log says what is possible, and nothing changes."""
     assert not change(managed, label, number)
     assert state(managed) == "unconfigured"
     line = board.wait_for_output(f"transition {label or number} refused")

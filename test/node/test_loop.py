@@ -599,7 +599,7 @@ def test_diagnostics_warn_of_heat_before_it_is_a_fault(rig: Rig) -> None:
         values = {pair.key: pair.value for pair in status.values}
         assert values["temperature limit (°C)"] == f"{limit:.1f}"
         assert values["I2t (%)"] == "0"
-    assert "near a fault by heat: take load away" in status.message
+    assert "near a fault by heat: reduce its load" in status.message
 
 
 def test_after_cycle_waits_for_a_whole_cycle(rig: Rig) -> None:

@@ -236,7 +236,7 @@ def test_a_gain_that_no_loop_bears_acts_and_is_warned_of(
     """The log names the parameter and what would be right; of what is good it says nothing."""
     good = load().values
     for name, value, told in (
-        ("position_pid.kd", 1e12, "position_pid.kd: 1e+12 is more than the loop bears"),
+        ("position_pid.kd", 1e12, "position_pid.kd: 1e+12 makes the loop unstable"),
         ("direct_pid.derivative_cutoff", 1e-12, "1e-12 Hz leaves no rate"),
         ("position_pid.kp", 5000.0, ""),
     ):

@@ -450,7 +450,7 @@ def test_ignored_commands_are_logged_once_a_second_with_their_count() -> None:
             time.sleep(0.01)
         line = board.wait_for_output("ignored in the last 1 s")
         assert f"velocity reference for {name} ignored: mode is POSITION (" in line
-        assert line.rstrip().endswith("it is taken in vel, mix")
+        assert line.rstrip().endswith("it is accepted in vel, mix")
         seconds = time.monotonic() - begun
         assert board.output.count("velocity reference") <= 2 + seconds
 

@@ -47,7 +47,7 @@ def test_an_emergency_stop_is_answered_when_the_motors_have_no_power(talker: Tal
     assert set(answer.modes) == {"hwfa"}
     told = talker.wait("faults", lambda f: len(f.faults) == len(names))
     assert {(fault.code, fault.text) for fault in told.faults} == {
-        (24, "emergency stop, asked for")
+        (24, "emergency stop, requested")
     }
     assert not talker.set_mode(names, "pos").success
     refused = talker.set_mode(names, "fidl")

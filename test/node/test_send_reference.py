@@ -74,7 +74,7 @@ def test_each_kind_does_what_its_topic_does(talker: Talker, kind: str) -> None:
     assert list(reply.answers) == ["accepted", "ignored", "accepted"]
     assert list(reply.codes) == ["", "other_mode", ""]
     assert third in reply.reasons[1]
-    assert "mode is IDLE; it is taken in " in reply.reasons[1]
+    assert "mode is IDLE; it is accepted in " in reply.reasons[1]
     assert "bounded to" in reply.reasons[2]
     assert math.isnan(reply.values[1])
     assert [reply.values[0], reply.values[2]] == last(talker, field, [second, first])

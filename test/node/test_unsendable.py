@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A response that is no message is answered all the same: nobody waits for ever."""
+"""A response that is no message is answered all the same: nobody waits indefinitely."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ def run(code: str, folder: Path, **environment: str) -> str:
 
 
 def test_build_descriptions_name_the_compiled_modules() -> None:
-    """What is compiled from them is made anew when they change; Cython is asked for."""
+    """What is compiled from them is made anew when they change; Cython is requested."""
     assert setup_list("COMPILED") == list(compiled.MODULES)
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     sources = re.search(r"^SOURCES := ((?:.*\\\n)*.*)$", makefile, re.MULTILINE)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The launch file: what it declares is there, and what it starts is what was asked for.
+"""The launch file: what it declares is there, and what it starts is what was requested.
 
 The ROS wheels have no `launch`: here stands a record of what the file asks of it. Where ROS 2 has
 the real one, that reads the file, too.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Nothing moves that nobody asked for: the page in a real browser, judged by the board."""
+"""Nothing moves that nobody requested: the page in a real browser, judged by the board."""
 
 from __future__ import annotations
 

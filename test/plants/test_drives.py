@@ -149,7 +149,7 @@ def halve_limit(drive: Any) -> None:
     elif hasattr(drive, "table"):
         table = import_module(f"{type(drive).__module__.rpartition('.')[0]}.table")
         item = getattr(table, "VELOCITY_LIMIT", None) or table.SPEED_LIMIT
-        drive._set(item, 20)
+        drive.table.set(item, 20)
     else:
         pytest.skip("its limits are those of its model")
 

@@ -93,7 +93,7 @@ def test_what_had_come_is_taken_before_it_ends() -> None:
 
 @pytest.mark.parametrize(
     ("ended", "reason"),
-    [("", "nothing of /late/state was heard for 10 s"), ("the disk is full", "the disk is full")],
+    [("", "nothing of /late/state came for 10 s"), ("the disk is full", "the disk is full")],
 )
 def test_nothing_moves_before_a_state_was_heard(ended: str, reason: str) -> None:
     """A step that begins before the recording would be missing in it."""

@@ -175,7 +175,7 @@ def test_a_drive_that_hears_nothing_does_what_it_is_set_to(silence: OnSilence) -
         assert board.get_control_mode(0) == [M.VELOCITY]
         simulation.run(0.02)
         assert board.get_control_mode(0) == [M.HW_FAULT]
-        assert "drive, watchdog: nothing heard for 50 ms" in board.get_faults(0)[0].text
+        assert "drive, watchdog: no command for 50 ms" in board.get_faults(0)[0].text
         assert board.get_control_mode(1) != [M.HW_FAULT]
         simulation.run(1.0)
         speed = abs(float(board.get_encoder_speed()[0]))

@@ -219,7 +219,7 @@ def test_a_lost_physics_server_is_plant_gone():
 @pytest.mark.physics
 def test_a_window_without_a_display_is_one_line(monkeypatch):
     pytest.importorskip("pybullet")
-    for display, reason in (("", "DISPLAY is not set"), (":987", "takes no connection")):
+    for display, reason in (("", "DISPLAY is not set"), (":987", "refuses connections")):
         monkeypatch.setenv("DISPLAY", display)
         config = board("lbr_iiwa_joint_1")
         with pytest.raises(PlantError, match=reason) as caught:

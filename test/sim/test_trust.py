@@ -139,7 +139,7 @@ def test_a_move_of_a_milliradian_keeps_the_acceleration_limit(iiwa: Simulation) 
     here = float(board.get_encoder(j)[0])
     reply = board.position_move(j, here + 1e-3, limits.velocity)
     assert reply
-    assert "was asked for" in reply.message
+    assert "was requested" in reply.message
     assert reply.reasons[0] == reply.message
     velocity = [0.0]
     for _ in range(100):
@@ -150,12 +150,12 @@ def test_a_move_of_a_milliradian_keeps_the_acceleration_limit(iiwa: Simulation) 
 
 
 def test_a_target_beyond_a_limit_is_accepted_and_told(iiwa: Simulation) -> None:
-    """P1, P9: what a limit cuts is said in degrees, with what was asked for."""
+    """P1, P9: what a limit cuts is said in degrees, with what was requested."""
     board = iiwa.board
     reply = board.position_move("lbr_iiwa_joint_1", 30.0)
     assert reply
     degrees = math.degrees(board.config.joints[0].limits.upper)
-    assert f"bounded to {degrees:.1f}° (1718.9° was asked for)" in reply.message
+    assert f"bounded to {degrees:.1f}° (1718.9° was requested)" in reply.message
     assert board.get_target_position(0)[0] == board.config.joints[0].limits.upper
 
 

@@ -116,7 +116,7 @@ def test_an_emergency_stop_closes_them_and_a_recovery_opens_them() -> None:
 
 
 def test_references_wait_for_the_brake() -> None:
-    """Y4, P1: a move that is asked for while the brake opens is made whole, from its start."""
+    """Y4, P1: a move that is requested while the brake opens is made whole, from its start."""
     rig = braked()
     start = truth(rig)
     assert rig.board.set_control_mode("left", "pos")
@@ -267,7 +267,7 @@ def test_a_brake_open_by_hand_holds_nothing_in_idle() -> None:
 
 
 def test_opened_by_hand_while_it_closes_the_joint_loses_its_power() -> None:
-    """Y4: idle was asked for; there is nothing left to wait for."""
+    """Y4: idle was requested; there is nothing left to wait for."""
     rig = braked()
     rig.enter(M.POSITION, "left")
     rig.tick(100)

@@ -45,7 +45,7 @@ def truth(rig: Rig) -> float:
 
 @pytest.mark.parametrize("calibration", ALL, ids=NAMES)
 def test_calibrators_find_the_zero(calibration: Calibration) -> None:
-    """K5, K1, K3, N2: asked for at start-up; before it the angle is wrong, after it right."""
+    """K5, K1, K3, N2: requested at start-up; before it the angle is wrong, after it right."""
     rig = calibrating(calibration)
     assert rig.modes() == [M.NOT_CONFIGURED]
     assert rig.tick(1).position[0] == pytest.approx(0.5 if calibration.type == 12 else 1.2, abs=1)
@@ -227,7 +227,7 @@ def test_who_lacks_its_calibration_takes_no_mode(wanted: str) -> None:
     assert [str(answer) for answer in reply.answers] == ["refused"]
     assert (
         reply.message
-        == "left is not calibrated; until it is, it takes idl, fidl and a calibration"
+        == "left is not calibrated; until it is, it accepts idl, fidl and a calibration"
     )
     rig.tick(2)
     assert rig.modes() == [M.IDLE]
@@ -595,7 +595,7 @@ def test_power_cycle_from_everywhere(start: Any) -> None:
 
 @pytest.mark.parametrize("start", SELECTABLE)
 def test_calibration_from_every_mode(start: str) -> None:
-    """K1: asked for by the user in any mode, the joint is CALIBRATING at once."""
+    """K1: requested by the user in any mode, the joint is CALIBRATING at once."""
     rig = in_status(M.IDLE)
     rig.enter(start)
     assert rig.board.calibrate("left")

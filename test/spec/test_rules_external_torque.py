@@ -32,7 +32,7 @@ def tell(rig: Rig, torque: float, seconds: float = 0.05) -> Any:
 
 
 def test_without_torques_there_is_no_sensor(rig: Rig) -> None:
-    """I7, Y5: TORQUE and COMPLIANT are not offered, asked for they are a fault."""
+    """I7, Y5: TORQUE and COMPLIANT are not offered, requested they are a fault."""
     control, interaction = rig.board.get_available_modes("left")[0]
     assert M.TORQUE not in control
     assert interaction == (STIFF,)

@@ -182,7 +182,7 @@ def test_a_stop_that_is_missing() -> None:
 def test_a_stop_at_the_wrong_end() -> None:
     """K6, K4: with that stop the joint would have begun outside its range."""
     text = calibrate(rig_with(calibration=replace(STOP, stop=2.2)))
-    assert "would have begun at 4.9 rad" in text
+    assert "would have started at 4.9 rad" in text
     assert "sign of calibration.output" in text
 
 
@@ -218,7 +218,7 @@ class FakeHand:
 def test_a_motor_without_current_is_at_no_stop() -> None:
     """K6, K4: standing still is not enough: the drive must be at its torque, I = V/R."""
     calibrator = HardStop(STOP, FakeHand(joint("left"), 0.202), 0.002)
-    why = r"draws -0\.8\d* A at -4 %, where a stall takes -1\.92 A"
+    why = r"draws -0\.8\d* A at -4 %, where a stall needs -1\.92 A"
     with pytest.raises(CalibrationError, match=why):
         run(calibrator)
 

@@ -214,7 +214,7 @@ def test_without_torque_sensing(rig: Rig) -> None:
         assert rig.modes()[0].code == mode
         assert rig.board.get_interaction_mode() == [COMPLIANT, COMPLIANT, STIFF]
         fault = rig.board.get_faults("bare")[0]
-        assert fault.text == "unsupported mode, comp (COMPLIANT) was asked for"
+        assert fault.text == "unsupported mode, comp (COMPLIANT) was requested"
         assert rig.board.set_control_mode("bare", "fidl")
         rig.board.set_interaction_mode(None, "stif")
     rig.board.set_control_mode("bare", "veld")

@@ -202,7 +202,7 @@ def test_unsupported_mode_of_this_joint_only(rig: Rig) -> None:
     assert rig.modes() == [M.TORQUE, M.TORQUE, M.HW_FAULT]
     fault = rig.board.get_faults("bare")[0]
     assert (fault.active, fault.code) == (True, 16)
-    assert fault.text == "unsupported mode, torq (TORQUE) was asked for"
+    assert fault.text == "unsupported mode, torq (TORQUE) was requested"
     assert fault.stamp == rig.board.time
 
 
@@ -334,7 +334,7 @@ def test_controllers_start_afresh() -> None:
 
 
 def test_idle_and_faults_are_unpowered(rig: Rig) -> None:
-    """M10, F1, N1: bridge open, PWM exactly zero, whatever was asked for."""
+    """M10, F1, N1: bridge open, PWM exactly zero, whatever was requested."""
     rig.board.set_feedforward(None, outputs=5.0, torques=None)
     rig.plant.push("left", 1.0)
     rig.board.set_control_mode("right", "veld")
@@ -381,7 +381,7 @@ def test_warnings_name_joint_mode_and_next_step(rig: Rig) -> None:
     rig.enter("torq", "left")
     reply = rig.board.velocity_move("left", 1.0)
     assert reply.message == (
-        "velocity reference for left ignored: mode is TORQUE; it is taken in vel, mix"
+        "velocity reference for left ignored: mode is TORQUE; it is accepted in vel, mix"
     )
 
 

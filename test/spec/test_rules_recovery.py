@@ -175,7 +175,7 @@ def test_an_emergency_stop_faults_every_joint_in_the_next_cycle(rig: Rig) -> Non
     assert not rig.board.state.powered.any()
     for fault in rig.board.get_faults():
         assert (fault.active, fault.code) == (True, 24)
-        assert fault.text == "emergency stop, asked for"
+        assert fault.text == "emergency stop, requested"
     rig.board.velocity_move("left", 1.0)
     rig.board.set_control_mode(None, M.POSITION)
     rig.tick()
@@ -189,7 +189,7 @@ def test_it_is_left_as_a_fault_once_it_is_released(rig: Rig) -> None:
     rig.tick()
     for refused in (rig.board.set_control_mode(None, M.FORCE_IDLE), rig.board.recover()):
         assert refused.codes == (Reason.EMERGENCY_STOP,) * 3
-        assert "emergency stop, asked for); release it" in refused.reasons[0]
+        assert "emergency stop, requested); release it" in refused.reasons[0]
     rig.board.emergency_stop(False)
     rig.tick(5)
     assert rig.board.get_control_mode() == [M.HW_FAULT] * 3
@@ -252,7 +252,7 @@ def test_a_stop_that_was_asked_for_outlasts_the_heartbeat() -> None:
     rig.run(0.2)
     rig.board.engine.emergency.beat(rig.board.time)
     rig.tick()
-    assert rig.board.engine.emergency.reason == ("asked for", "release it")
+    assert rig.board.engine.emergency.reason == ("requested", "release it")
     assert not rig.board.recover()
     rig.board.emergency_stop(False)
     rig.board.engine.emergency.beat(rig.board.time)

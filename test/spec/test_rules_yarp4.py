@@ -28,7 +28,7 @@ def rig(output: str = "pwm", **changes: object) -> Rig:
 
 @pytest.mark.parametrize("mode", [DIRECT, CURRENT], ids=str)
 def test_a_joint_implements_them_where_it_lists_them(mode: M) -> None:
-    """Y1, Y2, M5: asked for one that it does not list, a joint is in HW_FAULT."""
+    """Y1, Y2, M5: requested one that it does not list, a joint is in HW_FAULT."""
     made = rig()
     reply = made.board.set_control_mode(None, mode)
     assert list(reply.codes) == ["", Reason.UNSUPPORTED, ""]

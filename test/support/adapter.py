@@ -72,11 +72,11 @@ class InProcess:
 
 
 #: What the client reads from the state that the board publishes.
-#: What goes to a topic, and is answered where that is asked for.
+#: What goes to a topic, and is answered where that is requested.
 STREAMS = ("set_position", "velocity_move", "set_ref_torque", "set_output", "set_feedforward")
 MEASURED = ("get_encoder", "get_encoder_speed", "get_torque", "check_motion_done", "get_state")
 
-#: Cycles after which a published state shows what was asked for before.
+#: Cycles after which a published state shows what was requested before.
 SETTLED = 3
 
 

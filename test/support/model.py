@@ -87,7 +87,7 @@ class JointModel:
         self.fault_count += 1
 
     def request(self, wanted: str, measured: float, cause: bool) -> str:
-        """A control mode is asked for; ``cause``: the last reading still shows one (F3)."""
+        """A control mode is requested; ``cause``: the last reading still shows one (F3)."""
         leaves = wanted == "fidl" and not (self.mode == FAULT and cause)  # F2, F3, K2
         if self.mode == OFF or (self.mode in (FAULT, CALIBRATING) and not leaves):  # N4
             return "refused"

@@ -58,7 +58,7 @@ def prepare(session: Session, word: str) -> Experiment:
         raise Refused(f"{joint} is in {mode.name} and does not hold its position; first: {step}")
     limits = session.limits(names)[joint]
     if limits is None:
-        raise Refused(f"the board does not tell the limits of {joint}: nothing is moved")
+        raise Refused(f"the board does not report the limits of {joint}: nothing is moved")
     position = float(session.client.get_state().position_reference[session.names.index(joint)])
     return Experiment(joint, position, limits, session.kind(joint), mode.code)
 
@@ -67,7 +67,7 @@ def check_reach(session: Session, experiment: Experiment, targets: list[float]) 
     """Refuse what would leave the software limits, before anything moves.
 
     Raises:
-        Refused: says where it would go, what is allowed, and the next step.
+        Refused: where it would go, what is allowed, and the next step.
     """
     limits, joint = experiment.limits, experiment.joint
     show = session.position
@@ -135,7 +135,7 @@ def await_states(session: Session, recorder: Any) -> None:
     """
     topic = STATE.of(session.client.board_name)
     if not recorder.await_first(topic, FIRST_STATE):
-        reason = recorder.ended or f"nothing of {topic} was heard for {FIRST_STATE:g} s"
+        reason = recorder.ended or f"nothing of {topic} came for {FIRST_STATE:g} s"
         raise Refused(f"{reason}: nothing was moved; try again")
 
 

@@ -14,7 +14,7 @@ from ..line.words import Refused
 if TYPE_CHECKING:
     from control_board_ros.client import ControlBoardClient
 
-#: Damping over inertia, 1/s: a joint that is let go stands within half a second; and as much of
+#: Damping over inertia, 1/s: a joint that is let go stops within half a second; and as much of
 #: the least inertia as the torque loop follows.
 DECAY, FASTEST = 10.0, 400.0
 
@@ -65,7 +65,7 @@ class Guidance:
         ]
 
     def _restore(self) -> None:
-        """Hold first: what was set before acts on joints that stand still, whose load is known.
+        """Hold first: earlier settings act on joints at rest, whose load is known.
 
         Joints that were without power are held: they would fall.
         """

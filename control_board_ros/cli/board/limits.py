@@ -29,7 +29,7 @@ def check_limits(
         kinds: of the joints.
 
     Raises:
-        Refused: says what was understood, in both units, and what is allowed.
+        Refused: what was understood, in both units, and what is allowed.
     """
     wrong = []
     for name, value in given.items():

@@ -51,7 +51,7 @@ def read_modes(session: Session, names: list[str]) -> Rows:
 
 
 def read_calibrated(session: Session) -> dict[str, bool]:
-    """Whether each joint knows its angle; empty where the board does not say so."""
+    """Whether each joint is calibrated; empty where the board does not report it."""
     from control_board_ros.client import BoardTimeout
 
     try:
@@ -158,7 +158,7 @@ def read_joints(session: Session) -> Rows:
         joint, known = session.robot.get(name), limits[name]
         row: dict[str, Any] = {"index": k, "kind": joint.kind if joint else None}
         row |= {field: None if known is None else getattr(known, field) for field in FIELDS}
-        if known is None and joint is not None:  # the URDF knows the stops only
+        if known is None and joint is not None:  # the URDF has the stops only
             row |= {"hard_lower": joint.lower, "hard_upper": joint.upper}
         rows[name] = row | {
             "control_modes": [mode.code for mode in control],

@@ -87,7 +87,7 @@ class Silence:
             return ""
         self._told = True
         return (
-            f"nothing heard for {now - self._since:.0f} s, though the board is there: is its "
-            "process stopped, or the machine or the network overloaded? It is looked for anew, "
+            f"nothing received for {now - self._since:.0f} s, although the board is there: is its "
+            "process stopped, or the machine or the network overloaded? It is looked for again, "
             "and the gap is noted in the recording"
         )

@@ -155,7 +155,7 @@ class Session:
         return values
 
     def limits(self, names: Sequence[str]) -> dict[str, JointLimits | None]:
-        """The limits in force, from the board's parameters; None where it does not tell them."""
+        """The limits in force, from the board's parameters; None where it does not report them."""
         from control_board_ros.client import BoardError
         from control_board_ros.core.selection import RequestError
 
@@ -166,7 +166,7 @@ class Session:
         return limits_of(names, values)
 
     def kind(self, name: str) -> JointKind:
-        """The kind of a joint; REVOLUTE where the board's URDF does not tell."""
+        """The kind of a joint; REVOLUTE where the board's URDF has none."""
         joint = self.robot.get(name)
         return JointKind.of(None if joint is None else joint.kind)
 

@@ -14,7 +14,7 @@ from ..text.output import REFUSED, fail, note
 if TYPE_CHECKING:
     from .session import Session
 
-#: What a joint does in a mode when nothing more is asked of it.
+#: What a joint does in a mode without a reference.
 DOING = {
     "pos": "holds",
     "posd": "holds",
@@ -93,7 +93,7 @@ def without_brake(session: Session, names: list[str]) -> list[str]:
 
     try:
         worked = session.client.get_brake(names)
-    except BoardError:  # a board that knows no brakes
+    except BoardError:  # a board without brakes
         return names
     held = (BrakeMode.AUTOMATIC, BrakeMode.CLOSED)
     return [name for name, brake in zip(names, worked, strict=True) if brake not in held]

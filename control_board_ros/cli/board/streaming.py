@@ -42,11 +42,11 @@ def duration(text: str | None) -> float | None:
 
 
 def settle(session: Session, names: list[str]) -> None:
-    """Let velocity references ramp down, so that what is said of them holds."""
+    """Let velocity references ramp down, so that the report of them holds."""
     from control_board_ros.client import BoardTimeout
 
     chosen = [session.names.index(name) for name in names]
-    with contextlib.suppress(BoardTimeout):  # a very slow ramp: tell what is so far
+    with contextlib.suppress(BoardTimeout):  # a very slow ramp: report the present
         session.client.wait_for_state(
             lambda state: not state.velocity_reference[chosen].any(), RAMP_TIMEOUT
         )
@@ -66,7 +66,7 @@ def stream(
         send: sends references, and gives the board's answer.
         values: by joint.
         seconds: how long; None: until Ctrl-C.
-        mode: in which joints take them.
+        mode: in which joints accept them.
     """
     names = list(values)
     start = time.monotonic()
@@ -95,7 +95,7 @@ def stream(
 def sent(
     session: Session, send: Send, values: dict[str, float], seconds: float | None
 ) -> Iterator[Reply]:
-    """Send references at RATE, showing how the joints stand; the reply to each."""
+    """Send references at RATE, showing the state of the joints; the reply to each."""
     names, numbers = list(values), list(values.values())
     where(session, names)  # from now on it is known without waiting
     standstill = Standstill()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What verbs take: a table of arguments beside each verb, read with argparse."""
+"""The arguments of verbs: a table beside each verb, read with argparse."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .words import UsageError
 Verb = TypeVar("Verb", bound=Callable[..., Any])
 
 HELP = ("-h", "--help")
-#: A value that argparse would take for an option: ``-2Nm``.
+#: A value that argparse would read as an option: ``-2Nm``.
 NEGATIVE = re.compile(r"-\.?\d")
 
 
@@ -33,7 +33,7 @@ def number(text: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """Names and settings, as ``ArgumentParser.add_argument`` takes them, and what Tab offers."""
+    """Names and settings, as of ``ArgumentParser.add_argument``, and what Tab offers."""
 
     names: tuple[str, ...]
     settings: dict[str, Any]
@@ -89,7 +89,7 @@ class Parser(argparse.ArgumentParser):
                 self.valued.update(action.option_strings)
 
     def read(self, words: Sequence[str]) -> dict[str, Any]:
-        """The values by name; options may stand anywhere among the words.
+        """The values by name; options may be anywhere among the words.
 
         Raises:
             UsageError: something is missing, unknown, or no value of its kind.

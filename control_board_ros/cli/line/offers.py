@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words that may stand where an argument is typed: what Tab offers."""
+"""Words for the argument that is typed: what Tab offers."""
 
 from __future__ import annotations
 

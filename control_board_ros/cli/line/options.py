@@ -31,7 +31,7 @@ DOMAIN = argument(
 JSON = argument("--json", action="store_true", help="Print JSON, and nothing else, on stdout.")
 VERSION = argument("--version", action="store_true", help="Print the version, and leave.")
 
-#: Options that take a value, and those that do not.
+#: Options that have a value, and those that do not.
 VALUED = ("--board", "--namespace", "--timeout", "--domain")
 PLAIN = ("--json", "--version")
 ARGUMENTS = (BOARD, NAMESPACE, TIMEOUT, DOMAIN, JSON, VERSION)
@@ -40,11 +40,11 @@ ROS_ARGUMENTS = "--ros-args"
 
 @dataclass(slots=True)
 class Options:
-    """What was asked for in front of the verb.
+    """What was requested in front of the verb.
 
     Attributes: board (name of the node), namespace (of cbctl's own node: relative names start
     there), timeout (s, to find the board and for each answer), domain (ROS_DOMAIN_ID; None: of
-    the environment), json, ros_arguments (as they stand after --ros-args).
+    the environment), json, ros_arguments (the words after --ros-args).
     """
 
     board: str = "control_board"
@@ -56,7 +56,7 @@ class Options:
 
     @property
     def board_named(self) -> bool:
-        """Whether another board than the usual one is asked for."""
+        """Whether another board than the usual one is requested."""
         return bool(self.board != BOARD.settings["default"])
 
     @property
@@ -71,7 +71,7 @@ class Options:
 
 
 def read_options(words: Sequence[str], ros_arguments: list[str]) -> tuple[Options, bool]:
-    """The options in words, and whether the version is asked for.
+    """The options in words, and whether the version is requested.
 
     Raises:
         UsageError: a value that is out of its range.

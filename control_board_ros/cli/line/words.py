@@ -45,12 +45,12 @@ class UsageError(Exception):
 
 
 class Refused(Exception):  # noqa: N818  (the word of the exit code)
-    """The board, or what is known of it, says no: exit code 1."""
+    """The board, or its known state, refuses: exit code 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number in the board's unit; dimension is angle or length where a unit says so."""
+    """A number in the board's unit; dimension is angle or length where it has a unit."""
 
     value: float
     dimension: str = ""

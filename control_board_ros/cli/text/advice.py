@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to type next, by the code of a reply: the board says what is so, and names no tool."""
+"""What to type next, by the code of a reply: the board reports facts, and names no tool."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from control_board_ros.core.terms.reply import Reply
 
-#: What to do about joints with a code, and with which verb; they stand between verb and mode.
+#: What to do about joints with a code, and with which verb; their names go between verb and mode.
 STEPS = {
     "in_fault": ("clear with", "clear"),
     "emergency_stop": ("release with", "estop"),
     "uncalibrated": ("calibrate with", "calibrate"),
     "brake_closed": ("let the board work the brake with", "brake"),
     "other_mode": ("switch with", "mode"),
-    "nothing_to_stop": ("take the power with", "mode"),
+    "nothing_to_stop": ("disable with", "mode"),
 }
 
 

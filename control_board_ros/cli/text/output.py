@@ -65,7 +65,7 @@ def console(*, stderr: bool = False, width: int | None = None) -> Console:
     from rich.segment import Segment
 
     class CleanConsole(Console):
-        """Shows texts of others without what a terminal would take as an order."""
+        """Shows texts of others without control sequences of terminals."""
 
         def render(
             self, renderable: RenderableType, options: ConsoleOptions | None = None
@@ -178,7 +178,7 @@ def conclude(
         complain(message)
     else:
         put(text or message or "done")
-        if text and message:  # what will be done in place of what was asked for
+        if text and message:  # what will be done in place of what was requested
             note(session, message)
     return DONE if reply else REFUSED
 
@@ -206,7 +206,7 @@ def mode_text(code: str, name: str = "") -> Text:
 
 
 def bar(value: float, lower: float, upper: float, width: int = 12) -> str:
-    """Where a value lies between its limits: ``├────●─────┤``; empty without limits."""
+    """The place of a value between its limits: ``├────●─────┤``; empty without limits."""
     if not 0.0 < upper - lower < ENDLESS:
         return ""
     share = min(max((value - lower) / (upper - lower), 0.0), 1.0)

@@ -88,7 +88,7 @@ class Trace:
     points: deque[tuple[float, float]] = field(default_factory=deque)
 
     def add(self, time: float, value: float) -> None:
-        """Take a value, and forget what has left the window; time that goes back begins anew."""
+        """Add a value, and forget what has left the window; time that goes back clears it."""
         if self.points and time < self.points[-1][0]:
             self.points.clear()
         self.points.append((time, value))

@@ -34,11 +34,11 @@ def grid(
     """A table; where it is too wide: short names, then short titles, then several below another.
 
     Args:
-        columns: cells by title, text or rich's Text; the joints stand in the last of the keys.
+        columns: cells by title, text or rich's Text; the joints are in the last of the keys.
         names: all joints of the board, whose common beginning short names do without.
         keys: how many of the first columns every part repeats.
         right: titles of columns that are aligned to the right.
-        fold: titles of columns of words, that may take several lines.
+        fold: titles of columns of words, that may have several lines.
         title: a line above.
         caption: a line below.
         width: of the terminal, characters; None: as it is.
@@ -51,7 +51,7 @@ def grid(
     if needed(made, fold) > room:
         shorts = short_names([cell.plain for cell in made[joint]], names)
         made[joint] = [text_of(shorts[cell.plain]) for cell in made[joint]]
-    stack = " " if needed(made, fold) > room else ""  # titles of two words take two lines
+    stack = " " if needed(made, fold) > room else ""  # titles of two words in two lines
     parts = [
         drawn(part, right, fold, stack, breaks=joint if needed(part, fold, stack) > room else "")
         for part in packed(made, fold, keys, room, stack)
@@ -111,7 +111,7 @@ def drawn(
     stack: str = "",
     breaks: str = "",
 ) -> Any:
-    """One table in the house style; the column ``breaks`` may take several lines for a word."""
+    """One table in the house style; the column ``breaks`` may have several lines for a word."""
     from rich import box
     from rich.table import Table
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from argparse import Namespace
 from typing import Any
 
-from control_board_ros.conformance_options import OPTIONS
+from control_board_ros.program_options import CONFORMANCE
 
 from ..board.session import Session
 from ..line.arguments import argument, takes
@@ -21,12 +21,12 @@ def sentence(text: str) -> str:
 
 @takes(
     *(
-        argument(name, **settings | {"help": sentence(settings["help"])})
-        for name, settings in OPTIONS
+        argument(*names, **settings | {"help": sentence(settings["help"])})
+        for names, settings in CONFORMANCE
     )
 )
 def conformance(session: Session, **given: Any) -> int:
-    """Try the rules of a control board on this one, and say of each whether it held.
+    """Try the rules of a control board on this one, and report of each whether it held.
 
     One joint moves, within a part of its limits, and is without power at times; then all are left
     as found. It asks before that. Exit code 1: a rule did not hold, or

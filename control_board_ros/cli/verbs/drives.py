@@ -11,7 +11,7 @@ from ..line.arguments import argument, takes
 from ..line.words import UsageError
 from ..text.output import put_json
 
-#: Drivers need their libraries, which cbctl does not know: it is a program of its own.
+#: Drivers need their libraries, which cbctl does not import: it is a program of its own.
 PROGRAM = "control_board_ros.plants"
 ACTIONS = ("scan", "try")
 
@@ -42,7 +42,7 @@ def drives(
 
     scan lists id, type, firmware, voltage and fault of what answers. try shows each joint and its
     drive, asks, moves each by 2 degrees under a tenth of its limits, and writes direction and
-    gear ratio into the file where the joint turned otherwise. Ctrl-C takes the power off.
+    gear ratio into the file where the joint turned otherwise. Ctrl-C disables the motors.
     """
     if action == "scan" and not bus:
         raise UsageError("drives scan needs --bus, as --bus socketcan:can0")
@@ -55,7 +55,7 @@ def drives(
         try:
             return subprocess.run(program, check=False).returncode
         except KeyboardInterrupt:
-            return 1  # it has the signal, too, and takes the power off
+            return 1  # it has the signal, too, and disables the motors
     done = subprocess.run(program, check=False, capture_output=True, text=True)
     lines = (done.stdout + done.stderr).splitlines()
     put_json({"success": done.returncode == 0, "lines": lines})

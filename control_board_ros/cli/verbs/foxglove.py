@@ -26,13 +26,13 @@ def layout() -> Path:
     argument(
         "--port", type=int, default=8765, metavar="PORT", help="To listen on; 0: a free one."
     ),
-    argument("--read-only", action="store_true", help="Show everything, let nobody operate."),
+    argument("--read-only", action="store_true", help="Show everything, operate nothing."),
 )
 def foxglove(session: Session, host: str, port: int, read_only: bool) -> int:
     """Serve the board to Foxglove: prints the address to open there; Ctrl-C ends it.
 
     State, modes, faults, frames, parameters and services; who can connect operates, so only this
-    machine can unless --host says otherwise.
+    machine can unless --host has another address.
     """
     if not 0 <= port <= 65535:
         raise UsageError(f"--port {port} is not valid; give 0 to 65535")

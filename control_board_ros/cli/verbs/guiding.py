@@ -48,7 +48,7 @@ def guide(session: Session, joints: list[str], record: str | None, time: str | N
     names = guided_joints(session, joints)
     seconds = duration(time)
     if seconds is None and not sys.stdin.isatty():
-        raise UsageError("nobody can press q here: run guide in a terminal, or give --for TIME")
+        raise UsageError("no key can be pressed here: run guide in a terminal, or give --for TIME")
     target = None if record is None else unused_path(record)
     poses: list[str] = []
     with Guidance(session.client, names) as guidance, recorded(session, target):
@@ -88,14 +88,14 @@ def guided_joints(session: Session, words: Sequence[str]) -> list[str]:
 
 
 def attend(session: Session, names: list[str], seconds: float | None, poses: list[str]) -> str:
-    """Let joints be guided until the end; why it came, where nobody asked for it."""
+    """Let joints be guided until the end; returns why it came, if not requested."""
     begun = asked = clock.monotonic()
     keyboard = sys.stdin.isatty() and not session.options.json
     keys = f": {KEYS}" if keyboard else ""
     with contextlib.ExitStack() as stack:
         terminal = stack.enter_context(keys_at_once()) if keyboard else None
         bar = stack.enter_context(Bar(session, "guiding", endless=seconds is None))
-        stack.enter_context(contextlib.suppress(KeyboardInterrupt))  # the end asked for, as q
+        stack.enter_context(contextlib.suppress(KeyboardInterrupt))  # the end requested, as q
         while seconds is None or clock.monotonic() - begun < seconds:
             for key in pressed(terminal, LOOK) if terminal is not None else wait():
                 if key == "quit":
@@ -118,7 +118,7 @@ def attend(session: Session, names: list[str], seconds: float | None, poses: lis
 
 
 def wait() -> tuple[str, ...]:
-    """No keys: nobody can press one."""
+    """No keys: this is no terminal."""
     clock.sleep(LOOK)
     return ()
 
@@ -193,14 +193,14 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
     if not 0.0 < speed <= 10.0:
         raise UsageError(f"--speed {speed:g} is not valid; give a factor above 0 and up to 10")
     if not yes and not sys.stdin.isatty():
-        raise UsageError("nobody can be asked here whether it may move; give --yes")
+        raise UsageError("this is no terminal to ask whether it may move; give --yes")
     try:
         board = recording_of(session, Path(recording))
         names = session.joints(joints) if joints else guided_in(session, board)
         limits = session.limits(names)
         known = [limit for limit in limits.values() if limit is not None]
         if len(known) < len(names):
-            raise Refused("the board does not tell the limits of its joints: nothing is moved")
+            raise Refused("the board does not report the limits of its joints: nothing is moved")
         way = way_of(board, names, known, speed)
     except RecordingError as error:
         raise Refused(str(error)) from error

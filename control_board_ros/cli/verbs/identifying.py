@@ -34,7 +34,7 @@ from ..text.output import DONE, REFUSED, complain, note, put_json
 if TYPE_CHECKING:
     from control_board_ros.identification.motions import Bounds, Motion
 
-#: What fits has scipy, URDFs and parameter files in it, which cbctl does not know.
+#: The fit needs scipy, URDFs and parameter files, which cbctl does not import.
 PROGRAM = "control_board_ros.identification"
 
 
@@ -93,7 +93,7 @@ def identify(
         if not 0.0 < share <= 1.0:
             raise UsageError(f"--{name} {share:g} is not valid; give a share above 0 and up to 1")
     if not yes and not sys.stdin.isatty():
-        raise UsageError("nobody can be asked here whether it may move; give --yes")
+        raise UsageError("this is no terminal to ask whether it may move; give --yes")
     if keep is not None and Path(keep).exists():
         raise Refused(f"{keep} exists already; choose another name")
     bounds = bounds_now(session, session.joints(joints), reach, shares)
@@ -130,7 +130,7 @@ def bounds_now(
     for name in names:
         own, kind = limits[name], session.kind(name)
         if own is None:
-            raise Refused(f"the board does not tell the limits of {name}: nothing is moved")
+            raise Refused(f"the board does not report the limits of {name}: nothing is moved")
         column = session.names.index(name)
         place = float(state.position[column])
         asked = None if size is None else session.values([(name, size)])[name]
@@ -255,7 +255,7 @@ def follow(session: Session, motion: Motion, bounds: dict[str, Bounds]) -> dict[
 
 
 def concluded(session: Session, words: Sequence[str]) -> int:
-    """Let the program fit and write, and print what it says."""
+    """Run the program that fits and writes, and print its output."""
     program = [sys.executable, "-m", PROGRAM, *words]
     try:
         if not session.options.json:

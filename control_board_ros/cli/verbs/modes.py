@@ -51,7 +51,7 @@ def check_mode(kind: str, text: str, parse: Callable[[str], Vocab], codes: Seque
     """Refuse what is no mode, naming those that can be set.
 
     Raises:
-        Refused: a word that means no mode; of a status the board itself says why it is none.
+        Refused: a word that means no mode; of a status the board itself reports why it is none.
     """
     try:
         parse(text)
@@ -126,7 +126,7 @@ def brake(session: Session, words: list[str]) -> int:
 
     automatic: the board opens a brake before power acts and closes it before power goes. open and
     closed are by hand: an open brake holds nothing where there is no power, a joint whose brake is
-    closed takes no mode with power.
+    closed refuses modes with power.
     """
     wanted = words[-1].lower() if words and words[-1].lower() in set(BrakeMode) else ""
     named = words[:-1] if wanted else words

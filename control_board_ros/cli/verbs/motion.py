@@ -90,7 +90,7 @@ def direct(session: Session, words: list[str]) -> int:
 
 
 KEYS = "←→ move, ↑↓ joint, + - speed, q ends"
-#: Modes that take velocities.
+#: Modes that accept velocities.
 VELOCITY_MODES = frozenset(m for m, kinds in ACCEPTS.items() if CommandKind.VELOCITY in kinds)
 
 
@@ -113,14 +113,14 @@ def jog(session: Session, joints: list[str], speed: str) -> int:
     if not ready:
         words = " ".join(names) if len(names) < len(session.names) else "all"
         step = session.line("mode", words, "vel")
-        raise Refused(f"no joint takes velocities; switch with: {step}")
+        raise Refused(f"no joint accepts velocities; switch with: {step}")
     used = jog_with_keys(session, ready, Jog(len(ready), value))
     reply = end(session, partial(session.client.velocity_move, answered=True), used or ready[:1])
     return conclude(session, reply, f"stopped: {what_they_do(session, used or ready[:1])}")
 
 
 def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
-    """Send velocities as the keys say until the end; the joints that were moved."""
+    """Send velocities by the keys until the end; returns the joints that were moved."""
     from rich.live import Live
 
     standstill = Standstill()
@@ -144,7 +144,7 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
                         break
                 live.update(line(session, name, keys, standstill), refresh=True)
         except KeyboardInterrupt:
-            return list(used)  # the end asked for, as q
+            return list(used)  # the end requested, as q
     return list(used)
 
 

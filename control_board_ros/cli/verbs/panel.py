@@ -25,7 +25,7 @@ NEEDED = ("starlette", "uvicorn", "websockets")
         "--takeover",
         default="10s",
         metavar="TIME",
-        help="How long the operator has to answer who asks to take over; silence means yes.",
+        help="Time for the operator to answer a request to take over; silence means yes.",
     ),
     argument(
         "--recordings",

@@ -75,7 +75,7 @@ def full_name(word: str, names: list[str], joints: tuple[str, ...]) -> str:
 
 
 def assign(session: Session, words: list[str]) -> tuple[Any, str]:
-    """Set ``NAME=VALUE`` words, all or none; the reply, and what to say."""
+    """Set ``NAME=VALUE`` words, all or none; returns the reply, and the report."""
     names = session.client.list_parameters()
     values = {}
     for word in words:

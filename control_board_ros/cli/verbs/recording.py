@@ -122,7 +122,7 @@ def black_box(folder: Path, back: float, after: float) -> Any:
     from control_board_ros.recording.faults import NewFaults
     from control_board_ros.recording.ring import BlackBox
 
-    library("rosbags.rosbag2")  # what is missing is said now, not at the first fault
+    library("rosbags.rosbag2")  # what is missing is reported now, not at the first fault
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -212,7 +212,7 @@ def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: lis
         put(f"{folder}: {files} {'file' if files == 1 else 'files'}")
     if not folders:
         put("no fault, nothing written")
-    put(f"{heard} messages heard, {size / 1e6:.1f} MB written, {recorder.dropped} dropped")
+    put(f"{heard} messages received, {size / 1e6:.1f} MB written, {recorder.dropped} dropped")
     for table in tables:
         put(f"table: {table}")
     if folders:

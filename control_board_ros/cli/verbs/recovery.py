@@ -70,7 +70,7 @@ def estop(session: Session, word: str | None) -> int:
 @several
 @takes(JOINTS)
 def clear(session: Session, joints: list[str]) -> int:
-    """Send FORCE_IDLE to the joints in fault; tell which causes persist."""
+    """Send FORCE_IDLE to the joints in fault; report which causes persist."""
     names = session.joints(joints)
     faults = faults_now(session, names)
     if not faults:

@@ -148,7 +148,7 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
         metavar="SIZE",
         help="Greatest one; it falls with the frequency, as speed and acceleration allow.",
     ),
-    argument("--for", dest="time", default="60s", metavar="TIME", help="How long it takes."),
+    argument("--for", dest="time", default="60s", metavar="TIME", help="Duration."),
     OUTPUT,
 )
 def chirp(
@@ -209,10 +209,10 @@ def send_trajectory(session: Session, experiment: Experiment, plan: Any) -> None
     try:
         wait(session, "trajectory", 0.3)  # discovery; what is sent before may not come
         if not publisher.get_subscription_count():
-            raise Refused(f"nobody listens to {topic}")
+            raise Refused(f"{topic} has no subscriber")
         publisher.publish(message)
         if not publisher.wait_for_all_acked():
-            raise Refused(f"{topic} does not take the sweep")
+            raise Refused(f"{topic} refuses the sweep")
     finally:
         node.destroy_publisher(publisher)
 

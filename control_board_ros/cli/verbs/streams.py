@@ -90,7 +90,7 @@ def output(session: Session, words: list[str], time: str | None) -> int:
 def set_once(
     session: Session, send: Send, values: dict[str, float], label: str, shown: str, mode: str
 ) -> int:
-    """Send references that stay, and tell those that the board has then: it bounds them.
+    """Send references that stay, and report those of the board: it bounds them.
 
     Args:
         session: with the board.

@@ -7,19 +7,19 @@ import subprocess
 import sys
 from typing import Any
 
-from control_board_ros.tuning_options import OPTIONS
+from control_board_ros.program_options import TUNING
 
 from ..board.session import Session
 from ..line.arguments import argument, takes
 from ..text.output import put_json
 
-#: The search has the simulation in it, which cbctl does not know: it is a program of its own.
+#: The search needs the simulation, which cbctl does not import: it is a program of its own.
 PROGRAM = "control_board_ros.tuning"
 #: Options whose values have another name.
 OPTION_OF = {"found": "--from"}
 
 
-@takes(*(argument(*names, **settings) for names, settings in OPTIONS))
+@takes(*(argument(*names, **settings) for names, settings in TUNING))
 def tune(session: Session, **values: Any) -> int:
     """Search for gains of a robot in simulation, and write a parameter file and a report.
 
@@ -37,7 +37,7 @@ def tune(session: Session, **values: Any) -> int:
             return subprocess.run(program, check=False).returncode
         done = subprocess.run(program, check=False, capture_output=True, text=True)
     except KeyboardInterrupt:
-        return 1  # it has the signal, too, and says how to go on
+        return 1  # it has the signal, too, and reports the next step
     lines = (done.stdout if done.returncode == 0 else done.stderr).splitlines()
     put_json({"success": done.returncode == 0, "lines": lines})
     return done.returncode

@@ -55,7 +55,7 @@ FAULT_WIDTH = 20
 def watch(session: Session, joints: list[str], once: bool, rate: float) -> None:
     """Watch joints live; Ctrl-C ends it. Into a pipe or file: frame after frame, as they come.
 
-    Where the joints are more than the lines of the terminal, they stand beside each other. With
+    Where the joints are more than the lines of the terminal, they are beside each other. With
     --json a line per time.
     """
     if not 0.0 < rate <= 100.0:
@@ -222,6 +222,6 @@ def fitted(
 
 
 def least(columns: dict[str, list[Text]]) -> int:
-    """The characters that columns take; a long fault is cut rather than other columns."""
+    """The characters of columns; a long fault is cut rather than other columns."""
     fault = max(cell.cell_len for cell in columns["fault"])
     return needed(columns, ()) - max(fault - FAULT_WIDTH, 0)

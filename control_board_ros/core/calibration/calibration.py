@@ -58,11 +58,11 @@ def register(number: int, text: str) -> Callable[[type[Calibrator]], type[Calibr
     """Offer a calibrator of one's own as ``calibration.type`` ``number``; decorates its class.
 
     Args:
-        number: 1 to 12, not taken by another type.
+        number: 1 to 12, not used by another type.
         text: what it is, for messages.
 
     Raises:
-        ValueError: the number is taken, or out of range.
+        ValueError: the number is used, or out of range.
     """
     if number in TYPES or not 1 <= number <= 12:
         raise ValueError(f"calibration type {number}: choose a free one of 1 to 12")

@@ -71,7 +71,7 @@ class Calibrations:
         return replace(self._status[j], calibrated=bool(self._state.calibrated[j]))
 
     def forget(self, joints: Sequence[int]) -> None:
-        """Nothing is known of the calibrations of joints that begin anew (N1)."""
+        """Forget the calibrations of joints (N1)."""
         for j in joints:
             self._running.pop(j, None)
             self._status[j] = CalibrationStatus(self._machine.config.names[j])
@@ -105,7 +105,7 @@ class Calibrations:
                 self._finish(j)
 
     def abort(self, j: int) -> None:
-        """End a calibration that is not done: what it changed is taken back (K2, K4).
+        """End a calibration that is not done: its changes are undone (K2, K4).
 
         A joint that requires it is left uncalibrated (K7), another as it was: its former
         angle and its limits hold.
@@ -138,7 +138,7 @@ class Calibrations:
     def _active(self) -> list[int]:
         """The joints that calibrate now; the others wait, started ones continue.
 
-        In each part, a group begins when it is the first of those that are asked for and no other
+        In each part, a group begins when it is the first of those that are requested and no other
         drives; parts go side by side (R4).
         """
         active: list[int] = []

@@ -3,7 +3,7 @@
 
 A calibrator drives its joint through a :class:`Hand`, which the board implements: it can hold,
 drive, set the offset and move, and nothing else. It is stepped once per control cycle until it
-says that it is done or raises CalibrationError.
+reports that it is done or raises CalibrationError.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SETTLED = 0.05
 
 
 class CalibrationError(Exception):
-    """A calibration that cannot go on; the text says why (K4)."""
+    """A calibration that cannot continue; the text is the reason (K4)."""
 
 
 class Hand(Protocol):

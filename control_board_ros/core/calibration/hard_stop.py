@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calibration type 5: drive to a hard stop and take it as a known angle (SPEC K5, K6).
+"""Calibration type 5: drive to a hard stop of known angle (SPEC K5, K6).
 
 Standstill is not yet a stop: gravity, friction, a tight cable or a weak drive stall a
 joint in mid-air. The place counts when
@@ -8,7 +8,7 @@ joint in mid-air. The place counts when
 - it meets the same place again. Friction would hold it where it backed off to;
 - half as much torque again moves nothing. A load would be lifted further by it;
 - the way there fits between the joint's hard stops.
-Anything else is a CalibrationError that says which of these failed. The error that is left is
+Anything else is a CalibrationError that names which of these failed. The remaining error is
 in docs/howto/own_calibrator.md.
 """
 
@@ -37,7 +37,7 @@ SAME_PLACE_SHARE = 0.25
 #: How far the joint may give way under the push, rad.
 GAVE_WAY = 0.005
 
-#: Current that must flow at a stall, as a part of V/R: a hot winding and a bridge take some.
+#: Current that must flow at a stall, as a part of V/R: less for a hot winding and a bridge.
 AT_TORQUE = 0.5
 
 #: Time constant of the filter of the current, as a part of stall_time: 1/FILTER.
@@ -154,7 +154,7 @@ class HardStop(Calibrator):
             )
 
     def _check_way(self, place: float) -> None:
-        """The joint went where it was driven, and the stop lies where its range allows."""
+        """The joint moved as driven, and the stop is where its range allows."""
         limits, stop = self.hand.joint.limits, self.calibration.stop
         way, margin = place - self._begin, limits.hard_margin
         if way * self._way < -margin:
@@ -167,7 +167,7 @@ class HardStop(Calibrator):
         if not limits.hard_lower - margin <= began <= limits.hard_upper + margin:
             self._fail(
                 f"{way:.4g} {self.unit} to the stop at {stop:.4g} {self.unit}: it "
-                f"would have begun at {began:.4g} {self.unit}, its hard range being "
+                f"would have started at {began:.4g} {self.unit}, its hard range being "
                 f"{limits.hard_lower:.4g} to {limits.hard_upper:.4g} {self.unit}",
                 "check calibration.stop and the sign of calibration.output",
             )
@@ -189,7 +189,7 @@ class HardStop(Calibrator):
         if current / stalled < AT_TORQUE:
             self._fail(
                 f"stands still, but its motor draws {current:.3g} A at {output:.3g} %, where a "
-                f"stall takes {stalled:.3g} A (at least {AT_TORQUE:.0%} is needed)",
+                f"stall needs {stalled:.3g} A (at least {AT_TORQUE:.0%} is needed)",
                 "check the motor, its supply, and motor.resistance",
             )
 

@@ -68,7 +68,7 @@ _CURRENT = {"kp": "V/A", "ki": "V/(A·s)", "kd": "V·s/A", "kff": "V/A", "integr
 
 @configuration
 class JointConfig:
-    """Everything the board must know of one joint.
+    """The configuration of one joint.
 
     Attributes:
         name: Of the joint.
@@ -173,7 +173,7 @@ class JointConfig:
         choices=InteractionMode,
     )
     drive: tuple[SetPoint, ...] = parameter(
-        "Set-points that the joint's drive is given; empty: all that it takes, which of a "
+        "Set-points that the joint's drive is given; empty: all that it accepts, which of a "
         "simulated one is pwm",
         default=(),
         choices=KINDS,
@@ -186,7 +186,7 @@ class JointConfig:
         high=0.1,
     )
     on_silence: OnSilence = parameter(
-        "What the motor does when its drive hears nothing from the board, as far as it can",
+        "What the motor does without commands of the board, as far as its drive can",
         default=OnSilence.FREE,
         choices=OnSilence,
     )
@@ -333,7 +333,7 @@ class BoardConfig:
         joints: In the board's order.
         calibration_groups: Names of joints that calibrate together, group after group; joints in
             no group form the last one.
-        model: The masses of the arm; None: not known, each joint is taken by itself.
+        model: The masses of the arm; None: not known, each joint is modelled by itself.
         coupling: Of its joints with physical ones; None: they are the physical joints.
         motor_coupling: Of its joints with the motors; None: each has its own.
         parts: The parts of a robot by name, each with a configuration of its own, and with it its

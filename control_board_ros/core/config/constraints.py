@@ -8,7 +8,7 @@ from .parameter import configuration, parameter
 
 @configuration
 class JointConstraints:
-    """Of one joint: how far it may be away; a goal of ~/follow_joint_trajectory can say other."""
+    """Tolerances of one joint; a goal of ~/follow_joint_trajectory can have its own."""
 
     trajectory: float = parameter(
         "Tolerance on the way of a trajectory; 0: none is checked",

@@ -124,7 +124,7 @@ class Part:
         in_files: Its parameters where a parameter file leaves them out; None: as its class.
         text: What comes before the text of each of its parameters.
         units: Of its parameters, by name; over their own.
-        derived: What its parameters are derived from, by name; over what they say themselves.
+        derived: What its parameters are derived from, by name; before their own texts.
     """
 
     name: str

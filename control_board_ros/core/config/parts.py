@@ -320,7 +320,7 @@ class Calibration:
             self._check_stop(key, limits, motor)
 
     def _check_stop(self, key: str, limits: Limits, motor: Motor) -> None:
-        """The stop lies where the joint can be, and its drive leaves room for a harder push."""
+        """The stop is where the joint can be, and its drive leaves room for a harder push."""
         if self.output == 0.0:
             raise ConfigError(
                 f"{key}.output", self.output, "not zero: the PWM that finds the stop"

@@ -33,7 +33,7 @@ def warnings(config: BoardConfig) -> dict[str, str]:
         for name, (value, most) in bounds(joint, config.period).items():
             if value > most:
                 found[f"{joint.name}.{name}"] = (
-                    f"{joint.name}.{name}: {value:.4g} is more than the loop bears at "
+                    f"{joint.name}.{name}: {value:.4g} makes the loop unstable at "
                     f"{config.control_rate:g} Hz and this joint's inertia; up to about "
                     f"{most:.3g} can be stable"
                 )

@@ -23,7 +23,7 @@ EXACT = 0.1
 
 
 class Outcome(NamedTuple):
-    """How a task ended; the message is one line, empty where there is nothing to say."""
+    """How a task ended; the message is one line, or empty."""
 
     success: bool
     message: str

@@ -26,7 +26,7 @@ class CalibrationTask:
     Raises:
         RequestError: no joint accepts it.
 
-    Attributes: names (of the joints asked for).
+    Attributes: names (of the joints requested).
     """
 
     def __init__(self, board: JointGroup, joints: Joints) -> None:

@@ -75,7 +75,7 @@ class Follower:
             return board.reject(selection.names, text)
         good = board.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
         verdicts = dict(zip(selection.names, [JointAnswer()] * len(good), strict=True))
-        if not good.all():  # the board counts them and says why
+        if not good.all():  # the board counts them and reports why
             names = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
             refusal = board.set_position(names, path.positions[-1, ~good])
             verdicts |= zip(names, refusal.each(), strict=True)
@@ -246,7 +246,7 @@ class Follower:
                 self._drop(run, np.isin(run.joints, joints), TAKEN, quiet=True)
 
     def _drop(self, run: Run, columns: Bools, why: str, *, quiet: bool = False) -> None:
-        """Take joints out of a run, and say why."""
+        """Take joints out of a run, with the reason."""
         if not columns.any():
             return
         names = [self.board.names[j] for j in run.joints[columns]]
@@ -261,7 +261,7 @@ class Follower:
 
 
 def incomplete(board: Board, names: Sequence[str]) -> str:
-    """Why parts of a board do not take a trajectory for these joints only; empty where they do."""
+    """Why parts of a board refuse a trajectory for these joints only; empty where they accept."""
     for part in board.bring_up.groups.values():
         missing = [name for name in part.names if name not in names]
         if 0 < len(missing) < part.count and not part.config.allow_partial_joints_goal:

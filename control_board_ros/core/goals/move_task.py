@@ -50,10 +50,10 @@ class MoveTask:
         positions: targets, one per joint, rad or m.
         speeds: mean speeds, one per joint, rad/s or m/s; None: the reference speeds.
         time: s after which all of them arrive, in place of speeds (R5); None: each at its own.
-        note: what there is to say of it at the end.
+        note: a remark for the report at the end.
 
     Raises:
-        RequestError: the board does not take it; nothing has changed.
+        RequestError: the board refuses it; nothing has changed.
 
     Attributes: names (of the joints).
     """
@@ -97,7 +97,7 @@ class MoveTask:
             if target != joint.target:
                 taken = f"{joint.name} to {joint.kind.position(target)}"
                 wanted = joint.kind.position(joint.target)
-                return Outcome(False, f"another move took {taken} instead of {wanted}")
+                return Outcome(False, f"another move has {taken} instead of {wanted}")
         if all(board.check_motion_done(self.names)):
             return self._arrival()
         self._ended = None
@@ -178,7 +178,7 @@ class MoveTask:
         ]
 
     def _message(self, found: list[Standing]) -> str:
-        """What there is to say at the end: what was bounded at the start, and of each joint."""
+        """The remarks at the end: what was bounded at the start, and of each joint."""
         board, names = self._board, self.names
         texts = [self._note] if all(one is Standing.ARRIVED for one in found) else []
         texts += [

@@ -106,7 +106,7 @@ def start_parking(board: JointGroup, pose: Pose) -> PoseTask:
 def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:
     """How long the move to a pose lasts: T = max over joints of their own times (P1).
 
-    The slowest joint moves at the mean speed asked for, the others as slowly as they must.
+    The slowest joint moves at the mean speed requested, the others as slowly as they must.
 
     Raises:
         RequestError: the speed is none.

@@ -114,7 +114,7 @@ def check_start(group: JointGroup, selection: Selection, path: Path, start: floa
         text = f"its last point was due {late:.3g} s ago; send a later stamp, or 0 for now"
         raise GoalError(Code.OLD_HEADER_TIMESTAMP, text)
     good = group.state.accepts[CommandKind.POSITION_DIRECT, selection.joints]
-    if not good.all():  # the board counts them and says why
+    if not good.all():  # the board counts them and reports why
         others = [name for name, fine in zip(selection.names, good, strict=True) if not fine]
         refusal = group.set_position(others, path.positions[-1, ~good])
         raise GoalError(Code.INVALID_GOAL, refusal.message)

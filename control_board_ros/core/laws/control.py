@@ -45,13 +45,13 @@ UNLOADING = 0.5
 class Controller:
     """From references and measurements to the output of every motor.
 
-    The laws of a part's joints are stepped together: they know one arm, and settle as one.
+    The laws of a part's joints are stepped together: they share one arm, and settle as one.
 
     Attributes: joints (of ``laws.Joint``, in the board's order), caps (the largest current, A, and
     PWM, percent, that it asks for, shape (2, n)), terms (constants and friction of motors in place
     of the configured ones, rows of Term, shape (terms, n), NaN: as configured), efforts (of each
     joint, the
-    torque that the moves of its part take; None: it is not known).
+    torque that the moves of its part need; None: it is not known).
     """
 
     def __init__(self, config: BoardConfig, state: StateArrays) -> None:
@@ -72,7 +72,7 @@ class Controller:
             self.power_on(zone)
 
     def power_on(self, zone: Zone) -> None:
-        """The joints of a part begin anew, with the gains of their configuration (N1)."""
+        """Restart the joints of a part, with the gains of their configuration (N1)."""
         state, columns = self._state, zone.columns
         rows = (
             state.position,
@@ -108,8 +108,8 @@ class Controller:
             self._configure(j)
 
     def step(self) -> bool:
-        """One cycle of all laws; whether one has something to tell, as :meth:`Laws.step`."""
-        tells = [laws.step() for laws in self._laws.values()]  # of all, before any is asked
+        """One cycle of all laws; whether one has something to report, as :meth:`Laws.step`."""
+        tells = [laws.step() for laws in self._laws.values()]  # of all, before any is read
         return True in tells
 
     def reconfigure(self, config: BoardConfig) -> None:
@@ -140,7 +140,7 @@ class Controller:
         self._set_law(j, *self._armed[j])
 
     def set_caps(self, joints: Indices, currents: Array | None, outputs: Array | None) -> None:
-        """Ask for no more current (A) and PWM (percent) than so much, shapes (k,) (Y5)."""
+        """Bound the requested current (A) and PWM (percent), shapes (k,) (Y5)."""
         for row, values in enumerate((currents, outputs)):
             if values is not None:
                 self.caps[row, joints] = values
@@ -255,7 +255,7 @@ def usual_terms(own: JointConfig, link: Link | None = None) -> list[float]:
 def set_constants(
     joint: Joint, own: JointConfig, period: float, terms: Sequence[float] | None = None
 ) -> None:
-    """What the laws must know of a joint's configuration, and by Term of its motor."""
+    """The constants of the laws from a joint's configuration, and by Term of its motor."""
     limits, motor = own.limits, own.motor
     terms = terms or usual_terms(own)
     joint.period, joint.delay = period, own.drive_delay

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long moves must take so that no joint needs more torque than it has (SPEC P1).
+"""The duration of moves in which no joint needs more torque than it has (SPEC P1).
 
 Joints that move together load each other: what one accelerates, others must hold. The torque
 of the arm's motion grows with the square of its speed, so moves that are k times as long
@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from ..model.dynamics import Arm
 from .laws import Joint
 
-#: Part of a joint's torque that a planned motion may take; the rest is for its control.
+#: Part of a joint's torque that a planned motion may use; the rest is for its control.
 SHARE = 0.9
 #: Where a move is looked at, and how often it is stretched, by how much at least.
 SAMPLES, TRIES, LEAST_STRETCH = 14, 16, 1.02
@@ -25,7 +25,7 @@ Plan = tuple[float, float]
 
 
 class Effort:
-    """The torque that moves of one arm take.
+    """The torque that moves of one arm need.
 
     Args:
         arm: the dynamics of its joints.

@@ -854,7 +854,7 @@ class Joint:
 
     @cython.cfunc
     def take(self, load: cython.double) -> cython.void:
-        """Make the load what the law of the mode gives when nothing else is asked for."""
+        """Make the load what the law of the mode gives when nothing else is requested."""
         self.settling = self.awaited = False
         self.load_taken = load - self.lift - self.torque_offset
         self.torque_command = load - self.lift
@@ -1577,7 +1577,7 @@ class Laws:
             reference; output: a buffer of n doubles each.
         done: n bytes, 1 where no position move is under way.
         arm: the dynamics of these joints; None: each is taken by itself.
-        feeds_arm: Whether the arm is fed forward in all laws, else only where it is asked for.
+        feeds_arm: Whether the arm is fed forward in all laws, else only where it is requested.
         handed: the set-points' rows but PWM, in the order of set_points.Value; None: all joints
             have drives that take PWM.
     """

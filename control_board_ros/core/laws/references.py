@@ -31,8 +31,8 @@ Planner = Callable[[float], list[Plan]]
 class Moves(NamedTuple):
     """Position moves that start together.
 
-    Attributes: factors (how much longer each takes than its joint by itself would, for the torques
-    that they take; of one part the same), plans (durations of each and of its braking, s).
+    Attributes: factors (of each duration to that of its joint by itself, for the torques
+    that they need; of one part the same), plans (durations of each and of its braking, s).
     """
 
     factors: list[float]
@@ -52,7 +52,7 @@ class References:
         limits: of the same joints.
         state: of the board; its rows of references are written.
         joints: whose laws follow the references.
-        efforts: of each joint, the torque that moves of its part take; None: it is not known.
+        efforts: of each joint, the torque that moves of its part need; None: it is not known.
 
     Attributes: last (shape (kinds, n): the last accepted of each kind, M11), speed and
     acceleration (set by the user, rad/s and rad/s², shape (n,)).
@@ -96,7 +96,7 @@ class References:
             self.bound(joints)
 
     def bound(self, joints: Sequence[int]) -> None:
-        """Bound position references by the limits, from where they stand (P9)."""
+        """Bound position references by the limits, from their present values (P9)."""
         for j in joints:
             joint = self._joints[j]
             joint.lower = min(joint.limit_lower, joint.reference)

@@ -5,7 +5,7 @@ A move is the quintic that leaves a position with a velocity (and no acceleratio
 rest after a duration T. From rest it is q(s) = q0 + Δ(10s³ − 15s⁴ + 6s⁵), s = t/T, with the peak
 speed 1.875 |Δ|/T and the peak acceleration 5.774 |Δ|/T². A velocity that leads away from the
 target, or that is too high to end there, is no part of it: it is braked to zero by a second
-polynomial, v0(1 − 3u² + 2u³), u = t/T_b, and the quintic makes up for the way that this takes.
+polynomial, v0(1 − 3u² + 2u³), u = t/T_b, and the quintic makes up for the way of this one.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def duration(distance: float, speed: float, max_velocity: float, max_acceleratio
 
     Args:
         distance: Δ, target minus start, rad.
-        speed: v, the mean speed asked for, rad/s, positive.
+        speed: v, the mean speed requested, rad/s, positive.
         max_velocity: limit of the peak speed, rad/s.
         max_acceleration: limit of the peak acceleration, rad/s².
     """
@@ -67,7 +67,7 @@ def durations(
 
     Args:
         distance: Δ, target minus start, rad.
-        speed: v, the mean speed asked for, rad/s, positive.
+        speed: v, the mean speed requested, rad/s, positive.
         velocity: v0, reference velocity at the start, rad/s.
         max_velocity: limit of the peak speed, rad/s.
         max_acceleration: limit of the peak acceleration, rad/s².

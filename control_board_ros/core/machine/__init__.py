@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The mode machine: what may follow what, and who asked for it."""
+"""The mode machine: which mode may follow which, and on whose request."""

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The brakes of joints (SPEC Y4): open before power acts, closed before power goes.
 
-    law asked for:   |<-- release_time -->|            OFF asked for:   |<-- engage_time -->|
+    law requested:   |<-- release_time -->|            OFF requested:   |<-- engage_time -->|
     brake            opens                open         brake            closes              closed
     power            none                 the law      power            holds               none
 
-A fault, and a power cycle, take the power at once, whatever the brake does. The law is the mode's:
-what users ask of the joint meanwhile acts when the power does. Where the plant tells by a switch
+A fault, and a power cycle, remove power at once, whatever the brake does. The law is the mode's:
+requests of users act when the power does. Where the plant reports by a switch
 that a brake is still closed, the power waits for it, and a brake that does not open is a fault.
 """
 
@@ -43,7 +43,7 @@ LOOK = 0.05
 
 
 class Wanted(NamedTuple):
-    """A law that waits for the brake: it, and how :meth:`Machine.set_law` was asked for it."""
+    """A law that waits for the brake, with the arguments of :meth:`Machine.set_law`."""
 
     law: Law
     direct: bool = False
@@ -118,7 +118,7 @@ class Brakes:
     # --- what the machine asks ------------------------------------------------------------------
 
     def power_on(self, joints: Sequence[int]) -> None:
-        """Joints begin anew: their brakes close, and work automatically (N1)."""
+        """Restart joints: their brakes close, and work automatically (N1)."""
         for j in joints:
             if (brake := self._brakes[j]) is not None:
                 brake.mode, brake.wanted, brake.stuck = BrakeMode.AUTOMATIC, None, False

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The references of users: fire and forget, joint by joint (SPEC M3, M4, M11, P).
 
-One row of COMMANDS per kind says all that differs between the kinds. What the mode of a joint
-does not take, and what is not a finite number, is ignored and counted; the other joints of the
+One row of COMMANDS per kind holds all that differs between the kinds. What the mode of a joint
+does not accept, and what is not a finite number, is ignored and counted; the other joints of the
 same command are served.
 """
 
@@ -31,7 +31,7 @@ from .machine import Machine
 from .requests import LEFT
 
 K = CommandKind
-#: What will be done instead of what was asked for, by joint.
+#: What will be done instead of what was requested, by joint.
 Notes = dict[int, str]
 Start = Callable[[References, Indices, Floats, Any], Any]
 
@@ -149,9 +149,9 @@ class Commands:
             selection: the joints.
             asked: the references, shape (k,).
             along: likewise; None: as set.
-            together: whether all joints take their references or none does.
+            together: whether all joints accept their references or none does.
             time: s after which position moves arrive, all at once (R5), no less than
-                ``get_move_time`` says; None: each at its own.
+                ``get_move_time`` returns; None: each at its own.
         """
         extra = self._standing(kind, selection) if along is None else along
         chosen = selection.joints
@@ -176,7 +176,7 @@ class Commands:
         return told(selection, answers, started, notes)
 
     def get_move_time(self, chosen: Indices, positions: Floats, speeds: Floats) -> Floats:
-        """How long position moves would take from now on (P1), s, shape (k,)."""
+        """The duration of position moves that start now (P1), s, shape (k,)."""
         taken = self._taken(chosen, positions)
         return np.array(self._references.plan_moves(chosen, taken, speeds).times)
 
@@ -208,7 +208,7 @@ class Commands:
         """Start references within the limits.
 
         Returns:
-            Those in force, and what is done instead of what was asked for.
+            Those in force, and what is done instead of what was requested.
         """
         row, references = COMMANDS[kind], self._references
         taken = np.minimum(np.maximum(asked, self._low[kind][chosen]), self._high[kind][chosen])
@@ -243,7 +243,7 @@ class Commands:
         }
 
     def _slower(self, chosen: Indices, ways: Floats, speeds: Floats, moves: Moves) -> Notes:
-        """Where limits make a move slower than asked for (P1)."""
+        """Where limits make a move slower than requested (P1)."""
         notes = {}
         joints = self._machine.config.joints
         for j, way, speed, time, factor in zip(

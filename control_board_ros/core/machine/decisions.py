@@ -113,7 +113,7 @@ class Verdict(NamedTuple):
 
     @property
     def accepts(self) -> bool:
-        """Whether the joint does what was asked for."""
+        """Whether the joint does what was requested."""
         return self.answer is Answer.ACCEPTED
 
 
@@ -133,7 +133,7 @@ def decide(facts: Facts, wanted: Wanted) -> Verdict:
 
     Args:
         facts: Of one joint.
-        wanted: A control mode that can be asked for (a key of REQUESTS), an interaction mode, or
+        wanted: A control mode that can be requested (a key of REQUESTS), an interaction mode, or
             Event.CALIBRATE.
     """
     if isinstance(wanted, InteractionMode):

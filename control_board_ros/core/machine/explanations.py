@@ -18,7 +18,7 @@ from .decisions import Facts, Wanted
 ACTIVATE = "activate it first (transition activate of its lifecycle)"
 
 
-UNTIL_CALIBRATED = "until it is, it takes idl, fidl and a calibration"
+UNTIL_CALIBRATED = "until it is, it accepts idl, fidl and a calibration"
 
 
 def waits_for(facts: Facts) -> str:
@@ -68,7 +68,7 @@ STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {
     **dict.fromkeys(CALIBRATES, lambda _: "abort it with FORCE_IDLE, or wait until it is done"),
     **dict.fromkeys(UNCONFIGURED, waits_for),
 }
-STOP_OTHERWISE = "idl takes its power"
+STOP_OTHERWISE = "idl disables it"
 
 
 def explain(reason: Reason, facts: Facts, wanted: Wanted) -> str:
@@ -136,7 +136,7 @@ def explain_feedforward(reason: Reason, facts: Facts, values: tuple[float, ...])
 def explain_bound(joint: JointConfig, kind: CommandKind, asked: float, taken: float) -> str:
     """Effect of a limit on a reference (P1, P9, P14)."""
     shown = quantity(kind, taken, joint.kind), quantity(kind, asked, joint.kind)
-    return f"{joint.name}: {kind} bounded to {shown[0]} ({shown[1]} was asked for)"
+    return f"{joint.name}: {kind} bounded to {shown[0]} ({shown[1]} was requested)"
 
 
 def explain_limit(joint: JointConfig, position: float) -> str:
@@ -159,11 +159,11 @@ def explain_strain(joint: JointConfig) -> str:
     )
 
 
-#: Moves shorter than this are slower than asked for without a word: rad, m where a joint slides.
+#: Moves shorter than this are slower than requested without a remark: rad, m of a slider.
 WORTH_A_WORD, SLIDE_WORTH_A_WORD = 5e-4, 5e-5
 
 
-#: What makes a move slower than asked for.
+#: What makes a move slower than requested.
 ALONE = "its limits of speed and acceleration"
 TOGETHER = "the torque limits of the joints that move together"
 
@@ -176,16 +176,16 @@ def explain_slower(
     Args:
         joint: that moves.
         way: rad.
-        speed: asked for, rad/s.
+        speed: requested, rad/s.
         time: of the move, s.
-        factor: how much of it is for the torque that the joints take together.
+        factor: how much of it is for the torque that the joints need together.
     """
     least = joint.kind.choose(WORTH_A_WORD, SLIDE_WORTH_A_WORD)
     if way >= 0.99 * speed * time or way <= least:
         return ""
     mean, asked = joint.kind.velocity(way / time), joint.kind.velocity(speed)
     return (
-        f"{joint.name}: takes {time:.3g} s, at a mean speed of {mean} ({asked} was asked for), "
+        f"{joint.name}: takes {time:.3g} s, at a mean speed of {mean} ({asked} was requested), "
         f"by {TOGETHER if factor > 1.0 else ALONE}"
     )
 
@@ -226,7 +226,7 @@ def wrong_mode(reason: Reason, facts: Facts, kind: CommandKind) -> str:
     if reason in WITHHELD_TEXTS:
         return WITHHELD_TEXTS[reason](facts)
     codes = [m.code for m in modes_accepting(kind) if m in facts.joint.control_modes]
-    taken = f"it is taken in {', '.join(codes)}" if codes else "the joint has no mode for it"
+    taken = f"it is accepted in {', '.join(codes)}" if codes else "the joint has no mode for it"
     return f"mode is {facts.mode.name}; {taken}"
 
 

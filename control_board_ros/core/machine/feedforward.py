@@ -23,7 +23,7 @@ class Feedforward:
     """Checks feed-forward terms joint by joint, sets what is good, counts the rest.
 
     Args:
-        machine: whose laws take them.
+        machine: whose laws receive them.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -37,7 +37,7 @@ class Feedforward:
         Args:
             selection: the joints.
             terms: of :func:`terms_of`.
-            together: whether all joints take them or none does.
+            together: whether all joints accept them or none does.
         """
         machine = self._machine
         parts = [

@@ -84,7 +84,7 @@ class Machine:
         self._on_limit, self._strained = [False] * state.n, [False] * state.n
 
     def power_on(self, joints: Sequence[int]) -> None:
-        """Joints begin anew, NOT_CONFIGURED and without power (N1)."""
+        """Restart joints, NOT_CONFIGURED and without power (N1)."""
         self.calibrations.forget(joints)
         self.brakes.power_on(joints)
         for j in joints:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motor encoders, amplifiers and control loops of joints, as YARP tells of them (SPEC Y5)."""
+"""Motor encoders, amplifiers and control loops of joints, under YARP's names (SPEC Y5)."""
 
 from __future__ import annotations
 
@@ -159,7 +159,7 @@ class MotorAccess:
         return decided(chosen.names, answers)
 
     def set_motor_encoders(self, chosen: Selection, positions: Floats) -> Reply:
-        """Let the encoders of motors read so much where they are, rad."""
+        """Set the readings of motor encoders, rad."""
         state, answers = self._machine.state, []
         for name, j, position in zip(
             chosen.names, chosen.numbers, positions.tolist(), strict=True

@@ -34,7 +34,7 @@ class Requests:
     """Decides requests from the facts of each joint, and lets the machine carry them out.
 
     Args:
-        machine: whose joints are asked.
+        machine: of the joints.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -49,12 +49,12 @@ class Requests:
     ) -> Reply:
         """Decide a request joint by joint, then carry it out and answer (M7).
 
-        A joint that does not implement what is asked of it is in HW_FAULT all the same where the
+        A joint that does not implement its request is in HW_FAULT all the same where the
         others stay as they are (M5, I7).
 
         Args:
             selection: The joints, shape (k,).
-            wanted: What is asked of each, one thing or several in order: a key of REQUESTS, an
+            wanted: The request of each, one or several in order: a key of REQUESTS, an
                 interaction mode, or Event.CALIBRATE.
             together: Whether nothing changes where one joint cannot do all of it.
         """
@@ -126,7 +126,7 @@ class Requests:
                 entering.setdefault(effect, []).append(j)
             elif effect is Event.UNSUPPORTED:
                 assert not isinstance(what, Event)
-                text = f"{what.code} ({what.name}) was asked for"
+                text = f"{what.code} ({what.name}) was requested"
                 self._machine.raise_fault(j, FaultCode.UNSUPPORTED, text)
             elif effect is Event.CALIBRATE:
                 self._machine.calibrations.start(j)

@@ -24,7 +24,7 @@ class StartUp:
         self.due: set[int] = set()
 
     def power_on(self, joints: Sequence[int], *, autoconfigure: bool) -> None:
-        """Joints begin anew; without ``autoconfigure`` they wait for :meth:`begin`."""
+        """Restart joints; without ``autoconfigure`` they wait for :meth:`begin`."""
         for j in joints:
             self._power_on_cycles[j] = self._state.cycle
             self.due.discard(j)

@@ -39,7 +39,7 @@ class Stops:
         return decided(selection.names, answers)
 
     def _hold(self, chosen: Sequence[int]) -> None:
-        """Hold joints where they are; where the law is the impedance, take the load over (I10)."""
+        """Hold joints where they are; where the law is the impedance, keep the load (I10)."""
         machine, state = self._machine, self._state
         laws = [machine.controller.joints[j] for j in chosen]
         places = [float(state.position[j]) for j in chosen]

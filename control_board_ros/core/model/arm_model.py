@@ -9,7 +9,7 @@ import numpy as np
 
 from .dynamics import Arm, Body
 
-#: Where the six numbers of a tensor stand in it.
+#: The places of the six numbers of a tensor in it.
 ROWS, COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 
 

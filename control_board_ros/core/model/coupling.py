@@ -58,7 +58,7 @@ class Coupling:
         functions: of the physical joints, None where there is none; empty: none at all.
 
     Raises:
-        ValueError: sizes that do not fit, or a singular matrix; the message says which, in a line.
+        ValueError: sizes that do not fit, or a singular matrix; a one-line message.
     """
 
     axes: tuple[str, ...]
@@ -301,7 +301,7 @@ class MotorMix:
         self._switched = b""
 
     def drive(self, output: Array, velocity: Array, powered: Array, most: Array) -> None:
-        """Turn the outputs of axes (percent) into those of motors, at most so much of each.
+        """Turn the outputs of axes (percent) into those of motors, each within its limit.
 
         An axis without power asks for no torque; its motors run along for the others. Where a
         motor gives less than was asked, ``output`` becomes what acts on the axes.

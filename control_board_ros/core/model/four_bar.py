@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planar four-bar linkage, as in a finger whose first joint turns the next one.
 
-The ground link lies between two pivots; the crank a turns about the first by θ, the rocker c
+The ground link joins two pivots; the crank a turns about the first by θ, the rocker c
 about the second by ψ, and the coupler b joins their ends. With e the distance from the crank's end
 to the second pivot, in the direction δ::
 

@@ -24,7 +24,7 @@ class SetPoint(IntEnum):
         return self.name.lower()
 
 
-#: What a drive can take.
+#: What a drive can accept.
 KINDS = tuple(kind for kind in SetPoint if kind is not SetPoint.OFF)
 
 

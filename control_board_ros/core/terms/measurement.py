@@ -65,9 +65,9 @@ MOTOR_ROWS = len(Motor)
 class Measurement:
     """One reading of the whole plant: time (s) and values, shape (ROWS, n), see Row.
 
-    The plant may reuse the array from one reading to the next. ``reasons`` says in words why a
+    The plant may reuse the array from one reading to the next. ``reasons`` has in words why a
     joint (by its number) has an ALARM, where the plant has more than the fault code. ``brakes``
-    are the brakes as their switches tell, 1.0 where closed, NaN where there is no switch, shape
+    are the brakes by their switches, 1.0 where closed, NaN where there is no switch, shape
     (n,); None: there is none. ``applied`` is the PWM that acted since the last reading, percent,
     shape (n,), where measured. ``motors`` has the rows of Motor, shape (MOTOR_ROWS, n),
     NaN where there is no sensor.
@@ -94,7 +94,7 @@ class Intake:
         self._time = 0.0
 
     def take(self, found: Measurement) -> Measurement:
-        """The reading, or one that says why there is none and leaves the last one in force."""
+        """The reading; without one the last one, with the reason."""
         values, time = found.values, found.time
         if (
             type(values) is np.ndarray
@@ -169,7 +169,7 @@ NO_SIMULATION = (
 
 @runtime_checkable
 class Simulation(Plant, Protocol):
-    """A plant whose time can stand still and begin anew, and that can be disturbed (B4)."""
+    """A plant whose time can be paused and reset, and that can be disturbed (B4)."""
 
     def push(self, joint: int | str, torque: float) -> None:
         """Push a joint from outside with a torque, N·m, until it is set to 0."""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The mode machine as data: all of SPEC M, F, K, N in three tables and one look-up.
 
-TRANSITIONS says what may follow what: an absent pair means "refused". ACCEPTS says which
-references a mode accepts. LAWS says which control law of source Fig. 2 runs. Nothing else in
+TRANSITIONS has what may follow what: an absent pair means "refused". ACCEPTS has which
+references a mode accepts, LAWS which control law of source Fig. 2 runs. Nothing else in
 the product decides on a mode by its name.
 """
 
@@ -23,7 +23,7 @@ class Event(Enum):
     """What happens to a joint besides the request of a selectable mode."""
 
     FORCE_IDLE = auto()  # the command of source Table 5
-    UNSUPPORTED = auto()  # a mode asked for that the joint does not implement (M5, I7)
+    UNSUPPORTED = auto()  # a mode requested that the joint does not implement (M5, I7)
     FAULT = auto()  # raised by a check of the hardware (F1), a timeout (P12), a calibrator (K4)
     CONFIGURED = auto()  # the whole configuration is in (N2)
     CALIBRATE = auto()  # the calibration command (K1)
@@ -57,7 +57,7 @@ class Law(IntEnum):
     IMPEDANCE = 2  # impedance, tracked by the torque PID (second row)
     TORQUE = 3  # torque PID
     OUTPUT = 4  # the given output
-    CALIBRATOR = 5  # POSITION or OUTPUT, as the calibrator says from cycle to cycle
+    CALIBRATOR = 5  # POSITION or OUTPUT, chosen by the calibrator in each cycle
     CURRENT = 6  # the given motor current, by an inner loop (Y2)
 
 
@@ -135,7 +135,7 @@ LAWS: dict[ControlMode, dict[InteractionMode, Law]] = {
     M.CALIBRATING: dict.fromkeys(InteractionMode, Law.CALIBRATOR),  # K1, I8
 }
 
-#: How each law reaches a drive (S1): by the first set-point of its row that the drive takes.
+#: How each law reaches a drive (S1): by the first set-point of its row that the drive accepts.
 SET_POINTS: dict[Law, tuple[SetPoint, ...]] = {
     Law.OFF: (S.OFF,),
     Law.POSITION: (S.POSITION, S.IMPEDANCE, S.VELOCITY, S.TORQUE, S.CURRENT, S.PWM),
@@ -171,10 +171,10 @@ DIRECT_GAINS = frozenset({STEPS})
 #: Laws in which the protection at the limits watches the output (P9).
 GUARDED = frozenset({Law.IMPEDANCE, Law.TORQUE, Law.OUTPUT, Law.CURRENT})
 
-#: What a joint that requires a calibration and has none may be asked for (K7).
+#: What a joint that requires a calibration and has none may be requested (K7).
 UNCALIBRATED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 
-#: Where a joint starts that may have no power, and what it may be asked for then.
+#: Where a joint starts that may have no power, and what it may be requested then.
 UNPOWERED = M.IDLE
 UNPOWERED_MODES = frozenset({M.IDLE, M.FORCE_IDLE})
 
@@ -197,7 +197,7 @@ POWER_OFF: dict[ControlMode, ControlMode] = {
     **dict.fromkeys(CALIBRATES, M.FORCE_IDLE),
 }
 
-#: Modes in which an interaction mode can be asked for and is stored (I1, I2).
+#: Modes in which an interaction mode can be requested and is stored (I1, I2).
 STORES_INTERACTION = frozenset({*SELECTABLE, M.HW_FAULT})
 
 #: Modes in which a stop does something, and those that are at rest by themselves (P3).
@@ -214,7 +214,7 @@ def law_of(mode: ControlMode, interaction: InteractionMode) -> Law:
 
 
 def set_point_of(law: Law, takes: Collection[SetPoint]) -> SetPoint | None:
-    """The set-point by which a law reaches a drive that takes these; None: it does not (S1)."""
+    """The set-point by which a law reaches a drive that accepts these; None: it does not (S1)."""
     row = SET_POINTS[law]
     return next((one for one in row if one in takes or one is S.OFF), None)
 
@@ -222,7 +222,7 @@ def set_point_of(law: Law, takes: Collection[SetPoint]) -> SetPoint | None:
 def reachable(
     mode: ControlMode, interaction: InteractionMode, takes: Collection[SetPoint]
 ) -> bool:
-    """Whether a drive that takes these set-points can be driven in a mode (S1, B2)."""
+    """Whether a drive that accepts these set-points can be driven in a mode (S1, B2)."""
     return set_point_of(law_of(mode, interaction), takes) is not None
 
 
@@ -232,5 +232,5 @@ def next_mode(mode: ControlMode, trigger: Trigger) -> ControlMode | Choice | Non
 
 
 def modes_accepting(kind: CommandKind) -> tuple[ControlMode, ...]:
-    """The modes that take a kind of reference, for messages."""
+    """The modes that accept a kind of reference, for messages."""
     return tuple(mode for mode in STATES if kind in ACCEPTS.get(mode, ()))

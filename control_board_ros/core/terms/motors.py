@@ -56,7 +56,7 @@ class Motors:
         velocities: rad/s.
         accelerations: rad/s².
         currents: measured, A.
-        nominal_currents: that can flow for ever, A.
+        nominal_currents: continuous currents, A.
         peak_currents: beyond which it is an overcurrent, A.
         max_currents: the largest that the board asks for now, A.
         outputs: PWM, percent.
@@ -98,7 +98,7 @@ class Motors:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MotorTorqueParameters:
-    """What the laws take motors for, by YARP's names: one for all joints, or shape (k,).
+    """The motor constants of the laws, by YARP's names: one for all joints, or shape (k,).
 
     Attributes:
         ktau: torque constants of the motors, N·m/A.

@@ -16,14 +16,14 @@ class Answer(StrEnum):
     """What became of one joint's part of a request."""
 
     ACCEPTED = "accepted"
-    IGNORED = "ignored"  # a command that the mode does not take, or a bad value (M4, P13)
+    IGNORED = "ignored"  # a command that the mode does not accept, or a bad value (M4, P13)
     REFUSED = "refused"  # nothing changed (F2, K2, M6, M7, N4)
     UNSUPPORTED = "unsupported"  # not implemented by the joint, now in HW_FAULT (M5, I7)
     SENT = "sent"  # on its way by topic, which has no answer
 
 
 class Reason(StrEnum):
-    """Why a joint does not do what was asked for: words that programs can rely on."""
+    """Why a joint does not do what was requested: words that programs can rely on."""
 
     NONE = ""
     IN_FAULT = "in_fault"
@@ -61,7 +61,7 @@ class Reply:
     reasons (one text per joint, empty where it accepted; or none at all), codes (likewise, a
     Reason), values (the references in force, as bounded, NaN where there is none; empty where no
     reference was answered), modes (those after a request for modes), waits (s until the cause of a
-    fault can be gone, 0 where none is known; empty where no recovery was asked for).
+    fault can be gone, 0 where none is known; empty where no recovery was requested).
     """
 
     joints: tuple[str, ...]
@@ -128,7 +128,7 @@ def refused(message: str, joints: tuple[str, ...] = (), code: Reason = Reason.IN
 def decided(joints: tuple[str, ...], answers: Sequence[JointAnswer]) -> Reply:
     """One answer per joint; the message has the first reasons and counts the rest.
 
-    What was accepted may have a text, too: what will be done instead of what was asked for.
+    What was accepted may have a text, too: what will be done instead of what was requested.
     """
     given, texts, codes = zip(*answers, strict=True) if answers else ((), (), ())
     if not any(texts):

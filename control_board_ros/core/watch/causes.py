@@ -122,7 +122,7 @@ def alarm_cause(value: float) -> Cause:
     code = FaultCode(alarm) if alarm in set(FaultCode) else FaultCode.EXTERNAL
     texts = {
         FaultCode.EXTERNAL: "the external fault line is active (emergency stop)",
-        FaultCode.EMERGENCY_STOP: "asked for",
+        FaultCode.EMERGENCY_STOP: "requested",
         FaultCode.DIVERGED: "the simulation diverged; its last good state is back",
     }
     return Cause(code, texts.get(code, "raised by the hardware"))

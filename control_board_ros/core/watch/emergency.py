@@ -8,8 +8,8 @@ an ALARM of its readings.
 from __future__ import annotations
 
 #: What asks for a stop, a program or the silence of the heartbeat: why, and the way out.
-ASKED = ("asked for", "release it")
-SILENCE = ("no heartbeat for {:g} s", "it must be heard again")
+ASKED = ("requested", "release it")
+SILENCE = ("no heartbeat for {:g} s", "it must come again")
 
 
 class EmergencyStop:
@@ -37,7 +37,7 @@ class EmergencyStop:
         return why.format(self.timeout), way_out
 
     def ask(self, stop: bool) -> None:
-        """Ask for it, or release what was asked for."""
+        """Request it, or release the request."""
         self._note(ASKED, stop)
 
     def beat(self, time: float) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint torques that come from elsewhere: computed, or measured by somebody else (SPEC Y5).
+"""Joint torques from outside the board: computed, or measured by another program (SPEC Y5).
 
 A joint whose torques do not come has no torque sensor (I7) until they come again.
 """
@@ -26,7 +26,7 @@ class ExternalTorques:
 
     Args:
         config: of the board.
-        state: whose modes say what needs a torque.
+        state: whose modes determine what needs a torque.
 
     Attributes: joints (numbers of those that receive one), known (which joints have a torque now,
     sensed or received, shape (n,)).

@@ -49,7 +49,7 @@ class FaultMonitor:
     Attributes: joints (of JointMonitor), monitor, travelled (by each motor since power-on as its
     own equation gives while its bridge is on, shape (n,), rad; grows every SLOW cycles), used
     (part of the I²t budget, shape (n,); a fault above 1), reasons (of alarms, by joint, where the
-    plant says more than its code).
+    plant has more than its code).
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class FaultMonitor:
         self.power_on(range(state.n))
 
     def power_on(self, joints: Sequence[int]) -> None:
-        """Joints are watched anew (N1)."""
+        """Restart the monitors of joints (N1)."""
         for j in joints:
             self.joints[j] = JointMonitor()
             self.joints[j].set(UNLIMITED)
@@ -120,7 +120,7 @@ class FaultMonitor:
             self.joints[j].max_overrun = math.inf
 
     def power(self, joints: Sequence[int], powered: Array) -> None:
-        """Say which bridges are on: only then does a motor tell its speed.
+        """Set which bridges are on: only then does a motor show its speed.
 
         Until the next reading, the motors still run with what they were given before.
 
@@ -152,7 +152,7 @@ class FaultMonitor:
         """Watch one reading; false when any joint has a cause to be in HW_FAULT.
 
         Args:
-            values: the measurement as read, no offset taken off, shape (ROWS, n); the state has
+            values: the measurement as read, without offsets, shape (ROWS, n); the state has
                 it in its block already, and the last output still in force.
         """
         self._values[:] = values

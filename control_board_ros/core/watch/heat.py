@@ -26,7 +26,7 @@ HOT = 10.0
 
 
 def heat_constants(limits: Limits) -> dict[str, float]:
-    """What the monitor must know of a joint's limits; attributes of JointMonitor."""
+    """The limits of a joint for its monitor; attributes of JointMonitor."""
     nominal = limits.nominal_current**2
     return {
         "nominal_squared": nominal,
@@ -40,11 +40,11 @@ def warnings(monitor: JointMonitor) -> dict[str, str]:
     """What to warn of, as the last look found it: keys and texts."""
     found = {}
     if monitor.strained:
-        found["I2t"] = f"at {100.0 * monitor.used:.0f} % of its I2t limit; take load away"
+        found["I2t"] = f"at {100.0 * monitor.used:.0f} % of its I2t limit; reduce its load"
     if monitor.hot:
         found["temperature"] = (
             f"winding at {monitor.temperature:.0f} °C, its limit is "
-            f"{monitor.warn_temperature + HOT:.0f} °C; take load away"
+            f"{monitor.warn_temperature + HOT:.0f} °C; reduce its load"
         )
     return found
 

@@ -55,7 +55,7 @@ def refusal(asked: str, error: OSError, limit: str, value: int) -> str:
 
 
 def user() -> str:
-    """Who runs this, as limits.conf names people; ``*``, everybody, where that is not known."""
+    """Who runs this, as limits.conf names people; ``*``, all, where that is not known."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):

@@ -56,7 +56,7 @@ class StampedFaults:
 class Snapshots:
     """The newest snapshots of a board.
 
-    The ``note`` methods are for callers holding the loop's lock; all else is for everybody.
+    The ``note`` methods are for callers holding the loop's lock; all else is for any caller.
 
     Attributes: latest, modes, faults; states and mode_changes (not yet consumed, oldest
     first; the newest are ``latest`` and ``modes``); events (of the board, oldest first); on_change

@@ -3,7 +3,7 @@
 
 A slow network delays a message, not a control cycle. Where no cycle is due at any time, as with
 ``real_time_factor`` 0, the control thread publishes itself: every state goes out, and the
-simulation waits for the network instead of losing states to it, and the two threads do not take
+simulation waits for the network instead of losing states to it, and the two threads do not use
 the interpreter from each other a hundred times a simulated second.
 """
 

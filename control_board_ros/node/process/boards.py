@@ -46,7 +46,7 @@ class Boards:
     Args:
         start: settings and what rclpy needs of the command line.
         plant: what the board drives; closed at the end.
-        on_end: called when the control loop ends by itself; ``loop.failure`` says why.
+        on_end: called when the control loop ends by itself; ``loop.failure`` is the reason.
         context: of rclpy; None for the default one.
 
     Attributes: settings, loop, main (the node of the whole board or robot), parts (those of its

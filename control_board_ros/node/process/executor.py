@@ -22,7 +22,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.subscription import Subscription
 from rclpy.waitable import NumberOfEntities
 
-#: Messages taken from one subscription before the others and the services have their turn.
+#: Messages read from one subscription before the others and the services have their turn.
 BATCH = 10
 
 
@@ -189,7 +189,7 @@ class KeptWaitSetExecutor(SingleThreadedExecutor):
             self._send(service, header, response)
 
     def _send(self, service: Any, header: Any, response: Any) -> None:
-        """Answer a request; where the response has what no message can, say that instead."""
+        """Answer a request; where the response has what no message can, answer with that error."""
         try:
             service.send_response(response, header)
         except InvalidHandle:

@@ -30,7 +30,7 @@ OnError = Callable[[Exception, str], None]
 
 
 def make_node(name: str, values: Mapping[str, Any], **arguments: Any) -> Node:
-    """A node, managed or not, as the parameters say; arguments as of rclpy's."""
+    """A node, managed or not, by the parameters; arguments as of rclpy's."""
     return LifecycleNode(name, **arguments) if values["lifecycle"] else Node(name, **arguments)
 
 
@@ -83,7 +83,7 @@ class ManagedBoard(ManagedEntity):
         return self._go(Stage.UNCONFIGURED, "unconfigured: back to power-on")
 
     def on_shutdown(self, _before: Any) -> TransitionCallbackReturn:
-        return self._go(Stage.UNCONFIGURED, "finalized: no power until the node is started anew")
+        return self._go(Stage.UNCONFIGURED, "finalized: no power until the node is restarted")
 
     def on_error(self, _before: Any) -> TransitionCallbackReturn:
         return self._go(Stage.UNCONFIGURED, "a transition failed; unconfigured, no power")

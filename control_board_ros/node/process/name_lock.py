@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """One node of a name per host: a lock that dies with the process.
 
-Two nodes of one name both execute every request, and rclpy says nothing.
+Two nodes of one name both execute every request, and rclpy does not report it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What /diagnostics says, after REP-107: one status for the loop, one per joint; of a robot of
+"""The messages of /diagnostics, after REP-107: a status of the loop, one per joint; of a robot of
 several parts one per part.
 """
 
@@ -149,7 +149,7 @@ class Diagnostics:
             text = f"{modes[0].name}; {rejected[1]} commands rejected in the last second"
         elif overload > STRAINED or temperature[0] > temperature[1] - HOT:
             level = DiagnosticStatus.WARN
-            text = f"{modes[0].name}; near a fault by heat: take load away"
+            text = f"{modes[0].name}; near a fault by heat: reduce its load"
         values = {
             "control mode": modes[0].code,
             "interaction mode": modes[1].code,

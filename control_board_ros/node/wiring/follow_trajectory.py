@@ -85,7 +85,7 @@ class FollowTrajectory:
             end = End(error.code, error.text)
         except RequestError as error:
             end = End(Code.INVALID_GOAL, str(error))
-        except Exception as error:  # noqa: BLE001 - or the default result would say SUCCESSFUL
+        except Exception as error:  # noqa: BLE001 - or the default result would be SUCCESSFUL
             self._on_error(error, FOLLOW_JOINT_TRAJECTORY.short)
             end = End(Code.INVALID_GOAL, "internal error; see the board's log")
         else:

@@ -35,7 +35,7 @@ def bounded(texts: Sequence[str], count: int) -> tuple[str, ...]:
     """The joints that a request names, or its modes: of ``count`` joints, one more at most.
 
     More names than joints cannot be right: one is unknown or there twice. One too many is
-    enough for the board to say so, so that a list of megabytes costs no more than that.
+    enough for the board's report, so that a list of megabytes costs no more than that.
     """
     return tuple(texts[: count + 1])
 

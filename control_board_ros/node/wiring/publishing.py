@@ -139,7 +139,7 @@ class StatePublisher:
     def publish(self) -> None:
         """Publish every snapshot that is new; without subscribers a state has no cost.
 
-        States go first: a message of faults takes longer to make than a control cycle.
+        States go first: a message of faults needs more than a control cycle.
         """
         snapshots = self._snapshots
         while snapshots.states:

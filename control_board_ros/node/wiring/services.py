@@ -38,7 +38,7 @@ class Services:
     """The callbacks of the services.
 
     Args:
-        member: whose board is asked.
+        member: of the board.
         injection: whether faults may be injected into a simulation.
         later: runs a function in the executor's thread; safe to call from any thread.
         stop: stops the motion of joints, trajectories as well; called with the lock held.
@@ -346,13 +346,13 @@ def filled(response: Any, arrays: Any) -> Any:
 
 
 def succeeded(response: Any) -> Any:
-    """A response that has nothing to say."""
+    """A response without contents."""
     response.success = True
     return response
 
 
 async def answered_later(response: Any, future: Awaitable[str]) -> Any:
-    """A response that waits; the future's text is empty, or says what went wrong."""
+    """A response that waits; the future's text is empty, or the error."""
     response.message = await future
     response.success = not response.message
     return response

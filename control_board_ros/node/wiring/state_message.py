@@ -58,7 +58,7 @@ class StateMessage:
         self._find_layout(count)
 
     def _find_layout(self, count: int) -> None:
-        """Cut the message; anew where padding, which may hold anything, looked like numbers."""
+        """Cut the message; again where padding, of any value, looked like numbers."""
         for _ in range(ATTEMPTS):
             self.fallback = ""
             try:

@@ -68,7 +68,7 @@ class TrajectoryTopic:
         self._member, self._follower, self._warn = member, follower, warn
 
     def on_message(self, message: Any) -> None:
-        """A trajectory; header.stamp says when it begins, 0 means now; without points: an end."""
+        """A trajectory; header.stamp is its start, 0 means now; without points: an end."""
         with self._member.exclusive() as board:
             reply = self._take(board, message)
         if reply is not None and reply.message:

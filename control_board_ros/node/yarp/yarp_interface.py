@@ -66,7 +66,7 @@ def offer_yarp(
     *,
     part: bool = False,
 ) -> list[CommandSubscription]:
-    """Offer it all, where the parameter ``yarp_interface`` says so.
+    """Offer it all, where the parameter ``yarp_interface`` is true.
 
     Args:
         node: to offer it from.
@@ -93,7 +93,7 @@ def offer_yarp(
     if taken := [row.name for row in rows if row.name in own]:
         reporter.log.warning(
             f"yarp_msgs_name {values['yarp_msgs_name']!r}: the board has {', '.join(taken)} "
-            "already, which YARP's clients do not find then; take another name, such as ~/yarp"
+            "already, which YARP's clients do not find then; use another name, such as ~/yarp"
         )
     free = [row for row in rows if row.name not in own]
     for row in free:
@@ -109,7 +109,7 @@ class YarpInterface:
     """What answers YARP's clients; a method is called as its service.
 
     Args:
-        member: the board that is asked.
+        member: of the board.
         warn: receives ignored and bounded references, and a name to count them by, for the log.
         on_error: called with unexpected exceptions.
         requests: receives answers of services.

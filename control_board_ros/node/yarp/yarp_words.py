@@ -86,7 +86,7 @@ def wanted(modes: Sequence[str], count: int) -> list[tuple[Wanted, ...]]:
 
 
 def implements(joint: JointConfig, mode: str) -> bool:
-    """Whether a joint implements what a settable mode asks of it; all know FORCE_IDLE."""
+    """Whether a joint implements a settable mode; all implement FORCE_IDLE."""
     known = {*joint.control_modes, *joint.interaction_modes, M.FORCE_IDLE}
     return known.issuperset(SETTABLE[mode])
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who operates: shown, asked for, answered.
+// Who operates: shown, requested, answered.
 
 import { h } from "./dom.js";
 

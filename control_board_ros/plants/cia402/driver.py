@@ -20,12 +20,11 @@ from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Axis, Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits
+from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import objects as o
@@ -71,8 +70,7 @@ class Cia402Drives:
             torque=True,
             motor_encoders=frozenset(k for k, counts in enumerate(self._counts()) if counts > 0.0),
         )
-        self._line: CanLine | None = None
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
+        self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         n = len(self._axes)
         self._scales, self._offsets = [Scale(1.0, 1.0, 1.0)] * n, [True] * n
         self._raw = [0] * n  # position, counts
@@ -90,7 +88,7 @@ class Cia402Drives:
 
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the bus; see ``drives.plant.Driver``."""
-        self._line = CanLine(self._options.bus, bitrate=int(self._options.own["bitrate"]))
+        self._line.open()
         self._setup, self._joints = setup, joints
         self._wait = budget(setup.period)
         found = []
@@ -107,7 +105,7 @@ class Cia402Drives:
 
     def _set_up(self, k: int) -> Found:
         """No power, watchdog, PDOs, and what it is; it is operational afterwards."""
-        line, axis, sdo = self._opened, self._axes[k], Sdo(self._opened, self._axes[k].id)
+        line, axis, sdo = self._line, self._axes[k], Sdo(self._line, self._axes[k].id)
         line.send(o.NMT, bytes([o.PRE_OPERATIONAL, axis.id]))
         for word in (0, FAULT_RESET, 0):  # a fault of before, as that of its watchdog, is over
             sdo.put(o.CONTROL, 0, "<H", word)
@@ -152,51 +150,41 @@ class Cia402Drives:
         # Where it exists: stay operational without heartbeat, and so report it.
         sdo.accepts(o.ERROR_BEHAVIOUR, 1, "<B", 1)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line, self._answers = self._opened, answers
+        line, self._answers = self._line, answers
         line.drain(self._take)
-        columns = values.T.tolist()
-        asked = [k for k, kind in enumerate(kinds) if kind is not None]
-        if asked:
+        if wanted:
             line.send(o.HEARTBEAT | o.MASTER, bytes([o.OPERATIONAL]))
-        for k in asked:
-            self._parts[k], kind = 0, kinds[k]
+        for k, (kind, value) in wanted.items():
+            self._parts[k] = 0
             if self._restarted[k]:  # its PDOs are not ours; and in this two drives differ
                 question = struct.pack("<BHBI", 0x40, o.IDENTITY, o.SERIAL, 0)
                 line.send(o.SDO_REQUEST | self._axes[k].id, question)
             else:
-                self._command(k, SetPoint(kind or 0), columns[k])
+                self._command(k, kind, value)
         line.send(o.SYNC, b"")
-        line.gather(self._take, [self._axes[k].id for k in asked], self._wait)
+        line.gather(self._take, wanted, self._wait)
 
     def clear_fault(self, drive: int) -> Found | None:
         """A reset by the next control word; a drive that was away is set up again."""
         anew, lost = None, self._restarted[drive] or not self._parts[drive]
-        if lost and uploads(self._opened, self._axes[drive].id, o.DEVICE_TYPE, 1):
+        if lost and uploads(self._line, self._axes[drive].id, o.DEVICE_TYPE, 1):
             anew = self._set_up(drive)
         self._reset[drive], self._left[drive] = True, None
         return anew
 
     def close(self) -> None:
         """Power off and no watchdog, by commands that need no SYNC, and leave the bus."""
-        line, self._line = self._line, None
-        if line is not None:
-            off = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
-            unwatched = struct.pack("<BHBI", 0x23, o.CONSUMER_HEARTBEAT, 1, 0)
-            line.close(
-                (o.SDO_REQUEST | axis.id, data) for data in (off, unwatched) for axis in self._axes
-            )
-
-    @property
-    def _opened(self) -> CanLine:
-        if self._line is None:
-            raise ConnectionError("the bus is not open")
-        return self._line
+        off = struct.pack("<BHBI", 0x2B, o.CONTROL, 0, 0)
+        unwatched = struct.pack("<BHBI", 0x23, o.CONSUMER_HEARTBEAT, 1, 0)
+        self._line.close(
+            (o.SDO_REQUEST | axis.id, data) for data in (off, unwatched) for axis in self._axes
+        )
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
         """The two PDOs of a drive."""
-        line, drive, scale = self._opened, self._axes[k].id, self._scales[k]
+        line, drive, scale = self._line, self._axes[k].id, self._scales[k]
         on = kind is not SetPoint.OFF and self._left[k] is None
         if on is not self._powered[k]:
             self._powered[k], self._enabled[k] = on, 0
@@ -225,8 +213,7 @@ class Cia402Drives:
     def _take(self, message: Any) -> int | None:
         answers, data = self._answers, bytes(message.data)
         frame: int = message.arbitration_id
-        function, drive = frame & 0x780, frame & 0x7F
-        k = self._places.get(drive)
+        function, k = frame & 0x780, answers.places.get(frame & 0x7F)
         if k is None:
             answers.foreign += function in o.ANSWERS
             return None
@@ -235,10 +222,10 @@ class Cia402Drives:
         elif self._restarted[k]:
             if function == o.SDO_ANSWER:
                 answers.came(k, data)
-                return drive
+                return k
         elif function in o.ANSWERS:
             self._hear(k, function, data)
-            return drive if self._parts[k] == self._whole[k] else None
+            return k if self._parts[k] == self._whole[k] else None
         return None
 
     def _hear(self, k: int, function: int, data: bytes) -> None:
@@ -350,8 +337,7 @@ def found_of(sdo: Sdo, drive: int, limits: DriveLimits | None = None) -> Found:
 
 def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
     """What answers on a bus, of CiA 402."""
-    line = CanLine(bus)
-    try:
+    with CanLine(bus) as line:
         for drive in ids:
             line.send(o.SDO_REQUEST | drive, struct.pack("<BHBI", 0x40, o.DEVICE_TYPE, 0, 0))
         heard = {m.arbitration_id & 0x7F: bytes(m.data) for m in line.collect(2.0 * PATIENCE)
@@ -361,8 +347,6 @@ def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
             for drive, data in sorted(heard.items())
             if len(data) == 8 and data[4] | data[5] << 8 == o.PROFILE
         ]
-    finally:
-        line.close()
 
 
 make = maker(

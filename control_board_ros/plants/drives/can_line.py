@@ -7,7 +7,7 @@ import contextlib
 import time
 from collections.abc import Callable, Iterable
 from functools import cache
-from typing import Any
+from typing import Any, Self
 
 from ..errors import PlantSettingsError
 
@@ -66,7 +66,9 @@ def open_bus(text: str, *, fd: bool = False, bitrate: int = 0) -> Any:
 
 
 class CanLine:
-    """A bus of python-can; what it cannot do is an OSError with one line for people.
+    """A bus of python-can, open within ``with`` or from ``open`` to ``close``.
+
+    What it cannot do is an OSError with one line for people.
 
     Args:
         text: Interface and channel, as ``socketcan:can0``, ``virtual:bench``.
@@ -75,6 +77,27 @@ class CanLine:
     """
 
     def __init__(self, text: str, *, fd: bool = False, bitrate: int = 0) -> None:
+        self._text, self._fd, self._bitrate = text, fd, bitrate
+        self._bus: Any = None
+
+    @property
+    def bus(self) -> Any:
+        """That of python-can.
+
+        Raises:
+            ConnectionError: it is not open.
+        """
+        if self._bus is None:
+            raise ConnectionError("the bus is not open")
+        return self._bus
+
+    def open(self) -> None:
+        """Open the bus.
+
+        Raises:
+            OSError: it cannot be opened.
+            PlantSettingsError: python-can is not installed.
+        """
         try:
             import can
         except ImportError:
@@ -82,17 +105,24 @@ class CanLine:
                 "python-can is not installed; pip install the extra of your drives' "
                 "name, as 'control_board_ros[moteus]'"
             ) from None
-        self._message, self._errors, self._text = frame(), (can.CanError, OSError), text
-        self._fd = fd
+        self._message, self._errors = frame(), (can.CanError, OSError)
         try:
-            self.bus = open_bus(text, fd=fd, bitrate=bitrate)
+            self._bus = open_bus(self._text, fd=self._fd, bitrate=self._bitrate)
         except (can.CanError, OSError, ValueError) as error:
             raise OSError(
-                f"bus {text}: {error}; use INTERFACE:CHANNEL, as socketcan:can0"
+                f"bus {self._text}: {error}; use INTERFACE:CHANNEL, as socketcan:can0"
             ) from None
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
 
     def send(self, frame_id: int, data: bytes) -> None:
         """One frame, of 29 bits where its id needs them; a remote one where it has REMOTE."""
+        bus = self.bus
         message = self._message(
             arbitration_id=frame_id & ~REMOTE,
             is_remote_frame=bool(frame_id & REMOTE),
@@ -102,7 +132,7 @@ class CanLine:
             bitrate_switch=self._fd,
         )
         try:
-            self.bus.send(message)
+            bus.send(message)
         except self._errors as error:
             raise OSError(
                 f"bus {self._text}: {error}; is the interface up, and its queue long enough "
@@ -115,8 +145,9 @@ class CanLine:
         Raises:
             OSError: the interface is gone, or left the bus.
         """
+        bus = self.bus
         try:
-            message = self.bus.recv(seconds)
+            message = bus.recv(seconds)
         except self._errors as error:
             raise OSError(f"bus {self._text}: {error}; is the interface up?") from None
         if message is not None and message.is_error_frame and message.arbitration_id & BUS_OFF:
@@ -192,17 +223,47 @@ class CanLine:
             several = bool(heard)  # or one of them is late, of the question before
         return heard
 
+    def ask(self, frame_id: int, data: bytes, pick: Callable[[Any], bytes | None]) -> bytes | None:
+        """The first answer to a question, which is repeated with more patience each time.
+
+        Args:
+            frame_id: Of the question.
+            data: Of the question.
+            pick: What a frame answers, or None where it is no answer to this.
+
+        Returns:
+            What ``pick`` gave, or None where nothing answers.
+        """
+        found: list[bytes] = []
+
+        def take(message: Any) -> int | None:
+            if (picked := pick(message)) is None:
+                return None
+            found.append(picked)
+            return 0
+
+        for attempt in range(ATTEMPTS):
+            self.drain(lambda _: None)
+            self.send(frame_id, data)
+            self.gather(take, [0], PATIENCE * 2**attempt)
+            if found:
+                return found[0]
+        return None
+
     def close(self, last: Iterable[tuple[int, bytes]] = ()) -> None:
-        """Leave the bus; safe to call twice.
+        """Leave the bus; safe to call twice, and where it is not open.
 
         Args:
             last: Frames to send before, best effort.
         """
+        if self._bus is None:
+            return
         with contextlib.suppress(OSError):  # where none gets out the drives' watchdogs act
             for frame_id, data in last:
                 self.send(frame_id, data)
         with contextlib.suppress(Exception):  # an interface that is gone cannot be left
-            self.bus.shutdown()
+            self._bus.shutdown()
+        self._bus = None
 
 
 def budget(period: float) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -34,6 +34,9 @@ CLASHES, FORGIVEN = 3.0, 0.3
 #: Questions whose answers may still be on their way; more than one exchange reads at most.
 LATEST = 100
 NONE = DriveLimits()
+#: Set-points of an exchange by the place of their drive, with values at its output, shape
+#: (VALUES,), see core.set_points.Value; a drive that is missing here receives nothing.
+Wanted = Mapping[int, tuple[SetPoint, Sequence[float]]]
 #: Watchdog and restart of a drive that has no fault number of its own for them.
 WATCHDOG = DriveFault(0, "watchdog: no command within its timeout")
 RESTARTED = DriveFault(0, "drive restarted")
@@ -58,7 +61,12 @@ class Found:
 class Answers:
     """The last answers of the drives of a bus, at their outputs, shape (n,) each.
 
+    Args:
+        axes: Of the drives.
+        clock: s.
+
     Attributes:
+        places: Of the drives, by their ids.
         position, velocity, torque, current, temperature, voltage: rad, rad/s, N·m, A, °C, V.
         motor_position: Of an encoder at the motor's shaft, beside that of the position, rad; NaN:
             there is none.
@@ -69,8 +77,9 @@ class Answers:
             of unknown drives, invalid frames.
     """
 
-    def __init__(self, count: int, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
+    def __init__(self, axes: Sequence[Axis], clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, count = clock, len(axes)
+        self.places = {axis.id: k for k, axis in enumerate(axes)}
         (self.position, self.velocity, self.torque, self.current, self.temperature,
          self.voltage) = np.zeros((6, count))  # fmt: skip
         self.motor_position = np.full(count, math.nan)
@@ -78,6 +87,12 @@ class Answers:
         self.times = np.full(count, -math.inf)
         self.heard: list[dict[bytes, None]] = [{} for _ in range(count)]
         self.missed = self.foreign = self.malformed = 0
+
+    def place(self, drive: int) -> int | None:
+        """The place of the drive with this id; None, and counted, where it is none of these."""
+        found = self.places.get(drive)
+        self.foreign += found is None
+        return found
 
     def came(self, drive: int, data: bytes) -> None:
         """Note an answer of a drive, whose values are stored."""
@@ -115,14 +130,8 @@ class Driver(Protocol):
         """Open the bus, check each drive, set its watchdog; none gets power by it."""
         ...
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
-        """A set-point to each drive, and what they answer until the time is up.
-
-        Args:
-            kinds: SetPoint of each; None: no command.
-            values: At their outputs, shape (VALUES, n), see core.set_points.Value.
-            answers: To be filled with what came.
-        """
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
+        """Send the set-points, and fill ``answers`` with what comes until the time is up."""
         ...
 
     def clear_fault(self, drive: int) -> Found | None:
@@ -153,7 +162,7 @@ class DrivesPlant:
         self._clock: Callable[[], float] = time.monotonic
         self._axes = Axes(axes)
         self._shafts = any(axis.motor_turns for axis in axes)
-        self.answers = Answers(len(axes))
+        self.answers = Answers(axes)
         self._timeout, self._period, self._free = math.inf, 0.0, [True] * len(axes)
         self._found: tuple[Found | None, ...] = (None,) * len(axes)
         self._off = SetPoints.off(len(axes))
@@ -199,7 +208,7 @@ class DrivesPlant:
             ValueError: a drive is none that this driver supports.
         """
         self.driver.close()
-        self.answers = Answers(len(self.axes), self._clock)
+        self.answers = Answers(self.axes, self._clock)
         self._clashes, self._owed, self._last = self._no_clashes()
         self._asked.fill(math.inf)
         self._timeout, self._period = setup.timeout, setup.period
@@ -210,11 +219,11 @@ class DrivesPlant:
     def exchange(self, wanted: SetPoints) -> Readings:
         """Set-points down, readings up; a drive that is silent has its last reading again."""
         axes, answers, traits = self._axes, self.answers, self.driver.traits
-        begin, kinds = self._clock(), wanted.kinds.tolist()
+        begin, sent = self._clock(), self._at_drives(wanted)
         for heard in answers.heard:
             heard.clear()
-        self.driver.exchange(kinds, axes.to_drive(wanted), answers)
-        self._notice_clashes(kinds)
+        self.driver.exchange(sent, answers)
+        self._notice_clashes(sent)
         late = answers.times < begin
         faults: list[str | DriveFault | None] = list(answers.faults)
         for k, count in enumerate(self._clashes):
@@ -253,11 +262,16 @@ class DrivesPlant:
         position[own], velocity[own] = (axes.sign * answers.motor_position)[own], math.nan
         return position, velocity
 
-    def _notice_clashes(self, kinds: Sequence[int | None]) -> None:
+    def _at_drives(self, wanted: SetPoints) -> dict[int, tuple[SetPoint, list[float]]]:
+        values = self._axes.to_drive(wanted).T.tolist()
+        kinds = map(SetPoint, wanted.kinds.tolist())
+        return dict(enumerate(zip(kinds, values, strict=True)))
+
+    def _notice_clashes(self, sent: Wanted) -> None:
         """More answers than questions, that differ from each other, are those of two drives."""
         for k, heard in enumerate(self.answers.heard):
             repeated = len(heard) == 1 and self._last[k] in heard  # it may be a late copy
-            owed = min(LATEST, self._owed[k] + (kinds[k] is not None))
+            owed = min(LATEST, self._owed[k] + (k in sent))
             owed -= 0 if repeated else len(heard)
             self._owed[k] = max(0, owed)
             if owed < 0:
@@ -274,8 +288,9 @@ class DrivesPlant:
 
     def let_go(self) -> None:
         """Disable motors whose ``on_silence`` is free; the others receive nothing more."""
-        kinds = [SetPoint.OFF if free else None for free in self._free]
-        self.driver.exchange(kinds, self._axes.to_drive(self._off), self.answers)
+        off = self._at_drives(self._off)
+        free = {k: item for k, item in off.items() if self._free[k]}
+        self.driver.exchange(free, self.answers)
 
     def close(self) -> None:
         self.driver.close()

@@ -11,7 +11,7 @@ import select
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from ..errors import PlantSettingsError
 from .axes import Axis
@@ -41,6 +41,7 @@ class Library(NamedTuple):
         place: Of the id in an answer.
         refusal: Bits of an answer's error byte that refuse a write.
         model: The item that names the model.
+        torque: The item that switches the torque.
     """
 
     module: str
@@ -53,6 +54,7 @@ class Library(NamedTuple):
     place: int
     refusal: int
     model: Item
+    torque: Item
 
 
 def open_port(base: type[Any], device: str, baudrate: int) -> Any:
@@ -102,21 +104,40 @@ def open_port(base: type[Any], device: str, baudrate: int) -> Any:
 class ServoBus:
     """The servos of one serial bus, by the packet handler of their maker's library.
 
+    It is open within ``with`` or from ``open`` to ``close``.
+
     Args:
         library: Of the maker.
         device: As ``/dev/ttyUSB0``.
         baudrate: bit/s.
 
     Attributes:
-        port, protocol: Of the library.
-        wait: s for a whole answer.
-
-    Raises:
-        OSError: the port cannot be opened.
-        PlantSettingsError: the library is not installed, or has no such baud rate.
+        protocol: Of the library.
     """
 
     def __init__(self, library: Library, device: str, baudrate: int) -> None:
+        self._library, self._device, self._baudrate = library, device, baudrate
+        self._port: Any = None
+
+    @property
+    def port(self) -> Any:
+        """That of the library; its ``wait`` is the time for a whole answer, s.
+
+        Raises:
+            ConnectionError: it is not open.
+        """
+        if self._port is None:
+            raise ConnectionError("the port is not open")
+        return self._port
+
+    def open(self) -> None:
+        """Open the port.
+
+        Raises:
+            OSError: it cannot be opened.
+            PlantSettingsError: the library is not installed, or has no such baud rate.
+        """
+        library = self._library
         try:
             sdk = import_module(library.module)
         except ImportError:
@@ -124,10 +145,16 @@ class ServoBus:
                 f"{library.package} is not installed; pip install "
                 f"'control_board_ros[{library.extra}]'"
             ) from None
-        self._library = library
-        self.port = open_port(sdk.PortHandler, device, baudrate)
-        self.port.wait = PATIENCE
+        self._port = open_port(sdk.PortHandler, self._device, self._baudrate)
+        self._port.wait = PATIENCE
         self.protocol = sdk.PacketHandler(library.protocol)
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self.close()
 
     def get(self, drive: int, item: Item, signed: bool = False) -> int:
         """The value of an item.
@@ -210,12 +237,15 @@ class ServoBus:
             found = [first, int.from_bytes(self._parts(second)[1], "little")]
         return found
 
-    def close(self, torque: Item, axes: Sequence[Axis] = ()) -> None:
-        """Torque off, and leave the port."""
+    def close(self, axes: Sequence[Axis] = ()) -> None:
+        """Torque off, and leave the port; safe to call twice, and where it is not open."""
+        if self._port is None:
+            return
         try:
-            self.sync(torque, {axis.id: bytes(1) for axis in axes})
+            self.sync(self._library.torque, {axis.id: bytes(1) for axis in axes})
         finally:
-            self.port.closePort()
+            self._port.closePort()
+            self._port = None
 
     def _parts(self, packet: Sequence[int]) -> tuple[int, bytes]:
         """Id and data of an answer."""

@@ -8,17 +8,16 @@ exchange torque off, mode, goal, torque on. Positions go without velocity and fe
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits
+from ..drives.plant import RESTARTED, WATCHDOG, Answers, Found, Traits, Wanted
 from ..drives.serial_line import Item, ServoBus
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
@@ -55,8 +54,7 @@ class DynamixelDrives:
             temperature=True,
             voltage=True,
         )
-        self._bus: ServoBus | None = None
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
+        self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         n = len(self._axes)
         self._models: list[t.Model] = [t.MODELS[1020]] * n
         self._kinds = [SetPoint.OFF] * n
@@ -65,7 +63,8 @@ class DynamixelDrives:
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the port; see ``drives.plant.Driver``."""
         self._setup, self._joints = setup, joints
-        self._bus = bus = connect(self._options.bus, int(self._options.own["baudrate"]))
+        bus = self._bus
+        bus.open()
         found = []
         for k, axis in enumerate(self._axes):
             only(bus.models(axis.id), axis, self._options.bus, "dynamixel")
@@ -73,15 +72,9 @@ class DynamixelDrives:
         bus.port.wait = budget(setup.period)
         return found
 
-    @property
-    def _opened(self) -> ServoBus:
-        if self._bus is None:
-            raise ConnectionError("the port is not open")
-        return self._bus
-
     def _set_up(self, k: int) -> Found:
         """Torque off, what is read, watchdog; returns what it is."""
-        bus, drive, name = self._opened, self._axes[k].id, self._axes[k].name
+        bus, drive, name = self._bus, self._axes[k].id, self._axes[k].name
         number = bus.get(drive, t.MODEL)
         if (model := t.MODELS.get(number)) is None:
             raise PlantSettingsError(
@@ -111,29 +104,26 @@ class DynamixelDrives:
         )
         return replace(identity(bus, drive), limits=limits)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        columns = values.T.tolist()
-        wanted = {
-            k: SetPoint.OFF if self._restarted[k] else SetPoint(kind)
-            for k, kind in enumerate(kinds)
-            if kind is not None
+        kinds = {
+            k: SetPoint.OFF if self._restarted[k] else kind for k, (kind, _) in wanted.items()
         }
-        changed = {k: kind for k, kind in wanted.items() if kind is not self._kinds[k]}
+        changed = {k: kind for k, kind in kinds.items() if kind is not self._kinds[k]}
         if changed:
             self._sync(t.TORQUE, dict.fromkeys(changed, 0))
             on = {k: kind for k, kind in changed.items() if kind is not SetPoint.OFF}
             self._sync(t.MODE, {k: self._mode(kind) for k, kind in on.items()})
-            self._goals(on, columns)
+            self._goals(on, wanted)
             self._sync(t.TORQUE, dict.fromkeys(on, 1))
             for k, kind in changed.items():
                 self._kinds[k], self._without[k] = kind, 0
-        self._goals({k: kind for k, kind in wanted.items() if kind}, columns)
-        self._read([k for k, kind in enumerate(kinds) if kind is not None], answers)
+        self._goals(kinds, wanted)
+        self._read(wanted, answers)
 
     def clear_fault(self, drive: int) -> Found | None:
         """A reboot clears a shutdown; then the servo is set up again."""
-        bus, axis = self._opened, self._axes[drive].id
+        bus, axis = self._bus, self._axes[drive].id
         if self._restarted[drive]:
             return self._set_up(drive) if bus.models(axis, attempts=1) else None
         if bus.get(axis, t.ERROR):
@@ -146,17 +136,15 @@ class DynamixelDrives:
 
     def close(self) -> None:
         """Torque off, and leave the port."""
-        bus, self._bus = self._bus, None
-        if bus is not None:
-            bus.close(t.TORQUE, self._axes)
+        self._bus.close(self._axes)
 
     def _mode(self, kind: SetPoint) -> int:
         return self._position_mode if kind is SetPoint.POSITION else GOALS[kind][1]
 
-    def _goals(self, kinds: Mapping[int, SetPoint], columns: Sequence[Sequence[float]]) -> None:
+    def _goals(self, kinds: Mapping[int, SetPoint], wanted: Wanted) -> None:
         for kind, (item, _) in GOALS.items():
             self._sync(
-                item, {k: self._raw(k, kind, columns[k]) for k in kinds if kinds[k] is kind}
+                item, {k: self._raw(k, kind, wanted[k][1]) for k in kinds if kinds[k] is kind}
             )
 
     def _raw(self, k: int, kind: SetPoint, value: Sequence[float]) -> int:
@@ -171,7 +159,7 @@ class DynamixelDrives:
     def _sync(self, item: Item, values: Mapping[int, int]) -> None:
         """The same item of several servos at once."""
         half = 1 << 8 * item.length
-        self._opened.sync(
+        self._bus.sync(
             item,
             {
                 self._axes[k].id: (value % half).to_bytes(item.length, "little")
@@ -179,21 +167,21 @@ class DynamixelDrives:
             },
         )
 
-    def _read(self, drives: Sequence[int], answers: Answers) -> None:
+    def _read(self, drives: Collection[int], answers: Answers) -> None:
         """What is read of each, by the place of its indirect data."""
 
         def take(drive: int, data: bytes) -> None:
             self._take(drive, data, answers)
 
-        self._opened.drain(take)
+        self._bus.drain(take)
         for place in {self._models[k].data for k in drives}:
             asked = [self._axes[k].id for k in drives if self._models[k].data == place]
-            self._opened.read(Item(place, t.READ_LENGTH), sorted(asked), take, answers)
+            self._bus.read(Item(place, t.READ_LENGTH), sorted(asked), take, answers)
 
     def _take(self, drive: int, data: bytes, answers: Answers) -> None:
-        if (k := self._places.get(drive)) is None:
-            answers.foreign += 1
-        elif len(data) != t.READ_LENGTH:
+        if (k := answers.place(drive)) is None:
+            return
+        if len(data) != t.READ_LENGTH:
             answers.malformed += 1
         else:
             found = struct.unpack(t.READ_FORMAT, data)
@@ -231,11 +219,6 @@ def watchdog_steps(timeout: float) -> int:
     return max(1, min(127, int(timeout / t.WATCHDOG_STEP)))
 
 
-def connect(bus: str, baudrate: int) -> ServoBus:
-    """The servos of a port."""
-    return ServoBus(t.LIBRARY, bus, baudrate)
-
-
 def identity(bus: ServoBus, drive: int) -> Found:
     """What a servo is, and its fault."""
     number, error = bus.get(drive, t.MODEL), bus.get(drive, t.ERROR)
@@ -250,12 +233,9 @@ def identity(bus: ServoBus, drive: int) -> Found:
 
 def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
     """What answers on a port."""
-    bus = connect(device, baudrate)
-    try:
+    with ServoBus(t.LIBRARY, device, baudrate) as bus:
         answered, _ = bus.protocol.broadcastPing(bus.port)
         return [identity(bus, drive) for drive in sorted(answered)]
-    finally:
-        bus.close(t.TORQUE)
 
 
 make = maker(

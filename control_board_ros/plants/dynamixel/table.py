@@ -31,7 +31,7 @@ CURRENT_MODE, VELOCITY_MODE, POSITION_MODE, EXTENDED, CURRENT_POSITION, PWM_MODE
     16,
 )
 LIBRARY = Library(
-    "dynamixel_sdk", "dynamixel-sdk", "dynamixel", 2.0, (False,), 9, 2, 4, 0x7F, MODEL
+    "dynamixel_sdk", "dynamixel-sdk", "dynamixel", 2.0, (False,), 9, 2, 4, 0x7F, MODEL, TORQUE
 )
 COUNT = 2.0 * math.pi / 4096.0  # rad
 CENTRE = 2048

@@ -8,31 +8,22 @@ checksum and its byte stuffing are of their own.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 from ...core.config.config import JointConfig
 from ..drives.axes import Axis
 from ..drives.serial_line import Item
 from ..virtual.pty_bus import VirtualSerialBus
+from ..virtual.servo import BROADCAST, Framer, Packet, ServoMotor, Table
 from ..virtual.world import World
 from . import table as t
 
 HEADER, STUFFED = b"\xff\xff\xfd", b"\xff\xff\xfd\xfd"
 PING, READ, WRITE, REBOOT, STATUS = 0x01, 0x02, 0x03, 0x08, 0x55
 SYNC_READ, SYNC_WRITE = 0x82, 0x83
-BROADCAST = 254
 FAILED, BAD_INSTRUCTION, BAD_LENGTH, NO_ACCESS, ALERT = 1, 2, 5, 7, 0x80
 GOALS = range(t.GOAL_PWM.address, t.GOAL_POSITION.address + 4)
 EEPROM = 64
 REBOOT_TIME = 0.01
-
-
-class Packet(NamedTuple):
-    """An instruction: whom it is for, what, and its parameters."""
-
-    drive: int
-    instruction: int
-    parameters: bytes
 
 
 def checksum(data: bytes) -> int:
@@ -52,33 +43,17 @@ def packed(drive: int, instruction: int, parameters: bytes) -> bytes:
     return whole + checksum(whole).to_bytes(2, "little")
 
 
-class Framer:
-    """Finds packets among bytes; see ``virtual.pty_bus.Framer``."""
+def length_of(head: bytes) -> int:
+    """Bytes of a packet."""
+    return 7 + int.from_bytes(head[5:7], "little")
 
-    def __init__(self) -> None:
-        self._bytes = b""
 
-    def drop(self) -> None:
-        """The line was quiet: what is left of a packet is none, as a servo decides by time."""
-        self._bytes = b""
-
-    def feed(self, data: bytes) -> Iterator[Packet]:
-        """The packets that are whole now."""
-        self._bytes += data
-        while (start := self._bytes.find(HEADER)) >= 0:
-            found = self._bytes[start:]
-            if len(found) < 7 or len(found) < (end := 7 + int.from_bytes(found[5:7], "little")):
-                self._bytes = found if len(found) < 512 else b""
-                return
-            if end >= 10 and checksum(found[: end - 2]) == int.from_bytes(
-                found[end - 2 : end], "little"
-            ):
-                body = found[7 : end - 2].replace(STUFFED, HEADER)
-                yield Packet(found[4], body[0], body[1:])
-                self._bytes = found[end:]
-            else:
-                self._bytes = found[1:]
-        self._bytes = self._bytes[-2:]
+def unpacked(data: bytes) -> Packet | None:
+    """The packet of these bytes, or None where its checksum is wrong."""
+    if len(data) < 10 or checksum(data[:-2]) != int.from_bytes(data[-2:], "little"):
+        return None
+    body = data[7:-2].replace(STUFFED, HEADER)
+    return Packet(data[4], body[0], body[1:])
 
 
 class VirtualDynamixel:
@@ -87,32 +62,20 @@ class VirtualDynamixel:
     Args:
         drive: Its id.
         model: Its number.
-        torque_constant: At its output, N·m/A.
-        resistance: Of its winding, Ω.
 
     Attributes:
         table: Its control table.
-        stiffness, damping: Of its position loop, N·m/rad and N·m·s/rad; its velocity loop has
-            the damping.
+        motor: Its motor and its loops.
         silent: It answers to nothing.
         torque: At its output now, N·m.
     """
 
     SOME_FAULT = 32
 
-    def __init__(
-        self,
-        drive: int,
-        model: int = 1020,
-        torque_constant: float = 1.8,
-        resistance: float = 5.0,
-        supply: float = 12.0,
-    ) -> None:
+    def __init__(self, drive: int, model: int = 1020) -> None:
         self.id, self._model, self.silent, self.persists = drive, t.MODELS[model], False, 0
-        self._constant, self._resistance, self.supply = torque_constant, resistance, supply
-        self.stiffness, self.damping = 60.0, 3.0
-        self._stored = bytearray(EEPROM)
-        self.table = bytearray(1024)
+        self.motor = ServoMotor(constant=1.8, resistance=5.0, supply=12.0)
+        self.table = Table(1024)
         for item, value in (
             (t.MODEL, model),
             (t.FIRMWARE, 45),
@@ -122,15 +85,15 @@ class VirtualDynamixel:
             (t.VELOCITY_LIMIT, 200),
             (t.MAX_POSITION, 4095),
         ):
-            self._set(item, value)
-        self.torque = self._position = self._velocity = 0.0
+            self.table.set(item, value)
+        self.torque = 0.0
         self._restart()
 
     def _restart(self) -> None:
         """As after its supply was gone: the RAM area is as the maker made it."""
-        self.table[EEPROM:] = bytes(len(self.table) - EEPROM)
+        self.table.bytes[EEPROM:] = bytes(len(self.table.bytes) - EEPROM)
         for k in range(28):
-            self._set(Item(t.INDIRECT + 2 * k, 2), self._model.data + k)
+            self.table.set(Item(t.INDIRECT + 2 * k, 2), self._model.data + k)
         self._quiet, self._away = 0.0, 0.0
         self._hold = 0.0
         if self.persists:
@@ -143,8 +106,8 @@ class VirtualDynamixel:
     def fail(self, code: int, *, persists: bool = False) -> None:
         """A hardware error; it shuts down. One that persists is there again after a restart."""
         self.persists = code if persists else 0
-        self._set(t.ERROR, code)
-        self._set(t.TORQUE, 0)
+        self.table.set(t.ERROR, code)
+        self.table.set(t.TORQUE, 0)
 
     def heal(self) -> None:
         """The cause is gone; the error stays until a restart."""
@@ -159,7 +122,7 @@ class VirtualDynamixel:
             return
         self._quiet = 0.0
         if instruction == PING:
-            about = self.table[0:2] + self.table[6:7]
+            about = self.table.bytes[0:2] + self.table.bytes[6:7]
             yield self._status(0, bytes(about))
         elif instruction == READ and drive == self.id and len(data) == 4:
             yield self._status(0, self._read(*_places(data)))
@@ -182,96 +145,85 @@ class VirtualDynamixel:
             yield self._status(BAD_INSTRUCTION)
 
     def _status(self, error: int, data: bytes = b"") -> bytes:
-        alert = ALERT if self._get(t.ERROR) else 0
+        alert = ALERT if self.table.get(t.ERROR) else 0
         return packed(self.id, STATUS, bytes([error | alert]) + data)
 
     def _read(self, address: int, length: int) -> bytes:
         self._refresh()
-        return bytes(self.table[self._direct(address + k)] for k in range(length))
+        return bytes(self.table.bytes[self._direct(address + k)] for k in range(length))
 
     def _direct(self, address: int) -> int:
         """Indirect data are those at their addresses."""
         number = address - self._model.data
         if 0 <= number < 28:
-            return self._get(Item(t.INDIRECT + 2 * number, 2))
+            return self.table.get(Item(t.INDIRECT + 2 * number, 2))
         return address
 
     def _write(self, address: int, data: bytes) -> int:
-        if address < EEPROM and self._get(t.TORQUE):
+        if address < EEPROM and self.table.get(t.TORQUE):
             return NO_ACCESS
-        if address in GOALS and self._get(t.WATCHDOG) == t.TRIPPED:
+        if address in GOALS and self.table.get(t.WATCHDOG) == t.TRIPPED:
             return NO_ACCESS
-        if t.INDIRECT <= address < t.INDIRECT + 56 and self._get(t.TORQUE):
+        if t.INDIRECT <= address < t.INDIRECT + 56 and self.table.get(t.TORQUE):
             return NO_ACCESS
-        if address == t.TORQUE.address and data[0] and self._get(t.ERROR):
+        if address == t.TORQUE.address and data[0] and self.table.get(t.ERROR):
             return FAILED
-        on = self._get(t.TORQUE)
-        self.table[address : address + len(data)] = data
+        on = self.table.get(t.TORQUE)
+        self.table.bytes[address : address + len(data)] = data
         if address == t.TORQUE.address and data[0] and not on:
-            self._set(t.GOAL_POSITION, self._count())
+            self.table.set(t.GOAL_POSITION, self._count())
         if address == t.MODE.address:
             for goal in (t.GOAL_PWM, t.GOAL_CURRENT, t.GOAL_VELOCITY):
-                self._set(goal, 0)
+                self.table.set(goal, 0)
         return 0
 
     def _refresh(self) -> None:
         """Readings into the table."""
         if not self._model.ampere:
-            current = round(self.torque / self._constant * 100.0)
+            current = round(self.torque / self.motor.constant * 100.0)
         else:
-            current = round(self.torque / self._constant / self._model.ampere)
-        self._set(t.CURRENT, max(-32768, min(32767, current)))
-        self._set(t.VELOCITY, round(self._velocity / t.SPEED))
-        self._set(t.POSITION, self._count())
-        self._set(t.VOLTAGE, round(self.supply / t.VOLT))
-        self._set(t.TEMPERATURE, 30)
+            current = round(self.torque / self.motor.constant / self._model.ampere)
+        self.table.set(t.CURRENT, max(-32768, min(32767, current)))
+        self.table.set(t.VELOCITY, round(self.motor.velocity / t.SPEED))
+        self.table.set(t.POSITION, self._count())
+        self.table.set(t.VOLTAGE, round(self.motor.supply / t.VOLT))
+        self.table.set(t.TEMPERATURE, 30)
 
     def _count(self) -> int:
-        return round(self._position / t.COUNT) + t.CENTRE
-
-    def _get(self, item: Item) -> int:
-        data = self.table[item.address : item.address + item.length]
-        signed = item in (t.GOAL_PWM, t.GOAL_CURRENT) or item.length == 4
-        return int.from_bytes(data, "little", signed=signed)
-
-    def _set(self, item: Item, value: int) -> None:
-        data = (value % (1 << 8 * item.length)).to_bytes(item.length, "little")
-        self.table[item.address : item.address + item.length] = data
+        return round(self.motor.position / t.COUNT) + t.CENTRE
 
     # --- the loops --------------------------------------------------------------------------
 
     def step(self, seconds: float, position: float, velocity: float) -> float:
         """The torque at its output, N·m; see ``virtual.world.VirtualDrive``."""
-        self._position, self._velocity = position, velocity
+        self.motor.position, self.motor.velocity = position, velocity
         self._away = max(0.0, self._away - seconds)
         self._quiet += seconds
-        watch = self._get(t.WATCHDOG)
-        on = self._get(t.TORQUE)
+        watch = self.table.get(t.WATCHDOG)
+        on = self.table.get(t.TORQUE)
         if on and 0 < watch < t.TRIPPED and self._quiet > watch * t.WATCHDOG_STEP:
-            self._set(t.WATCHDOG, t.TRIPPED)
+            self.table.set(t.WATCHDOG, t.TRIPPED)
             self._hold = position
-        most = self._get(t.CURRENT_LIMIT) * (self._model.ampere or 1e-2) * self._constant
+        most = self.table.get(t.CURRENT_LIMIT) * (self._model.ampere or 1e-2) * self.motor.constant
         torque = self._torque() if on else 0.0
         self.torque = max(-most, min(most, torque))
         return self.torque
 
     def _torque(self) -> float:
-        mode, stopped = self._get(t.MODE), self._get(t.WATCHDOG) == t.TRIPPED
-        if mode == t.CURRENT_MODE:
-            return (
-                0.0 if stopped else self._get(t.GOAL_CURRENT) * self._model.ampere * self._constant
-            )
-        if mode == t.PWM_MODE:
-            if stopped:
-                return 0.0
-            volts = self._get(t.GOAL_PWM) / t.FULL_PWM * self.supply
-            amps = (volts - self._constant * self._velocity) / self._resistance
-            return self._constant * amps
+        table, motor = self.table, self.motor
+        mode, stopped = table.get(t.MODE), table.get(t.WATCHDOG) == t.TRIPPED
         if mode == t.VELOCITY_MODE:
-            goal = 0.0 if stopped else self._get(t.GOAL_VELOCITY) * t.SPEED
-            return self.damping * (goal - self._velocity)
-        goal = self._hold if stopped else (self._get(t.GOAL_POSITION) - t.CENTRE) * t.COUNT
-        return self.stiffness * (goal - self._position) - self.damping * self._velocity
+            goal = table.get(t.GOAL_VELOCITY, signed=True) * t.SPEED
+            return motor.towards_velocity(0.0 if stopped else goal)
+        if mode in (t.CURRENT_MODE, t.PWM_MODE) and stopped:
+            return 0.0
+        if mode == t.CURRENT_MODE:
+            amps = table.get(t.GOAL_CURRENT, signed=True) * self._model.ampere
+            return amps * motor.constant
+        if mode == t.PWM_MODE:
+            return motor.at_output(table.get(t.GOAL_PWM, signed=True) / t.FULL_PWM)
+        goal = (table.get(t.GOAL_POSITION, signed=True) - t.CENTRE) * t.COUNT
+        return motor.towards_position(self._hold if stopped else goal)
 
 
 def _places(data: bytes) -> tuple[int, int]:
@@ -280,22 +232,15 @@ def _places(data: bytes) -> tuple[int, int]:
 
 def virtual_drive(axis: Axis, joint: JointConfig | None) -> VirtualDynamixel:
     """A servo that fits a joint, tuned by the joint's own gains."""
-    if joint is None:
-        return VirtualDynamixel(axis.id)
-    motor, ratio = joint.motor, axis.ratio
-    made = VirtualDynamixel(
-        axis.id,
-        torque_constant=motor.torque_per_ampere / ratio,
-        resistance=motor.resistance,
-        supply=motor.supply_voltage,
-    )
-    made.stiffness = joint.position_pid.kp / ratio**2
-    made.damping = joint.position_pid.kd / ratio**2
-    made._set(t.CURRENT_LIMIT, min(32767, int(joint.limits.peak_current / 2.69e-3)))
-    made._set(t.VELOCITY_LIMIT, int(1.5 * joint.limits.velocity * ratio / t.SPEED))
+    made = VirtualDynamixel(axis.id)
+    if joint is not None:
+        made.motor.fit(joint, axis.ratio)
+        most = min(32767, int(joint.limits.peak_current / 2.69e-3))
+        made.table.set(t.CURRENT_LIMIT, most)
+        made.table.set(t.VELOCITY_LIMIT, int(1.5 * joint.limits.velocity * axis.ratio / t.SPEED))
     return made
 
 
 def virtual_bus(world: World, drives: Sequence[VirtualDynamixel]) -> VirtualSerialBus:
     """The servos on a pseudo terminal."""
-    return VirtualSerialBus(world, drives, Framer())
+    return VirtualSerialBus(world, drives, Framer(HEADER, 7, length_of, unpacked))

@@ -15,12 +15,11 @@ from dataclasses import replace
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits
+from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
 from ..drives.serial_line import Item, ServoBus
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
@@ -50,8 +49,7 @@ class FeetechDrives:
             voltage=True,
             watchdog=False,
         )
-        self._bus: ServoBus | None = None
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
+        self._bus = ServoBus(t.LIBRARY, options.bus, int(options.own["baudrate"]))
         n = len(self._axes)
         self._kinds, self._modes = [SetPoint.OFF] * n, [t.POSITION_MODE] * n
         self._torque, self._without = [0] * n, [0] * n
@@ -59,7 +57,8 @@ class FeetechDrives:
 
     def open(self, setup: Setup, _joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the port; see ``drives.plant.Driver``."""
-        self._bus = bus = connect(self._options.bus, int(self._options.own["baudrate"]))
+        bus = self._bus
+        bus.open()
         found = []
         for k, axis in enumerate(self._axes):
             only(bus.models(axis.id), axis, self._options.bus, "feetech")
@@ -67,15 +66,9 @@ class FeetechDrives:
         bus.port.wait = budget(setup.period)
         return found
 
-    @property
-    def _opened(self) -> ServoBus:
-        if self._bus is None:
-            raise ConnectionError("the port is not open")
-        return self._bus
-
     def _set_up(self, k: int) -> Found:
         """No torque, no ramps; returns what it is."""
-        bus, drive, name = self._opened, self._axes[k].id, self._axes[k].name
+        bus, drive, name = self._bus, self._axes[k].id, self._axes[k].name
         if (number := bus.get(drive, t.MODEL)) not in t.MODELS:
             raise PlantSettingsError(
                 f"{name}: id {drive} is of model {number}; supported: "
@@ -96,30 +89,27 @@ class FeetechDrives:
         )
         return replace(identity(bus, drive), limits=limits)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        bus, ids = self._opened, [axis.id for axis in self._axes]
-        columns = values.T.tolist()
-        wanted = {
-            k: SetPoint.OFF if self._restarted[k] else SetPoint(kind)
-            for k, kind in enumerate(kinds)
-            if kind is not None
+        bus, ids = self._bus, [axis.id for axis in self._axes]
+        kinds = {
+            k: SetPoint.OFF if self._restarted[k] else kind for k, (kind, _) in wanted.items()
         }
-        powered = {k: kind for k, kind in wanted.items() if kind is not SetPoint.OFF}
+        powered = {k: kind for k, kind in kinds.items() if kind is not SetPoint.OFF}
         modes = {k: MODES[kind] for k, kind in powered.items() if MODES[kind] != self._modes[k]}
         bus.sync(t.TORQUE, {ids[k]: bytes(1) for k in modes})
         bus.sync(t.MODE, {ids[k]: bytes([mode]) for k, mode in modes.items()})
-        bus.sync(t.GOALS, {ids[k]: goals(kind, columns[k]) for k, kind in powered.items()})
+        bus.sync(t.GOALS, {ids[k]: goals(kind, wanted[k][1]) for k, kind in powered.items()})
         # Repeated while the answers differ; but no torque to one that had it, and lost it.
         switches = {
             ids[k]: bytes([k in powered])
-            for k, kind in wanted.items()
+            for k, kind in kinds.items()
             if k in modes
             or kind is not self._kinds[k]
             or (self._torque[k] != (k in powered) and not self._had[k])
         }
         bus.sync(t.TORQUE, switches)
-        for k, kind in wanted.items():
+        for k, kind in kinds.items():
             if kind is not self._kinds[k]:
                 self._kinds[k], self._without[k], self._had[k] = kind, 0, False
             self._modes[k] = modes.get(k, self._modes[k])
@@ -133,7 +123,7 @@ class FeetechDrives:
 
     def clear_fault(self, drive: int) -> Found | None:
         """Torque off resets a shutdown; a servo that restarted is set up again."""
-        bus, axis = self._opened, self._axes[drive].id
+        bus, axis = self._bus, self._axes[drive].id
         if self._restarted[drive]:
             return self._set_up(drive) if bus.models(axis, attempts=1) else None
         bus.put(axis, t.TORQUE, 0)
@@ -141,14 +131,12 @@ class FeetechDrives:
 
     def close(self) -> None:
         """Torque off, and leave the port."""
-        bus, self._bus = self._bus, None
-        if bus is not None:
-            bus.close(t.TORQUE, self._axes)
+        self._bus.close(self._axes)
 
     def _take(self, drive: int, data: bytes, answers: Answers) -> None:
-        if (k := self._places.get(drive)) is None:
-            answers.foreign += 1
-        elif len(data) != t.READ.length:
+        if (k := answers.place(drive)) is None:
+            return
+        if len(data) != t.READ.length:
             answers.malformed += 1
         else:
             self._torque[k] = part(data, t.TORQUE)
@@ -195,11 +183,6 @@ def goals(kind: SetPoint, value: Sequence[float]) -> bytes:
     return struct.pack("<HHH", position, pwm, velocity)
 
 
-def connect(bus: str, baudrate: int) -> ServoBus:
-    """The servos of a port."""
-    return ServoBus(t.LIBRARY, bus, baudrate)
-
-
 def identity(bus: ServoBus, drive: int) -> Found:
     """What a servo is, and its fault."""
     number, status = bus.get(drive, t.MODEL), bus.get(drive, t.STATUS)
@@ -215,12 +198,9 @@ def identity(bus: ServoBus, drive: int) -> Found:
 
 def scan(device: str, baudrate: int = 1_000_000) -> list[Found]:
     """What answers on a port."""
-    bus = connect(device, baudrate)
-    try:
+    with ServoBus(t.LIBRARY, device, baudrate) as bus:
         bus.port.wait = 5e-3
         return [identity(bus, drive) for drive in IDS if bus.models(drive, attempts=1)]
-    finally:
-        bus.close(t.TORQUE)
 
 
 make = maker(

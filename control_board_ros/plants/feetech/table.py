@@ -22,7 +22,7 @@ READ = Item(TORQUE.address, CURRENT.address + 2 - TORQUE.address)
 POSITION_MODE, VELOCITY_MODE, PWM_MODE = 0, 1, 2
 #: Bits of the sign; the numbers are magnitudes.
 SIGN, PWM_SIGN = 15, 10
-LIBRARY = Library("scservo_sdk", "feetech-servo-sdk", "feetech", 0, (), 5, 1, 2, 0, MODEL)
+LIBRARY = Library("scservo_sdk", "feetech-servo-sdk", "feetech", 0, (), 5, 1, 2, 0, MODEL, TORQUE)
 COUNT = 2.0 * math.pi / 4096.0  # rad; velocities are in counts/s
 CENTRE = 2048
 SPEED_LIMIT_STEP = 50.0  # counts/s

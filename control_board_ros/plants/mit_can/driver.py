@@ -13,12 +13,11 @@ from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Axis, Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits
+from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -41,7 +40,7 @@ class MitDrives:
             torque=True,
             temperature=True,
         )
-        self._line: CanLine | None = None
+        self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         n = len(self._axes)
         self._ranges = [self._check(axis) for axis in self._axes]
         #: Of RobStride's motors; the next one whose faults are requested.
@@ -76,7 +75,7 @@ class MitDrives:
 
     def open(self, setup: Setup, joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the bus; see ``drives.plant.Driver``."""
-        self._line = CanLine(self._options.bus, bitrate=int(self._options.own["bitrate"]))
+        self._line.open()
         self._setup, self._joints = setup, joints
         self._wait = budget(setup.period)
         self._places.clear()
@@ -101,7 +100,7 @@ class MitDrives:
         )
 
     def _set_up_damiao(self, k: int) -> str:
-        line, axis = self._opened, self._axes[k]
+        line, axis = self._line, self._axes[k]
         told = registers(line, axis.id, f.MASTER_ID, first=True)
         master = only(told, axis, self._options.bus, "mit_can")
         self._places[master, axis.id] = k
@@ -114,7 +113,7 @@ class MitDrives:
         return f"{int(get(line, axis.id, f.SOFTWARE))}"
 
     def _set_up_robstride(self, k: int) -> str:
-        line, axis = self._opened, self._axes[k]
+        line, axis = self._line, self._axes[k]
         only(faults(line, axis.id), axis, self._options.bus, "mit_can")
         self._places[r.MASTER, axis.id] = k
         line.send(axis.id, f.DISABLE)
@@ -149,34 +148,29 @@ class MitDrives:
                 f"[{option}={math.ceil(10.0 * ratio) / 10.0}]"
             )
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line, self._answers = self._opened, answers
+        line, self._answers = self._line, answers
         line.drain(self._take)
-        asked = []
-        columns = values.T.tolist()
-        for k, kind in enumerate(kinds):
-            if kind is None:
-                continue
+        for k, (kind, value) in wanted.items():
             drive = self._axes[k].id
             lost = k in self._power and (self._power[k].lost or self._words[k])
-            on = kind != SetPoint.OFF and not (self._restarted[k] or lost)
+            on = kind is not SetPoint.OFF and not (self._restarted[k] or lost)
             if on and not self._powered[k]:
                 line.send(drive, f.ENABLE)
             self._powered[k] = on
             if not on:
                 self._enabled[k] = False
-            line.send(drive, self._command(k, SetPoint(kind), columns[k]) if on else f.DISABLE)
-            asked.append(drive)
-        if blind := [k for k in self._power if kinds[k] is not None]:
+            line.send(drive, self._command(k, kind, value) if on else f.DISABLE)
+        if blind := [k for k in self._power if k in wanted]:
             self._turn += 1
             line.send(self._axes[blind[self._turn % len(blind)]].id, r.READ_FAULTS)
-        line.gather(self._take, asked, self._wait)
+        line.gather(self._take, wanted, self._wait)
 
     def clear_fault(self, drive: int) -> Found | None:
         """Clear faults; set up again a motor that restarted."""
         anew = None
-        line, axis = self._opened, self._axes[drive].id
+        line, axis = self._line, self._axes[drive].id
         if drive in self._power:
             for data in (f.CLEAR, f.DISABLE, r.RUN_MIT):
                 line.send(axis, data)
@@ -189,15 +183,7 @@ class MitDrives:
 
     def close(self) -> None:
         """Power off, and leave the bus."""
-        line, self._line = self._line, None
-        if line is not None:
-            line.close((axis.id, f.DISABLE) for axis in self._axes)
-
-    @property
-    def _opened(self) -> CanLine:
-        if self._line is None:
-            raise ConnectionError("the bus is not open")
-        return self._line
+        self._line.close((axis.id, f.DISABLE) for axis in self._axes)
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         springs = kind is SetPoint.IMPEDANCE
@@ -228,7 +214,7 @@ class MitDrives:
             self._move(k, data)
             answers.temperature[k] = data[7]
             answers.faults[k] = self._judge(k, data[0] >> 4)
-            return self._axes[k].id
+            return k
         return None
 
     def _move(self, k: int, data: bytes) -> tuple[float, float, float]:
@@ -250,7 +236,7 @@ class MitDrives:
             self._words[k] = word
         lost = r.POWERLESS if power.lost else None
         self._answers.faults[k] = r.fault(self._words[k]) or lost
-        return self._axes[k].id if word is None else None
+        return k if word is None else None
 
     def _judge(self, k: int, state: int) -> DriveFault | None:
         if state == f.ENABLED:
@@ -296,22 +282,10 @@ def put(line: CanLine, drive: int, number: int, value: int) -> None:
 
 
 def _ask(line: CanLine, drive: int, data: bytes, number: int) -> bytes:
-    found: list[bytes] = []
-
-    def take(message: Any) -> int | None:
-        told = _register(message, drive, number)
-        if told is None:
-            return None
-        found.append(told)
-        return drive
-
-    for attempt in range(ATTEMPTS):
-        line.drain(lambda _: None)
-        line.send(f.REGISTERS, data)
-        line.gather(take, [drive], PATIENCE * 2**attempt)
-        if found:
-            return found[0]
-    raise ConnectionError(f"id {drive} does not answer for register {number}")
+    found = line.ask(f.REGISTERS, data, lambda m: _register(m, drive, number))
+    if found is None:
+        raise ConnectionError(f"id {drive} does not answer for register {number}")
+    return found
 
 
 def _register(message: Any, drive: int, number: int) -> bytes | None:
@@ -323,8 +297,7 @@ def _register(message: Any, drive: int, number: int) -> bytes | None:
 
 def scan(bus: str, ids: Sequence[int] = SHORT_IDS) -> list[Found]:
     """What answers on a bus."""
-    line = CanLine(bus)
-    try:
+    with CanLine(bus) as line:
         found = []
         for drive in ids:
             for _ in registers(line, drive, f.MASTER_ID):
@@ -346,8 +319,6 @@ def scan(bus: str, ids: Sequence[int] = SHORT_IDS) -> list[Found]:
             word = next((r.fault_word(data) or 0 for data in faults(line, drive)), 0)
             found.append(Found(id=drive, type="RobStride", fault=r.fault(word)))
         return found
-    finally:
-        line.close()
 
 
 make = maker(

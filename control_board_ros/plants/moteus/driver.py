@@ -16,16 +16,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits
+from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -51,8 +51,7 @@ class MoteusDrives:
             current=True,
             voltage=True,
         )
-        self._line: CanLine | None = None
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
+        self._line = CanLine(options.bus, fd=True)
         n = len(self._axes)
         self._kp, self._kd, self._most = [1.0] * n, [1.0] * n, [math.nan] * n
         self._running, self._restarted = [False] * n, [False] * n
@@ -61,7 +60,7 @@ class MoteusDrives:
         """Open the bus; see ``drives.plant.Driver``."""
         import moteus
 
-        self._line = line = CanLine(self._options.bus, fd=True)
+        self._line.open()
         self._setup, self._joints = setup, joints
         self._wait = budget(setup.period)
         resolution = moteus.QueryResolution()
@@ -72,13 +71,13 @@ class MoteusDrives:
         self._templates = [f.template(drive) for drive in self._drives]
         found = []
         for k, axis in enumerate(self._axes):
-            told = only(identify(line, axis.id), axis, self._options.bus, "moteus")
+            told = only(identify(self._line, axis.id), axis, self._options.bus, "moteus")
             found.append(self._set_up(k, told))
         return found
 
     def _set_up(self, k: int, found: Found) -> Found:
         """Stop a drive, set its watchdog and largest torque, and read its gains and limits."""
-        line, axis, joint = self._opened, self._axes[k], self._joints[k]
+        line, axis, joint = self._line, self._axes[k], self._joints[k]
         line.send(axis.id, f.padded(self._drives[k].make_stop().data))
         silence = OnSilence.FREE if joint is None else joint.on_silence
         ask(line, axis.id, f"conf set servo.timeout_mode {ON_SILENCE[silence]}")
@@ -92,59 +91,38 @@ class MoteusDrives:
         if joint is not None:  # S4: the smaller acts
             self._most[k] = joint.limits.torque / axis.ratio
         self._restarted[k] = self._running[k] = False
-        limits = [number(f"servopos.position_{end}") for end in ("min", "max")]
-        return Found(
-            id=found.id,
-            type=found.type,
-            firmware=found.firmware,
-            voltage=found.voltage,
-            fault=found.fault,
-            limits=DriveLimits(
-                lower=limits[0] * f.REV if math.isfinite(limits[0]) else None,
-                upper=limits[1] * f.REV if math.isfinite(limits[1]) else None,
-                velocity=number("servo.max_velocity") * f.REV,
-                current=number("servo.max_current_A"),
-            ),
+        lower, upper = (number(f"servopos.position_{end}") for end in ("min", "max"))
+        limits = DriveLimits(
+            lower=lower * f.REV if math.isfinite(lower) else None,
+            upper=upper * f.REV if math.isfinite(upper) else None,
+            velocity=number("servo.max_velocity") * f.REV,
+            current=number("servo.max_current_A"),
         )
+        return replace(found, limits=limits)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line = self._opened
-        self._answers = answers
+        line, self._answers = self._line, answers
         line.drain(self._take)
-        asked = []
-        columns = values.T.tolist()
-        for k, kind in enumerate(kinds):
-            if kind is None:
-                continue
-            drive = self._axes[k].id
-            line.send(0x8000 | drive, f.padded(self._command(k, SetPoint(kind), columns[k])))
-            asked.append(drive)
-        line.gather(self._take, asked, self._wait)
+        for k, (kind, value) in wanted.items():
+            line.send(0x8000 | self._axes[k].id, f.padded(self._command(k, kind, value)))
+        line.gather(self._take, wanted, self._wait)
 
     def clear_fault(self, drive: int) -> Found | None:
         """A stop clears it; a drive that restarted is set up again."""
         anew = None
         if self._restarted[drive]:
-            found = identify(self._opened, self._axes[drive].id, attempts=1)
+            found = identify(self._line, self._axes[drive].id, attempts=1)
             if found:
                 anew = self._set_up(drive, found[0])
-        self._opened.send(self._axes[drive].id, f.padded(self._drives[drive].make_stop().data))
+        self._line.send(self._axes[drive].id, f.padded(self._drives[drive].make_stop().data))
         return anew
 
     def close(self) -> None:
         """Stop all drives, and leave the bus."""
-        line, self._line = self._line, None
-        if line is not None:
-            line.close((axis.id, bytes([0x01, 0x00, f.STOPPED])) for axis in self._axes)
+        self._line.close((axis.id, bytes([0x01, 0x00, f.STOPPED])) for axis in self._axes)
 
-    @property
-    def _opened(self) -> CanLine:
-        if self._line is None:
-            raise ConnectionError("the bus is not open")
-        return self._line
-
-    def _command(self, k: int, kind: SetPoint, value: list[float]) -> bytes:
+    def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> bytes:
         drive = self._drives[k]
         if kind is SetPoint.OFF or self._restarted[k]:
             self._running[k] = False
@@ -180,11 +158,9 @@ class MoteusDrives:
     def _take(self, message: Any) -> int | None:
         """Read an answer."""
         answers = self._answers
-        source: int = message.arbitration_id >> 8 & 0x7F
         if message.arbitration_id & 0xFF != 0:
             return None
-        if (k := self._places.get(source)) is None:
-            answers.foreign += 1
+        if (k := answers.place(message.arbitration_id >> 8 & 0x7F)) is None:
             return None
         try:
             mode, q, dq, torque, amps, volts, fault = f.reading(bytes(message.data))
@@ -198,7 +174,7 @@ class MoteusDrives:
         answers.torque[k], answers.current[k], answers.voltage[k] = torque, amps, volts
         answers.faults[k] = self._judge(k, mode, fault)
         answers.came(k, message.data)
-        return source
+        return k
 
     def _judge(self, k: int, mode: int, fault: int) -> DriveFault | None:
         if mode in f.RUNNING:
@@ -289,8 +265,7 @@ def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
     import moteus
     from moteus.protocol import Register
 
-    line = CanLine(bus, fd=True)
-    try:
+    with CanLine(bus, fd=True) as line:
         query = (
             moteus.Controller(id=1).make_custom_query({Register.MODEL_NUMBER: moteus.INT32}).data
         )
@@ -298,8 +273,6 @@ def scan(bus: str, ids: Sequence[int] = range(1, 128)) -> list[Found]:
             line.send(0x8000 | drive, f.padded(query))
         heard = {m.arbitration_id >> 8 for m in line.collect(0.1) if m.arbitration_id & 0xFF == 0}
         return [found for drive in sorted(heard) for found in identify(line, drive)]
-    finally:
-        line.close()
 
 
 make = maker(MoteusDrives, bus="socketcan:can0", ids=range(1, 128), whole={"unwatched": 0.0})

@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
 from ...core.terms.set_points import Value
 from ..drives.axes import Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, REMOTE, CanLine, budget
 from ..drives.maker import maker, only
-from ..drives.plant import RESTARTED, Answers, Found, Traits
+from ..drives.plant import RESTARTED, Answers, Found, Traits, Wanted
 from ..errors import PlantSettingsError
 from ..interface import DriveFault, DriveLimits, Setup
 from . import frames as f
@@ -47,8 +47,7 @@ class OdriveDrives:
             rate=8e3,
             torque=True,
         )
-        self._line: CanLine | None = None
-        self._places = {axis.id: k for k, axis in enumerate(self._axes)}
+        self._line = CanLine(options.bus, bitrate=int(options.own["bitrate"]))
         n = len(self._axes)
         self._parameters: list[Mapping[str, f.Endpoint]] = [{}] * n
         self._kinds, self._turn = [SetPoint.OFF] * n, 0
@@ -57,7 +56,7 @@ class OdriveDrives:
 
     def open(self, setup: Setup, _joints: Sequence[JointConfig | None]) -> list[Found]:
         """Open the bus; see ``drives.plant.Driver``."""
-        self._line = CanLine(self._options.bus, bitrate=int(self._options.own["bitrate"]))
+        self._line.open()
         self._setup, self._wait = setup, budget(setup.period)
         found = []
         for k, axis in enumerate(self._axes):
@@ -68,7 +67,7 @@ class OdriveDrives:
 
     def _set_up(self, k: int, version: f.Version) -> Found:
         """No power, and the watchdog; returns what it is."""
-        line, axis = self._opened, self._axes[k]
+        line, axis = self._line, self._axes[k]
         firmware = ".".join(map(str, f.FIRMWARE))
         if version.protocol != f.PROTOCOL or not version.firmware.startswith(f"{firmware}."):
             raise PlantSettingsError(
@@ -87,41 +86,29 @@ class OdriveDrives:
         if not self._parameters[k]:
             return found
         speed, current = self._get(k, f.SPEED_LIMIT), self._get(k, f.CURRENT_LIMIT)
-        return Found(
-            id=axis.id,
-            type=found.type,
-            firmware=found.firmware,
-            voltage=found.voltage,
-            fault=found.fault,
-            limits=DriveLimits(
-                velocity=speed * REV if math.isfinite(speed) else None,
-                torque=current * self._get(k, f.TORQUE_CONSTANT),
-                current=current,
-            ),
+        limits = DriveLimits(
+            velocity=speed * REV if math.isfinite(speed) else None,
+            torque=current * self._get(k, f.TORQUE_CONSTANT),
+            current=current,
         )
+        return replace(found, limits=limits)
 
-    def exchange(self, kinds: Sequence[int | None], values: Array, answers: Answers) -> None:
+    def exchange(self, wanted: Wanted, answers: Answers) -> None:
         """Set-points and answers; see ``drives.plant.Driver``."""
-        line, self._answers = self._opened, answers
+        line, self._answers = self._line, answers
         line.drain(self._take)
-        columns = values.T.tolist()
         self._turn = (self._turn + 1) % len(IN_TURN)
-        asked = []
-        for k, kind in enumerate(kinds):
-            if kind is None:
-                continue
-            drive = self._axes[k].id
-            self._command(k, SetPoint.OFF if self._restarted[k] else SetPoint(kind), columns[k])
+        for k, (kind, value) in wanted.items():
+            self._command(k, SetPoint.OFF if self._restarted[k] else kind, value)
             questions = f.ESTIMATES, IN_TURN[self._turn]
             self._awaited[k] = set(questions)
             for command in questions:
-                line.send(frame(drive, command) | REMOTE, b"")
-            asked.append(drive)
-        line.gather(self._take, asked, self._wait)
+                line.send(frame(self._axes[k].id, command) | REMOTE, b"")
+        line.gather(self._take, wanted, self._wait)
 
     def _command(self, k: int, kind: SetPoint, value: Sequence[float]) -> None:
         """The set-point of a drive; power, mode and watchdog where its kind is a new one."""
-        line, drive, before = self._opened, self._axes[k].id, self._kinds[k]
+        line, drive, before = self._line, self._axes[k].id, self._kinds[k]
         if kind is SetPoint.OFF:
             self._kinds[k], self._closed[k] = kind, False
             line.send(frame(drive, f.STATE), struct.pack("<I", f.IDLE))
@@ -153,23 +140,15 @@ class OdriveDrives:
         anew = None
         axis = self._axes[drive]
         if self._restarted[drive]:
-            for data in ask(self._opened, axis.id, f.VERSION, 1)[:1]:
+            for data in ask(self._line, axis.id, f.VERSION, 1)[:1]:
                 anew = self._set_up(drive, f.Version.parse(data))
-        self._opened.send(frame(axis.id, f.CLEAR), b"\0")
+        self._line.send(frame(axis.id, f.CLEAR), b"\0")
         return anew
 
     def close(self) -> None:
         """Power off, and leave the bus."""
-        line, self._line = self._line, None
-        if line is not None:
-            off = struct.pack("<I", f.IDLE)
-            line.close((frame(axis.id, f.STATE), off) for axis in self._axes)
-
-    @property
-    def _opened(self) -> CanLine:
-        if self._line is None:
-            raise ConnectionError("the bus is not open")
-        return self._line
+        off = struct.pack("<I", f.IDLE)
+        self._line.close((frame(axis.id, f.STATE), off) for axis in self._axes)
 
     def _take(self, message: Any) -> int | None:
         answers, data = self._answers, bytes(message.data)
@@ -177,8 +156,7 @@ class OdriveDrives:
         form = FORMATS.get(command)
         if message.is_remote_frame or form is None:
             return None
-        if (k := self._places.get(drive)) is None:
-            answers.foreign += 1
+        if (k := answers.place(drive)) is None:
             return None
         found = struct.unpack(form, data) if len(data) == 8 else (math.nan,)
         if not all(map(math.isfinite, found)):
@@ -192,7 +170,7 @@ class OdriveDrives:
         else:
             answers.faults[k] = self._judge(k, *found[:2])
         self._awaited[k].discard(command)
-        return None if self._awaited[k] else drive
+        return None if self._awaited[k] else k
 
     def _judge(self, k: int, errors: int, state: int) -> DriveFault | None:
         if state == f.CLOSED_LOOP:
@@ -205,30 +183,22 @@ class OdriveDrives:
 
     def _get(self, k: int, name: str) -> float:
         """A parameter."""
-        line, drive, endpoint = self._opened, self._axes[k].id, self._parameters[k][name]
+        line, drive, endpoint = self._line, self._axes[k].id, self._parameters[k][name]
+
+        def pick(message: Any) -> bytes | None:
+            data = bytes(message.data)
+            if message.arbitration_id != frame(drive, f.TX_SDO) or len(data) < 5:
+                return None
+            return data[4:].ljust(4, b"\0") if data[1] | data[2] << 8 == endpoint.id else None
+
         question = struct.pack("<BHB", f.READ, endpoint.id, 0)
-        for attempt in range(ATTEMPTS):
-            line.drain(lambda _: None)
-            line.send(frame(drive, f.RX_SDO), question)
-            told: list[bytes] = []
-
-            def take(message: Any, told: list[bytes] = told) -> int | None:
-                data = bytes(message.data)
-                if message.arbitration_id != frame(drive, f.TX_SDO) or len(data) < 5:
-                    return None
-                if data[1] | data[2] << 8 != endpoint.id:
-                    return None
-                told.append(data[4:].ljust(4, b"\0"))
-                return drive
-
-            line.gather(take, [drive], PATIENCE * 2**attempt)
-            if told:
-                return float(struct.unpack_from(endpoint.form, told[0])[0])
-        raise ConnectionError(f"id {drive} does not answer for {name}")
+        if (data := line.ask(frame(drive, f.RX_SDO), question, pick)) is None:
+            raise ConnectionError(f"id {drive} does not answer for {name}")
+        return float(struct.unpack_from(endpoint.form, data)[0])
 
     def _put(self, k: int, name: str, value: float) -> None:
         """Write a parameter, and see that it is so: a write has no answer."""
-        line, drive = self._opened, self._axes[k].id
+        line, drive = self._line, self._axes[k].id
         for _ in range(ATTEMPTS):
             line.send(frame(drive, f.RX_SDO), written(self._parameters[k][name], value))
             if abs(self._get(k, name) - value) <= 1e-6:
@@ -272,16 +242,13 @@ def found_of(line: CanLine, drive: int, version: f.Version) -> Found:
 
 def scan(bus: str, ids: Sequence[int] = IDS) -> list[Found]:
     """What answers on a bus."""
-    line = CanLine(bus)
-    try:
+    with CanLine(bus) as line:
         for drive in ids:
             line.send(frame(drive, f.VERSION) | REMOTE, b"")
         heard = {m.arbitration_id >> 5: f.Version.parse(bytes(m.data))
                  for m in line.collect(2.0 * PATIENCE)
                  if m.arbitration_id & 0x1F == f.VERSION and len(m.data) == 8}  # fmt: skip
         return [found_of(line, drive, version) for drive, version in sorted(heard.items())]
-    finally:
-        line.close()
 
 
 make = maker(

@@ -9,20 +9,13 @@ import pty
 import select
 import threading
 import tty
-from collections.abc import Iterator, Sequence
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any
 
 from .can_bus import QUIET
+from .servo import Framer
 from .wire import Wire
 from .world import World
-
-
-class Framer(Protocol):
-    """What a bus makes of bytes that come: packets, by the protocol of its drives."""
-
-    def feed(self, data: bytes) -> Iterator[Any]: ...
-
-    def drop(self) -> None: ...
 
 
 class VirtualSerialBus:

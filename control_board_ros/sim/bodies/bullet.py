@@ -241,14 +241,14 @@ class BulletBody:
         self._saved = bullet.saveState(physicsClientId=self._client)
 
     def _gone(self, **_: Any) -> NoReturn:
-        raise PlantGone("the physics server is gone; start the board anew") from None
+        raise PlantGone("the physics server is gone; restart the board") from None
 
     def _find_joints(self, moments: Moments) -> dict[str, int]:
         """Indices of the movable joints; also sets the dynamics of every link."""
         joints = {}
         if (count := bullet.getNumJoints(self._body, self._client)) > MOST_JOINTS:
             raise PlantError(
-                f"urdf: {count} joints move, pybullet takes at most {MOST_JOINTS}; name those "
+                f"urdf: {count} joints move, pybullet supports at most {MOST_JOINTS}; name those "
                 "of the board in the parameter joints, the others are fixed then"
             )
         for index in range(count):

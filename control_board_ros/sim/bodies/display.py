@@ -24,5 +24,5 @@ def check_display() -> None:
     x11.XCloseDisplay.argtypes = [ctypes.c_void_p]
     display = x11.XOpenDisplay(name.encode())
     if not display:
-        raise PlantError(f"gui: display {name!r} takes no connection; set gui to false or fix it")
+        raise PlantError(f"gui: display {name!r} refuses connections; set gui to false or fix it")
     x11.XCloseDisplay(display)

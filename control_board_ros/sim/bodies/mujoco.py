@@ -184,7 +184,7 @@ class MujocoBody:
             self._model.eq_data[number, :2] = place - ratio * at, ratio
 
     def _gone(self, *_: Any) -> NoReturn:
-        raise PlantGone("the physics is closed; start the board anew")
+        raise PlantGone("the physics is closed; restart the board")
 
 
 def _as_slice(indices: list[int]) -> Indices:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Many arms of one kind in one world of MuJoCo: one step for all, at a third of the cost of each.
 
-They stand on one spot and do not touch: no shape is loaded.
+They share one place and do not touch: no shape is loaded.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ class MujocoFleet:
     def __init__(self, board: BoardConfig, simulation: SimulationConfig, count: int) -> None:
         fitted = fit(board, simulation)
         if fitted.mimics:
-            raise PlantError(f"{fitted.mimics[0].follower} follows another joint; take one arm")
+            raise PlantError(f"{fitted.mimics[0].follower} follows another joint; use one arm")
         if fitted.coupling is not None:
-            raise PlantError("the arm has coupled joints; take one arm")
+            raise PlantError("the arm has coupled joints; use one arm")
         one = Builder(fitted, simulation, "").build()
         world = Builder(fit(board, simulation), simulation, "").spec
         for k in range(1, count):
