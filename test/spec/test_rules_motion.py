@@ -29,6 +29,7 @@ from rig import (
 
 from control_board_ros.core.config.config import Pid, Timeouts
 from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode
 
 PERIOD = 1.0 / RATE
@@ -832,12 +833,15 @@ def test_what_is_not_finite_is_ignored(kind: str, value: float) -> None:
     rig = ready(board_config(joint("left"), joint("right")))
     rig.enter(next(mode for mode, kinds in TAKES.items() if kind in kinds))
     method, getter, good = COMMANDS[kind]
-    before = getattr(rig.board, getter)("left")[0]
+    modes, before = rig.modes(), getattr(rig.board, getter)("left")[0]
     reply = getattr(rig.board, method)(None, [value, good])
-    assert not reply
-    assert "finite" in reply.message
+    assert reply.answers == (Answer.IGNORED, Answer.ACCEPTED)
+    assert "not a finite number" in reply.message
+    assert "left" in reply.message
     assert getattr(rig.board, getter)().tolist() == [before, good]
     assert rig.board.snapshot().rejected_commands.tolist() == [1, 0]
+    assert np.isfinite(rig.run(0.1).block).all()
+    assert rig.modes() == modes
 
 
 @pytest.mark.parametrize(
