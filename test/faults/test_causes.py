@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from rig import POSITION_MODES, RATE, Rig, board_config, held, joint, ready
 
-from control_board_ros.core.config.config import Calibration, Timeouts
 from control_board_ros.core.terms.faults import FaultCode as F
 from control_board_ros.core.terms.measurement import Row
 from control_board_ros.core.terms.vocabs import ControlMode as M
@@ -68,33 +67,6 @@ def test_each_cause_is_found_in_its_time_with_its_code_and_text(kind):
     everybody = kind == "diverged"  # the simulation as a whole
     assert rig.modes()[1] is (M.HW_FAULT if everybody else M.POSITION)
     assert any(event.level == "error" for event in rig.board.take_events())
-
-
-@pytest.mark.parametrize("kind", [kind for kind in CAUSES if kind not in MOVING])
-def test_a_cause_that_persists_survives_force_idle_and_says_so(kind):
-    """F3: the call reports it, the joint stays in HW_FAULT and without power."""
-    code, _, _ = CAUSES[kind]
-    rig, _ = faulted_by(kind)
-    rig.run(0.05)
-    for _ in range(3):
-        reply = rig.board.set_control_mode("left", "fidl")
-        assert not reply
-        assert "the cause persists" in reply.message
-        rig.tick()
-        assert rig.modes()[0] is M.HW_FAULT
-        assert rig.board.state.powered[0] == 0.0
-    rig.plant.clear_injected()
-    rig.run(0.05)
-    assert rig.modes()[0] is M.HW_FAULT  # the latch stays until FORCE_IDLE (F2)
-    reply = rig.board.set_control_mode("left", "fidl")
-    assert reply, reply.message
-    record = rig.board.get_faults("left")[0]
-    assert (record.active, record.code) == (False, code)  # kept as the last fault (F5)
-    rig.run(0.1)
-    assert rig.modes()[0] is M.IDLE
-    assert rig.board.set_control_mode("left", "pos")
-    rig.run(0.1)
-    assert rig.modes()[0] is M.POSITION
 
 
 AT_REST = [kind for kind in CAUSES if kind not in (*MOVING, "diverged")]
@@ -190,17 +162,6 @@ def test_a_broken_encoder_is_found_again_when_the_motor_runs(kind):
     assert rig.board.get_faults("left")[0].code == F.ENCODER_MISMATCH
 
 
-@pytest.mark.parametrize("kind", [kind for kind in CAUSES if kind not in MOVING])
-def test_a_passing_cause_latches_until_force_idle(kind):
-    """F2: 20 ms are enough; the fault stays, and FORCE_IDLE then clears it."""
-    rig, _ = faulted_by(kind, persistent=False)
-    rig.run(0.2)
-    assert rig.modes()[0] is M.HW_FAULT
-    assert rig.board.set_control_mode("left", "fidl")
-    rig.run(0.1)
-    assert rig.modes()[0] is M.IDLE
-
-
 @pytest.mark.parametrize("mode", [*POSITION_MODES, M.TORQUE, M.OPENLOOP])
 def test_the_emergency_stop_takes_all_power_in_one_cycle(mode):
     """F1 (promise P5): in HW_FAULT the motor current is exactly 0 from the next reading on."""
@@ -283,74 +244,6 @@ def test_a_joint_beyond_its_hard_stop_faults():
     assert not rig.board.set_control_mode("left", "fidl")
     carry(limits.hard_upper)
     assert rig.board.set_control_mode("left", "fidl")
-
-
-@pytest.mark.parametrize(
-    ("mode", "send"), [(M.TORQUE, "set_ref_torque"), (M.OPENLOOP, "set_output")]
-)
-def test_a_torque_or_output_that_nobody_renews_faults(mode, send):
-    """P12: with a timeout set; renewed in time it never expires."""
-    one = joint("left", timeouts=Timeouts(torque=0.1, output=0.1))
-    rig = ready(board_config(one))
-    rig.enter(mode)
-    rig.run(1.0)
-    assert rig.modes() == [mode]  # nothing sent, nothing expires
-    for _ in range(20):
-        assert getattr(rig.board, send)("left", 0.5)
-        rig.run(0.09)
-        assert rig.modes() == [mode]
-    rig.run(0.03)
-    assert rig.modes() == [M.HW_FAULT]
-    record = rig.board.get_faults("left")[0]
-    assert record.code == F.REFERENCE_TIMEOUT
-    assert "reference timeout" in record.text
-
-
-def test_a_velocity_that_nobody_renews_stops_and_holds():
-    """P12: no fault, the mode stays, the joint holds."""
-    rig = ready()
-    rig.enter(M.VELOCITY, ["left"])
-    assert rig.board.velocity_move("left", 1.0, 10.0)
-    rig.run(0.19)
-    assert rig.board.snapshot().velocity_reference[0] == 1.0
-    rig.run(0.2)
-    first = rig.board.snapshot()
-    assert first.velocity_reference[0] == 0.0
-    last = rig.run(1.0)
-    assert last.position[0] == pytest.approx(first.position[0], abs=0.01)
-    assert rig.modes()[0] is M.VELOCITY
-    assert not rig.board.get_faults("left")[0].active
-
-
-def test_an_unsupported_mode_is_a_fault_with_its_reason():
-    """M5: code and text of a user fault."""
-    rig = ready()
-    assert not rig.board.set_control_mode("bare", "torq")
-    record = rig.board.get_faults("bare")[0]
-    assert record.code == F.UNSUPPORTED
-    assert "torq (TORQUE) was requested" in record.text
-
-
-def test_a_failed_calibration_is_a_fault_with_its_reason():
-    """K4: a time-out says what was going on."""
-    slow = Calibration(type=3, required=False, start=1.0, speed=0.05, timeout=0.5)
-    rig = ready(board_config(joint("left", calibration=slow)))
-    assert rig.board.calibrate("left")
-    rig.run(0.6)
-    record = rig.board.get_faults("left")[0]
-    assert record.code == F.CALIBRATION
-    assert "timed out after 0.5 s while moving to the start position" in record.text
-
-
-def test_an_overheated_winding_must_cool_first():
-    """F3: FORCE_IDLE is refused until the winding is below the limit by the hysteresis."""
-    rig = held(joint("left"))
-    rig.plant.values[Row.TEMPERATURE] = 121.0
-    rig.tick()
-    for temperature, cleared in ((119.0, False), (111.0, False), (109.0, True)):
-        rig.plant.values[Row.TEMPERATURE] = temperature
-        rig.tick()
-        assert bool(rig.board.set_control_mode("left", "fidl")) is cleared
 
 
 def test_two_causes_at_once_keep_the_first_and_both_must_go():

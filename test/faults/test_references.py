@@ -16,8 +16,6 @@ from control_board_ros.core.terms.vocabs import ControlMode as M
 DEGREE = math.radians(1.0)
 #: A mode that takes each kind.
 MODE = {kind: next(mode for mode, kinds in TAKES.items() if kind in kinds) for kind in COMMANDS}
-#: The kinds that the joint without torque sensor takes too.
-BROAD = [kind for kind in COMMANDS if kind != "torque"]
 NOT_FINITE = [math.nan, math.inf, -math.inf]
 
 
@@ -27,24 +25,6 @@ def commanded(kind):
     rig.enter(MODE[kind], ["left", "right"])
     send, get, value = COMMANDS[kind]
     return rig, getattr(rig.board, send), getattr(rig.board, get), value
-
-
-@pytest.mark.parametrize("bad", NOT_FINITE)
-@pytest.mark.parametrize("kind", COMMANDS)
-def test_what_is_not_finite_is_ignored_and_the_other_joint_is_served(kind, bad):
-    """M4, P13: one joint's NaN costs the other one nothing."""
-    rig, send, get, value = commanded(kind)
-    before = get("left").tolist()
-    reply = send(["left", "right"], [bad, value])
-    assert reply.answers == (Answer.IGNORED, Answer.ACCEPTED)
-    assert "not a finite number" in reply.message
-    assert "left" in reply.message
-    assert get("left").tolist() == before
-    assert get("right").tolist() == [value]
-    assert rig.board.snapshot().rejected_commands.tolist() == [1, 0, 0]
-    snapshot = rig.run(0.1)
-    assert np.isfinite(snapshot.block).all()
-    assert rig.modes()[:2] == [MODE[kind]] * 2
 
 
 @pytest.mark.parametrize("bad", [*NOT_FINITE, 0.0, -0.0, -1.0, 1e308])
@@ -139,55 +119,6 @@ def test_a_command_that_is_wrong_as_a_whole_changes_nothing(kind, joints, values
     assert re.search(words, reply.message), reply.message
     known = 3 if not joints else sum(name in ("left", "right") for name in {*map(str, joints)})
     assert rig.board.snapshot().rejected_commands.sum() == known
-
-
-@pytest.mark.parametrize("kind", BROAD)
-@pytest.mark.parametrize("joints", [None, ()])
-def test_no_names_mean_all_joints(kind, joints):
-    """M1: empty names with one value per joint, in the board's order."""
-    rig = ready()
-    rig.enter(MODE[kind])
-    send, get, value = COMMANDS[kind]
-    values = [value, value / 2, value / 4]
-    assert getattr(rig.board, send)(joints, values)
-    assert getattr(rig.board, get)(None).tolist() == values
-
-
-@pytest.mark.parametrize("beyond", [1e-9, DEGREE, 1e6])
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-@pytest.mark.parametrize("kind", ["position", "position direct"])
-def test_positions_beyond_the_soft_limits_end_at_them(kind, side, beyond):
-    """P4, P9: the reference in force never lies beyond a software limit."""
-    rig, send, get, _ = commanded(kind)
-    limits = rig.config.joints[0].limits
-    limit = limits.upper if side > 0 else limits.lower
-    rig.board.set_ref_speed("left", limits.velocity)
-    if kind == "position direct":  # near enough for a step that is no overload
-        rig.enter(M.POSITION, ["left"])
-        rig.board.position_move("left", limit - side * 0.05)
-        rig.run(3.0)
-        assert rig.board.set_control_mode("left", M.POSITION_DIRECT)
-    assert send("left", limit + side * beyond)
-    assert get("left").tolist() == [limit]
-    for snapshot in rig.record(3.0):
-        assert limits.lower <= snapshot.position_reference[0] <= limits.upper
-    assert snapshot.position[0] == pytest.approx(limit, abs=0.2 * DEGREE)
-    assert rig.modes()[0] is MODE[kind]
-
-
-@pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_a_velocity_ends_at_the_limit(side):
-    """P9: an integrated velocity stops at the software limit, at full speed too."""
-    rig, send, _, _ = commanded("velocity")
-    limits = rig.config.joints[0].limits
-    limit = limits.upper if side > 0 else limits.lower
-    for _ in range(20):
-        assert send("left", side * limits.velocity, limits.acceleration)
-        for snapshot in rig.record(0.1):
-            assert abs(snapshot.position_reference[0]) <= limits.upper
-            assert abs(snapshot.position[0]) < limits.hard_upper
-    assert snapshot.position[0] == pytest.approx(limit, abs=0.2 * DEGREE)
-    assert rig.modes()[0] is M.VELOCITY
 
 
 @pytest.mark.parametrize(

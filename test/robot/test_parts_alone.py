@@ -10,11 +10,10 @@ from typing import Any
 
 import pytest
 from rig import board_config, joint, plain
-from robots import RobotRig, calibrated
+from robots import RobotRig, calibrated, shown
 
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig
-from control_board_ros.core.state import Snapshot
 from control_board_ros.core.terms.measurement import Measurement
 from control_board_ros.core.terms.modes import Stage
 from control_board_ros.core.terms.vocabs import CommandKind
@@ -74,21 +73,6 @@ class Beside:
             assert part.get_ref_speed().tolist() == board.get_ref_speed().tolist(), name
             assert part.get_target_position().tolist() == board.get_target_position().tolist()
             assert part.take_events() == board.take_events(), name
-
-
-def shown(snapshot: Snapshot) -> list[Any]:
-    """All of a snapshot, to compare."""
-    return [
-        snapshot.time,
-        snapshot.cycle,
-        snapshot.block.tolist(),
-        snapshot.motion_done.tolist(),
-        snapshot.rejected_commands.tolist(),
-        snapshot.calibrated.tolist(),
-        snapshot.overload.tolist(),
-        snapshot.torque_sensor.tolist(),
-        snapshot.unknown_commands,
-    ]
 
 
 def requests(names: tuple[str, ...], dice: random.Random) -> list[Callable[[Any], Any]]:

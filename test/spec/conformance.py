@@ -3,7 +3,7 @@
 
 Prints the table rule -> tests -> result, writes it to docs/conformance.md, and ends with 1 when
 a rule has no test or a test failed, or when ``control_board_conformance`` finds one that is not
-held. Arguments go to pytest, for example ``-m "not ros"``; the page is only written, and the board
+held. Arguments go to pytest, for example ``-k brakes``; the page is only written, and the board
 only tried from outside, by a run of all tests.
 """
 
@@ -59,7 +59,6 @@ class Results:
         table: dict[str, dict[str, Counter[str]]] = {rule: defaultdict(Counter) for rule in RULES}
         for test, outcome in self.outcomes.items():
             name = test.split("[")[0].removeprefix("test/spec/")
-            name += " (ROS)" if "[ros" in test else ""
             for rule in self.rules.get(test, []):
                 table[rule][name][outcome] += 1
         return table
@@ -95,8 +94,8 @@ def page(table: dict[str, dict[str, Counter[str]]], outside: dict[str, Result]) 
         "# Conformance",
         "",
         "Rule by rule, the tests of `test/spec` that prove it, and how often each ran (with",
-        "different modes, joints or values); tests marked ROS run over DDS. From outside: how",
-        "[`control_board_conformance`](howto/conformance.md) finds it. Written by",
+        "different modes, joints or values). From outside: the result of",
+        "[`control_board_conformance`](howto/conformance.md) over ROS. Written by",
         "`make conformance`.",
         "",
         "| rule | about | result | from outside | tests |",
@@ -104,7 +103,8 @@ def page(table: dict[str, dict[str, Counter[str]]], outside: dict[str, Result]) 
     ]
     for rule, tests in table.items():
         shown = "<br>".join(f"`{name}` × {sum(n.values())}" for name, n in sorted(tests.items()))
-        linked, found = f"[{rule}](spec.md#{rule.lower()})", outside[rule].outcome
+        anchor = "a--interfaces-4" if rule == "A" else rule.lower()
+        linked, found = f"[{rule}](spec.md#{anchor})", outside[rule].outcome
         lines.append(f"| {linked} | {RULES[rule]} | {verdict(tests)} | {found} | {shown} |")
     count = sum(verdict(tests) == "passed" for tests in table.values())
     return "\n".join([*lines, "", f"{count} of {len(table)} rules hold.", ""])

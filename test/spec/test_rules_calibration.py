@@ -322,7 +322,9 @@ def test_timeout() -> None:
     assert rig.modes() == [M.HW_FAULT]
     fault = rig.board.get_faults("left")[0]
     assert fault.code == 20
-    assert fault.text.startswith("calibration failed, timed out after 0.5 s")
+    assert fault.text.startswith(
+        "calibration failed, timed out after 0.5 s while moving to the start position"
+    )
     status = rig.board.get_calibration("left")[0]
     assert (status.running, status.done) == (False, False)
     assert "timed out" in status.message

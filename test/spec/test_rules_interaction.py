@@ -200,7 +200,21 @@ def test_bad_impedance(rig: Rig, bad: float) -> None:
     assert rig.board.get_impedance()[0].tolist() == [50.0] * 3
     assert rig.board.get_impedance()[1].tolist() == [5.0] * 3
     assert not rig.board.set_impedance(None, [1.0, 1.0], 1.0)
+    assert not rig.board.set_impedance(None, 1.0, 50.1)
     assert rig.board.set_impedance(None, [0.0, 500.0, 1.0], [50.0, 0.0, 1.0])
+
+
+def test_a_stiffness_alone_chooses_its_damping(rig: Rig) -> None:
+    """I6: without a damping in the request, it grows with the stiffness, up to its limit."""
+    dampings = []
+    for stiffness in (50.0, 200.0, 500.0):
+        assert rig.board.set_impedance([0, 1], stiffness)
+        chosen, damping = rig.board.get_impedance("left")
+        assert chosen.tolist() == [stiffness]
+        dampings.append(damping[0])
+    assert 0.0 < dampings[0] < dampings[1] < dampings[2] <= 50.0
+    assert not rig.board.set_impedance("left", 500.1)
+    assert rig.board.get_impedance("left")[1].tolist() == dampings[2:]
 
 
 def test_without_torque_sensing(rig: Rig) -> None:
@@ -217,6 +231,9 @@ def test_without_torque_sensing(rig: Rig) -> None:
         assert fault.text == "unsupported mode, comp (COMPLIANT) was requested"
         assert rig.board.set_control_mode("bare", "fidl")
         rig.board.set_interaction_mode(None, "stif")
+    modes, interactions = rig.board.get_available_modes("bare")[0]
+    assert M.TORQUE not in modes
+    assert tuple(interactions) == (STIFF,)
     rig.board.set_control_mode("bare", "veld")
     before = rig.board.get_faults("bare")
     assert not rig.board.set_interaction_mode("bare", "comp")

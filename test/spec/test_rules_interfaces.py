@@ -102,6 +102,20 @@ def test_one_a_subset_and_all(kind: str, joints: Any, values: Any, expected: lis
     assert getattr(rig.board, getter)([1, 0]) == pytest.approx([after[1], after[0]])
 
 
+def test_modes_of_one_a_subset_and_all(rig: Rig) -> None:
+    """M1, I1, I6, A: each joint has its own, set and read in the requested order."""
+    board = rig.board
+    assert board.set_control_mode("right", "vel")
+    assert board.set_control_mode([2, "left"], [M.MIXED, M.TORQUE])
+    assert board.get_control_mode() == [M.TORQUE, M.VELOCITY, M.MIXED]
+    assert board.get_control_mode(["bare", "right"]) == [M.MIXED, M.VELOCITY]
+    assert board.set_interaction_mode([1, 0], ["stif", "comp"])
+    assert board.get_interaction_mode() == [COMPLIANT, STIFF, STIFF]
+    assert board.get_interaction_mode(["right", "left"]) == [STIFF, COMPLIANT]
+    assert board.set_impedance(["right", "left"], [100.0, 200.0], [7.0, 8.0])
+    assert np.array(board.get_impedance([0, 1])).tolist() == [[200.0, 100.0], [8.0, 7.0]]
+
+
 def test_replies(rig: Rig) -> None:
     """A: a Reply is true when all was accepted; it holds each joint's answer and one message."""
     reply = rig.board.set_control_mode(["bare", "left"], "vel")

@@ -174,6 +174,16 @@ def test_what_a_mode_ignores_is_never_kept(mode: ControlMode) -> None:
             assert rig.run(0.2).position[0] == pytest.approx(0.0, abs=3e-3)
 
 
+def test_the_other_joints_of_a_message_are_served(rig: Rig) -> None:
+    """M4: joints in a mode that accepts the reference move; the others ignore and count it."""
+    rig.enter("pos", ["left", "bare"])
+    reply = rig.board.position_move(None, [0.2, 0.3, -0.4], 1.0)
+    assert reply.answers == (Answer.ACCEPTED, Answer.IGNORED, Answer.ACCEPTED)
+    shown = rig.run(0.8)
+    assert shown.rejected_commands.tolist() == [0, 1, 0]
+    assert shown.position == pytest.approx([0.2, 0.0, -0.4], abs=0.01)
+
+
 def test_rejected_commands_touch_no_state(rig: Rig) -> None:
     """M4: after ignored commands the board is bit for bit as without them."""
     other = ready()
@@ -402,3 +412,25 @@ def test_wrong_joints_change_nothing(rig: Rig, joints: Any) -> None:
         assert "Traceback" not in reply.message
     assert rig.modes() == [M.IDLE] * 3
     assert board.get_interaction_mode() == [STIFF] * 3
+
+
+@pytest.mark.parametrize(
+    ("method", "modes"),
+    [
+        ("set_control_mode", ["pos", "vel"]),
+        ("set_interaction_mode", ["comp", "stif"]),
+        *(("set_control_mode", ["idl", wrong, "idl"]) for wrong in NEVER_SET),
+        *(("set_interaction_mode", ["comp", wrong, "comp"]) for wrong in ("pos", "hwfa", "", 0)),
+    ],
+    ids=str,
+)
+def test_wrong_modes_change_nothing(rig: Rig, method: str, modes: list[Any]) -> None:
+    """M6, M7, I1: too few modes, or one that cannot be set, and the request is refused whole."""
+    present = [M.VELOCITY, M.POSITION, M.MIXED]
+    assert rig.board.set_control_mode(None, present)
+    reply = getattr(rig.board, method)(None, modes)
+    assert not reply
+    assert reply.message
+    assert rig.modes() == present
+    assert rig.board.get_interaction_mode() == [STIFF] * 3
+    assert not any(fault.active for fault in rig.board.get_faults())

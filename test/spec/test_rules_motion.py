@@ -18,6 +18,7 @@ from rig import (
     POSITION_MODES,
     RATE,
     STIFF,
+    TAKES,
     M,
     Rig,
     board_config,
@@ -28,6 +29,7 @@ from rig import (
 
 from control_board_ros.core.config.config import Pid, Timeouts
 from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode
 
 PERIOD = 1.0 / RATE
@@ -144,7 +146,10 @@ def test_both_speeds_or_none() -> None:
     rig = ready()
     assert not rig.board.set_reference_speed(None, 1.0, [1.0, 2.0, -1.0])
     assert not rig.board.set_reference_speed(None)
+    assert not rig.board.set_ref_speed(None, [1.0, 1.0, -1.0])
+    assert not rig.board.set_ref_acceleration(None, [1.0, 1.0, -1.0])
     assert rig.board.get_ref_speed() == pytest.approx([math.radians(10.0)] * 3)
+    assert rig.board.get_ref_acceleration() == pytest.approx([math.radians(10.0)] * 3)
     assert rig.board.set_reference_speed(None, 1.0, [1.0, 2.0, 3.0])
     assert rig.board.get_ref_speed().tolist() == [1.0] * 3
     assert rig.board.get_ref_acceleration().tolist() == [1.0, 2.0, 3.0]
@@ -166,6 +171,17 @@ def test_stop_in_each_mode(mode: str) -> None:
     after = rig.run(1.0)
     assert after.position_reference[0] == shown.position_reference[0]
     assert rig.modes() == [ControlMode[board.get_control_mode("left")[0].name]]
+
+
+def test_stop_of_one_joint_leaves_the_others() -> None:
+    """P3: the other joints of the board complete their moves."""
+    rig = ready()
+    rig.enter("pos")
+    rig.board.position_move(None, 1.0, 1.0)
+    rig.run(0.5)
+    assert rig.board.stop("left")
+    assert rig.board.check_motion_done() == [True, False, False]
+    assert rig.run(1.0).position_reference[1:].tolist() == [1.0, 1.0]
 
 
 def test_stop_where_it_stops_nothing() -> None:
@@ -494,6 +510,7 @@ def test_position_references_stay_inside(mode: ControlMode, interaction: Any, wa
     shots = rig.record(3.0)
     if mode is M.MIXED:
         rig.board.position_move("left", way * 9.0, 1.0)
+        assert rig.board.get_target_position("left")[0] == way * 2.0
         shots += rig.record(1.0)
     reference = column(shots, "position_reference")
     assert np.all(np.abs(reference) <= 2.0)
@@ -807,6 +824,24 @@ def test_a_mode_change_ends_the_timeout() -> None:
 
 
 # --- P13 -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", list(COMMANDS))
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_is_ignored(kind: str, value: float) -> None:
+    """P13, M4: with the reason, and counted; the other joints of the message are served."""
+    rig = ready(board_config(joint("left"), joint("right")))
+    rig.enter(next(mode for mode, kinds in TAKES.items() if kind in kinds))
+    method, getter, good = COMMANDS[kind]
+    modes, before = rig.modes(), getattr(rig.board, getter)("left")[0]
+    reply = getattr(rig.board, method)(None, [value, good])
+    assert reply.answers == (Answer.IGNORED, Answer.ACCEPTED)
+    assert "not a finite number" in reply.message
+    assert "left" in reply.message
+    assert getattr(rig.board, getter)().tolist() == [before, good]
+    assert rig.board.snapshot().rejected_commands.tolist() == [1, 0]
+    assert np.isfinite(rig.run(0.1).block).all()
+    assert rig.modes() == modes
 
 
 @pytest.mark.parametrize(

@@ -12,11 +12,12 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 from operator import attrgetter
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from adapter import load
 from control_board_msgs.msg import BoardState
 from rclpy.serialization import deserialize_message
 from rig import Rig
@@ -41,6 +42,13 @@ from control_board_ros.sim.plant import SimulatedPlant
 
 #: Control cycles for each state.
 EACH = 5
+ARM = Path(__file__).with_name("arm.yaml")
+
+
+@cache
+def load() -> settings.Settings:
+    """Of the arm, once for all boards."""
+    return settings.load(ARM)
 
 
 class InProcess:

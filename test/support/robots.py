@@ -11,6 +11,7 @@ from rig import board_config, joint, plain, simulation_config
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig, Calibration
 from control_board_ros.core.config.layout import joined
+from control_board_ros.core.state import Snapshot
 from control_board_ros.sim.plant import SimulatedPlant
 
 #: The iiwa as two parts.
@@ -65,3 +66,18 @@ class RobotRig:
                 return
             self.tick()
         raise AssertionError(f"{part} never came to {code}: {self.codes()}")
+
+
+def shown(snapshot: Snapshot) -> list[Any]:
+    """All of a snapshot, to compare."""
+    return [
+        snapshot.time,
+        snapshot.cycle,
+        snapshot.block.tolist(),
+        snapshot.motion_done.tolist(),
+        snapshot.rejected_commands.tolist(),
+        snapshot.calibrated.tolist(),
+        snapshot.overload.tolist(),
+        snapshot.torque_sensor.tolist(),
+        snapshot.unknown_commands,
+    ]
