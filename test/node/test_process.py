@@ -70,6 +70,7 @@ def refused(*arguments: str) -> str:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_signals_end_it_with_unpowered_joints(number: signal.Signals) -> None:
     """P11 of the promises: joints unpowered, last state published, exit code 0."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # nohup ignores it, and a board inherits that
     with board_process() as board, talking_to(board) as talker:
         assert board.stop(number) == 0
         talker.wait("modes", lambda m: set(m.control_modes) == {"idl"})
