@@ -136,7 +136,8 @@ def test_a_bad_network() -> None:
         time.sleep(3.0)
         seen = monitor.ask("look")
         way = VELOCITY * (time.monotonic() - begun)
-        assert seen["position"] - position == pytest.approx(way, rel=0.3)
+        moved = seen["position"] - position
+        assert 0.3 * way < moved < 1.1 * way, "it stops while no datagram comes for 0.2 s"
         assert seen["modes"] == ["vel"]
 
 
