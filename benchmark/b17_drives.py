@@ -19,7 +19,7 @@ import numpy as np
 from common import Effort, Figure, at_most, number
 
 from control_board_ros.core.terms.drives import SetPoint
-from control_board_ros.core.terms.set_points import VALUES, SetPoints, Value
+from control_board_ros.core.terms.measurement import VALUES, SetPoints, Value
 from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Setup
 from control_board_ros.plants.moteus.driver import make

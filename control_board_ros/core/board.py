@@ -5,26 +5,121 @@ The owner drives the board: ``actuation = board.tick(measurement)`` is one contr
 cycle, the set methods take effect for all their joints between two cycles. It has no clock,
 thread or lock; callers from several threads bring their own. Nothing that a user or a robot
 does raises: set methods answer with a Reply, joints fault. Only get methods raise, a
-RequestError, when they are requested a joint that does not exist.
+RequestError, when they are asked for a joint that does not exist.
 
 It is the group of all its joints, with what users ask of joints (``group``); a robot of several
-parts has a group for each of them, too (SPEC R). Below are the cycle (``engine``) and the start-up
-level after level (``bring_up``).
+parts has a group for each of them, too (SPEC R). The cycle is the ``engine``'s;
+``BringUp`` starts a robot level after level (R4).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from .bring_up import BringUp, complete_levels
 from .config.config import BoardConfig
 from .config.layout import Zone, zones_of
+from .config.parameter import ConfigError
 from .engine import Engine
 from .group import JointGroup
-from .terms.events import BoardEvent
+from .terms.events import BoardEvent, Events
 from .terms.measurement import Actuation, Measurement
-from .terms.modes import Stage
+from .terms.modes import CALIBRATES, CONFIGURED, Stage
 from .terms.vocabs import CommandKind
+
+Level = tuple[str, ...]
+
+
+def complete_levels(levels: Sequence[Sequence[str]], parts: Sequence[str]) -> tuple[Level, ...]:
+    """All parts in levels: those that no level names form the last one.
+
+    Raises:
+        ConfigError: a level names what is no part, or a part is there twice.
+    """
+    named = [name for level in levels for name in level]
+    for name in named:
+        if name not in parts or named.count(name) > 1:
+            raise ConfigError("startup_levels", name, f"parts, each once: {', '.join(parts)}")
+    rest = tuple(name for name in parts if name not in named)
+    return (*(tuple(level) for level in levels if level), *([rest] if rest else []))
+
+
+class BringUp:
+    """Configures parts level after level; parts of one level calibrate side by side.
+
+    Args:
+        groups: of the parts, by name.
+        levels: names of parts; see :func:`complete_levels`.
+        events: receives the reason for a stop.
+
+    Attributes: groups, running.
+    """
+
+    def __init__(
+        self, groups: Mapping[str, JointGroup], levels: Sequence[Level], events: Events
+    ) -> None:
+        self.groups, self._levels, self._events = groups, levels, events
+        self._level = 0
+        self.running = False
+
+    def begin(self) -> None:
+        """Start with the first level; parts that are configured already stay as they are."""
+        self.running = True
+        self._enter(0)
+
+    def cancel(self) -> None:
+        """Do not go on."""
+        self.running = False
+
+    def step(self) -> None:
+        """After every cycle: go on when the level is done, stop when a part of it failed."""
+        groups = {name: self.groups[name] for name in self._levels[self._level]}
+        if any(is_under_way(group) for group in groups.values()):
+            return
+        failures = {name: text for name, group in groups.items() if (text := failure(group))}
+        waiting = [name for level in self._levels[self._level + 1 :] for name in level]
+        if failures and waiting:
+            self._tell(failures, waiting)
+        if failures or not waiting:
+            self.running = False
+        else:
+            self._enter(self._level + 1)
+
+    def _enter(self, level: int) -> None:
+        self._level = level
+        for name in self._levels[level]:
+            group = self.groups[name]
+            if group.stage is Stage.ACTIVE:
+                group.configure()
+            else:  # of a managed board
+                group.set_stage(Stage.ACTIVE)
+
+    def _tell(self, failures: Mapping[str, str], waiting: Sequence[str]) -> None:
+        why = "; ".join(f"{name}: {text}" for name, text in failures.items())
+        self._events.add(
+            "error",
+            "start-up",
+            "",
+            f"start-up stopped, {why}; not started: {', '.join(waiting)}; remove the cause "
+            "(FORCE_IDLE, then calibrate), and call configure of the robot to go on",
+        )
+
+
+def is_under_way(group: JointGroup) -> bool:
+    """Whether a joint is to be configured with the next reading, or calibrates."""
+    return any(m in CALIBRATES or m not in CONFIGURED for m in group.get_control_mode())
+
+
+def failure(group: JointGroup) -> str:
+    """Why the start-up of a part failed; empty where it did not."""
+    for joint, status, fault in zip(
+        group.get_config(), group.get_calibration(), group.get_faults(), strict=True
+    ):
+        if fault.active:
+            return f"{joint.name} is in HW_FAULT, {fault.text}"
+        if joint.calibration is not None and joint.calibration.required and not status.calibrated:
+            return f"{joint.name} is not calibrated"
+    return ""
+
 
 __all__ = ["Board", "BoardEvent", "CommandKind"]
 

@@ -14,25 +14,19 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from .config.config import BoardConfig, ConfigError
-from .config.layout import Zone, joined
-from .config.limits import BoardLimits
+from .config.layout import BoardLimits, Zone, joined
 from .laws.control import Controller
-from .laws.references import References
-from .laws.timeouts import ReferenceTimeouts
+from .laws.references import References, ReferenceTimeouts
 from .machine.commands import Commands, timeout_cycles
-from .machine.feedforward import Feedforward
 from .machine.machine import Machine
-from .machine.motors import MotorAccess, mix_of
-from .machine.requests import Requests
-from .machine.start_up import StartUp
-from .machine.stops import Stops
+from .machine.motors import Feedforward, MotorAccess, mix_of
+from .machine.requests import Requests, StartUp, Stops
 from .state import StateArrays
 from .terms.drives import SetPoint
 from .terms.events import Events
 from .terms.measurement import Actuation, Measurement
-from .watch.emergency import EmergencyStop
 from .watch.external_torque import ExternalTorques
-from .watch.fault_monitor import FaultMonitor
+from .watch.fault_monitor import EmergencyStop, FaultMonitor
 from .watch.freeze_frame import FreezeFrames
 
 

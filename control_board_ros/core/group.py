@@ -22,8 +22,7 @@ from .config.layout import Zone
 from .engine import Engine
 from .machine.commands import spread_along
 from .machine.decisions import Wanted
-from .machine.feedforward import terms_of
-from .machine.motors import shaft_readings
+from .machine.motors import shaft_readings, terms_of
 from .model.coupling import Coupling
 from .old_names import ModeShortcuts
 from .selection import (

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from .config.config import BoardConfig
 from .terms.drives import SetPoint
 from .terms.faults import FaultRecord
-from .terms.measurement import MOTOR_ROWS, ROWS, Array, Motor, Row
+from .terms.measurement import MOTOR_ROWS, ROWS, VALUES, Array, Motor, Row
 from .terms.modes import INITIAL, INITIAL_INTERACTION, Stage
-from .terms.set_points import VALUES
 from .terms.vocabs import CommandKind
 
 Indices = NDArray[np.intp]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.config.checks import ConfigError
+from ..core.config.parameter import ConfigError
 from ..core.config.parts import DEGREE
 from ..core.model.coupling import Coupling, rotors_of_motors
 from ..core.terms.joint_kind import JointKind

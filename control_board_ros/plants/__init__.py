@@ -7,7 +7,7 @@ the entry-point group ``control_board_ros.plants``; users choose it by ``plant:=
 """
 
 from ..core.terms.drives import OnSilence, SetPoint
-from ..core.terms.set_points import SetPoints
+from ..core.terms.measurement import SetPoints
 from .interface import (
     Clock,
     Description,

@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ..core.config.checks import ConfigError
+from ..core.config.parameter import ConfigError
 from ..settings.loading import Settings, load
 from ..settings.params_file import SettingsError
 from .drives.axes import Axis

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
-from ..core.terms.set_points import SetPoints
+from ..core.terms.measurement import SetPoints
 from .errors import PlantSettingsError
 from .interface import Description, Readings, Setup
 

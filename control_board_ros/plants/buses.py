@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.terms.measurement import Array
-from ..core.terms.set_points import SetPoints
+from ..core.terms.measurement import Array, SetPoints
 from .interface import OF_MOTORS, Description, DriveFault, DrivePlant, Readings, Setup
 
 #: Part of the period that is waited for the answers of all buses.

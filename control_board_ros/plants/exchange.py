@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.config.config import BoardConfig
 from ..core.terms.drives import SetPoint
-from ..core.terms.measurement import MOTOR_ROWS, ROWS, Array, Motor, Row
-from ..core.terms.set_points import VALUES, SetPoints
+from ..core.terms.measurement import MOTOR_ROWS, ROWS, VALUES, Array, Motor, Row, SetPoints
 from ..text import clean
 from .interface import OF_MOTORS, DrivePlant, Readings, Setup
 

@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 from ..core.board import Board
 from ..core.config.config import BoardConfig, ConfigError
 from ..core.terms.faults import FaultCode
-from ..core.terms.measurement import ROWS, Actuation, Array, Measurement, Row
-from ..core.terms.set_points import SetPoints
+from ..core.terms.measurement import ROWS, Actuation, Array, Measurement, Row, SetPoints
 from ..text import clean
 from .exchange import Exchange, Sample
 from .interface import Clock, DriveLimits, DrivePlant, RobotPlant

@@ -18,9 +18,8 @@ from typing import Protocol
 
 from ..core.config.config import JointConfig
 from ..core.terms.drives import OnSilence, SetPoint
-from ..core.terms.measurement import Array
+from ..core.terms.measurement import Array, SetPoints
 from ..core.terms.modes import SELECTABLE
-from ..core.terms.set_points import SetPoints
 from ..core.terms.vocabs import ControlMode
 
 

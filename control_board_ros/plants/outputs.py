@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.terms.set_points import SetPoints
+from ..core.terms.measurement import SetPoints
 from .interface import Description, DrivePlant, Readings, RobotPlant, Setup
 
 

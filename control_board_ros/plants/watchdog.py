@@ -10,7 +10,7 @@ import contextlib
 
 import numpy as np
 
-from ..core.terms.set_points import SetPoints
+from ..core.terms.measurement import SetPoints
 from .interface import Description, DrivePlant, Readings, Setup
 
 

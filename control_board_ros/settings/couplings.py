@@ -22,8 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.config.parameter import Kind, Parameter
-from ..core.model.coupling import Coupling
-from ..core.model.four_bar import ARGUMENTS, FUNCTIONS, FourBar
+from ..core.model.coupling import ARGUMENTS, FUNCTIONS, Coupling, FourBar
 from ..description.couplings import couple
 from ..description.urdf import Urdf
 from ..text import nearest

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ..core.bring_up import complete_levels
+from ..core.board import complete_levels
 from ..core.config import stability
 from ..core.config.config import BoardConfig, ConfigError
 from ..core.config.parameter import Parameter

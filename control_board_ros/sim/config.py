@@ -11,9 +11,15 @@ from __future__ import annotations
 import math
 import sys
 
-from ..core.config.checks import ConfigError, check_number, check_parameters
 from ..core.config.config import BoardConfig
-from ..core.config.parameter import configuration, parameter, part
+from ..core.config.parameter import (
+    ConfigError,
+    check_number,
+    check_parameters,
+    configuration,
+    parameter,
+    part,
+)
 from ..description.urdf import Urdf
 
 PYBULLET, MUJOCO, IDEAL = PHYSICS = ("pybullet", "mujoco", "ideal")

@@ -27,7 +27,7 @@ else:
         return round(value, 0)
 
 
-#: What a drive follows; core.terms.set_points.SetPoint gives them names.
+#: What a drive follows; core.terms.measurement.SetPoint gives them names.
 PWM = cython.declare(cython.int, 1)
 CURRENT = cython.declare(cython.int, 2)
 TORQUE = cython.declare(cython.int, 3)
@@ -80,7 +80,7 @@ class Drive:
     max_velocity = cython.declare(cython.double, visibility="public")
     max_current = cython.declare(cython.double, visibility="public")
     max_pwm = cython.declare(cython.double, visibility="public")
-    # --- what it follows, see core.terms.set_points -------------------------------------------
+    # --- what it follows, see core.terms.measurement -------------------------------------------
     kind = cython.declare(cython.int, visibility="public")
     set_current = cython.declare(cython.double, visibility="public")
     set_torque = cython.declare(cython.double, visibility="public")

@@ -8,8 +8,7 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from ..core.config.config import BoardConfig
-from ..core.terms.measurement import Actuation, Array
-from ..core.terms.set_points import VALUES, SetPoints, Value
+from ..core.terms.measurement import VALUES, Actuation, Array, SetPoints, Value
 from .config import SimulationConfig
 from .motor import Motors
 from .watchdogs import Watchdogs

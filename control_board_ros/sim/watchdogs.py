@@ -8,8 +8,7 @@ from collections.abc import Collection, Mapping
 
 from ..core.config.config import BoardConfig
 from ..core.terms.drives import OnSilence, SetPoint
-from ..core.terms.measurement import Array
-from ..core.terms.set_points import SetPoints, Value
+from ..core.terms.measurement import Array, SetPoints, Value
 from .config import SimulationConfig
 
 #: What a drive follows when its watchdog strikes: braked, the position of that cycle.

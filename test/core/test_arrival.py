@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.core.goals.arrival import SETTLING, Standing, ending, standing, tolerance
+from control_board_ros.core.goals.tasks import SETTLING, Standing, ending, standing, tolerance
 from control_board_ros.core.terms.joint_kind import JointKind
 
 S = Standing

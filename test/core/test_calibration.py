@@ -10,8 +10,7 @@ import pytest
 from rig import joint
 
 from control_board_ros.core.calibration import calibration
-from control_board_ros.core.calibration.calibration import AbsoluteSensor, register
-from control_board_ros.core.calibration.hard_stop import HardStop
+from control_board_ros.core.calibration.calibration import AbsoluteSensor, HardStop, register
 from control_board_ros.core.config.config import Calibration
 
 

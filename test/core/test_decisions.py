@@ -29,7 +29,7 @@ from control_board_ros.core.machine.explanations import (
     explain_reference,
     explain_stop,
 )
-from control_board_ros.core.terms.faults import FaultCode, FaultRecord
+from control_board_ros.core.terms.faults import Cause, FaultCode, FaultRecord
 from control_board_ros.core.terms.modes import (
     ACCEPTS,
     REQUESTABLE,
@@ -40,7 +40,6 @@ from control_board_ros.core.terms.modes import (
 )
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode, InteractionMode
-from control_board_ros.core.watch.causes import Cause
 
 M = ControlMode
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT

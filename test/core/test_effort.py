@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""effort.py: moves of joints together take as long as their torques ask for (SPEC P1)."""
+"""trajectory.py: moves of joints together take as long as their torques ask for (SPEC P1)."""
 
 from __future__ import annotations
 

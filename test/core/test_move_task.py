@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 from rig import Rig, with_a_slide
 
-from control_board_ros.core.goals.arrival import Outcome
-from control_board_ros.core.goals.move_task import MoveTask
+from control_board_ros.core.goals.tasks import MoveTask, Outcome
 from control_board_ros.core.terms.reply import Answer, Reply
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from rig import Rig, with_a_slide
 
-from control_board_ros.core.goals.arrival import Outcome
 from control_board_ros.core.goals.pose import Pose
 from control_board_ros.core.goals.poses import PoseTask, made_pose, plan_move, pose_now
+from control_board_ros.core.goals.tasks import Outcome
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Reason
 

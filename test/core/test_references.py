@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""references.py, limits.py and timeouts.py, each alone."""
+"""references.py and limits of layout.py, each alone."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import pytest
 from rig import board_config, joint
 
 from control_board_ros.core.config.config import Timeouts
-from control_board_ros.core.config.limits import BoardLimits
+from control_board_ros.core.config.layout import BoardLimits
 from control_board_ros.core.laws.control import Controller
-from control_board_ros.core.laws.references import References
-from control_board_ros.core.laws.timeouts import ReferenceTimeouts
+from control_board_ros.core.laws.references import References, ReferenceTimeouts
 from control_board_ros.core.machine.commands import COMMANDS, timeout_cycles
 from control_board_ros.core.state import StateArrays
 from control_board_ros.core.terms.vocabs import CommandKind

@@ -14,9 +14,16 @@ from plants import board as board_of
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig, ConfigError
 from control_board_ros.core.terms.drives import KINDS, SetPoint
-from control_board_ros.core.terms.measurement import ROWS, Actuation, Measurement, Row
+from control_board_ros.core.terms.measurement import (
+    HAS,
+    ROWS,
+    VALUES,
+    Actuation,
+    Measurement,
+    Row,
+    Value,
+)
 from control_board_ros.core.terms.modes import SET_POINTS, Law, reachable, set_point_of
-from control_board_ros.core.terms.set_points import HAS, VALUES, Value
 from control_board_ros.core.terms.vocabs import ControlMode as M
 from control_board_ros.core.terms.vocabs import InteractionMode as I
 

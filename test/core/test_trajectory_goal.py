@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 from rig import Rig, board_config, joint
 
-from control_board_ros.core.config.constraints import Constraints, JointConstraints
+from control_board_ros.core.config.parts import Constraints, JointConstraints
 from control_board_ros.core.goals.follower import Follower
 from control_board_ros.core.goals.path import make_path
-from control_board_ros.core.goals.tolerances import Wish
 from control_board_ros.core.goals.trajectory_goal import (
     Code,
     GoalError,
     Points,
     TrajectoryGoal,
+    Wish,
     Wishes,
     start_goal,
 )

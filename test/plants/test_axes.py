@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from control_board_ros.core.terms.set_points import VALUES, SetPoints, Value
+from control_board_ros.core.terms.measurement import VALUES, SetPoints, Value
 from control_board_ros.plants.drives.axes import Axes, Axis, Options
 from control_board_ros.plants.errors import PlantSettingsError
 from control_board_ros.plants.interface import DriveLimits

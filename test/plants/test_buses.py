@@ -8,7 +8,7 @@ import threading
 import numpy as np
 import pytest
 
-from control_board_ros.core.terms.set_points import VALUES, SetPoints, Value
+from control_board_ros.core.terms.measurement import VALUES, SetPoints, Value
 from control_board_ros.plants import Description, DriveFault, JointDescription, Readings, SetPoint
 from control_board_ros.plants.buses import Buses
 from control_board_ros.plants.interface import Setup

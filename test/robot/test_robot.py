@@ -16,7 +16,7 @@ from robots import RobotRig, parts, shown
 from control_board_ros.core.board import Board
 from control_board_ros.core.config.config import BoardConfig, ConfigError
 from control_board_ros.core.config.layout import joined
-from control_board_ros.core.goals.move_task import MoveTask
+from control_board_ros.core.goals.tasks import MoveTask
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import CommandKind, ControlMode
 from control_board_ros.settings.loading import load

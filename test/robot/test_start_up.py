@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""bring_up.py: start-up levels and calibration groups (SPEC R4), with ideal bodies."""
+"""board.py: start-up levels and calibration groups (SPEC R4), with ideal bodies."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from rig import board_config, joint
 from robots import RobotRig, calibrated
 
-from control_board_ros.core.bring_up import complete_levels
+from control_board_ros.core.board import complete_levels
 from control_board_ros.core.config.config import BoardConfig, ConfigError
 from control_board_ros.core.terms.modes import Stage
 

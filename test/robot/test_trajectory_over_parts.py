@@ -11,11 +11,11 @@ from robots import RobotRig, parts
 
 from control_board_ros.core.goals.follower import Follower
 from control_board_ros.core.goals.path import Points, make_path
-from control_board_ros.core.goals.tolerances import Wish
 from control_board_ros.core.goals.trajectory_goal import (
     Code,
     GoalError,
     TrajectoryGoal,
+    Wish,
     Wishes,
     start_goal,
 )

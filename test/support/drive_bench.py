@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from control_board_ros.core.terms.drives import SetPoint
-from control_board_ros.core.terms.set_points import SetPoints
+from control_board_ros.core.terms.measurement import SetPoints
 from control_board_ros.plants.drives.axes import Axis
 from control_board_ros.plants.drives.plant import DrivesPlant
 from control_board_ros.plants.interface import Readings, Setup

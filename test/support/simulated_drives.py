@@ -6,8 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from control_board_ros.core.terms.drives import SetPoint
-from control_board_ros.core.terms.measurement import Actuation, Motor, Row
-from control_board_ros.core.terms.set_points import SetPoints
+from control_board_ros.core.terms.measurement import Actuation, Motor, Row, SetPoints
 from control_board_ros.plants.interface import (
     Description,
     DriveLimits,

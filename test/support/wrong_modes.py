@@ -170,7 +170,7 @@ def any_stiffness(old: Any, chosen: Any, what: str, values: Any, most: Any, **mo
     return old(chosen, what, values, most * (2.0 if what == "stiffness" else 1.0), **more)
 
 
-@replaces("I10", "core.machine.stops:Stops._hold")
+@replaces("I10", "core.machine.requests:Stops._hold")
 def a_compliant_stop_pushes(old: Any, self: Any, chosen: Any) -> None:
     old(self, chosen)
     state = self._state

@@ -27,7 +27,7 @@ def a_speed_of_zero(old: Any, *args: Any, **_: Any) -> Any:
 
 @breaks("P3")
 def stop_does_nothing() -> None:
-    around("core.machine.stops:Stops._hold", lambda _, *__: None)
+    around("core.machine.requests:Stops._hold", lambda _, *__: None)
 
 
 @breaks("P4")
@@ -80,12 +80,12 @@ def no_limits_for_moves(old: Any, self: Any, limits: Any) -> None:
 
 @breaks("P11")
 def no_feed_forward() -> None:
-    around("core.machine.feedforward:feed_output", lambda *_: None)
+    around("core.machine.motors:feed_output", lambda *_: None)
 
 
 @breaks("P12")
 def velocities_last() -> None:
-    around("core.laws.timeouts:ReferenceTimeouts.expired", lambda *_: None)
+    around("core.laws.references:ReferenceTimeouts.expired", lambda *_: None)
 
 
 @replaces("P13", "core.group:spread")
@@ -145,12 +145,12 @@ def shown_done(snapshot: Any, done: bool) -> Any:
 @breaks("P3")
 def stop_leads_to_idle() -> None:
     around(
-        "core.machine.stops:Stops._hold",
+        "core.machine.requests:Stops._hold",
         lambda _, self, chosen: self._machine.enter(chosen, M.IDLE),
     )
 
 
-@replaces("P3", "core.machine.stops:Stops._hold")
+@replaces("P3", "core.machine.requests:Stops._hold")
 def stop_holds_where_the_move_began(old: Any, self: Any, chosen: Any) -> None:
     joints = [self._machine.controller.joints[j] for j in chosen]
     began = [joint.move_start if joint.moving else None for joint in joints]

@@ -32,10 +32,28 @@ from ..terms.modes import (
     set_point_of,
 )
 from ..terms.vocabs import ControlMode, InteractionMode
-from .checks import ConfigError, check_number, check_parameters
-from .constraints import Constraints, JointConstraints
-from .parameter import configuration, parameter, parameters_of, part
-from .parts import DEGREE, Brake, Calibration, Impedance, Limits, Motor, Payload, Pid, Timeouts
+from .parameter import (
+    ConfigError,
+    check_number,
+    check_parameters,
+    configuration,
+    parameter,
+    parameters_of,
+    part,
+)
+from .parts import (
+    DEGREE,
+    Brake,
+    Calibration,
+    Constraints,
+    Impedance,
+    JointConstraints,
+    Limits,
+    Motor,
+    Payload,
+    Pid,
+    Timeouts,
+)
 
 __all__ = [
     "STARTUP_MODES",

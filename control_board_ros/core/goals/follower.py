@@ -13,14 +13,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..board import Board
+from ..config.layout import zones_of
 from ..group import JointGroup
 from ..machine.explanations import explain_cut
 from ..terms.arguments import Joints
 from ..terms.reply import Answer, JointAnswer, Reply, decided, joints_of
 from ..terms.vocabs import CommandKind
-from .path import SAME_TIME, Path, Sample, Spline, braking
-from .path_run import Bools, Run
+from .path import SAME_TIME, Bools, Path, Run, Sample, Spline, braking
 
 #: Why joints leave a path for a newer one.
 TAKEN = "another trajectory took over"
@@ -29,7 +28,7 @@ TAKEN = "another trajectory took over"
 class Follower:
     """Follows paths, each for joints of its own; a joint follows the newest one."""
 
-    def __init__(self, board: Board) -> None:
+    def __init__(self, board: JointGroup) -> None:
         self.board = board
         self._runs: list[Run] = []
         self._version = board.modes_version
@@ -260,17 +259,18 @@ class Follower:
             run.keep(~columns)
 
 
-def incomplete(board: Board, names: Sequence[str]) -> str:
+def incomplete(board: JointGroup, names: Sequence[str]) -> str:
     """Why parts of a board refuse a trajectory for these joints only; empty where they accept."""
-    for part in board.bring_up.groups.values():
-        missing = [name for name in part.names if name not in names]
-        if 0 < len(missing) < part.count and not part.config.allow_partial_joints_goal:
+    for zone in zones_of(board.config):
+        missing = [name for name in zone.config.names if name not in names]
+        some = 0 < len(missing) < len(zone.joints)
+        if some and not zone.config.allow_partial_joints_goal:
             text = f"{', '.join(missing)} missing"
             return f"{text}; send all joints, or set allow_partial_joints_goal"
     return ""
 
 
-def cuts(board: Board, run: Run) -> dict[str, str]:
+def cuts(board: JointGroup, run: Run) -> dict[str, str]:
     """What the limits cut of a path, by joint."""
     texts = {
         board.names[j]: explain_cut(board.config.joints[j], run.path.positions[:, k].tolist())
@@ -279,7 +279,7 @@ def cuts(board: Board, run: Run) -> dict[str, str]:
     return {name: text for name, text in texts.items() if text}
 
 
-def send(board: Board, joints: list[int], sample: Sample) -> Reply:
+def send(board: JointGroup, joints: list[int], sample: Sample) -> Reply:
     """Give the board the references of a cycle."""
     kind = CommandKind.POSITION_DIRECT
     return board.command(kind, joints, sample.positions, sample.velocities)

@@ -23,9 +23,8 @@ from ..terms.arguments import Floats
 from ..terms.modes import FAULTED, MOVES, POWERED, modes_accepting
 from ..terms.reply import Reason
 from ..terms.vocabs import CommandKind, ControlMode
-from .arrival import Outcome, tolerance
-from .move_task import MoveTask, takes_moves
 from .pose import NAME, Pose
+from .tasks import MoveTask, Outcome, takes_moves, tolerance
 
 if TYPE_CHECKING:
     from ..group import JointGroup

@@ -22,9 +22,9 @@ from ..terms.drives import SetPoint
 from ..terms.measurement import Array
 from ..terms.modes import Law, set_point_of
 from ..terms.motors import Term
-from .effort import Effort
 from .laws import Joint, Laws
 from .laws import Pid as Loop
+from .trajectory import Effort
 
 #: A current reference stays below what would be an overcurrent, by this part of it.
 PEAK_SHARE = 0.95

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config.config import BoardConfig
-from ..config.limits import BoardLimits
+from ..config.layout import BoardLimits
 from ..laws.references import Moves, References
 from ..selection import RequestError, Selection, spread
 from ..state import Indices
@@ -26,9 +26,8 @@ from ..terms.measurement import Array
 from ..terms.reply import Answer, JointAnswer, Reply, decided
 from ..terms.vocabs import CommandKind
 from .decisions import decide_reference
-from .explanations import explain_bound, explain_reference, explain_slower, range_text
+from .explanations import LEFT, explain_bound, explain_reference, explain_slower, range_text
 from .machine import Machine
-from .requests import LEFT
 
 K = CommandKind
 #: What will be done instead of what was requested, by joint.

@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple, Protocol
 
 from ..config.parts import Calibration
-from ..terms.faults import FaultCode, FaultRecord
+from ..terms.faults import Cause, FaultCode, FaultRecord
 from ..terms.modes import (
     ACCEPTS,
     AT_REST,
@@ -34,7 +34,6 @@ from ..terms.modes import (
 )
 from ..terms.reply import Answer, Reason
 from ..terms.vocabs import BrakeMode, CommandKind, ControlMode, InteractionMode
-from ..watch.causes import Cause
 
 Wanted = ControlMode | InteractionMode | Event
 

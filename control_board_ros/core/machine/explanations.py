@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 from ..config.config import JointConfig
 from ..terms.modes import CALIBRATES, UNCONFIGURED, UNPOWERED, Event, Stage, modes_accepting
-from ..terms.reply import Reason, quantity
+from ..terms.reply import Answer, JointAnswer, Reason, quantity
 from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
 from .decisions import Facts, Wanted
 
@@ -62,6 +62,8 @@ REQUEST_TEXTS: dict[Reason, Callable[[Facts, Wanted], str]] = {
 
 #: Why a joint that could is not set either, where joints are set together or not at all.
 LEFT_AS_IT_IS = "the others of the request stay as they are"
+#: Of a joint that could, where joints are set together or not at all.
+LEFT = JointAnswer(Answer.REFUSED, LEFT_AS_IT_IS, Reason.TOGETHER)
 
 #: What to do where a stop does nothing to a joint.
 STOP_TEXTS: dict[ControlMode, Callable[[Facts], str]] = {

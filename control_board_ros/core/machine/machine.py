@@ -15,11 +15,10 @@ import numpy as np
 from ..calibration.calibrations import Calibrations
 from ..config.config import BoardConfig, JointConfig
 from ..laws.control import Controller
-from ..laws.references import References
-from ..laws.timeouts import ReferenceTimeouts
+from ..laws.references import References, ReferenceTimeouts
 from ..state import StateArrays
 from ..terms.events import Events
-from ..terms.faults import FaultCode, FaultRecord
+from ..terms.faults import Cause, FaultCode, FaultRecord
 from ..terms.measurement import Array, Row
 from ..terms.modes import (
     ACCEPTS,
@@ -38,7 +37,6 @@ from ..terms.modes import (
     next_mode,
 )
 from ..terms.vocabs import CommandKind, ControlMode
-from ..watch.causes import Cause
 from ..watch.fault_monitor import FaultMonitor
 from .brakes import Brakes, Wanted
 from .decisions import Facts

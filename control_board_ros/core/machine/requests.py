@@ -1,25 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Requests for modes and calibrations: decided for every joint, then written (SPEC M7)."""
+"""From power-on to power-off: the start-up of joints (SPEC N), requests for modes and
+calibrations, decided for every joint, then written (M7), and stops (P3, I10).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 from ..selection import Selection
 from ..terms.faults import FaultCode
-from ..terms.modes import FAULTED, REQUESTS, Event, law_of
-from ..terms.reply import Answer, JointAnswer, Reason, Reply, decided
+from ..terms.modes import (
+    DIRECT_GAINS,
+    FAULTED,
+    REQUESTS,
+    STOPPABLE,
+    UNPOWERED,
+    Event,
+    Law,
+    Stage,
+    law_of,
+)
+from ..terms.reply import JointAnswer, Reply, decided
 from ..terms.vocabs import ControlMode, InteractionMode
-from .decisions import Verdict, Wanted, decide
-from .explanations import LEFT_AS_IT_IS, explain, explain_stuck
+from .decisions import Verdict, Wanted, decide, decide_stop
+from .explanations import LEFT, explain, explain_stop, explain_stuck
 from .machine import Machine
 
 #: Of a joint that does what was asked.
 DONE = JointAnswer()
-#: Of a joint that could, where joints are set together or not at all.
-LEFT = JointAnswer(Answer.REFUSED, LEFT_AS_IT_IS, Reason.TOGETHER)
 
 
 class Step(NamedTuple):
@@ -143,3 +153,112 @@ class Requests:
         state.note_modes([j])
         if law_of(mode, before) is not law_of(mode, wanted):
             self._machine.enter([j], mode)
+
+
+class StartUp:
+    """Takes joints out of NOT_CONFIGURED, once per power-on.
+
+    Args:
+        machine: whose joints they are.
+
+    Attributes: due (the joints whose configuration completes with the next reading).
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine, self._state = machine, machine.state
+        self._power_on_cycles = [0] * machine.state.n
+        self.due: set[int] = set()
+
+    def power_on(self, joints: Sequence[int], *, autoconfigure: bool) -> None:
+        """Restart joints; without ``autoconfigure`` they wait for :meth:`begin`."""
+        for j in joints:
+            self._power_on_cycles[j] = self._state.cycle
+            self.due.discard(j)
+            if autoconfigure and self._state.stages[j] is not Stage.UNCONFIGURED:
+                self.due.add(j)
+
+    def begin(self, joints: Iterable[int]) -> None:
+        """Configure joints; without a reading since their power-on, at the next one.
+
+        A joint holds where it is, not where it was.
+        """
+        for j in joints:
+            if self._state.cycle == self._power_on_cycles[j]:
+                self.due.add(j)
+            else:
+                self._configure(j)
+
+    def complete(self) -> None:
+        """The joints that are due leave NOT_CONFIGURED, there is a reading (N2, N3)."""
+        due, self.due = sorted(self.due), set()
+        for j in due:
+            self._configure(j)
+
+    def _configure(self, j: int) -> None:
+        machine = self._machine
+        if machine.is_configured(j):
+            return
+        calibration = machine.config.joints[j].calibration
+        if calibration is None or not calibration.required:
+            machine.calibrations.set_offset(j, calibration.zero if calibration else 0.0)
+            machine.calibrations.know_angle(j)
+        elif self._state.stages[j] is Stage.ACTIVE:
+            machine.calibrations.start(j)
+            return
+        machine.go(j, Event.CONFIGURED)
+
+    def activate(self, joints: Iterable[int]) -> None:
+        """Power is allowed: each joint that has none calibrates or starts, as at N3."""
+        machine, state = self._machine, self._state
+        for j in joints:
+            joint = machine.config.joints[j]
+            calibration = joint.calibration
+            if state.control_modes[j] is not UNPOWERED:
+                continue  # in fault (F2), or not configured yet
+            if machine.brakes.is_kept_closed(j):
+                continue  # by hand (Y4)
+            if calibration is None or not calibration.required:
+                machine.go(j, joint.startup_mode)
+            elif state.calibrated[j]:
+                machine.go(j, calibration.control_mode)
+            else:
+                machine.calibrations.start(j)
+
+
+class Stops:
+    """Stops joints.
+
+    Args:
+        machine: whose joints are stopped.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._state, self._references = machine.state, machine.references
+
+    def stop(self, selection: Selection) -> Reply:
+        """Set the position reference to the measured position; the mode stays (P3)."""
+        answers = []
+        for j in selection.numbers:
+            facts = self._machine.facts(j)
+            verdict = decide_stop(facts)
+            text = "" if verdict.accepts else explain_stop(facts)
+            answers.append(JointAnswer(verdict.answer, text, verdict.reason))
+        modes = self._state.control_modes
+        chosen = [j for j in selection.numbers if modes[j] in STOPPABLE]
+        if chosen:
+            self._hold(chosen)
+        return decided(selection.names, answers)
+
+    def _hold(self, chosen: Sequence[int]) -> None:
+        """Hold joints where they are; where the law is the impedance, keep the load (I10)."""
+        machine, state = self._machine, self._state
+        laws = [machine.controller.joints[j] for j in chosen]
+        places = [float(state.position[j]) for j in chosen]
+        inside = [min(max(q, j.lower), j.upper) for q, j in zip(places, laws, strict=True)]
+        self._references.hold(chosen, inside)
+        machine.timeouts.cancel(chosen)
+        for j in chosen:
+            mode = state.control_modes[j]
+            if (law := law_of(mode, state.interaction_modes[j])) is Law.IMPEDANCE:
+                machine.set_law([j], law, direct=mode in DIRECT_GAINS)

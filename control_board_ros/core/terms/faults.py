@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import NamedTuple
 
 
 class FaultCode(IntEnum):
@@ -80,3 +81,15 @@ class FaultRecord:
     def cleared(self) -> FaultRecord:
         """The same record, no longer active."""
         return replace(self, active=False)
+
+
+class Cause(NamedTuple):
+    """Why a joint must be in HW_FAULT: the code, what was measured against what, the way out.
+
+    ``wait``: until it can be gone, s; 0 where time alone does not help.
+    """
+
+    code: FaultCode
+    text: str
+    advice: str = "remove it"
+    wait: float = 0.0

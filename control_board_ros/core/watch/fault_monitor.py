@@ -7,6 +7,9 @@ when they are in force, and what a joint that fails one has as its cause.
 The motor's own travel needs w, the weight of a cycle's first current in its mean, exact for a
 winding that settles exponentially, mean i = w i_(k−1) + (1−w) i_k: with x = R T/L and a = exp(−x),
 w = (1−a)/x − a/(1−a) (1 − (1−a)/x); 1/2 where T is short against L/R, 0 where it is long.
+
+An emergency stop (E2) stops all joints in the next cycle, as a fault that the hardware raises;
+a plant's own input is an ALARM of its readings.
 """
 
 from __future__ import annotations
@@ -21,12 +24,70 @@ from ...text import clean
 from ..config.config import BoardConfig, JointConfig
 from ..config.parts import DEGREE
 from ..state import StateArrays
-from ..terms.faults import FaultCode
+from ..terms.faults import Cause, FaultCode
 from ..terms.measurement import CREDIBLE, ROWS, Array, Row
-from .causes import ROWS_OF, Cause, Check, alarm_cause, bound_cause, slow_cause
-from .emergency import EmergencyStop
-from .heat import STRAINED, heat_constants, warnings
+from .causes import (
+    ROWS_OF,
+    STRAINED,
+    Check,
+    alarm_cause,
+    bound_cause,
+    heat_constants,
+    slow_cause,
+    warnings,
+)
 from .monitor import JointMonitor, Monitor
+
+#: What asks for a stop, a program or the silence of the heartbeat: why, and the way out.
+ASKED = ("requested", "release it")
+SILENCE = ("no heartbeat for {:g} s", "it must come again")
+
+
+class EmergencyStop:
+    """Active while any source requests it.
+
+    Args:
+        timeout: Silence of the heartbeat that is a stop, s; 0: no heartbeat is expected.
+    """
+
+    def __init__(self, timeout: float) -> None:
+        self.timeout = timeout
+        self._causes: set[tuple[str, str]] = set()
+        self._heard: float | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether it did at the last reading."""
+        return bool(self._causes)
+
+    @property
+    def reason(self) -> tuple[str, str]:
+        """Why it holds, and the way out."""
+        reasons = sorted(self._causes)
+        why, way_out = (" and ".join(texts) for texts in zip(*reasons, strict=True))
+        return why.format(self.timeout), way_out
+
+    def ask(self, stop: bool) -> None:
+        """Request it, or release the request."""
+        self._note(ASKED, stop)
+
+    def beat(self, time: float) -> None:
+        """Record a heartbeat, at a time of the board, s."""
+        self._heard = time
+
+    def watch(self, time: float) -> None:
+        """Judge the silence at a reading, s."""
+        if self.timeout > 0.0:
+            if self._heard is None:  # the first reading: silence counts from now on
+                self._heard = time
+            self._note(SILENCE, time - self._heard > self.timeout)
+
+    def _note(self, cause: tuple[str, str], holds: bool) -> None:
+        if holds:
+            self._causes.add(cause)
+        else:
+            self._causes.discard(cause)
+
 
 #: Cycles from one look at the slow checks to the next.
 SLOW = 8

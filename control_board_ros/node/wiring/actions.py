@@ -19,10 +19,8 @@ from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
-from ...core.goals.arrival import Outcome
-from ...core.goals.calibration_task import CalibrationTask
-from ...core.goals.move_task import MoveTask
 from ...core.goals.poses import PoseTask
+from ...core.goals.tasks import CalibrationTask, MoveTask, Outcome
 from ...core.group import JointGroup
 from ...core.selection import RequestError
 from ...interface import CALIBRATE, GO_TO_POSE, MOVE, Endpoint

@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from ...compiled import describe
 from ...core.terms.faults import FaultCode, FaultRecord
 from ...core.terms.vocabs import ControlMode, InteractionMode
-from ...core.watch.heat import HOT, STRAINED
+from ...core.watch.causes import HOT, STRAINED
 from ..loop.loop import ControlLoop
 from ..loop.scheduling import scheduling
 

@@ -21,12 +21,12 @@ from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectoryPoint
 
 from ...core.goals.path import Points, Sample
-from ...core.goals.tolerances import Wish
 from ...core.goals.trajectory_goal import (
     Code,
     End,
     GoalError,
     TrajectoryGoal,
+    Wish,
     Wishes,
 )
 from ...core.group import JointGroup

@@ -20,7 +20,7 @@ from typing import Any
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.set_points import Value
+from ...core.terms.measurement import Value
 from ..drives.axes import Axis, Options
 from ..drives.can_line import ATTEMPTS, PATIENCE, CanLine, budget
 from ..drives.maker import maker, only

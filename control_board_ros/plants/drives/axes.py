@@ -17,8 +17,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...core.terms.measurement import Array
-from ...core.terms.set_points import VALUES, SetPoints, Value
+from ...core.terms.measurement import VALUES, Array, SetPoints, Value
 from ...text import nearest
 from ..errors import PlantSettingsError
 from ..interface import DriveLimits

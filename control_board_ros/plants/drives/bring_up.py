@@ -17,7 +17,7 @@ import numpy as np
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import SetPoint
-from ...core.terms.set_points import VALUES, SetPoints, Value
+from ...core.terms.measurement import VALUES, SetPoints, Value
 from ..errors import PlantSettingsError
 from ..interface import DrivePlant, Readings, Setup
 from .axes import Axis

@@ -17,8 +17,7 @@ import numpy as np
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.measurement import Array
-from ...core.terms.set_points import SetPoints
+from ...core.terms.measurement import Array, SetPoints
 from ..interface import (
     Description,
     DriveFault,

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 from ...core.config.config import JointConfig
 from ...core.terms.drives import OnSilence, SetPoint
-from ...core.terms.set_points import Value
+from ...core.terms.measurement import Value
 from ..drives.axes import Options
 from ..drives.can_line import budget
 from ..drives.maker import maker, only

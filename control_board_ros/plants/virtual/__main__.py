@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from typing import Never
 
-from ...core.config.checks import ConfigError
+from ...core.config.parameter import ConfigError
 from ...settings.loading import load
 from ...settings.params_file import SettingsError
 from ...sim.errors import PlantError

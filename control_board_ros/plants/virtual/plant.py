@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from ...core.config.config import BoardConfig
-from ...core.terms.measurement import Array
-from ...core.terms.set_points import SetPoints
+from ...core.terms.measurement import Array, SetPoints
 from ...settings.loading import Settings
 from ...sim.config import SimulationConfig
 from ...sim.motor import SLIP_SPEED, smoothing_inertia

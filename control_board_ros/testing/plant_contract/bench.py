@@ -13,9 +13,8 @@ import numpy as np
 
 from ...core.config.config import BoardConfig, Impedance, JointConfig, Limits, Motor, Pid
 from ...core.terms.drives import SetPoint
-from ...core.terms.measurement import Array
+from ...core.terms.measurement import VALUES, Array, SetPoints, Value
 from ...core.terms.modes import SENSE_TORQUE, UNPOWERED
-from ...core.terms.set_points import VALUES, SetPoints, Value
 from ...core.terms.vocabs import InteractionMode
 from ...plants.interface import (
     Description,

@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from ...core.terms.measurement import Actuation, Row
-from ...core.terms.set_points import SetPoints
+from ...core.terms.measurement import Actuation, Row, SetPoints
 from ...plants.guarded import GuardedPlant
 from ...plants.interface import Description, DrivePlant, Readings, Setup
 from .bench import TIMEOUT, Subject, UnseenError, at_rest, board_for, expect, off

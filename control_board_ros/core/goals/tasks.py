@@ -1,31 +1,181 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A position move of several joints, watched to its end (SPEC P1, P3).
+"""Goals that end when all their joints have: moves (SPEC P3) and calibrations (K1).
 
-Callers make the task, which starts the move, and ask between two cycles for its outcome::
-
-    move = MoveTask(board, ["elbow"], [0.5])
-    while (outcome := move.outcome()) is None:
-        plant.write(board.tick(plant.read()))
+First, whether a position move has come to its end: pure functions, one joint at a time. A move
+that ends by itself leaves the position reference on its target. One that was dropped (by a stop,
+another interaction mode, another control mode: M9, I4) leaves it at rest elsewhere.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from enum import Enum, auto
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..calibration.calibration import CalibrationStatus
 from ..selection import RequestError
 from ..terms.arguments import Floats, Joints
 from ..terms.joint_kind import JointKind
-from ..terms.modes import ACCEPTS
-from ..terms.reply import summary
+from ..terms.modes import ACCEPTS, CALIBRATES, POWER_OFF
+from ..terms.reply import Answer, joints_of, summary
 from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
-from .arrival import Outcome, Standing, ending, standing, tolerance
 
 if TYPE_CHECKING:
     from ..group import JointGroup
+
+#: How near to its target a joint has arrived, rad, and m where it slides.
+TOLERANCE, SLIDE_TOLERANCE = 0.01, 0.001
+
+#: s of simulated time that joints get to arrive after their profiles have ended.
+SETTLING = 1.0
+
+#: Part of the tolerance by which the reference may miss the target of a move that has ended.
+EXACT = 0.1
+
+
+class Outcome(NamedTuple):
+    """How a task ended; the message is one line, or empty."""
+
+    success: bool
+    message: str
+
+
+class Standing(Enum):
+    """Status of a joint after the end of its profile."""
+
+    ARRIVED = auto()
+    SETTLING = auto()  # on its way still
+    DROPPED = auto()  # the move was ended by something else
+    AWAY = auto()  # it had its time and is not there
+
+
+def tolerance(kind: JointKind) -> float:
+    """How near to its target a joint of a kind has arrived, rad or m."""
+    return kind.choose(TOLERANCE, SLIDE_TOLERANCE)
+
+
+def standing(
+    target: float,
+    reference: float,
+    reference_velocity: float,
+    position: float,
+    *,
+    tolerance: float,
+    compliant: bool,
+    since: float,
+) -> Standing:
+    """Status of a joint after its motion.
+
+    ARRIVED: |reference − target| ≤ 0.1 tolerance and, unless compliant, |position − target| ≤
+    tolerance. A spring gives way by design, so a compliant joint is judged by its reference.
+
+    Args:
+        target: of the move, rad or m.
+        reference: position reference in force, rad or m.
+        reference_velocity: in force, rad/s or m/s.
+        position: measured, rad or m.
+        tolerance: see ``tolerance``.
+        compliant: whether the interaction mode is COMPLIANT.
+        since: time since the profile has ended, s.
+    """
+    reached = abs(reference - target) <= EXACT * tolerance
+    if reached and (compliant or abs(position - target) <= tolerance):
+        return Standing.ARRIVED
+    if not reached and reference_velocity == 0.0:
+        return Standing.DROPPED
+    return Standing.SETTLING if since < SETTLING else Standing.AWAY
+
+
+def ending(
+    name: str,
+    kind: JointKind,
+    found: Standing,
+    target: float,
+    position: float,
+    *,
+    changed: str = "",
+    compliant: bool = False,
+) -> str:
+    """One line about a joint whose move has ended; empty when it is where it should be.
+
+    Args:
+        name: of the joint.
+        kind: of the joint, for the unit and the tolerance.
+        found: not SETTLING.
+        target: of the move, rad or m.
+        position: measured, rad or m.
+        changed: which of its modes changed during the move, and to what.
+        compliant: whether the interaction mode is COMPLIANT.
+    """
+    where, wanted = f"{name} is at {kind.position(position)}", kind.position(target)
+    away = abs(position - target)
+    if found is Standing.ARRIVED:
+        if not compliant or away <= tolerance(kind):
+            return ""
+        return f"{where}, its reference at {wanted}: it is COMPLIANT and gives way to its load"
+    if found is Standing.DROPPED:
+        cause = changed or "it was stopped"
+        return f"{where}, not at its target {wanted}: {cause} during the move; send it again"
+    return (
+        f"{where}, {kind.position(away)} away from its target {wanted}: it is blocked, "
+        "its reference was moved by something else, or its gains are too low"
+    )
+
+
+class CalibrationTask:
+    """The calibration of some joints; refusals are reported at the end.
+
+    Args:
+        board: whose joints are calibrated.
+        joints: as in every request.
+
+    Raises:
+        RequestError: no joint accepts it.
+
+    Attributes: names (of the joints requested).
+    """
+
+    def __init__(self, board: JointGroup, joints: Joints) -> None:
+        self._board = board
+        self.names = board.selector.select(joints).names
+        reply = board.calibrate(self.names)
+        self._refusal = reply.message
+        self._started = joints_of(reply, Answer.ACCEPTED)
+        if not self._started:
+            raise RequestError(reply.message, codes=reply.codes)
+
+    def outcome(self) -> Outcome | None:
+        """How it ended, or None while it is under way."""
+        statuses = self._board.get_calibration(self._started)
+        if any(status.running for status in statuses):
+            return None
+        failures = [self._refusal] if self._refusal else []
+        faults = self._board.get_faults(self._started)
+        for status, fault in zip(statuses, faults, strict=True):
+            if not status.done:
+                why = fault.text if fault.active else status.message or status.phase
+                failures.append(f"{status.name} is not calibrated: {why}")
+        return Outcome(not failures, "; ".join(failures))
+
+    def statuses(self) -> list[CalibrationStatus]:
+        """Status of each requested joint."""
+        return self._board.get_calibration(self.names)
+
+    def cancel(self) -> str:
+        """Abort what is running (K2); what the joints do now."""
+        modes = self._board.get_control_mode(self._started)
+        running = {
+            name: POWER_OFF[mode]
+            for name, mode in zip(self._started, modes, strict=True)
+            if mode in CALIBRATES
+        }
+        if running:
+            self._board.set_control_mode(list(running), list(running.values()))
+        return f"cancelled; {', '.join(running)} in IDLE, not calibrated"
+
 
 K = CommandKind
 
