@@ -8,8 +8,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
-from control_board_ros.description.assembly import Piece, assemble
-from control_board_ros.description.robots import load_robot
+from control_board_ros.description.robots import Piece, assemble, load_robot
 from control_board_ros.settings import loading as settings
 
 NAME = "arms"  # of the robot, and so the namespace of its nodes

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 from rclpy.context import Context
 from rclpy.node import Node
 
-from .brakes import BrakeRequests
 from .commands import ReferenceCommands
 from .errors import BoardError
 from .goals import Goals
 from .link import Link
 from .modes import ModeRequests
-from .motors import MotorRequests
+from .motors import BrakeRequests, MotorRequests
 from .operations import Awaitable, Blocking, gone_as_board_error
 from .parameters import ParameterRequests
 from .poses import PoseRequests

@@ -1,34 +1,32 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motors, amplifiers, control loops, and what encoders read, by YARP's names (SPEC Y5)."""
+"""Motors, amplifiers, loops and encoder readings by YARP's names (SPEC Y5), and brakes (Y4)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from control_board_ros.core.selection import RequestError, finite, loop_of, spread
-from control_board_ros.core.terms.motors import (
-    TERMS,
-    YARP_TERMS,
-    Motors,
-    MotorTorqueParameters,
-    Pids,
-)
-from control_board_ros.core.terms.reply import Reason, Reply, refused, sent
-from control_board_ros.interface import (
+from ..core.selection import RequestError, Selection, automatic, by_hand, finite, loop_of, spread
+from ..core.terms.motors import TERMS, YARP_TERMS, Motors, MotorTorqueParameters, Pids
+from ..core.terms.reply import Reason, Reply, refused, sent
+from ..core.terms.vocabs import BrakeMode
+from ..interface import (
     EXTERNAL_TORQUE_SENSOR,
+    GET_BRAKE,
     GET_MOTORS,
     GET_PIDS,
+    SET_BRAKE,
     SET_ENCODERS,
     SET_MOTORS,
     SET_PIDS,
     Endpoint,
 )
-from control_board_ros.protocols import Floats, Joints, Values
-
+from ..protocols import Flags, Floats, Joints, Values
 from .checking import check_asked
 from .operations import Interface, operation, request
+from .services import reply_of
 from .values import for_each
 
 
@@ -258,3 +256,62 @@ def arrays(response: Any, kind: type) -> dict[str, Floats]:
         field: np.array(getattr(response, field), dtype=np.float64)
         for field in kind.__dataclass_fields__  # type: ignore[attr-defined]
     }
+
+
+class BrakeRequests(Interface):
+    """IJointBrake."""
+
+    @request
+    async def set_brake(self, joints: Joints, modes: str | Sequence[str]) -> Reply:
+        """Set the brake modes.
+
+        Args:
+            joints: target joints; None: all with a brake.
+            modes: ``automatic`` (by the board, as the modes require), ``open`` or ``closed`` (by
+                hand); one for all, or one each.
+        """
+        return await self._work(joints, [modes] if isinstance(modes, str) else list(modes))
+
+    @operation
+    async def get_brake(self, joints: Joints = None) -> list[BrakeMode | None]:
+        """Brake modes; None where a joint has no brake."""
+        response = await self._services.read(GET_BRAKE, joints)
+        return [BrakeMode(mode) if mode else None for mode in response.modes]
+
+    @operation
+    async def is_joint_braked(self, joints: Joints = None) -> list[bool]:
+        """Whether brakes are closed; false where a joint has none."""
+        response = await self._services.read(GET_BRAKE, joints)
+        return list(response.closed)
+
+    @request
+    async def set_manual_brake_active(self, joints: Joints, active: Flags) -> Reply:
+        """Close (true) or open brakes by hand."""
+        return await self._work(joints, by_hand(active))
+
+    @request
+    async def set_auto_brake_enabled(self, joints: Joints, enabled: Flags) -> Reply:
+        """Give the brakes to the board (true), or keep their states by hand."""
+        response = await self._services.read(GET_BRAKE, joints)
+        having = [k for k, mode in enumerate(response.modes) if mode or joints is not None]
+        names = [response.names[k] for k in having]
+        try:
+            modes = automatic(enabled, [response.closed[k] for k in having])
+        except RequestError as error:
+            return refused(str(error), tuple(names))
+        return await self._work(names, modes)
+
+    @operation
+    async def get_auto_brake_enabled(self, joints: Joints = None) -> list[bool]:
+        """Whether the board controls the brakes; false where a joint has none."""
+        response = await self._services.read(GET_BRAKE, joints)
+        return [mode == BrakeMode.AUTOMATIC for mode in response.modes]
+
+    async def _work(self, joints: Joints, modes: Sequence[str]) -> Reply:
+        services = self._services
+        selection = await services.select(joints)
+        names = [] if joints is None else list(selection.names)
+        response = await self._link.call(SET_BRAKE, names=names, modes=[str(m) for m in modes])
+        services.states.changed()
+        reported = Selection.of(range(len(response.names)), tuple(response.names))
+        return reply_of(response, reported if response.answers else selection)

@@ -3,11 +3,26 @@
 
 Sufficient to hold and move common robots; a tuned robot has its own YAML. Joints are sized by
 their loads: inertia and gravity torque of the worst pose (see ``loads``); motors by the required
-torque (see ``derive_motor``), gains by the moved inertia (see ``derive_gains``).
+torque (below), gains by the moved inertia (see ``derive_gains``).
+
+The motor, with the joint's torque limit T, speed limit v, gravity torque g, and the supply U::
+
+    Ke v = e U                 back-EMF at the speed limit (e = 0.4; less where necessary)
+    R T/kt = (1 − e) U         the torque limit is reached up to the speed limit
+    L = 1.5 ms · R             electrical time constant of servo motors of this size
+    peak = 1.05 (U + Ke v)/R   a motor reversed at full speed is no overcurrent, a short is
+    nominal = max(0.6 T, 1.2 g)/kt, at most T/kt: holds the stretched arm continuously
+    J N² = max(½ mean load, T · 1 ms², 4 h drag), drag = Ke kt/R + viscous
+
+The rotor is matched to its load, so that the felt inertia varies little with the pose, with the
+least inertia of motors of this torque (the shipped robots have 2 to 3 ms² of T). The last bound
+keeps the back-EMF stable in a physics step h. All quantities on the joint side, with kt in N·m/A;
+N and m/s for sliding joints.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,9 +35,164 @@ from ..core.terms.joint_kind import JointKind
 from .assumed import Assumed
 from .couplings import beyond_limits
 from .derive_gains import gains
-from .derive_motor import current_loop, electrical, friction, limits, rotor, thermal
-from .loads import MotorLoad, loads
+from .loads import Load, MotorLoad, loads
 from .urdf import Urdf, UrdfJoint
+
+MAX_VELOCITY = 20.0  # rad/s or m/s; more in a URDF is a placeholder
+DEFAULT_VELOCITY, DEFAULT_SLIDE_VELOCITY = math.pi, 0.5  # rad/s and m/s
+SUSPECT_EFFORT = 1000.0  # N·m or N; more in a URDF may be a placeholder
+ABSURD_RATIO = 100.0  # times the required torque: treated as a placeholder
+ACCELERATION_RATE = 10.0  # 1/s: target acceleration, in speed limits per second
+EMF_SHARE = 0.4
+NOMINAL_SHARE = 0.6
+ELECTRICAL_TIME = 1.5e-3  # s
+ROTOR_SHARE = 0.5
+ROTOR_PER_TORQUE = 1e-3  # s²
+STEP = 1e-3  # s, the longest derived physics step
+TEMPERATURE_MARGIN = 20.0  # K below the temperature limit, at the nominal current
+THERMAL_TIME = 120.0  # s
+MAX_CURRENT_GAIN = 3.0  # gain of the current loop, of the resistance
+FRICTION_SHARE = 0.01
+MOST_LOST = 0.8  # largest friction at full speed without a warning, of the torque limit
+
+
+def required_torque(load: Load, velocity: float) -> float:
+    """Torque (force) to hold a load and accelerate it with a rotor of half its inertia."""
+    return load.gravity + ACCELERATION_RATE * velocity * (1.0 + ROTOR_SHARE) * load.inertia_max
+
+
+def limits(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
+    """Speed and torque limit: the URDF's where plausible."""
+    name, kind = joint.name, joint.kind
+    speed_unit, unit = f"{kind.unit}/s", kind.force_unit
+    if "limits.velocity" not in values:
+        velocity = joint.velocity or kind.choose(DEFAULT_VELOCITY, DEFAULT_SLIDE_VELOCITY)
+        values["limits.velocity"] = min(velocity, MAX_VELOCITY)
+        if joint.velocity is None:
+            text = f"{velocity:.3g} {speed_unit}"
+            assumed.warn(
+                name, text, "no speed above 0 in the URDF, assumed", "give limits.velocity"
+            )
+        elif velocity > MAX_VELOCITY:
+            top = f"{MAX_VELOCITY:g}"
+            what = f"speeds of the URDF above {top} rad/s or m/s are taken as {top}"
+            assumed.warn(name, f"{velocity:.3g} {speed_unit}", what, "give limits.velocity")
+    need = required_torque(load, values["limits.velocity"])
+    if "limits.torque" not in values:
+        enough = max(3.0 * load.gravity, 1.25 * need)
+        effort = joint.effort
+        if effort is None:
+            text = f"{enough:.3g} {unit}"
+            assumed.warn(
+                name, text, "no effort above 0 in the URDF, assumed", "give limits.torque"
+            )
+        elif effort > max(SUSPECT_EFFORT, ABSURD_RATIO * need):
+            text = f"{enough:.3g} {unit} instead of {effort:.3g} {unit}"
+            what = f"effort in the URDF of {ABSURD_RATIO:g} times what the load needs, not taken"
+            assumed.warn(name, text, what, "give limits.torque")
+            effort = None
+        values["limits.torque"] = enough if effort is None else effort
+    if values["limits.torque"] < load.gravity:
+        text = f"{values['limits.torque']:.3g} of {load.gravity:.3g} {unit}"
+        what = "the torque limit cannot hold every pose against gravity"
+        assumed.warn(name, text, what, "give limits.torque, or stay near the other poses")
+
+
+def friction(values: dict[str, Any], joint: UrdfJoint, load: Load, assumed: Assumed) -> None:
+    """Friction: the URDF's <dynamics>, else a share of the torque limit."""
+    velocity, torque = values["limits.velocity"], values["limits.torque"]
+    viscous = _or(joint.damping, 0.5 * FRICTION_SHARE * torque / velocity)
+    stable = load.inertia_min / (4.0 * STEP)
+    if joint.kind.slides and viscous > stable and "motor.viscous" not in values:
+        text = f"{stable:.3g} N·s/m instead of {viscous:.3g} N·s/m"
+        what = "damping that the mass does not bear within a physics step, not taken"
+        assumed.warn(joint.name, text, what, "give motor.viscous and a higher physics_rate")
+        viscous = stable
+    values.setdefault("motor.viscous", viscous)
+    values.setdefault("motor.coulomb", _or(joint.friction, FRICTION_SHARE * torque))
+    lost = values["motor.coulomb"] + values["motor.viscous"] * velocity
+    if lost > MOST_LOST * torque:
+        text = f"{lost:.3g} of {torque:.3g} {joint.kind.force_unit}"
+        what = "friction and damping at full speed need most of the torque limit, or all"
+        advice = "expect slow or no motion, or give motor.coulomb, motor.viscous or limits.torque"
+        assumed.warn(joint.name, text, what, advice)
+
+
+def electrical(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
+    """Torque constant, resistance, inductance and currents."""
+    give = values.setdefault
+    velocity, torque = values["limits.velocity"], values["limits.torque"]
+    supply, gear = values["motor.supply_voltage"], values["motor.gear_ratio"]
+    share = EMF_SHARE
+    if joint.kind.slides:  # no rotor inertia to stabilise the back-EMF
+        bearable = load.inertia_min * velocity / (4.0 * STEP * torque)
+        share = min(share, bearable / (1.0 + bearable))
+    emf = give("motor.torque_constant", share * supply / (velocity * gear)) * gear
+    wanted = torque / (emf * values["motor.efficiency"])
+    driving = max(supply - emf * velocity, 0.2 * supply)
+    braked = 1.05 * (supply + emf * velocity)
+    given = values.get("limits.peak_current")
+    resistance = max(driving / wanted, 0.0 if given is None else braked / given)
+    give("motor.resistance", resistance)
+    give("motor.inductance", ELECTRICAL_TIME * values["motor.resistance"])
+    share = min(max(NOMINAL_SHARE, 1.2 * load.gravity / torque), 1.0)
+    peak = max(braked / values["motor.resistance"], 1.05 * share * wanted)
+    if given is not None:
+        share = min(share, 0.9 * given / wanted)
+    nominal = give("limits.nominal_current", share * wanted)
+    give("limits.peak_current", max(peak, 1.05 * nominal))
+
+
+def current_loop(values: dict[str, Any], period: float) -> None:
+    """Gains of the inner loop (P10) for the control period T.
+
+    The loop gives V = R i_ref + Ke ω and corrects by a PI. A winding settles by a = exp(−T R/L)
+    in a period: kp = R a/(1 − a) would reach i_ref in one; half of it is used. The integral
+    compensates a wrong R in 20 periods or 20 ms.
+    """
+    resistance = values["motor.resistance"]
+    left = math.exp(-period * resistance / values["motor.inductance"])
+    give = values.setdefault
+    give("current_pid.kp", min(0.5 * left / (1.0 - left), MAX_CURRENT_GAIN) * resistance)
+    give("current_pid.ki", min(0.05 / period, 50.0) * resistance)
+    give("current_pid.integral_limit", values["motor.supply_voltage"])
+
+
+def rotor(values: dict[str, Any], joint: UrdfJoint, load: Load) -> None:
+    """The rotor's inertia; none for sliding joints, which the physics does not support."""
+    if joint.kind.slides:
+        values.setdefault("motor.inertia", 0.0)
+        return
+    torque, gear = values["limits.torque"], values["motor.gear_ratio"]
+    emf = values["motor.torque_constant"] * gear
+    drag = emf**2 * values["motor.efficiency"] / values["motor.resistance"]
+    heavy = max(ROTOR_SHARE * load.inertia_mean, ROTOR_PER_TORQUE * torque)
+    if (acceleration := values.get("limits.acceleration")) is not None:
+        heavy = min(heavy, (torque - load.gravity) / acceleration - load.inertia_max)
+    heavy = max(heavy, 4.0 * STEP * (drag + values["motor.viscous"]))
+    values.setdefault("motor.inertia", heavy / gear**2)
+
+
+def thermal(values: dict[str, Any], name: str, assumed: Assumed) -> None:
+    """A winding rated for continuous nominal current, with a time constant of minutes."""
+    give = values.setdefault
+    limit, ambient = values["limits.temperature"], values["motor.ambient"]
+    power = values["motor.resistance"] * values["limits.nominal_current"] ** 2
+    rise = max(limit - ambient - TEMPERATURE_MARGIN, 0.5 * (limit - ambient), 1.0)
+    give("motor.thermal_resistance", rise / power)
+    give("motor.thermal_capacitance", THERMAL_TIME / values["motor.thermal_resistance"])
+    time = values["motor.thermal_resistance"] * values["motor.thermal_capacitance"]
+    give("motor.thermal_time", time)
+    hottest = ambient + values["motor.thermal_resistance"] * power
+    if hottest > limit:
+        what = "the nominal current overheats the winding"
+        advice = "give a smaller limits.nominal_current or motor.thermal_resistance"
+        assumed.warn(name, f"{hottest:.0f} °C of {limit:.0f} °C", what, advice)
+
+
+def _or(value: float | None, default: float) -> float:
+    return default if value is None else value
+
 
 UNBOUNDED = 1e6  # rad, travel of a continuous joint
 LEAST_INERTIA = 1e-4  # kg·m² or kg; smaller values are placeholders

@@ -1,18 +1,67 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The frames of a board's links, of the description and the positions that it publishes."""
+"""The frames of a board's links, of the description and the positions that it publishes.
+
+Definitions of topics and services are as Foxglove expects them (``ros2msg``).
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
+from foxglove import MessageSchema, Schema, ServiceSchema
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from control_board_ros.urdf_xml import DescribedJoint, Vector, heard_joints
+from ..recording.definitions import SEPARATOR, definition, referred, share_file
+from ..urdf_xml import DescribedJoint, Vector, heard_joints
+
+ENCODING, DEFINITIONS = "cdr", "ros2msg"
+
+
+@cache
+def schema(type_name: str) -> Schema:
+    """That of ``package/msg/Name``.
+
+    Raises:
+        RecordingError: its package is not installed.
+    """
+    return Schema(name=type_name, encoding=DEFINITIONS, data=definition(type_name).text.encode())
+
+
+@cache
+def service_schema(type_name: str) -> ServiceSchema:
+    """That of ``package/srv/Name``, whose halves are named ``…_Request`` and ``…_Response``."""
+    request, _, response = share_file(type_name, ".srv").read_text("utf-8").partition("---\n")
+    halves = {"Request": request, "Response": response}
+    made = {
+        half: MessageSchema(
+            encoding=ENCODING,
+            schema=Schema(
+                name=f"{type_name}_{half}",
+                encoding=DEFINITIONS,
+                data=with_parts(type_name, text).encode(),
+            ),
+        )
+        for half, text in halves.items()
+    }
+    return ServiceSchema(type_name, request=made["Request"], response=made["Response"])
+
+
+def with_parts(type_name: str, text: str) -> str:
+    """Half of a service with the definitions that it refers to."""
+    parts = [text.rstrip("\n")]
+    for name in dict.fromkeys(referred(type_name, text)):
+        package, _, message = name.split("/")
+        parts.append(
+            f"{SEPARATOR}\nMSG: {package}/{message}\n{definition(name).text}".rstrip("\n")
+        )
+    return "\n".join(parts) + "\n"
+
 
 Quat = tuple[float, float, float, float]
 

@@ -32,8 +32,7 @@ from control_board_ros.interface import (
 )
 from control_board_ros.recording.topics import ROSOUT
 
-from .frames import Frame, frames_of, message
-from .schemas import ENCODING, schema, service_schema
+from .frames import ENCODING, Frame, frames_of, message, schema, service_schema
 
 #: s between two looks at what has come.
 PERIOD = 0.01

@@ -30,9 +30,9 @@ from .process.console import (
     provide_log_folder,
     say,
     settle_stdout,
+    welcome,
 )
 from .process.name_lock import NameTakenError, lock_name
-from .process.welcome import welcome
 
 if TYPE_CHECKING:
     from .process.boards import Boards

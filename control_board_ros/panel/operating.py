@@ -17,7 +17,7 @@ from control_board_ros.core.terms.modes import MOVES, NOT_HOLDING, STOPPABLE, UN
 from . import doing
 from .boards import Board
 from .browser import MAX_RUNNING, Browser
-from .holds import Hold, Holds
+from .doing import Hold, Holds
 from .lines import Lines, lines_of
 from .requests import KINDS, Request
 from .shared import Shared

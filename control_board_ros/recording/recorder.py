@@ -1,38 +1,109 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records the serialized topics of boards."""
+"""Records the serialized topics of boards.
+
+A middleware drops a participant not received for its lease, and may not notify one that is paused
+or cut off in one direction. So a receiver without messages reconnects, and the gap is recorded.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import importlib
 import itertools
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
 
-from control_board_ros.client.executor_thread import GONE, ExecutorThread
-from control_board_ros.interface import MODES
-
+from ..client.executor_thread import GONE, ExecutorThread
+from ..interface import MODES
 from .errors import RecordingError
-from .gaps import Gaps
 from .parameters import Parameters
-from .topics import (
-    DEPTH,
-    GAPS,
-    PARAMETER_EVENTS,
-    Topic,
-    topic_of,
-    topics_for_yarp,
-    topics_of,
-)
+from .topics import DEPTH, GAPS, PARAMETER_EVENTS, Topic, topic_of, topics_for_yarp, topics_of
+
+#: s without a message until a board is silent, and minimum periods of its state.
+PATIENCE, PERIODS = 5.0, 3.0
+#: s between reconnections, initially and at most.
+SOONEST, LATEST = 5.0, 10.0
+
+
+@dataclass(slots=True)
+class _Reception:
+    """A board: patience (s), last (reception: s, monotonic), stamp (the same, ns of the system's
+    clock), due (next reconnection, s), pause (s between reconnections), silent.
+    """
+
+    patience: float
+    last: float
+    stamp: int
+    due: float = 0.0
+    pause: float = SOONEST
+    silent: bool = False
+
+
+class Gaps:
+    """Detects silent boards.
+
+    Args:
+        rates: Of the states of each board, Hz.
+        now: Time, s, monotonic.
+        stamp: The same, ns of the system's clock.
+    """
+
+    def __init__(self, rates: Mapping[str, float], now: float, stamp: int) -> None:
+        self._boards = {
+            board: _Reception(max(PATIENCE, PERIODS / rate if rate > 0.0 else 0.0), now, stamp)
+            for board, rate in rates.items()
+        }
+
+    @property
+    def silent(self) -> list[str]:
+        """The silent boards."""
+        return [board for board, reception in self._boards.items() if reception.silent]
+
+    def received(self, board: str, now: float, stamp: int) -> bytes:
+        """Record a message of a board; returns the gap that it ends, of GAPS, as CDR."""
+        reception = self._boards[board]
+        before, was_silent = reception.stamp, reception.silent
+        reception.last, reception.stamp = now, stamp
+        if not was_silent:
+            return b""
+        reception.silent, reception.pause = False, SOONEST
+        return gap(before, stamp)
+
+    def look(self, now: float) -> bool:
+        """Whether to reconnect to a silent board now, at growing intervals."""
+        due = False
+        for reception in self._boards.values():
+            if not reception.silent and now - reception.last >= reception.patience:
+                reception.silent, reception.due = True, now
+            if reception.silent and now >= reception.due:
+                reception.due = now + reception.pause
+                reception.pause = min(2.0 * reception.pause, LATEST)
+                due = True
+        return due
+
+    def running(self, stamp: int) -> dict[str, bytes]:
+        """Gaps of boards silent at the end, by board."""
+        return {board: gap(self._boards[board].stamp, stamp) for board in self.silent}
+
+
+def gap(begin: int, end: int) -> bytes:
+    """A message of GAPS; times in ns."""
+    text = json.dumps({"begin": round(1e-9 * begin, 6), "end": round(1e-9 * end, 6)})
+    return bytes(serialize_message(String(data=text)))
+
 
 #: s to wait for latched topics.
-PATIENCE = 2.0
+LATCHED = 2.0
 
 _numbers = itertools.count(1)
 
@@ -194,7 +265,7 @@ class Recorder:
         else:
             self._early.append((topic, stamp, data))
         self._awaited.discard(topic)
-        if not self._awaited or time.monotonic() - self._start > PATIENCE:
+        if not self._awaited or time.monotonic() - self._start > LATCHED:
             self._begin()
 
     def _begin(self) -> None:

@@ -9,7 +9,15 @@ rotor has none. Friction peaks at ``breakaway`` near standstill, at v_b = max(0.
 and is ``coulomb`` from 4 v_b on; eps is that of the peak. Back-EMF must fit the step too:
 h (Ke kt N η/R + viscous) < M.
 
-A small part of the Coulomb friction is beyond the torque sensors: see ``stiction``.
+Stiction, of a joint's bearing, is the small part of Coulomb friction beyond the torque sensor: a
+bristle that bends until it slips (Dahl, 1968; damped as in LuGre), so that a nearly balanced joint
+does not creep. Its equations are in ``drive``; these are their constants.
+
+B = min(0.02 % of the torque limit, 10 % of coulomb), σ = B/z with the deflection z at which it
+slips. z and the damping c keep the explicit integration stable at the least inertia M, and c damps
+the largest one::
+
+    z ≥ h² B/(0.05 M),    c = min(√(M_max σ), M/(2 h))
 
 The winding warms by R i² through its thermal resistance and capacitance, first order, solved
 exactly over 50 ms at a time for the current at their end: windings have time constants of minutes.
@@ -29,9 +37,32 @@ from ..core.config.config import BoardConfig, JointConfig
 from ..core.laws.control import PEAK_SHARE
 from ..core.model.coupling import rotors_of_motors
 from ..core.terms.measurement import Array
-from .config import DriveModel, JointSimulation, SimulationConfig
+from .config import DriveModel, JointSimulation, MotorModel, SimulationConfig
 from .drive import Drive, Drives
-from .stiction import bristle_constants
+
+TORQUE_SHARE, COULOMB_SHARE = 2e-4, 0.1
+SLIP_ANGLE, SLIP_DISTANCE = 1e-4, 1e-5  # z, rad and m
+
+
+def bristle_constants(
+    joint: JointConfig, model: MotorModel, inertia: float, step: float
+) -> tuple[float, float, float]:
+    """B (N·m), σ h (N·m·s/rad) and c (N·m·s/rad) of a joint's bearing.
+
+    Args:
+        joint: Its configuration.
+        model: Of its motor and gearbox.
+        inertia: Minimum moved inertia, kg·m².
+        step: The physics step h, s.
+    """
+    torque = min(TORQUE_SHARE * joint.limits.torque, COULOMB_SHARE * model.coulomb)
+    deflection = joint.kind.choose(SLIP_ANGLE, SLIP_DISTANCE)
+    deflection = max(deflection, step**2 * torque / (0.05 * inertia))
+    stiffness = torque / deflection
+    largest = max(inertia, joint.inertia_max)
+    damping = min(math.sqrt(largest * stiffness), inertia / (2.0 * step))
+    return torque, stiffness * step, damping
+
 
 SLIP_SPEED = 1e-3
 #: Speed v_b at which friction is that of breakaway, rad/s and m/s, and over eps.

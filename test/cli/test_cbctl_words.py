@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from control_board_ros.cli.app import explain
-from control_board_ros.cli.board.limits import check_limits
 from control_board_ros.cli.board.progress import Standstill
+from control_board_ros.cli.board.session import check_limits
 from control_board_ros.cli.board.streaming import duration
 from control_board_ros.cli.line.arguments import Parser, arguments_of
 from control_board_ros.cli.line.options import Options, hoist, split_ros_arguments

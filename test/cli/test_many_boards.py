@@ -18,8 +18,7 @@ from control_board_ros.cli.board.boards import is_pattern, robots_among
 from control_board_ros.cli.board.session import Session
 from control_board_ros.cli.line.options import Options
 from control_board_ros.cli.line.words import short_names
-from control_board_ros.cli.text.dense import dense, fitting
-from control_board_ros.cli.verbs.watch import DISPENSABLE, View, on_screen
+from control_board_ros.cli.verbs.watch import DISPENSABLE, View, dense, fitting, on_screen
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.joint_limits import JointLimits
 from control_board_ros.testing import board_process

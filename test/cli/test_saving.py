@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import yaml
 
-from control_board_ros.cli.board.saving import Saved, of_one_part, of_robot
+from control_board_ros.cli.verbs.param import Saved, of_one_part, of_robot
 from control_board_ros.settings.loading import Settings, load
 from control_board_ros.settings.schema import PART_ROWS
 

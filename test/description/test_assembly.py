@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""description/assembly.py: several robots as one description."""
+"""description/robots.py: several robots as one description."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from control_board_ros.description.assembly import Piece, assemble
-from control_board_ros.description.robots import load_robot
+from control_board_ros.description.robots import Piece, assemble, load_robot
 from control_board_ros.description.urdf import UrdfError
 from control_board_ros.settings.loading import load
 

@@ -9,7 +9,7 @@ import pytest
 from rig import board_config, joint
 
 from control_board_ros.core.terms.vocabs import ControlMode
-from control_board_ros.node.process.welcome import (
+from control_board_ros.node.process.console import (
     first_target,
     ros2_lines,
     suggestions,

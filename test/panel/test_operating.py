@@ -10,7 +10,7 @@ import pytest
 from standins import GUARD, Air, Panel, StandIn, panel_of
 
 from control_board_ros.panel import lease, panels
-from control_board_ros.panel.holds import PATIENCE, Hold, Holds
+from control_board_ros.panel.doing import PATIENCE, Hold, Holds
 from control_board_ros.panel.lease import ANSWER_TIME, Lease
 from control_board_ros.panel.security import TokenBucket
 

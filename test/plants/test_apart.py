@@ -20,8 +20,8 @@ from control_board_ros.core.terms.measurement import Actuation
 from control_board_ros.plants import Readings, SetPoints, Setup
 from control_board_ros.plants.apart import PlantApart
 from control_board_ros.plants.errors import PlantSettingsError
+from control_board_ros.plants.host import Watchdog
 from control_board_ros.plants.outputs import as_drives
-from control_board_ros.plants.watchdog import Watchdog
 from control_board_ros.testing import BoardProcess, board_process
 from control_board_ros.testing.plant_contract import plant_contract
 

@@ -16,10 +16,9 @@ from control_board_ros.recording import RecordingError
 from control_board_ros.recording.bag import OVERHEAD, Bag
 from control_board_ros.recording.definitions import definition
 from control_board_ros.recording.faults import NewFaults
-from control_board_ros.recording.parameters import Parameters
+from control_board_ros.recording.parameters import Parameters, serialize
 from control_board_ros.recording.ring import BlackBox
 from control_board_ros.recording.topics import PARAMETER_EVENTS, Topic, topic_of, topics_of
-from control_board_ros.recording.wire import serialize
 
 BOARD = "/arm/board"
 SECOND = 1_000_000_000

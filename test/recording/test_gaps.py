@@ -15,13 +15,12 @@ from std_msgs.msg import String
 from talk import until
 
 from control_board_ros.interface import MODES, STATE
-from control_board_ros.recording import gaps
+from control_board_ros.recording import recorder as module
 from control_board_ros.recording.bag import Bag
-from control_board_ros.recording.gaps import LATEST, PATIENCE, SOONEST, Gaps
 from control_board_ros.recording.page import page
 from control_board_ros.recording.parameters import Parameters
 from control_board_ros.recording.reading import read
-from control_board_ros.recording.recorder import Recorder
+from control_board_ros.recording.recorder import LATEST, PATIENCE, SOONEST, Gaps, Recorder
 from control_board_ros.recording.tables import write_csv
 from control_board_ros.recording.topics import GAPS, Topic
 from control_board_ros.testing import free_domain, ros_node
@@ -81,7 +80,7 @@ class Kept:
 @pytest.mark.ros
 def test_a_recorder_hears_the_board_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """What its subscriptions do not hear any more, new ones do; the recording tells of the gap."""
-    monkeypatch.setattr(gaps, "PATIENCE", 0.5)
+    monkeypatch.setattr(module, "PATIENCE", 0.5)
     with free_domain() as domain, ros_node(domain, "late") as node:
         bag = Bag(tmp_path / "bag")
         recorder = Recorder(node.context, [Parameters(BOARD, {})], bag)
@@ -127,7 +126,7 @@ def test_a_recorder_hears_the_board_again(monkeypatch: pytest.MonkeyPatch, tmp_p
 
 @pytest.mark.ros
 def test_a_gap_that_lasts_to_the_end_is_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(gaps, "PATIENCE", 0.2)
+    monkeypatch.setattr(module, "PATIENCE", 0.2)
     with free_domain() as domain, ros_node(domain, "late") as node:
         sink = Kept()
         recorder = Recorder(node.context, [Parameters(BOARD, {})], sink)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from control_board_ros.sim.bodies.obj_mesh import read_obj
+from control_board_ros.sim.bodies.mujoco_spec import read_obj
 
 TWO_OBJECTS = """# a comment
 mtllib none.mtl

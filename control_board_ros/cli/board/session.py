@@ -16,7 +16,62 @@ from ...urdf_xml import DescribedJoint, heard_joints
 from ..line.options import Options
 from ..line.words import Quantity, Refused, UsageError, assigned, find_joints
 from ..text.output import load_drawing
-from .limits import check_limits
+
+#: What comes after the unit of a position in that of each quantity that turns with it.
+RATES = {"position": "", "speed": "/s", "acceleration": "/s²"}
+
+
+def check_limits(
+    what: str,
+    given: Mapping[str, Quantity],
+    limits: Mapping[str, JointLimits | None],
+    kinds: Mapping[str, JointKind],
+) -> None:
+    """Refuse values beyond the limits, before anything moves.
+
+    Args:
+        what: the values are: position, speed, acceleration, torque, current or output.
+        given: by joint.
+        limits: likewise; None of a joint that is not known: the board itself decides.
+        kinds: of the joints.
+
+    Raises:
+        Refused: what was understood, in both units, and what is allowed.
+    """
+    wrong = []
+    for name, value in given.items():
+        known, kind = limits.get(name), kinds.get(name, JointKind.REVOLUTE)
+        if known is not None and not within(what, value.value, known, kind):
+            wrong.append(f"{name}: {outside(what, value, known, kind)}")
+    if wrong:
+        raise Refused("; ".join(wrong))
+
+
+def within(what: str, value: float, limits: JointLimits, kind: JointKind) -> bool:
+    """Whether a value is within its limits, as they are shown: half of the last digit more."""
+    slack = 0.5 * kind.resolution if what in RATES else 0.0
+    low, high = limits.range(what)
+    return low - slack <= value <= high + slack
+
+
+def outside(what: str, given: Quantity, limits: JointLimits, kind: JointKind) -> str:
+    """What is wrong with a value, and what it may have meant."""
+    low, high = limits.range(what)
+    value = given.value
+    if what not in RATES:
+        unit = {"torque": kind.force_unit, "current": "A"}.get(what, "%")
+        return f"{value:.4g} {unit} is beyond its limit, {high:.4g} {unit}"
+    unit = kind.unit + RATES[what]
+    shown, least, most = (kind.position(q, RATES[what]) for q in (value, low, high))
+    text = f"{value:.4g} {unit} = {shown} is "
+    if what == "position":
+        text += f"outside its limits, {low:.4g} to {high:.4g} {unit} = {least} to {most}"
+    else:
+        text += f"beyond its limit, {high:.4g} {unit} = {most}"
+    if not given.dimension and within(what, value / kind.shown_factor, limits, kind):
+        text += f"; did you mean {value:g}{kind.choose('deg', 'mm')}?"
+    return text
+
 
 if TYPE_CHECKING:
     from rclpy.node import Node

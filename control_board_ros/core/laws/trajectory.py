@@ -166,7 +166,7 @@ def _fits(
 #: Part of a joint's torque that a planned motion may use; the rest is for its control.
 SHARE = 0.9
 #: Where a move is looked at, and how often it is stretched, by how much at least.
-SAMPLES, TRIES, LEAST_STRETCH = 14, 16, 1.02
+SAMPLES, STRETCHES, LEAST_STRETCH = 14, 16, 1.02
 
 #: Durations of a move and of its braking, s; see ``trajectory.durations``.
 Plan = tuple[float, float]
@@ -204,7 +204,7 @@ class Effort:
         if not all(joint.calibrated for joint in self._joints):
             return factor, moves
         self._note_others()
-        for _ in range(TRIES):
+        for _ in range(STRETCHES):
             for j, target, (time, brake) in zip(chosen, targets, moves, strict=True):
                 self._note_move(j, target, time, brake)
             excess = self._arm.excess(SAMPLES)

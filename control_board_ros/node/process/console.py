@@ -4,12 +4,18 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ...core.config.config import BoardConfig, JointConfig
+from ...core.terms.joint_kind import ENDLESS
+from ...core.terms.modes import ACCEPTS, CALIBRATES, CONFIGURED, MOVES
+from ...core.terms.vocabs import CommandKind, ControlMode
+from ...interface import CONFIGURE, POSITION_COMMAND, SET_CONTROL_MODE
 from ...text import clean
 from .name_lock import temporary_folder
 
@@ -85,3 +91,120 @@ def check_name(name: str, namespace: str) -> None:
         raise KnownError(
             2, f"namespace {namespace!r} is not allowed; words after slashes are, as in /left/arm"
         )
+
+
+#: More characters than a table of plain terminals has.
+WIDE = 80
+
+
+def welcome(
+    name: str,
+    config: BoardConfig,
+    modes: Sequence[ControlMode],
+    parts: Mapping[str, Sequence[str]] | None = None,
+    *,
+    parks: bool = False,
+    managed: bool = False,
+) -> str:
+    """The joints with their limits and modes, and lines to paste.
+
+    Args:
+        name: full name of the node.
+        config: of the board.
+        modes: present control mode of each joint.
+        parts: the joints of each part, where the board is a robot's.
+        parks: whether it goes to the pose park at its end.
+        managed: whether it waits for the transitions of a managed node.
+    """
+    present = sorted({mode.name for mode in modes})
+    option = "" if name == "/control_board" else f" --board {name}"
+    when, words = suggestions(config.joints[0], modes[0])
+    if managed:
+        when = f"Let it go on with:\n{transitions(name)}\nthen, where joints are active, try"
+        words = [word for word in words if word != CONFIGURE.short]
+    lines = [
+        *table(config.joints, parts or {}),
+        "",
+        f"{name} runs at {config.control_rate:g} Hz, joints in {', '.join(present)}. {when}:",
+        *(f"  cbctl{option} {line}" for line in (*words, "watch")),
+        "in a browser: cbctl panel (make panel); or, where ROS itself is installed:",
+        *ros2_lines(name, config.joints[0]),
+        "Park and stop with Ctrl-C; a second one stops at once." if parks else "Stop with Ctrl-C.",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def table(
+    joints: Sequence[JointConfig], parts: Mapping[str, Sequence[str]] | None = None
+) -> list[str]:
+    """The joints, as ``cbctl info`` has them: limits are the software's, stops the hard ones.
+
+    Modes that are equal for all joints and do not fit are below the table.
+    """
+    owner = {name: part for part, names in (parts or {}).items() for name in names}
+    columns: dict[str, list[str]] = {
+        **({"part": [owner[joint.name] for joint in joints]} if owner else {}),
+        "joint": [joint.name for joint in joints],
+        "limits": [one.kind.travel(one.limits.lower, one.limits.upper) for one in joints],
+        "stops": [one.kind.travel(one.limits.hard_lower, one.limits.hard_upper) for one in joints],
+        "speed": [one.kind.velocity(one.limits.velocity) for one in joints],
+        "modes": [" ".join(mode.code for mode in joint.control_modes) for joint in joints],
+    }
+    if columns["limits"] == columns["stops"]:
+        del columns["stops"]
+    below = []
+    if len(set(columns["modes"])) == 1 and max(map(len, rows(columns))) > WIDE:
+        below = [f"modes of all joints: {columns.pop('modes')[0]}"]
+    return rows(columns) + below
+
+
+def rows(columns: Mapping[str, Sequence[str]]) -> list[str]:
+    """The lines of a table; text left-aligned, numbers right-aligned."""
+    cells = []
+    for title, column in columns.items():
+        width = max(map(len, (title, *column)))
+        left = title in ("part", "joint", "modes")
+        cells.append([f"{text:{'<' if left else '>'}{width}}" for text in (title, *column)])
+    return ["  ".join(line).rstrip() for line in zip(*cells, strict=True)]
+
+
+def suggestions(joint: JointConfig, mode: ControlMode) -> tuple[str, list[str]]:
+    """Commands of cbctl that the joint accepts now."""
+    if MOVES not in joint.control_modes:
+        return "Try", [f"modes {joint.name}"]
+    target = first_target(joint)
+    value = f"{target * joint.kind.shown_factor:.3g}{joint.kind.choose('deg', 'mm')}"
+    words = [f"mode {joint.name} {MOVES.code}", f"move {joint.name}={value}"]
+    if mode in CALIBRATES:
+        return "When they have calibrated, try", words
+    if mode not in CONFIGURED:
+        return "Try", [CONFIGURE.short, *words]
+    if CommandKind.POSITION in ACCEPTS.get(mode, ()):
+        return "Try", words[1:]
+    return "Try", words
+
+
+def transitions(name: str) -> str:
+    """The commands that make a managed node active."""
+    lines = [f"  ros2 lifecycle set {name} {what}" for what in ("configure", "activate")]
+    return "\n".join([*lines, "(or start it with -p autostart:=true)"])
+
+
+def first_target(joint: JointConfig) -> float:
+    """A position to try: 30 degrees or 20 mm, or what is well within the joint's limits."""
+    wanted = joint.kind.choose(math.radians(30.0), 0.02)
+    low, high = joint.limits.lower, joint.limits.upper
+    margin = 0.1 * (high - low) if high - low < ENDLESS else 0.0
+    return min(max(wanted, low + margin), high - margin)
+
+
+def ros2_lines(name: str, joint: JointConfig) -> list[str]:
+    """For ROS's own command, which a virtual environment does not have."""
+    target = f"{first_target(joint):.3g}"
+    return [
+        f"  ros2 service call {SET_CONTROL_MODE.of(name)} {SET_CONTROL_MODE.type} "
+        f'"{{names: [{joint.name}], modes: [pos]}}"',
+        f"  ros2 topic pub --once {POSITION_COMMAND.of(name)} {POSITION_COMMAND.type} "
+        f'"{{names: [{joint.name}], positions: [{target}]}}"',
+    ]

@@ -6,12 +6,80 @@ The only file that imports pybullet; ``bullet`` and ``camera`` use it.
 
 from __future__ import annotations
 
+import ctypes
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import BinaryIO
 
 from ..config import SimulationConfig
 from ..errors import PlantError
-from .display import check_display
-from .terminal import captured_output, file_in_memory
+
+
+def check_display() -> None:
+    """Raise PlantError unless an X display accepts connections."""
+    name = os.environ.get("DISPLAY", "")
+    if not name:
+        raise PlantError("gui: no display (DISPLAY is not set); set gui to false or start X")
+    import ctypes.util  # heavy, needed for a window only
+
+    found = ctypes.util.find_library("X11")
+    if found is None:
+        raise PlantError("gui: libX11 is not installed; set gui to false or install libx11-6")
+    x11 = ctypes.CDLL(found)
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    x11.XOpenDisplay.argtypes = [ctypes.c_char_p]
+    x11.XCloseDisplay.argtypes = [ctypes.c_void_p]
+    display = x11.XOpenDisplay(name.encode())
+    if not display:
+        raise PlantError(f"gui: display {name!r} refuses connections; set gui to false or fix it")
+    x11.XCloseDisplay(display)
+
+
+def file_in_memory(name: str) -> BinaryIO:
+    """A file in memory, opened by others as ``/proc/self/fd/<number>``."""
+    return os.fdopen(os.memfd_create(name), "w+b")
+
+
+@contextmanager
+def captured_output() -> Iterator[Callable[[], list[str]]]:
+    """Capture all output of this process in this context, including that of C libraries.
+
+    Yields:
+        A function that returns the lines captured so far, to show on failure.
+    """
+    library = ctypes.CDLL(None)
+    with file_in_memory("output") as file:
+
+        def flush() -> None:
+            for stream in (sys.stdout, sys.stderr):
+                if stream is not None:
+                    stream.flush()
+            library.fflush(None)
+
+        def lines() -> list[str]:
+            flush()
+            file.seek(0)
+            return file.read().decode(errors="replace").splitlines()
+
+        flush()
+        saved: dict[int, int] = {}
+        for descriptor in (1, 2):
+            try:
+                saved[descriptor] = os.dup(descriptor)
+            except OSError:  # output not open
+                continue
+            os.dup2(file.fileno(), descriptor)
+        try:
+            yield lines
+        finally:
+            flush()
+            for descriptor, copy in saved.items():
+                os.dup2(copy, descriptor)
+                os.close(copy)
+
 
 with captured_output():
     import pybullet as bullet
