@@ -54,7 +54,7 @@ The position reference becomes the measured position, the output reference zero.
 gives a torque takes over the *load*: gravity, payload, a steady push. It is the measured torque
 without what acceleration adds (`inertia_mean` times the measured acceleration); gearbox
 friction is not in it, since the sensor lies beyond the gearbox, and what `u_ff` and `tau_ff`
-already give is taken off.
+already give is subtracted.
 
 * **At rest** the load is the measured torque, filtered over 10 ms. POSITION, POSITION_DIRECT,
   VELOCITY and MIXED start from it whatever the interaction mode.
