@@ -42,7 +42,6 @@ def put_help(
 
 
 def put_verb_help(name: str, verb: Callable[..., Any]) -> None:
-    """Print the help of a verb."""
     words = [entry for entry in arguments_of(verb) if entry.positional]
     options = [entry for entry in arguments_of(verb) if not entry.positional]
     usage = " ".join([f"cbctl {name} [OPTIONS]", *map(placeholder, words)])

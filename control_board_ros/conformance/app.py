@@ -175,7 +175,6 @@ def summed_up(
 
 
 def print_result(result: Result) -> None:
-    """Print one result."""
     print(clean(as_line(result), LONGEST), flush=True)
 
 

@@ -82,7 +82,6 @@ def document(title: str, body: str, note: str) -> str:
 
 
 def board_section(recording: BoardRecording) -> str:
-    """The section of a board."""
     joints = joint_charts(recording)
     moves = sorted((m for j in joints for m in j.moves), key=lambda m: (m.begin, m.joint))
     kinds = {j.joint: j.kind for j in joints}
@@ -187,7 +186,6 @@ def gap_table(recording: BoardRecording) -> str:
 
 
 def request_table(recording: BoardRecording) -> str:
-    """The requests to the board."""
     if not recording.requests:
         return ""
     rows = [[f"{one.time:.3f}", one.text] for one in recording.requests[:LINES_SHOWN]]

@@ -81,7 +81,6 @@ class Coupled(NamedTuple):
 
 
 def axes_of(table: Entries) -> tuple[str, ...]:
-    """The axes of all couplings."""
     return tuple(n for key, entry in table.items() if key.endswith(".axes") for n in entry.value)
 
 

@@ -63,7 +63,6 @@ class Sensors:
         ).sample
 
     def sample_temperature(self) -> None:
-        """Sample the winding temperatures."""
         self.values[Row.TEMPERATURE] = self._motors.temperature
 
     def alarm(self, code: FaultCode | None) -> None:

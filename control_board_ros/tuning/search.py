@@ -78,7 +78,6 @@ def settings_of(robot: str, found: str = "") -> Settings:
 
 @cache
 def robot_digest(robot: str, found: str) -> str:
-    """Digest of all parameters of a robot."""
     values = sorted((name, str(value)) for name, value in settings_of(robot, found).values.items())
     return hashlib.sha256(json.dumps(values).encode()).hexdigest()
 

@@ -199,7 +199,6 @@ def complain(message: str) -> None:
 
 
 def mode_text(code: str, name: str = "") -> Text:
-    """A mode in its colour."""
     from rich.text import Text
 
     return Text(name or code, style=COLOURS.get(code, ""))

@@ -35,7 +35,6 @@ def poses(session: Session) -> None:
 
 
 def read_poses(session: Session) -> Rows:
-    """All poses of the board."""
     client = session.client
     found = [client.get_pose(name) for name in client.list_poses()]
     return {

@@ -182,7 +182,6 @@ def written(sink: Any) -> list[Path]:
 
 
 def write_tables(folders: list[Path]) -> list[Path]:
-    """Tables of recordings."""
     from control_board_ros.recording.tables import write_csv
 
     return [path for folder in folders for path in write_csv(folder)]

@@ -86,7 +86,6 @@ def clear(session: Session, joints: list[str]) -> int:
 
 
 def faults_now(session: Session, names: list[str]) -> Rows:
-    """The faults of the joints that are in fault now."""
     return {name: row for name, row in read_faults(session, names).items() if row["active"]}
 
 

@@ -65,7 +65,6 @@ class Diagnostics:
         return array
 
     def joint_statuses(self) -> list[DiagnosticStatus]:
-        """One for each joint."""
         snapshots = self._snapshots
         state, modes, faults = snapshots.latest.snapshot, snapshots.modes, snapshots.faults
         rejected, late = state.rejected_commands.tolist(), self._loop.late_answers

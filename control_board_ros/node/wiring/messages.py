@@ -88,7 +88,6 @@ def set_stamp(time: Time, nanoseconds: int) -> None:
 def joint_modes(
     names: Sequence[str], control: Sequence[Vocab], interaction: Sequence[Vocab], nanoseconds: int
 ) -> JointModes:
-    """The modes of all joints as a message."""
     message = JointModes(
         names=list(names),
         control_modes=codes(control),
