@@ -113,3 +113,4 @@ def test_cbctl_shows_what_an_axis_moves(talker: Talker) -> None:
     assert "l_hand_little_3_joint" in told()
     joints = json.loads(told("--json"))["joints"]
     assert joints["l_index_distal"]["moves"] == ["l_hand_index_2_joint", "l_hand_index_3_joint"]
+    assert {joint["kind"] for joint in joints.values()} == {"revolute"}  # of what the axes move

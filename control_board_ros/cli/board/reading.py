@@ -156,7 +156,9 @@ def read_joints(session: Session) -> Rows:
         zip(names, client.get_available_modes(), client.get_drives(), strict=True)
     ):
         joint, known = session.robot.get(name), limits[name]
-        row: dict[str, Any] = {"index": k, "kind": joint.kind if joint else None}
+        described = [session.robot[moves] for moves in (name, *moved[k]) if moves in session.robot]
+        kinds = {each.kind for each in described[: 1 if joint else None]}
+        row: dict[str, Any] = {"index": k, "kind": kinds.pop() if len(kinds) == 1 else None}
         row |= {field: None if known is None else getattr(known, field) for field in FIELDS}
         if known is None and joint is not None:  # the URDF has the stops only
             row |= {"hard_lower": joint.lower, "hard_upper": joint.upper}
