@@ -26,6 +26,8 @@ from .terms.measurement import Actuation, Measurement
 from .terms.modes import CALIBRATES, CONFIGURED, Stage
 from .terms.vocabs import CommandKind
 
+__all__ = ["Board", "BoardEvent", "CommandKind"]
+
 Level = tuple[str, ...]
 
 
@@ -119,9 +121,6 @@ def failure(group: JointGroup) -> str:
         if joint.calibration is not None and joint.calibration.required and not status.calibrated:
             return f"{joint.name} is not calibrated"
     return ""
-
-
-__all__ = ["Board", "BoardEvent", "CommandKind"]
 
 
 class Board(JointGroup):

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from control_board_ros.core.goals.tasks import SETTLING, Standing, ending, standing, tolerance
+from control_board_ros.core.goals.tasks import Standing, ending, standing, tolerance
 from control_board_ros.core.terms.joint_kind import JointKind
 
 S = Standing
@@ -22,12 +22,13 @@ TURNS, SLIDES = JointKind.REVOLUTE, JointKind.PRISMATIC
         (1.0, 0.0, 1.0, False, 0.0, S.ARRIVED),
         (1.0, 0.0, 0.9, False, 0.0, S.ARRIVED),
         (1.0, 0.0, -1.1, False, 0.0, S.SETTLING),
-        (1.0, 0.0, -1.1, False, SETTLING, S.AWAY),
+        (1.0, 0.0, -1.1, False, 0.99, S.SETTLING),
+        (1.0, 0.0, -1.1, False, 1.0, S.AWAY),
         (1.0, 0.0, -9.0, True, 0.0, S.ARRIVED),  # a spring gives way
         (-3.0, 0.0, -3.0, False, 0.0, S.DROPPED),
         (-3.0, 0.0, -3.0, True, 9.0, S.DROPPED),
         (-3.0, 0.1, 1.0, False, 0.0, S.SETTLING),  # the reference is on its way still
-        (-3.0, 0.1, 1.0, True, SETTLING, S.AWAY),
+        (-3.0, 0.1, 1.0, True, 1.0, S.AWAY),
     ],
 )
 def test_standings(

@@ -64,12 +64,14 @@ def test_a_carriage_with_a_pendulum_is_as_by_hand() -> None:
     assert torques(arm, [0.2, q], [0.4, dq], [ddx, ddq]) == pytest.approx(expected)
 
 
-def test_power_is_the_change_of_energy() -> None:
+@pytest.mark.parametrize("slides", [False, True])
+def test_power_is_the_change_of_energy(slides: bool) -> None:
     """τ·q̇ = dE/dt of a chain of three with crossed axes, by finite differences."""
     turned = (1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0)
     tensor = (0.02, 0.5, 0.6, 0.01, -0.02, 0.03)
     links = [link(), link(0, rotation=turned, offset=(0.4, 0.1, 0.0), tensor=tensor)]
-    arm = made(*links, link(1, rotation=turned, offset=(0.3, 0.0, 0.2), tensor=tensor))
+    last = link(1, rotation=turned, offset=(0.3, 0.0, 0.2), tensor=tensor, slides=slides)
+    arm = made(*links, last)
     random = np.random.default_rng(3)
     q, dq, ddq = random.uniform(-1.5, 1.5, (3, 3))
 

@@ -184,6 +184,18 @@ def test_a_payload_acts_at_once() -> None:
     assert 1e-3 < np.abs(arm.positions - before).max() < 0.1
 
 
+def test_a_payload_acts_from_the_start() -> None:
+    """G1: configured, it is part of the weight that the model holds."""
+
+    def held(mass: float) -> np.ndarray:
+        arm = Guided("iiwa", "mujoco", lbr_iiwa_joint_7__payload__mass=mass)
+        arm.go(5)
+        return np.array([joint.gravity for joint in arm.board.engine.controller.joints])
+
+    added = np.abs(held(1.0) - held(0.0)).max()
+    assert 1.0 < added < 9.81 * 1.5
+
+
 def test_a_floating_base_has_no_compensation() -> None:
     """G1: where gravity pulls is not known there; one line says so."""
     values = {"base_fixed": False, "joint_defaults.gravity_compensation": True}

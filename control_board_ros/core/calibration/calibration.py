@@ -322,20 +322,6 @@ class HardStop(Calibrator):
         raise CalibrationError(f"{why}; {step}")
 
 
-__all__ = [
-    "TYPES",
-    "AbsoluteSensor",
-    "CalibrationError",
-    "CalibrationStatus",
-    "Calibrator",
-    "Hand",
-    "HardStop",
-    "OffsetAndMove",
-    "Progress",
-    "register",
-]
-
-
 class AbsoluteSensor(Calibrator):
     """Type 12: the absolute sensor gives the angle at once."""
 
