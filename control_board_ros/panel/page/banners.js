@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What must be seen: faults with their way out, who asks to take over, a lost connection.
+// Banners: faults with their way out, requests to take over, a lost connection.
 
 import { h, setText } from "./dom.js";
 import { frameCharts } from "./frame.js";
@@ -18,7 +18,7 @@ const ADVICE = {
   24: "Release the emergency stop.",
 };
 
-const MOST_FAULTS = 4; // that are shown, of so many more
+const MOST_FAULTS = 4; // that are shown at most
 
 function ago(seconds) {
   if (!(seconds >= 0)) return "";
@@ -79,7 +79,7 @@ export class Banners {
     this.tick();
   }
 
-  /** Somebody asks to take over: from now on, until it is answered. */
+  /** A request to take over, from its receipt to its answer. */
   begin(asking) {
     const { browsers, seconds } = this.panel.model.operator;
     this.asked = asking;

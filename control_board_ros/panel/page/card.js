@@ -51,7 +51,7 @@ export class Card {
     this.refresh();
   }
 
-  /** Whether a position may be sent: a long way is asked about, with the ghost at its end. */
+  /** Whether a position may be sent: a long way asks for confirmation, with the ghost at its end. */
   async mayGo(value, kind) {
     const { joint, panel } = this;
     const from = joint.state?.position ?? value;
@@ -63,7 +63,7 @@ export class Card {
     return drops === panel.drops && panel.questions.ask(text, "Go", { safe: true });
   }
 
-  /** How long a way takes at the set speed, in words. */
+  /** The duration of a way at the set speed, in words. */
   async lasting(way, kind) {
     const { joint } = this;
     const { velocity, acceleration } = joint.limits;
@@ -178,7 +178,7 @@ export class Card {
     }
   }
 
-  /** What was begun at this card is void. */
+  /** Cancel what was started at this card. */
   drop() { for (const slider of this.sliders) slider.drop(); }
 
   close() { for (const slider of this.sliders) slider.close?.(); }

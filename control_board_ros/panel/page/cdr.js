@@ -18,7 +18,7 @@ function clean(name) {
 
 class Reader {
   constructor(buffer, start, length) {
-    // Alignment counts from behind the four bytes that tell the encoding.
+    // Alignment counts from behind the four bytes of the encoding.
     this.view = new DataView(buffer, start + 4, length - 4);
     this.little = (new Uint8Array(buffer)[start + 1] & 1) === 1;
     this.at = 0;
@@ -26,7 +26,7 @@ class Reader {
   align(size) { this.at = Math.ceil(this.at / size) * size; }
   uint32() { this.align(4); const v = this.view.getUint32(this.at, this.little); this.at += 4; return v; }
   int32() { this.align(4); const v = this.view.getInt32(this.at, this.little); this.at += 4; return v; }
-  /** How many there are of so many bytes each; more than the message holds is none. */
+  /** The count of elements of a size, bytes; 0 where the message is shorter. */
   count(size) {
     const n = this.uint32();
     if (n * size > this.view.byteLength - this.at) throw new RangeError("more than the message holds");
@@ -86,7 +86,7 @@ function readState(buffer, start, length) {
   state.rejected_commands = reader.counts();
   state.calibrated = reader.bools();
   state.temperature = reader.floats();
-  // A board may tell nothing of motors and brakes.
+  // A board may report no motors and brakes.
   const count = state.names.length;
   for (const field of FLOATS_AFTER) {
     const values = reader.floats();

@@ -48,7 +48,7 @@ export class Connection extends EventTarget {
     this.emit(message.is, message);
   }
 
-  /** Send a request; a promise of its answer. The promise bears the request's id. */
+  /** Send a request; a promise of its answer. The promise has the request's id. */
   ask(what, fields = {}, progress = null) {
     const id = this.next++;
     const answer = new Promise((done) => {

@@ -28,7 +28,7 @@ class Group {
     this.element = h("fieldset", { class: "group" }, h("legend", {}, title), ...this.rows.map((row) => row.element), h("div", { class: "buttons" }, this.apply, this.revert));
   }
 
-  /** Values in force; what somebody has typed meanwhile stays. */
+  /** Values in force; a value being typed stays. */
   fill(values) {
     for (const row of this.rows) {
       const typed = row.input.value !== (row.value === null ? "" : row.field.show(row.value));

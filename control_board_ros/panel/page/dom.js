@@ -94,7 +94,7 @@ export function toast(text, bad = false, loud = false) {
   hiding = setTimeout(() => { element.className = "toast"; }, bad ? 7000 : 3000);
 }
 
-/** Let somebody save something as a file. */
+/** Offer a text as a file. */
 export function download(name, content, type) {
   const address = content instanceof Blob ? URL.createObjectURL(content) : URL.createObjectURL(new Blob([content], { type }));
   h("a", { href: address, download: name }).click();

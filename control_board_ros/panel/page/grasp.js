@@ -5,7 +5,7 @@ import * as THREE from "three";
 import { PositionSlider } from "./sliders.js";
 
 const EDGE = 0.25; // |cos| between line of sight and axis below which the axis is seen from the side
-const NEAR = 0.02; // share of the distance to the eye: a point so near to the axis is taken so, too
+const NEAR = 0.02; // share of the distance to the eye: a point as near to the axis counts as on it
 const TURN = 0.01; // rad for each px then
 const LOOK = 80; // ms between looks at what is under the pointer
 

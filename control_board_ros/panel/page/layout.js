@@ -3,7 +3,7 @@
 
 import { h, segmented } from "./dom.js";
 
-const MANY = 10; // joints above which they are a table, unless somebody chose
+const MANY = 10; // joints above which they are a table, unless chosen otherwise
 const VIEWS = { cards: "Cards", table: "Table" };
 const HEADS = ["Joint", "Mode", "Interaction", "Position", "Target", "", "Velocity", "Torque", "Temp.", "State", ""];
 const narrow = matchMedia("(max-width: 700px)");

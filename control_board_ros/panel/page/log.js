@@ -77,7 +77,7 @@ export class Log {
     this.all.disabled = false;
   }
 
-  /** Keep an entry; whether it takes the place of the one before it: positions of one slider, sent live. */
+  /** Keep an entry; whether it replaces the one before it: positions of one slider, sent live. */
   take(entry) {
     const last = this.entries[0];
     const again = last && entry.live && last.live && entry.ok && last.ok && last.what === entry.what

@@ -21,7 +21,7 @@ const ALL = "all joints";
 const WRITE_EVERY = 66; // ms between changes of numbers
 const STOP_ANSWER = 1000; // ms within which a STOP is confirmed, or said not to be
 const VIEW_AFTER = 2000; // ms until the view in 3D is loaded, where no state comes before
-const ASK_ABOVE = 15; // degrees above which a way is asked about
+const ASK_ABOVE = 15; // degrees above which a way asks for confirmation
 
 const $ = (id) => document.getElementById(id);
 const connection = new Connection();
@@ -80,7 +80,7 @@ class Panel {
 
   ask(what, fields, progress) { return connection.ask(what, fields, progress); }
 
-  /** A request whose refusal everybody should read. */
+  /** A request whose refusal is shown in any case. */
   request(what, fields, progress) {
     const asked = connection.ask(what, fields, progress);
     return Object.assign(asked.then((answer) => {
@@ -96,7 +96,7 @@ class Panel {
 
   release(fields) { connection.ask("release", fields); }
 
-  /** Every joint of every board; what was begun before is void. Success is what the boards answered. */
+  /** Every joint of every board; what was started before is void. Success is what the boards answered. */
   stop() {
     this.poses.end();
     this.drop();
@@ -111,7 +111,7 @@ class Panel {
     });
   }
 
-  /** The power of every joint of every board, at once: nobody is asked before. */
+  /** The power of every joint of every board, at once, without confirmation. */
   emergencyStop() {
     this.poses.end();
     this.drop();
@@ -129,7 +129,7 @@ class Panel {
     for (const card of this.cards) card.drop();
   }
 
-  /** Where a move goes that has begun, whoever commanded it. */
+  /** The target of a move that has started, of any program. */
   askTargets(board) {
     connection.ask("targets", { board: board.name }).then((answer) => { if (answer.ok) model.setTargets(board, answer.targets); });
   }

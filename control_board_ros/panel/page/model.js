@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is known of boards and joints, as the server tells it.
+// Boards and joints, as the server reports them.
 
 import { shortNames } from "./units.js";
 
@@ -16,7 +16,7 @@ class Joint {
     Object.assign(this, { board, index, name, short, key: `${board.name} ${name}`, mode: "", interaction: "", fault: null,
       state: null, target: null, proposed: null, modes: [], interactions: [], kind: "", limits: {}, speed: null, hasBrake: false });
   }
-  /** The target of the move that runs, of whoever began it; null where none does, or it is not known yet. */
+  /** The target of the running move, of any program; null where none runs, or it is unknown yet. */
   get goal() { return this.state && !this.state.motion_done ? this.target : null; }
   get sliding() { return this.kind === "prismatic"; }
   get lower() { return this.limits.lower ?? -Math.PI; }
@@ -57,7 +57,7 @@ export class Model extends EventTarget {
     this.you = null;
     this.readOnly = false;
     this.operator = { holder: null, asking: null, browsers: {} };
-    this.hidden = new Map(); // told before the list of boards was
+    this.hidden = new Map(); // received before the list of boards
     connection.on("hello", (m) => { this.you = m.you; this.readOnly = m.read_only; this.emit("operator"); });
     connection.on("operator", (m) => { this.operator = m; this.emit("operator"); });
     connection.on("boards", (m) => this.setBoards(m.boards));
@@ -74,7 +74,7 @@ export class Model extends EventTarget {
 
   get mayOperate() { return this.you !== null && this.you === this.operator.holder; }
 
-  /** The page has drawn for so many ms: what it did not draw it did not hear either, and is no board's silence. */
+  /** The page has drawn for these ms: messages wait meanwhile, which is no board's silence. */
   pass(ms) { for (const board of this.boards.values()) board.quiet += Math.min(ms, DRAWN); }
 
   withBoard(name, change) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Modes for people: names, colours (in style.css, by code), what each takes, why nothing moves.
+// Modes for people: names, colours (in style.css, by code), what each accepts, why nothing moves.
 
 import { quantity } from "./units.js";
 
@@ -12,7 +12,7 @@ export const MODES = table({
 });
 export const INTERACTIONS = table({ stif: "Stiff", comp: "Compliant" });
 
-/** What a mode takes: position (a slider that sends), or a hold (acts while held). */
+/** What a mode accepts: position (a slider that sends), or a hold (acts while held). */
 export const TAKES = table({
   pos: ["position"], posd: ["direct"], mix: ["position", "velocity"], vel: ["velocity"],
   torq: ["torque"], open: ["output"], veld: ["veldirect"], icur: ["current"],

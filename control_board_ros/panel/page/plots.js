@@ -54,7 +54,7 @@ export class Plots {
     if (signal) for (const { joint } of this.panel.cards.slice(0, MOST)) if (!this.find(joint, signal)) this.add(joint, signal);
   }
 
-  /** The boards whose signals are plotted, shown or not: they are heard, too. */
+  /** The boards whose signals are plotted, shown or not: they are received, too. */
   get boards() {
     const { model } = this.panel;
     return [...new Set(this.signals.map((s) => model.boards.get(s.board)))].filter(Boolean);

@@ -108,17 +108,17 @@ export class Poses {
     this.draw();
   }
 
-  /** One step: at the pose's own speed, at a speed, or such that it takes a time. */
+  /** One step: at the pose's own speed, at a speed, or with a duration. */
   async step(board, { pose, how }, running) {
     const time = /^([\d.]+)\s*s$/.exec(how);
     let asked;
     if (time) {
-      const told = await this.panel.ask("poses", { board, pose });
-      if (!told.ok) { toast(told.message, true); return told; }
+      const found = await this.panel.ask("poses", { board, pose });
+      if (!found.ok) { toast(found.message, true); return found; }
       const joints = new Map(this.panel.cards.map(({ joint }) => [joint.name, joint]));
-      const ways = told.names.map((name, k) => Math.abs(told.positions[k] - (joints.get(name)?.state?.position ?? 0)));
+      const ways = found.names.map((name, k) => Math.abs(found.positions[k] - (joints.get(name)?.state?.position ?? 0)));
       const speeds = ways.map((way) => Math.max(way / Number(time[1]), 1e-3));
-      asked = this.panel.request("move", { board, joints: told.names, positions: told.positions, speeds });
+      asked = this.panel.request("move", { board, joints: found.names, positions: found.positions, speeds });
     } else {
       const speed = how ? parse(how, "velocity", false) : null;
       if (how && !(speed > 0)) { toast(`${how} is neither a speed (20deg/s) nor a time (3s)`, true); return { ok: false }; }

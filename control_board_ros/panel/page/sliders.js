@@ -146,7 +146,7 @@ export class PositionSlider {
     this.send(value, live);
   }
 
-  /** What was begun here is void: nothing is sent, and the board's target shows again. */
+  /** Cancel what was started here: nothing is sent, and the board's target shows again. */
   drop() {
     this.dragging = false;
     this.voided = true; // also what a pointer that is still down goes on to choose

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Dark or light: as the system, also when it changes; otherwise as long as somebody chose so.
+// Dark or light: as the system, also when it changes; otherwise as chosen.
 
 import { icon } from "./dom.js";
 

@@ -56,7 +56,7 @@ export function quantity(value, signal, sliding) {
 // Units that positions, speeds and accelerations may be typed in, in the board's.
 const GIVEN = { rad: new Map([["deg", DEGREE], ["°", DEGREE], ["rad", 1]]), m: new Map([["mm", 0.001], ["cm", 0.01], ["m", 1]]) };
 
-/** What somebody typed, in the board's unit; null where it is no number. "90deg" and "1.5rad", too. */
+/** A typed value, in the board's unit; null where it is no number. "90deg" and "1.5rad", too. */
 export function parse(text, signal, sliding) {
   const found = /^\s*([-+−]?\d*[.,]?\d+(?:e[-+]?\d+)?)\s*(.*?)\s*$/i.exec(text);
   if (!found) return null;

@@ -14,7 +14,7 @@ const HIDDEN = 0.015; // rad or m: a ghost nearer than this to the robot is not 
 const FOLLOWING = ["pos", "posd", "mix", "vel"]; // modes with a position reference
 const EVERY = 30; // ms between drawings, at least
 const CHECK = 500; // ms between looks whether the robot is in the picture
-const SHARE = 4; // a machine that draws slowly spends one part of so many on it
+const SHARE = 4; // a machine that draws slowly spends this part of its time on it: one of four
 
 /** The joints that move a part. */
 function jointsAbove(part) {
@@ -207,7 +207,7 @@ export class View {
     this.drawn = 0;
   }
 
-  /** Fit again where a joint has left the picture, unless somebody has turned the view. */
+  /** Fit again where a joint has left the picture, unless the view was turned by hand. */
   keepInside() {
     const now = performance.now();
     if (!this.placed || this.grasp.held || now - this.checked < CHECK) return;
