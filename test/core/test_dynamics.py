@@ -135,6 +135,27 @@ def test_friction_and_back_emf_take_of_the_room() -> None:
     assert fast.excess(40) > 1.0
 
 
+@pytest.mark.parametrize(("velocity", "brake"), [(0.9, 0.0), (0.9, 0.5), (-0.7, 1.4), (0.0, 0.0)])
+def test_a_move_is_where_its_derivatives_lead(velocity: float, brake: float) -> None:
+    """P1: from the start velocity to rest on the target, also where braking outlasts the move."""
+    module = load_python("control_board_ros.core.model.dynamics")
+    body = module.Body()
+    body.start, body.target, body.time, body.past = 0.2, 1.5, 1.2, 0.1
+    body.start_velocity, body.brake, body.drift = velocity, brake, 0.0
+    body.lower, body.upper = -10.0, 10.0
+
+    def at(time: float) -> np.ndarray:
+        module.place(body, time)
+        return np.array([body.q, body.dq, body.ddq])
+
+    h = 1e-5
+    for time in np.linspace(-0.09, 1.6, 40):
+        slope = (at(time + h) - at(time - h)) / (2.0 * h)
+        assert slope[:2] == pytest.approx(at(time)[1:], abs=1e-4)
+    assert at(-0.1)[:2] == pytest.approx([0.2, velocity])
+    assert at(1.6) == pytest.approx([1.5, 0.0, 0.0])
+
+
 def test_compiled_and_plain_python_give_the_same_bits() -> None:
     """The source runs where nothing is compiled."""
     module = load_python("control_board_ros.core.model.dynamics")
