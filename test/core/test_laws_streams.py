@@ -71,6 +71,16 @@ def test_an_even_motion_stays_even(name: str) -> None:
     assert np.abs(rows[:, 0] - (np.arange(400, 1900) * PERIOD - 1.0)).max() < 1e-9
 
 
+@pytest.mark.parametrize("every", [2, 10])
+def test_a_stream_far_away_is_caught_without_passing_it(every: int) -> None:
+    """P4, P14: braking to its motion needs 0.8 of the acceleration; the rest is the motion's."""
+    rows = fed(lambda t: 0.5 + 0.1 * t if t else 0.0, range(0, CYCLES, every))
+    ahead = rows[:, 0] - (0.5 + 0.1 * np.arange(CYCLES) * PERIOD)
+    assert ahead[1:].max() <= 1e-9
+    assert np.abs(ahead[600:]).max() < 1e-4
+    assert np.diff(rows[:, 1]).min() >= -0.8 * ACCELERATION * PERIOD
+
+
 @pytest.mark.parametrize("name", IRREGULAR)
 def test_an_irregular_stream_may_falter(name: str) -> None:
     """P4: after 1.5 of its last interval, at least 12 ms, a stream counts as ended; it brakes.
