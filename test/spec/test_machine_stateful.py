@@ -390,7 +390,7 @@ class TestBoard(BoardMachine.TestCase):
 
 
 TestBoard.settings = settings(
-    max_examples=400 if LONG else 60,
+    max_examples=400 if LONG else 120,
     stateful_step_count=100 if LONG else 40,
     deadline=None,
     derandomize=not LONG,

@@ -241,6 +241,9 @@ class JointModel:
         if not self.low <= wanted <= self.high and not self.vague:  # P9
             self.added = self.reference() - min(max(self.way(), self.low), self.high)
             self.velocity = 0.0
+        if not self.vague:  # P9: what has come back from beyond a limit stays within it
+            self.low = min(max(self.reference(), self.low), self.lower)
+            self.high = max(min(self.reference(), self.high), self.upper)
 
     def learn(self, reference: float, done: bool) -> None:
         """Of a move whose course the rules leave open, take over where it has come to."""
