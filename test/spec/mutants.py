@@ -10,8 +10,12 @@ by a run of all of them. A test that hangs is ended by its CPU time, so a busy m
 result.
 
 Each result is kept in build/mutants.txt at once, what tests reach in build/mutants_reach.json. A
-run that was interrupted goes on from there, until a file of the package or of these tests
-changes; "--anew" tries all of them again.
+run that was interrupted goes on from there. When one of these tests changes, those that survived
+are tried again; when a file of the package changes, or with "--anew", all of them.
+
+All tests that reach a mutant may take minutes, those that kill it take seconds mostly: with
+"--budget 60" only the first ones are run, up to so many seconds as recorded. What they do not kill
+counts as a survivor.
 
 Those that no test can tell apart from the original are in survivors.txt, each with its reason.
 Ends with 1 when another one survives, when one of the list is killed after all (with --all) or
@@ -79,25 +83,34 @@ def survivors(text: str) -> dict[str, str]:
     return found
 
 
+def digest_of(files: Iterable[Path]) -> str:
+    """A digest of the contents of files."""
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
 class Record:
-    """The results of this state of package and tests, in a file that a stopped run leaves."""
+    """The results of this state of the package, in a file that a stopped run leaves.
+
+    Where tests have changed since, the mutants that survived are forgotten, and the reach.
+    """
 
     def __init__(self, path: Path, *, anew: bool) -> None:
-        digest = hashlib.sha256()
-        files = [*PACKAGE.rglob("*.py")]
-        files += [path for folder in FOLDERS for path in (ROOT / folder).glob("*.py")]
-        files += [ROOT / PAGES, *(ROOT / "docs").glob("*.py")]
-        for file in sorted(files):
-            digest.update(file.read_bytes())
-        head = f"# {digest.hexdigest()}"
         self.path, self.fates = path, dict[str, str]()
+        tests = [path for folder in FOLDERS for path in (ROOT / folder).glob("*.py")]
+        tests += [ROOT / PAGES, *(ROOT / "docs").glob("*.py")]
+        heads = [f"# {digest_of(files)}" for files in (PACKAGE.rglob("*.py"), tests)]
         lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
-        if lines[:1] == [head] and not anew:
-            self.fates = {name: fate for fate, _, name in (x.partition(" ") for x in lines[1:])}
-        else:
+        if lines[:1] == heads[:1] and not anew:
+            self.fates = {name: fate for fate, _, name in (x.partition(" ") for x in lines[2:])}
+        if lines[:2] != heads or anew:
+            self.fates = {name: fate for name, fate in self.fates.items() if fate != "passed"}
             path.parent.mkdir(exist_ok=True)
             REACH.unlink(missing_ok=True)
-            path.write_text(f"{head}\n", encoding="utf-8")
+            told = [*heads, *(f"{fate} {name}" for name, fate in self.fates.items())]
+            path.write_text("\n".join([*told, ""]), encoding="utf-8")
 
     def add(self, mutant: Mutant, fate: str) -> None:
         """Keep one result."""
@@ -121,6 +134,9 @@ def arguments(words: list[str]) -> Any:
     parser.add_argument("--seed", type=int, default=1, help="which ones")
     parser.add_argument("--only", nargs="+", default=[], help="parts of their names")
     parser.add_argument("--jobs", type=int, default=2, help="how many at a time")
+    parser.add_argument(
+        "--budget", type=float, default=float("inf"), help="seconds of tests for each, traced"
+    )
     parser.add_argument("--anew", action="store_true", help="forget the results so far")
     parser.add_argument("--list", action="store_true", help="print them, try none")
     return parser.parse_args(words)
@@ -135,7 +151,7 @@ def attempt_all(tried: list[Mutant], known: dict[str, str], wanted: Any) -> list
         print(f"{len(tried) - len(left)} of them are listed, or known from a run before")
     with tempfile.TemporaryDirectory(prefix="control_board_ros_mutants.") as folder:
         reach = reach_of(Path(folder) / "recorded", REACH)
-        for mutant, fate in attempts(left, reach, wanted.jobs, Path(folder)):
+        for mutant, fate in attempts(left, reach, wanted.jobs, wanted.budget, Path(folder)):
             told = {"passed": "SURVIVED", "failed": "killed", "endless": "killed (time)"}[fate]
             told = "listed" if fate == "passed" and str(mutant) in known else told
             print(f"{told:<15}{mutant}", flush=True)

@@ -1,18 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Try mutants: each in a copy of the package, by the tests that reach its line."""
+"""Try mutants: each in a copy of the package, by the tests that reach its line.
+
+Where only functions differ, a process that has collected all tests forks for each mutant, and
+the fork exchanges their code. What importing runs is imported anew instead, which takes longer.
+"""
 
 from __future__ import annotations
 
+import ast
+import compileall
 import contextlib
+import functools
+import multiprocessing
 import os
 import resource
 import shutil
 import signal
 import sys
-from collections.abc import Iterable, Iterator
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from exchange import Functions
 from mutations import Mutant
 from reach import Reach, Recorder
 
@@ -23,14 +34,18 @@ PACKAGE = ROOT / "control_board_ros"
 PATIENCE, MORE = 1.0, 20.0
 #: CPU time of the run that records, s.
 LONG = 7200.0
+#: CPU time of a process that forks for mutants, s.
+FOREVER = 1e7
 #: Where the tests of the core are.
 FOLDERS = ("test/core", "test/robot", "test/spec")
 #: What else does: the pages tell every default, bound and text.
 PAGES = "test/docs/test_generated.py"
 #: Tests that prove nothing of the core.
-ASIDE = ("test_conformance_table", "test_reach")
-#: Exit code of a run in which no test was found.
-NOTHING = 5
+ASIDE = ("test_conformance_table", "test_reach", "test_exchange")
+#: Exit codes of a process: no test was found; the code could not be exchanged.
+NOTHING, NOT_EXCHANGED = 5, 97
+#: Tests of a module that killed before, which are tried first.
+KILLERS = 12
 
 
 def test_files() -> list[str]:
@@ -39,11 +54,50 @@ def test_files() -> list[str]:
     return [*(str(path.relative_to(ROOT)) for path in files if path.stem not in ASIDE), PAGES]
 
 
-class Order:
-    """A plugin of pytest: these tests, in this order."""
+@dataclass(frozen=True)
+class Trial:
+    """A mutant, the tests to try it by, in this order, and the CPU seconds that they may take."""
 
-    def __init__(self, tests: list[str]) -> None:
-        self._places = {test: k for k, test in enumerate(tests)}
+    mutant: Mutant
+    tests: list[str]
+    seconds: float
+
+
+class Killers:
+    """The tests that killed mutants of a function or module before: tried first, latest first."""
+
+    def __init__(self) -> None:
+        self._of: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=KILLERS))
+
+    def add(self, mutant: Mutant, killer: str) -> None:
+        """A test has killed a mutant."""
+        for name in self._names(mutant):
+            with contextlib.suppress(ValueError):
+                self._of[name].remove(killer)
+            self._of[name].appendleft(killer)
+
+    def of(self, trial: Trial) -> list[str]:
+        """Those of a trial's tests that killed before in the same function, then in the module."""
+        found = dict.fromkeys(
+            test for name in self._names(trial.mutant) for test in self._of[name]
+        )
+        return [test for test in found if test in trial.tests]
+
+    def _names(self, mutant: Mutant) -> tuple[str, str]:
+        return f"{mutant.module}: {mutant.name.partition(':')[0]}", mutant.module
+
+
+class Order:
+    """A plugin of pytest: these tests, in this order; the first that fails goes into a pipe."""
+
+    def __init__(self, tests: list[str], pipe: int) -> None:
+        self._places, self._pipe = {test: k for k, test in enumerate(tests)}, pipe
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """The first failure decides."""
+        if report.failed:
+            os.write(self._pipe, report.nodeid.encode())
+            os._exit(1)
 
     def pytest_collection_modifyitems(self, items: list[Any]) -> None:
         """Leave out all others."""
@@ -61,50 +115,134 @@ class Copy:
             folder / PACKAGE.name,
             ignore=shutil.ignore_patterns("*.so", "*.c", "__pycache__"),
         )
+        compileall.compile_dir(folder / PACKAGE.name, quiet=2)
 
-    def record(self, path: Path) -> int:
-        """Record what the tests reach, in a process; its id."""
-        recorder = Recorder(self.folder / PACKAGE.name / "core", path)
-        return self._start(test_files(), recorder, LONG)
+    @property
+    def core(self) -> Path:
+        """The folder of its core."""
+        return self.folder / PACKAGE.name / "core"
 
-    def try_one(self, mutant: Mutant, tests: list[str], seconds: float) -> int:
-        """Try a mutant in a process with so much CPU time; its id."""
-        path = self.folder / PACKAGE.name / "core" / f"{mutant.module.replace('.', '/')}.py"
-        self._whole = path, path.read_text(encoding="utf-8")
+    def path(self, mutant: Mutant) -> Path:
+        """The file that a mutant breaks."""
+        return self.core / f"{mutant.module.replace('.', '/')}.py"
+
+    @contextlib.contextmanager
+    def broken(self, mutant: Mutant) -> Iterator[None]:
+        """Break a module, and make it whole again, with its time: what is compiled stays valid."""
+        path = self.path(mutant)
+        text, times = path.read_text(encoding="utf-8"), path.stat()
         path.write_text(mutant.source(), encoding="utf-8")
-        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
-        return self._start(files, Order(tests), seconds)
+        try:
+            yield
+        finally:
+            path.write_text(text, encoding="utf-8")
+            os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
 
-    def restore(self) -> None:
-        """Make the broken module whole again."""
-        path, text = self._whole
-        path.write_text(text, encoding="utf-8")
+    def run(self, files: list[str], plugin: Any) -> int:
+        """The tests of these files, silently, on this copy; their exit code."""
+        null = os.open(os.devnull, os.O_RDWR)
+        for stream in (0, 1, 2):
+            os.dup2(null, stream)
+        sys.path.insert(0, str(self.folder))
+        os.environ["PYTHONPATH"] = str(self.folder)
+        os.chdir(ROOT)
+        sys.dont_write_bytecode = True
+        options = ["-x", "-q", "--tb=no", "--assert=plain", f"--rootdir={ROOT}"]
+        options += ["-p", "no:cacheprovider", "-p", "no:xdist", "-o", "timeout=0"]
+        options += ["-m", "not ros and not slow and not soak"]
+        options += [f"--basetemp={self.folder / 'temporary'}"]
+        import pytest
 
-    def _start(self, files: list[str], plugin: Any, seconds: float) -> int:
-        child = os.fork()
-        if child == 0:
-            self._run(files, plugin, seconds)
-        return child
+        return int(pytest.main([*options, *files], plugins=[plugin]))
 
-    def _run(self, files: list[str], plugin: Any, seconds: float) -> None:
-        """In the child: the tests, silently, on this copy; ends the process."""
+
+def forked(work: Callable[[], int], seconds: float, *, group: bool = False) -> int:
+    """Do this in a process with so much CPU time, of which the exit code is what it returns.
+
+    Args:
+        work: what to do.
+        seconds: CPU time.
+        group: whether it leads a group of processes, which can be ended at once.
+
+    Returns:
+        The process's id.
+    """
+    child = os.fork()
+    if child == 0:
         code = 99
         with contextlib.suppress(BaseException):
-            null = os.open(os.devnull, os.O_RDWR)
-            for stream in (0, 1, 2):
-                os.dup2(null, stream)
+            if group:
+                os.setpgid(0, 0)
             resource.setrlimit(resource.RLIMIT_CPU, (int(seconds), int(seconds) + 5))
-            sys.path.insert(0, str(self.folder))
-            os.environ["PYTHONPATH"] = str(self.folder)
-            os.chdir(ROOT)
-            sys.dont_write_bytecode = True
-            options = ["-x", "-q", "--tb=no", "--assert=plain", f"--rootdir={ROOT}"]
-            options += ["-p", "no:cacheprovider", "-p", "no:xdist", "-o", "timeout=0"]
-            options += ["-m", "not ros and not slow and not soak"]
-            import pytest
-
-            code = int(pytest.main([*options, *files], plugins=[plugin]))
+            code = work()
         os._exit(code)
+    return child
+
+
+class Exchanging:
+    """A plugin of pytest: tries mutants by the tests that are collected, in a fork for each.
+
+    Args:
+        copy: the package that these tests import.
+        trials: all of them.
+        turn: the number of the next one, shared with others like this one.
+        results: a pipe for lines of number and status of the fork.
+    """
+
+    def __init__(self, copy: Copy, trials: list[Trial], turn: Any, results: int) -> None:
+        self._copy, self._trials, self._turn, self._results = copy, trials, turn, results
+        self._killers, self._pipe = Killers(), -1
+
+    def pytest_runtestloop(self, session: Any) -> bool:
+        """Try those whose turn it is, until there are no more."""
+        self._items = {item.nodeid: item for item in session.items}
+        self._functions = Functions(self._copy.core)
+        while (k := self._next()) < len(self._trials):
+            trial = self._trials[k]
+            with self._copy.broken(trial.mutant):
+                pipe, self._pipe = os.pipe()
+                child = forked(functools.partial(self._attempt, trial), trial.seconds)
+                os.close(self._pipe)
+                with os.fdopen(pipe, encoding="utf-8") as told:
+                    killer = told.read()
+                _, status = os.waitpid(child, 0)
+            if killer:
+                self._killers.add(trial.mutant, killer)
+            os.write(self._results, f"{k} {status}\n".encode())
+        return True
+
+    def _next(self) -> int:
+        with self._turn.get_lock():
+            self._turn.value += 1
+            return int(self._turn.value) - 1
+
+    def _attempt(self, trial: Trial) -> int:
+        """In the fork: the exit code of pytest."""
+        path = self._copy.path(trial.mutant)
+        broken = path.read_text(encoding="utf-8")
+        if not self._functions.exchange(path, whole(trial.mutant), broken):
+            return NOT_EXCHANGED
+        order = dict.fromkeys([*self._killers.of(trial), *trial.tests])
+        items = [self._items[test] for test in order if test in self._items]
+        for item, following in zip(items, [*items[1:], None], strict=True):
+            item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        return 0 if items else NOTHING
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """In the fork: the first failure decides."""
+        if report.failed:
+            os.write(self._pipe, report.nodeid.encode())
+            os._exit(1)
+
+
+@functools.cache
+def _unparsed(path: Path) -> str:
+    return ast.unparse(ast.parse(path.read_text(encoding="utf-8")))
+
+
+def whole(mutant: Mutant) -> str:
+    """The module of a mutant unbroken, written as mutants are."""
+    return _unparsed(PACKAGE / "core" / f"{mutant.module.replace('.', '/')}.py")
 
 
 def fate_of(status: int) -> str:
@@ -132,41 +270,124 @@ def reach_of(folder: Path, path: Path) -> Reach:
     """
     if not path.exists():
         print("recording which tests reach which lines (once, minutes)", flush=True)
-        made = path.with_suffix(".part")
-        _, status = os.waitpid(Copy(folder).record(made), 0)
-        if fate_of(status) != "passed":
+        made, copy = path.with_suffix(".part"), Copy(folder)
+        recorder = Recorder(copy.core, made)
+        child = forked(functools.partial(copy.run, test_files(), recorder), LONG)
+        if fate_of(os.waitpid(child, 0)[1]) != "passed":
             raise SystemExit("the tests fail without any mutant: mend them first (make test)")
         made.replace(path)
     return Reach.read(path)
 
 
 def attempts(
-    tried: Iterable[Mutant], reach: Reach, jobs: int, folder: Path
+    tried: Iterable[Mutant], reach: Reach, jobs: int, budget: float, folder: Path
 ) -> Iterator[tuple[Mutant, str]]:
     """Try mutants, so many at a time; each with its fate as soon as that is known.
 
     One that no test reaches has survived.
+
+    Args:
+        tried: the mutants.
+        reach: which tests reach them.
+        jobs: how many at a time.
+        budget: seconds that the tests of one take, traced; what takes longer is not tried.
+        folder: for copies of the package.
     """
-    waiting = []
+    exchanged, imported = [], []
     for mutant in tried:
-        if tests := reach.tests_for(mutant.module, mutant.line):
-            waiting.append((mutant, tests))
-        else:
+        tests = reach.within(reach.tests_for(mutant.module, mutant.line), budget)
+        if not tests:
             yield mutant, "passed"
-    waiting.reverse()
-    idle = [Copy(folder / str(k)) for k in range(min(jobs, len(waiting)))]
-    running: dict[int, tuple[Copy, Mutant]] = {}
+            continue
+        seconds = PATIENCE * sum(reach.seconds[test] for test in tests) + MORE
+        at_import = reach.at_import(mutant.module, mutant.line)
+        (imported if at_import else exchanged).append(Trial(mutant, tests, seconds))
+    compileall.compile_dir(ROOT / "test", quiet=2)
+    copies = [Copy(folder / str(k)) for k in range(jobs)]
+    for trial, status in by_exchange(exchanged, copies):
+        if os.waitstatus_to_exitcode(status) == NOT_EXCHANGED:
+            imported.append(trial)
+        else:
+            yield trial.mutant, fate_of(status)
+    for trial, status in by_import(imported, copies):
+        yield trial.mutant, fate_of(status)
+
+
+def by_exchange(trials: list[Trial], copies: list[Copy]) -> Iterator[tuple[Trial, int]]:
+    """Try mutants by processes that have all tests collected, one for each copy."""
+    turn = multiprocessing.get_context("fork").Value("i", 0)
+    files = sorted({test.partition("::")[0] for trial in trials for test in trial.tests})
+    results, told = os.pipe()
+    children = []
+    for copy in copies[: len(trials)]:
+        work = functools.partial(copy.run, files, Exchanging(copy, trials, turn, told))
+        children.append(forked(work, FOREVER, group=True))
+    os.close(told)
+    left = len(trials)
+    try:
+        with os.fdopen(results, encoding="utf-8") as lines:
+            for line in lines:
+                k, status = map(int, line.split())
+                left -= 1
+                yield trials[k], status
+    finally:
+        for child in children:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+    if left:
+        raise SystemExit("the tests cannot be collected without any mutant: see make test")
+
+
+@dataclass
+class Running:
+    """A process that tries a mutant by all its tests, or by those that killed before."""
+
+    trial: Trial
+    copy: Copy
+    killers: list[str]
+    breaking: contextlib.ExitStack
+    pipe: int
+
+    @classmethod
+    def start(cls, trial: Trial, copy: Copy, killers: list[str]) -> tuple[int, Running]:
+        """Start it; with its id."""
+        tests, (pipe, told) = killers or trial.tests, os.pipe()
+        files = list(dict.fromkeys(test.partition("::")[0] for test in tests))
+        breaking = contextlib.ExitStack()
+        breaking.enter_context(copy.broken(trial.mutant))
+        work = functools.partial(copy.run, files, Order(tests, told))
+        child = forked(work, trial.seconds)
+        os.close(told)
+        return child, cls(trial, copy, killers, breaking, pipe)
+
+    def end(self) -> str:
+        """It has ended: the test that failed, or an empty text."""
+        self.breaking.close()
+        with os.fdopen(self.pipe, encoding="utf-8") as lines:
+            return lines.read()
+
+
+def by_import(trials: list[Trial], copies: list[Copy]) -> Iterator[tuple[Trial, int]]:
+    """Try mutants by a process for each, which imports the package anew."""
+    killers, idle = Killers(), [*copies]
+    waiting: list[tuple[Trial, bool]] = [(trial, True) for trial in reversed(trials)]
+    running: dict[int, Running] = {}
     try:
         while waiting or running:
             while waiting and idle:
-                copied, (mutant, tests) = idle.pop(), waiting.pop()
-                seconds = PATIENCE * sum(reach.seconds[test] for test in tests) + MORE
-                running[copied.try_one(mutant, tests, seconds)] = copied, mutant
+                trial, first = waiting.pop()
+                child, one = Running.start(trial, idle.pop(), killers.of(trial) if first else [])
+                running[child] = one
             child, status, _ = os.wait4(-1, 0)
-            copied, mutant = running.pop(child)
-            copied.restore()
-            idle.append(copied)
-            yield mutant, fate_of(status)
+            one = running.pop(child)
+            idle.append(one.copy)
+            if killer := one.end():
+                killers.add(one.trial.mutant, killer)
+            if status == 0 and one.killers:
+                waiting.append((one.trial, False))
+            else:
+                yield one.trial, status
     finally:
         for child in running:  # of a run that was stopped
             os.kill(child, signal.SIGKILL)

@@ -11,9 +11,11 @@ from __future__ import annotations
 import json
 import sys
 import time
+from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
 from types import CodeType, FrameType
 from typing import Any
@@ -22,6 +24,10 @@ import pytest
 
 #: Calls of a function in one test that are looked at; of later ones each OFTEN-th.
 CALLS, OFTEN = 40, 50
+#: Lines before and after one that tell which tests are about it.
+AROUND = 15
+#: What every test is about a line, at least; time that a test costs besides its own, s.
+SLIGHT, OVERHEAD = 1e-4, 0.02
 
 
 def module_name(folder: Path, file: Path) -> str:
@@ -151,7 +157,10 @@ class Reach:
 
     def tests_for(self, module: str, line: int) -> list[str]:
         """The tests that can tell a line broken: those seen to reach it, then those that skip
-        calls of its function, each time those that take least first.
+        calls of its function; of a line that importing runs, all others.
+
+        First those that are about it, for the time that they take: tests that reach lines around
+        it which few others reach.
 
         A line that no test was seen to reach counts as the line before it.
 
@@ -159,21 +168,43 @@ class Reach:
             module: of the core.
             line: its number; 0: a row added at the end.
         """
-        asked, seen = line, {*self.lines.get(module, ()), *self.imported.get(module, ())}
-        line = max((one for one in seen if one <= line), default=line)
-        near = sorted(self.lines.get(module, {}).get(line, ()), key=self._place)
+        asked, line = line, self._seen(module, line)
+        about = self._about(module, line)
+
+        def place(test: str) -> float:
+            return -(about.get(test, 0.0) + SLIGHT) / (self.seconds[test] + OVERHEAD)
+
+        near = sorted(self.lines.get(module, {}).get(line, ()), key=place)
         if line and line not in self.imported.get(module, ()):
             spans = self.often.get(module, {}).items()
             may = {
                 test for (first, last), found in spans if first <= asked <= last for test in found
             }
-            return near + sorted(may - {*near}, key=self._place)
-        known = {test for tests in self.lines.get(module, {}).values() for test in tests}
-        users = sorted(known - {*near}, key=self._place)
-        return near + users + sorted(set(self.seconds) - known - {*near}, key=self._place)
+            return near + sorted(may - {*near}, key=place)
+        return near + sorted(set(self.seconds) - {*near}, key=place)
 
-    def _place(self, test: str) -> float:
-        return self.seconds[test]
+    def at_import(self, module: str, line: int) -> bool:
+        """Whether importing runs this line (0: a row added at the end)."""
+        return not line or self._seen(module, line) in self.imported.get(module, ())
+
+    def within(self, tests: list[str], seconds: float) -> list[str]:
+        """The first ones of these tests, which take at most so long together; one at least."""
+        taken = list(accumulate(self.seconds[test] for test in tests))
+        return tests[: max(1, bisect_right(taken, seconds))]
+
+    def _seen(self, module: str, line: int) -> int:
+        """This line, or the last one before it that was seen to run."""
+        seen = {*self.lines.get(module, ()), *self.imported.get(module, ())}
+        return max((one for one in seen if one <= line), default=line)
+
+    def _about(self, module: str, line: int) -> dict[str, float]:
+        """How much tests are about a line: 1 for each line near it, shared by those reaching it."""
+        found: defaultdict[str, float] = defaultdict(float)
+        for one, tests in self.lines.get(module, {}).items():
+            if abs(one - line) <= AROUND:
+                for test in tests:
+                    found[test] += 1.0 / len(tests)
+        return found
 
 
 def interval(killed: int, tried: int) -> tuple[float, float]:
