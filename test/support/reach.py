@@ -198,7 +198,7 @@ class Reach:
         return max((one for one in seen if one <= line), default=line)
 
     def _about(self, module: str, line: int) -> dict[str, float]:
-        """How much tests are about a line: 1 for each line near it, shared by those reaching it."""
+        """How much tests are about a line: 1 of each line near it, shared by its tests."""
         found: defaultdict[str, float] = defaultdict(float)
         for one, tests in self.lines.get(module, {}).items():
             if abs(one - line) <= AROUND:
