@@ -106,16 +106,24 @@ class Order:
 
 
 class Copy:
-    """A copy of the package without compiled modules, in which one module at a time is broken."""
+    """A copy of the package, in which one module at a time is broken.
 
-    def __init__(self, folder: Path) -> None:
+    Args:
+        folder: in which it is made.
+        compiled: with the compiled modules, whose source is not looked at then.
+    """
+
+    def __init__(self, folder: Path, *, compiled: bool = False) -> None:
         self.folder = folder
-        shutil.copytree(
-            PACKAGE,
-            folder / PACKAGE.name,
-            ignore=shutil.ignore_patterns("*.so", "*.c", "__pycache__"),
-        )
+        left = shutil.ignore_patterns("*.c", "__pycache__", *([] if compiled else ["*.so"]))
+        shutil.copytree(PACKAGE, folder / PACKAGE.name, ignore=left)
         compileall.compile_dir(folder / PACKAGE.name, quiet=2)
+
+    @staticmethod
+    def is_compiled(mutant: Mutant) -> bool:
+        """Whether the module of a mutant has a compiled form."""
+        path = PACKAGE / "core" / f"{mutant.module.replace('.', '/')}"
+        return any(path.parent.glob(f"{path.name}.*.so"))
 
     @property
     def core(self) -> Path:
@@ -293,24 +301,29 @@ def attempts(
         budget: seconds that the tests of one take, traced; what takes longer is not tried.
         folder: for copies of the package.
     """
-    exchanged, imported = [], []
+    trials, at_import = [], set[str]()
     for mutant in tried:
         tests = reach.within(reach.tests_for(mutant.module, mutant.line), budget)
         if not tests:
             yield mutant, "passed"
             continue
         seconds = PATIENCE * sum(reach.seconds[test] for test in tests) + MORE
-        at_import = reach.at_import(mutant.module, mutant.line)
-        (imported if at_import else exchanged).append(Trial(mutant, tests, seconds))
+        trials.append(Trial(mutant, tests, seconds))
+        if reach.at_import(mutant.module, mutant.line):
+            at_import.add(str(mutant))
     compileall.compile_dir(ROOT / "test", quiet=2)
-    copies = [Copy(folder / str(k)) for k in range(jobs)]
-    for trial, status in by_exchange(exchanged, copies):
-        if os.waitstatus_to_exitcode(status) == NOT_EXCHANGED:
-            imported.append(trial)
-        else:
+    for compiled in (True, False):  # what is compiled is faster, where it is not broken itself
+        these = [trial for trial in trials if Copy.is_compiled(trial.mutant) is not compiled]
+        copies = [Copy(folder / f"{k}{compiled}", compiled=compiled) for k in range(jobs)]
+        imported = [trial for trial in these if str(trial.mutant) in at_import]
+        exchanged = [trial for trial in these if str(trial.mutant) not in at_import]
+        for trial, status in by_exchange(exchanged, copies):
+            if os.waitstatus_to_exitcode(status) == NOT_EXCHANGED:
+                imported.append(trial)
+            else:
+                yield trial.mutant, fate_of(status)
+        for trial, status in by_import(imported, copies):
             yield trial.mutant, fate_of(status)
-    for trial, status in by_import(imported, copies):
-        yield trial.mutant, fate_of(status)
 
 
 def by_exchange(trials: list[Trial], copies: list[Copy]) -> Iterator[tuple[Trial, int]]:

@@ -12,7 +12,7 @@ import json
 import sys
 import time
 from bisect import bisect_right
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import accumulate
@@ -156,11 +156,11 @@ class Reach:
         return cls(lines, imported, told["seconds"], often)
 
     def tests_for(self, module: str, line: int) -> list[str]:
-        """The tests that can tell a line broken: those seen to reach it, then those that skip
-        calls of its function; of a line that importing runs, all others.
+        """The tests that can tell a line broken: those seen to reach it, and those that skip
+        calls of its function; of a line that importing runs, all.
 
         First those that are about it, for the time that they take: tests that reach lines around
-        it which few others reach.
+        it which few others reach; of a function with many parameters one after all functions.
 
         A line that no test was seen to reach counts as the line before it.
 
@@ -174,14 +174,13 @@ class Reach:
         def place(test: str) -> float:
             return -(about.get(test, 0.0) + SLIGHT) / (self.seconds[test] + OVERHEAD)
 
-        near = sorted(self.lines.get(module, {}).get(line, ()), key=place)
+        found = set(self.lines.get(module, {}).get(line, ()))
         if line and line not in self.imported.get(module, ()):
             spans = self.often.get(module, {}).items()
-            may = {
-                test for (first, last), found in spans if first <= asked <= last for test in found
-            }
-            return near + sorted(may - {*near}, key=place)
-        return near + sorted(set(self.seconds) - {*near}, key=place)
+            found.update(*(tests for (first, last), tests in spans if first <= asked <= last))
+        else:
+            found.update(self.seconds)
+        return spread(sorted(found, key=place))
 
     def at_import(self, module: str, line: int) -> bool:
         """Whether importing runs this line (0: a row added at the end)."""
@@ -205,6 +204,17 @@ class Reach:
                 for test in tests:
                     found[test] += 1.0 / len(tests)
         return found
+
+
+def spread(tests: list[str]) -> list[str]:
+    """These tests, the first of each function before the second of any."""
+    seen: Counter[str] = Counter()
+    rounds = []
+    for test in tests:
+        function = test.partition("[")[0]
+        rounds.append((seen[function], test))
+        seen[function] += 1
+    return [test for _, test in sorted(rounds, key=lambda one: one[0])]
 
 
 def interval(killed: int, tried: int) -> tuple[float, float]:
