@@ -53,41 +53,41 @@ class BringUp:
         levels: names of parts; see :func:`complete_levels`.
         events: receives the reason for a stop.
 
-    Attributes: groups, running.
+    Attributes: groups, level (that starts up; None: none does).
     """
 
     def __init__(
         self, groups: Mapping[str, JointGroup], levels: Sequence[Level], events: Events
     ) -> None:
         self.groups, self._levels, self._events = groups, levels, events
-        self._level = 0
-        self.running = False
+        self.level: int | None = None
 
     def begin(self) -> None:
         """Start with the first level; parts that are configured already stay as they are."""
-        self.running = True
         self._enter(0)
 
     def cancel(self) -> None:
         """Do not go on."""
-        self.running = False
+        self.level = None
 
     def step(self) -> None:
         """After every cycle: go on when the level is done, stop when a part of it failed."""
-        groups = {name: self.groups[name] for name in self._levels[self._level]}
+        if self.level is None:
+            return
+        groups = {name: self.groups[name] for name in self._levels[self.level]}
         if any(is_under_way(group) for group in groups.values()):
             return
         failures = {name: text for name, group in groups.items() if (text := failure(group))}
-        waiting = [name for level in self._levels[self._level + 1 :] for name in level]
+        waiting = [name for level in self._levels[self.level + 1 :] for name in level]
         if failures and waiting:
             self._tell(failures, waiting)
         if failures or not waiting:
-            self.running = False
+            self.cancel()
         else:
-            self._enter(self._level + 1)
+            self._enter(self.level + 1)
 
     def _enter(self, level: int) -> None:
-        self._level = level
+        self.level = level
         for name in self._levels[level]:
             group = self.groups[name]
             if group.stage is Stage.ACTIVE:
@@ -156,8 +156,7 @@ class Board(JointGroup):
             The PWM and the bridges; the arrays are the board's own, valid until the next tick.
         """
         actuation = self.engine.tick(measurement)
-        if self.bring_up.running:
-            self.bring_up.step()
+        self.bring_up.step()
         return actuation
 
     def group(self, name: str | None = None) -> JointGroup:
@@ -207,6 +206,7 @@ class Board(JointGroup):
 
     def power_cycle(self) -> None:
         """Back to power-on, every part; configured again with autoconfigure (N1, R4)."""
+        self.bring_up.cancel()
         for group in self.bring_up.groups.values():
             group.power_cycle()
         self._start_up()
@@ -217,7 +217,6 @@ class Board(JointGroup):
         super().power_off()
 
     def _start_up(self) -> None:
-        self.bring_up.cancel()
         if self._stage is Stage.ACTIVE and self.config.autoconfigure:
             self.engine.start_up.due.clear()
             self.bring_up.begin()

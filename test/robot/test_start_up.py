@@ -205,3 +205,61 @@ def test_levels_name_parts_once() -> None:
     for wrong, name in (((("d",),), "'d'"), ((("a",), ("a",)), "'a'")):
         with pytest.raises(ConfigError, match=f"startup_levels.*{name}"):
             complete_levels(wrong, names)
+
+
+def test_a_level_is_done_when_all_its_parts_are() -> None:
+    """R4: the head waits for the slower of two arms."""
+    robot = RobotRig(parts(), LEVELS, home=[0.3, 0.3, 0.3, 1.5, 1.5, 0.3])
+    robot.until("left", "pos")
+    assert robot.codes()["right"] == {"cal"}
+    robot.tick(20)
+    assert robot.codes()["head"] == {"cfgn"}
+    robot.until("right", "pos")
+    robot.until("head", "idl")
+
+
+def test_a_part_that_fails_in_the_last_level_stops_nobody() -> None:
+    """R4: nobody waits for it, so the log says no more than its fault."""
+    robot = rig()
+    robot.until("right", "pos")
+    robot.robot.take_events()
+    robot.plant.inject("neck", "overcurrent")
+    robot.until("head", "hwfa")
+    robot.tick(10)
+    assert not [event for event in robot.robot.take_events() if event.key == "start-up"]
+
+
+def test_what_stops_a_start_up_is_told_once() -> None:
+    """R4: in the very first cycles, too."""
+    robot = rig()
+    robot.plant.inject("yaw", "overcurrent")
+    robot.until("torso", "hwfa")
+    robot.tick(100)
+    found = [event.text for event in robot.robot.take_events() if event.key == "start-up"]
+    (text,) = found
+    assert "not started: left, right, head;" in text
+
+
+def test_power_cycle_ends_a_start_up() -> None:
+    """N1: one that was asked for by hand does not go on after it."""
+    robot = rig(autoconfigure=False)
+    robot.robot.configure()
+    robot.until("torso", "cal")
+    robot.robot.power_cycle()
+    robot.tick(2)
+    assert robot.robot.parts["torso"].configure()
+    robot.until("torso", "pos")
+    robot.tick(10)
+    assert robot.codes()["left"] == {"cfgn"}
+
+
+def test_a_stage_below_active_ends_a_start_up() -> None:
+    """R4: its parts stay where the stage has them, and nothing has failed."""
+    robot = rig()
+    for stage in Stage:
+        robot.robot.set_stage(stage)
+    robot.until("torso", "cal")
+    robot.robot.set_stage(Stage.INACTIVE)
+    robot.tick(100)
+    assert set().union(*robot.codes().values()) == {"idl"}
+    assert not [event for event in robot.robot.take_events() if event.key == "start-up"]

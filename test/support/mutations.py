@@ -6,8 +6,8 @@ quotient for a product; a sign left out; a lower bound for an upper one; a numbe
 a statement or a row of a table left out. A name holds the function, what was, what is instead and
 the statement, and no line number: it stays while other lines change.
 
-Left alone are texts for people, annotations, imports, raising of errors, tolerances of rounding
-(below TINY), and what only the compiler sees.
+Left alone are texts for people, annotations, imports, raising of errors, ``strict`` of zip (which
+raises one), tolerances of rounding (below TINY), and what only the compiler sees.
 """
 
 from __future__ import annotations
@@ -107,6 +107,10 @@ class Finder(ast.NodeVisitor):
 
     def visit_Raise(self, node: ast.Raise) -> None:
         """Errors are texts, and tested as such."""
+
+    def visit_keyword(self, node: ast.keyword) -> None:
+        if node.arg != "strict":
+            self.visit(node.value)
 
     def visit_If(self, node: ast.If) -> None:
         if "cython.compiled" in ast.unparse(node.test) or "TYPE_CHECKING" in ast.unparse(
