@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from control_board_ros.core.laws.control import Controller
+from control_board_ros.core.state import StateArrays
 from control_board_ros.simulation import Simulation
 
 
@@ -63,3 +66,13 @@ def test_a_torque_at_its_limit_is_told_of(panda: Simulation) -> None:
     events = [event for event in found if event.joint == name]
     assert len(events) == 1
     assert f"{name}: its torque is at its limit, {limit:.2f} N·m" in events[0].text
+
+
+def test_no_durations_by_torques_that_are_not_known(panda: Simulation) -> None:
+    """G1: of a model that is not trusted, gravity alone is reckoned with."""
+    config = panda.board.config
+    assert config.model is not None
+    doubtful = replace(config, model=replace(config.model, trusted=False))
+    for board, known in ((config, True), (doubtful, False)):
+        efforts = Controller(board, StateArrays(board)).efforts
+        assert [one is not None for one in efforts] == [known] * len(efforts)
