@@ -52,7 +52,7 @@ class Engine:
         self._before = state.measured.copy()
         self.controller = Controller(config, state)
         self.references = References(
-            config, self.limits, state, self.controller.joints, self.controller.efforts
+            config, state, self.controller.joints, self.controller.efforts
         )
         self.emergency = EmergencyStop(config.heartbeat_timeout)
         self.monitor = FaultMonitor(config, state, self.emergency)
@@ -146,7 +146,6 @@ class Engine:
         self.config, self.limits = config, BoardLimits.of(config)
         self.controller.reconfigure(config)
         self.monitor.reconfigure(config)
-        self.references.reconfigure(self.limits)
         self.commands.reconfigure(self.limits)
         self.motors.limits = self.limits
         self.torques.reconfigure(config)

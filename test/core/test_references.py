@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ class Made:
         self.controller = Controller(CONFIG, self.state)
         self.laws = self.controller.joints
         self.limits = BoardLimits.of(CONFIG)
-        self.references = References(CONFIG, self.limits, self.state, self.laws)
+        self.references = References(CONFIG, self.state, self.laws)
 
 
 @pytest.fixture
@@ -105,6 +106,32 @@ def test_a_direct_position_is_the_reference_at_once(made: Made) -> None:
     assert made.state.done[0]
 
 
+class Heavy:
+    """Torques for which moves take twice as long."""
+
+    def stretched(self, joints: list[int], targets: list[float], plan: Any) -> Any:
+        assert (joints, targets) == ([1], [0.5])
+        return 2.0, plan(2.0)
+
+
+@pytest.mark.parametrize("within", [False, True])
+def test_moves_of_a_part_are_as_long_as_its_torques_ask_for(made: Made, within: bool) -> None:
+    """P1: of one part twice as long, of another as without; told as factors."""
+    heavy: list[Any] = [None, Heavy()]
+    references = References(CONFIG, made.state, made.laws, heavy)
+    both, targets = np.array([1, 0]), np.array([0.5, 0.2])
+    if within:
+        moves = references.move_within(both, targets, 4.0)
+        alone = made.references.move_within(both, targets, 4.0)
+    else:
+        moves = references.plan_moves(both, targets, np.array([0.1, 0.1]))
+        alone = made.references.plan_moves(both, targets, np.array([0.1, 0.1]))
+    assert alone.factors == [1.0, 1.0]
+    assert alone.times == pytest.approx([4.0, 4.0] if within else [5.0, 2.0])
+    assert moves.factors == [2.0, 1.0]
+    assert moves.times == pytest.approx([2.0 * alone.times[0], alone.times[1]])
+
+
 # --- timeouts --------------------------------------------------------------------------------
 
 
@@ -160,3 +187,15 @@ def test_new_durations_hold_for_what_runs(timeouts: ReferenceTimeouts) -> None:
     timeouts.reconfigure(np.full((len(K), 3), 2.0))
     assert timeouts.expired(11) is None
     assert timeouts.expired(12).tolist() == [1]
+    timeouts.renew(K.TORQUE, np.array([0]), 20)
+    assert timeouts.expired(21) is None
+    assert timeouts.expired(22).tolist() == [0]
+
+
+def test_new_durations_leave_alone_what_was_cancelled(timeouts: ReferenceTimeouts) -> None:
+    """M9: nothing expires of a joint that has no reference any more."""
+    timeouts.renew(K.TORQUE, np.array([0, 2]), 10)
+    timeouts.cancel([0])
+    timeouts.reconfigure(np.full((len(K), 3), 4.0))
+    assert timeouts.expired(14).tolist() == [2]
+    assert timeouts.expired(10**6) is None

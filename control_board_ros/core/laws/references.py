@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config.config import BoardConfig
-from ..config.layout import BoardLimits
 from ..state import Indices, StateArrays
 from ..terms.measurement import Array
 from ..terms.vocabs import CommandKind
@@ -100,7 +99,6 @@ class References:
 
     Args:
         config: of the board.
-        limits: of the same joints.
         state: of the board; its rows of references are written.
         joints: whose laws follow the references.
         efforts: of each joint, the torque that moves of its part need; None: it is not known.
@@ -112,12 +110,11 @@ class References:
     def __init__(
         self,
         config: BoardConfig,
-        limits: BoardLimits,
         state: StateArrays,
         joints: list[Joint],
         efforts: Sequence[Effort | None] = (),
     ) -> None:
-        self._state, self._joints, self._limits = state, joints, limits
+        self._state, self._joints = state, joints
         self._efforts = efforts or [None] * state.n
         self.last: Array = np.zeros((len(CommandKind), state.n))
         self.speed, self.acceleration = np.zeros(state.n), np.zeros(state.n)
@@ -129,10 +126,6 @@ class References:
             own = config.joints[j]
             self.last[:, j] = 0.0
             self.speed[j], self.acceleration[j] = own.reference_speed, own.reference_acceleration
-
-    def reconfigure(self, limits: BoardLimits) -> None:
-        """Take new limits; running references go on."""
-        self._limits = limits
 
     def reset(self, joints: Sequence[int], *, bounded: bool) -> None:
         """Hold joints where they are measured to be, at rest (M9).
