@@ -143,7 +143,7 @@ def test_a_board_that_comes_back() -> None:
         free_domain() as domain,
         ros_node(domain, "long", spin=False) as node,
         ControlBoardClient(
-            node, "control_board", find_timeout=10.0, answer_timeout=TIMEOUT
+            node, "control_board", find_timeout=2.0, answer_timeout=TIMEOUT
         ) as client,
     ):
         for limit in (0.5, 1.0):
