@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -114,3 +115,47 @@ def test_moves_that_arrive_together_start_all_or_none(bad: float) -> None:
     assert rig.board.command(CommandKind.POSITION, None, [0.2, 0.1, 0.1], together=True, time=1.0)
     rig.run(1.0)
     assert all(rig.board.check_motion_done())
+
+
+def test_a_move_that_limits_make_slower_says_so() -> None:
+    """P1: with its speeds; where the limits let it be as requested, nothing is said."""
+    rig = ready(CONFIG, home=[1.0, 1.0, 1.0])
+    rig.enter("pos")
+    limit = LIMITS.velocity[0]
+    reply = rig.board.position_move(None, [1.9, -1.5, -1.5], [0.5, limit, 0.5])
+    assert [bool(reason) for reason in reply.reasons] == [False, True, False]
+    assert "by its limits of speed and acceleration" in reply.reasons[1]
+    mean = 2.5 / float(rig.board.get_remaining_time()[1])
+    assert f"at a mean speed of {math.degrees(mean):.1f}" in reply.reasons[1]
+
+
+def test_moves_that_arrive_together_tell_of_torques_only() -> None:
+    """R5: nobody has asked for a speed."""
+    rig = ready(CONFIG, home=[1.0, 1.0, 1.0])
+    rig.enter("pos")
+    targets = np.array([1.9, -1.5, 0.5])
+    time = 1.01 * float(rig.board.get_move_time(None, targets, LIMITS.velocity).max())
+    reply = rig.board.command(CommandKind.POSITION, None, targets, together=True, time=time)
+    assert not any(reply.reasons)
+    assert rig.board.get_remaining_time() == pytest.approx([time] * 3)
+
+
+class Heavy:
+    """Torques of an arm for which all moves take twice as long."""
+
+    def stretched(self, joints: list[int], targets: list[float], plan: Any) -> Any:
+        return 2.0, plan(2.0)
+
+
+def test_moves_that_torques_make_slower_say_so() -> None:
+    """R5, P1: the time that they take, and the mean speed that this is."""
+    rig = ready(CONFIG, home=[1.0, 1.0, 1.0])
+    rig.enter("pos")
+    rig.board.engine.references._efforts = [Heavy()] * 3
+    targets = np.array([1.9, -1.5, 1.0])
+    reply = rig.board.command(CommandKind.POSITION, None, targets, together=True, time=5.0)
+    assert [bool(reason) for reason in reply.reasons] == [True, True, False]
+    assert reply.reasons[1] == (
+        "b: takes 10 s, at a mean speed of 14.3°/s (28.6°/s was requested), by the torque limits "
+        "of the joints that move together"
+    )

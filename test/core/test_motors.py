@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from rig import LIMITS, MOTOR, Held, M, Rig, board_config, joint, ready
 
+from control_board_ros.core.config.config import Calibration
 from control_board_ros.core.selection import RequestError
-from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.measurement import Motor, Row
 from control_board_ros.core.terms.motors import TERMS, Loop
 from control_board_ros.core.terms.reply import Reason
 
@@ -228,3 +229,69 @@ def test_a_loop_is_reset_and_given_an_offset(rig: Rig) -> None:
     assert not rig.board.set_pids("position", "left")
     assert not rig.board.set_pids("position", "left", offsets=math.nan)
     assert not rig.board.set_pids("nope", "left", reset=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "most", "zero"),
+    [
+        ("max_currents", LIMITS.peak_current, False),
+        ("output_limits", 100.0, True),
+        ("torque_constants", 10.0 * MOTOR.torque_constant, False),
+        ("back_emf_constants", 2.0 * MOTOR.torque_constant, True),
+        ("viscous_positive", LIMITS.torque / LIMITS.velocity, True),
+        ("viscous_negative", LIMITS.torque / LIMITS.velocity, True),
+        ("coulomb_positive", LIMITS.torque, True),
+        ("coulomb_negative", LIMITS.torque, True),
+        ("velocity_thresholds", LIMITS.velocity, False),
+    ],
+)
+def test_what_each_value_may_be(rig: Rig, name: str, most: float, zero: bool) -> None:
+    """Y5: up to the most, which is included; 0 where it means something."""
+    assert rig.board.set_motors("left", **{name: most})
+    assert getattr(rig.board.get_motors("left"), name)[0] == most
+    assert not rig.board.set_motors("left", **{name: 1.001 * most})
+    assert bool(rig.board.set_motors("left", **{name: 0.0})) is zero
+
+
+def test_an_acceleration_of_a_motor_without_an_encoder_is_not_known(rig: Rig) -> None:
+    """Y5: as its position is not."""
+    rig.board.position_move("left", 0.5, 1.0)
+    rig.tick(20)
+    state = rig.board.state
+    assert np.isfinite(rig.board.get_motors().accelerations).all()
+    state.motors[Motor.POSITION, 1] = math.nan
+    assert np.isnan(rig.board.get_motors().accelerations).tolist() == [False, True, False]
+    reply = rig.board.set_encoders(["left", "right"], [1.0, 2.0], motor=True)
+    assert reply.codes == ("", Reason.UNSUPPORTED)
+    assert "right has no encoder at its motor" in reply.message
+
+
+def test_an_angle_is_set_from_the_encoder_not_from_the_last_angle(rig: Rig) -> None:
+    """Y5: twice in a row; the references go with it, within the limits."""
+    rig.enter("idl")
+    for angle in (1.0, -0.5, 2.1):
+        assert rig.board.set_encoders("left", angle)
+        shown = rig.tick()
+        assert shown.position[0] == pytest.approx(angle, abs=1e-3)
+        assert shown.position_reference[0] == pytest.approx(angle, abs=1e-3)
+    laws = rig.board.engine.controller.joints[0]
+    assert laws.upper == pytest.approx(2.1, abs=1e-3)  # beyond its limit of 2, no further out
+
+
+def test_a_loop_in_a_calibration_is_its_calibrator_s() -> None:
+    """Y5, K2: of the joint that calibrates; of another it is taken."""
+    slow = Calibration(type=3, required=False, start=1.0, speed=0.05, timeout=100.0)
+    made = ready(board_config(joint("left", calibration=slow), joint("right")))
+    assert made.board.calibrate("left")
+    reply = made.board.set_pids("position", None, reset=True)
+    assert reply.codes == (Reason.CALIBRATING, "")
+    assert "its calibrator has the loop" in reply.message
+
+
+def test_feed_forward_of_all_joints_or_of_none(rig: Rig) -> None:
+    """P11, M7: where one of two is refused, the other gets none; nor is it counted."""
+    rig.board.set_feedforward(None, outputs=[1.0, 2.0, 3.0])
+    reply = rig.board.set_feedforward(["left", "right"], outputs=[4.0, math.nan], together=True)
+    assert [bool(code) for code in reply.codes] == [True, True]
+    assert [one.output_offset for one in rig.board.engine.controller.joints] == [1.0, 2.0, 3.0]
+    assert rig.board.rejected_commands.tolist() == [0, 1, 0]

@@ -122,7 +122,6 @@ class Commands:
 
     def reconfigure(self, limits: BoardLimits) -> None:
         """Take new limits."""
-        self._limits = limits
         self._low, self._high, self._most = (dict.fromkeys(K, limits.lower) for _ in range(3))
         for kind, row in COMMANDS.items():
             high = limits.upper if row.limit is None else getattr(limits, row.limit)
@@ -216,12 +215,8 @@ class Commands:
         if time is not None:
             ways = np.abs(taken - starts)
             moves = references.move_within(chosen, taken, time)
-            if max(moves.factors) > 1.0:
-                notes = self._slower(chosen, ways, ways / time, moves)
+            notes = self._slower(chosen, ways, ways / time, moves)
         else:
-            if row.standing is None and extra is not None:
-                most = self._most[kind][chosen]
-                extra = np.clip(extra, -most, most)
             moves = row.start(references, chosen, taken, extra)
             if moves is not None and extra is not None:
                 notes = self._slower(chosen, np.abs(taken - starts), extra, moves)
