@@ -152,7 +152,6 @@ class StateArrays:
         self.n = n
         self.block: Array = np.zeros((BLOCK_ROWS, n))
         self.measured: Array = self.block[:ROWS]
-        self.drive: Array = self.block[Row.CURRENT : Reference.OUTPUT + 1]
         self.position: Array = self.block[Row.POSITION]
         self.torque: Array = self.block[Row.TORQUE]
         self.velocity: Array = self.block[Row.VELOCITY]

@@ -1,0 +1,575 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goals with a duration, looked at closely: moves, poses, calibrations, paths, trajectories.
+
+The boards here drive a plant that stands still at 0 unless told otherwise, so that references
+and times are exact (SPEC T1 to T3, P3, R5, K1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from rig import Held, Rig, board_config, held, joint, ready
+
+from control_board_ros.core.board import Board
+from control_board_ros.core.config.layout import joined
+from control_board_ros.core.config.parts import Calibration, Constraints
+from control_board_ros.core.goals.follower import Follower
+from control_board_ros.core.goals.path import Path, Points, Spline, braking, make_path
+from control_board_ros.core.goals.pose import Pose
+from control_board_ros.core.goals.poses import made_pose, plan_move, pose_now
+from control_board_ros.core.goals.tasks import CalibrationTask, MoveTask, Outcome
+from control_board_ros.core.goals.trajectory_goal import (
+    Code,
+    Tolerances,
+    TrajectoryGoal,
+    Wish,
+    Wishes,
+    chosen,
+    configured,
+    start_goal,
+)
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.vocabs import ControlMode
+
+NAMES = ("a", "b", "c")
+PERIOD = 0.002
+#: rad/s², of the joints that brake.
+BRAKE = 20.0
+
+
+def path(joints: str, *points: tuple[float, ...]) -> Path:
+    """The same for all joints: (time, position) or with velocity and acceleration as well."""
+    count = len(joints)
+    fields = [
+        [[p[k]] * count if k < len(p) else [] for p in points]  # an empty row: not given
+        for k in (1, 2, 3)
+    ]
+    return make_path(tuple(joints), [p[0] for p in points], *fields)
+
+
+class Bench:
+    """Joints a, b, c in POSITION_DIRECT, with a follower that is used as in the node."""
+
+    def __init__(self) -> None:
+        self.rig = held(*(joint(name) for name in NAMES))
+        self.board: Board = self.rig.board
+        assert self.board.set_control_mode(None, "posd")
+        self.rig.tick()
+        self.follower = Follower(self.board)
+        self.goal: TrajectoryGoal | None = None
+        self.board.take_events()
+
+    def cycle(self, count: int = 1) -> list[float]:
+        """Some cycles; the last accepted direct positions after them."""
+        for _ in range(count):
+            measurement = self.rig.plant.read()
+            if self.goal is not None:
+                self.goal.check()
+            self.follower.step(measurement.time)
+            self.rig.plant.write(self.board.tick(measurement))
+        return self.direct()
+
+    def direct(self) -> list[float]:
+        """The last accepted direct positions."""
+        positions: list[float] = self.board.get_ref_position().tolist()
+        return positions
+
+    def follow(self, joints: str, *points: tuple[float, ...], ahead: float = 0.0) -> Any:
+        """A new path for joints, that begins some time from now."""
+        made = path(joints, *points)
+        return self.follower.follow(list(joints), made, self.board.time + ahead)
+
+    def send(
+        self,
+        joints: str,
+        *points: tuple[float, ...],
+        ahead: float = 0.0,
+        **wishes: Any,
+    ) -> TrajectoryGoal:
+        """A new goal for joints."""
+        made = path(joints, *points)
+        none: list[list[float]] = [[]] * len(points)
+        given = Points(
+            made.times.tolist(),
+            made.positions.tolist(),
+            none if made.velocities is None else made.velocities.tolist(),
+            none,
+        )
+        start = self.board.time + ahead
+        self.goal = start_goal(
+            self.follower, self.board, list(joints), given, start, Wishes(**wishes)
+        )
+        return self.goal
+
+    def measured(self, name: str, position: float) -> None:
+        """From now on a joint is measured there, at rest."""
+        self.rig.plant.values[Row.POSITION, NAMES.index(name)] = position
+
+    def events(self) -> list[str]:
+        """What the log says since the last call."""
+        return [event.text for event in self.board.take_events()]
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+# --- following paths -----------------------------------------------------------------------------
+
+
+def test_a_newer_path_takes_over_without_a_word_in_the_log(bench: Bench) -> None:
+    """T1: a replacement is what the user asked for; only other ends are logged."""
+    bench.follow("ab", (1.0, 0.1))
+    bench.cycle(10)
+    bench.follow("a", (0.1, 0.05))
+    assert bench.cycle(60)[0] == pytest.approx(0.05)
+    assert bench.events() == []
+
+
+def test_a_path_that_overflows_ends_with_its_first_refusal(bench: Bench) -> None:
+    """P13: its reference is no number; one refusal is counted, and the log has the reason."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        bench.follow("a", (1.0, 1e308, 0.0))
+        assert bench.cycle(5) == [0.0, 0.0, 0.0]
+    assert bench.board.rejected_commands.tolist() == [1, 0, 0]
+    assert not bench.follower.busy
+    (text,) = [text for text in bench.events() if text.startswith("trajectory of a ended: ")]
+    assert "nan" in text
+
+
+def test_a_path_whose_last_point_is_half_a_second_past_is_refused(bench: Bench) -> None:
+    """T1: however little it is late."""
+    bench.cycle(500)
+    reply = bench.follow("a", (0.2, 0.1), ahead=-0.7)
+    assert not reply
+    assert "its last point was due 0.5 s ago" in reply.message
+    assert not bench.follower.busy
+
+
+def test_a_direct_position_before_a_path_does_not_end_it(bench: Bench) -> None:
+    """M4, T2: what came before a path is not what takes over from it."""
+    assert bench.board.set_position("a", 0.05)
+    assert bench.follow("a", (0.1, 0.1))
+    assert bench.cycle(60)[0] == pytest.approx(0.1)
+    assert bench.events() == []
+
+
+def test_a_direct_position_ends_the_old_path_also_before_a_new_one_waits(bench: Bench) -> None:
+    """T2, M4: 0.07 rad, sent between two cycles, stays until the new path begins."""
+    bench.follow("a", (1.0, 0.5))
+    bench.cycle(50)
+    assert bench.board.set_position("a", 0.07)
+    bench.follow("a", (0.1, 0.0), ahead=0.2)
+    assert bench.cycle(50)[0] == 0.07
+    assert bench.events() == ["trajectory of a ended: another direct position took over"]
+    assert bench.cycle(150)[0] == pytest.approx(0.0)
+
+
+def test_two_paths_between_two_cycles_are_both_followed_in_turn(bench: Bench) -> None:
+    """T1: the first begins now, 0.5 rad/s, and lasts until the second begins 0.1 s later."""
+    bench.follow("a", (1.0, 0.5))
+    bench.follow("a", (0.1, 0.0), ahead=0.1)
+    assert bench.cycle(40)[0] == pytest.approx(0.5 * 40 * PERIOD)
+    assert bench.cycle(100)[0] == pytest.approx(0.0)
+
+
+def test_a_path_begins_in_the_very_cycle_of_its_start(bench: Bench) -> None:
+    """T1: with a first point at 0 s, this cycle sends it, and the one before does not."""
+    start = bench.rig.plant.read().time + 10 * PERIOD  # of the eleventh cycle from now
+    assert bench.follower.follow("a", path("a", (0.0, 0.02), (0.2, 0.1)), start)
+    assert bench.cycle(10)[0] == 0.0
+    assert bench.cycle()[0] == pytest.approx(0.02)
+
+
+def test_a_fault_within_a_cycle_takes_one_joint_from_a_path(bench: Bench) -> None:
+    """T2, M4: b goes on to its end, and nothing that is sent for a is counted as ignored."""
+    bench.follow("ab", (0.2, 0.1))
+    bench.cycle(20)
+    bench.rig.plant.values[Row.CURRENT, 0] = 1e3
+    bench.cycle(2)
+    bench.rig.plant.values[Row.CURRENT, 0] = 0.0
+    assert bench.board.get_control_mode("a") == [ControlMode.HW_FAULT]
+    assert bench.cycle(100)[1] == pytest.approx(0.1)
+    assert bench.board.rejected_commands.tolist() == [0, 0, 0]
+
+
+def test_an_acceleration_goes_over_to_the_path_that_takes_over(bench: Bench) -> None:
+    """T1: at 0.25 of a quintic over 0.4 rad in 1 s it is 2.25 rad/s², and no step follows."""
+    quintic = (1.0, 0.4, 0.0, 0.0)
+    bench.follow("a", quintic)
+    rows = [bench.cycle()[0] for _ in range(125)]
+    bench.follow("a", quintic)
+    rows += [bench.cycle()[0] for _ in range(20)]
+    bends = np.diff(rows, n=2)[110:] / PERIOD**2
+    assert bends[:10] == pytest.approx(2.25, abs=0.1)
+    assert np.abs(np.diff(bends)).max() < 0.1
+
+
+def test_holding_ends_the_velocity_of_a_path_at_once(bench: Bench) -> None:
+    """P3: 0.5 rad/s before, 0 in the next cycle, and the position stays."""
+    bench.follow("a", (1.0, 0.5))
+    here = bench.cycle(50)[0]
+    assert bench.board.state.velocity_reference[0] == pytest.approx(0.5)
+    bench.follower.hold("a", "a trajectory without points came")
+    assert bench.cycle()[0] == here
+    assert bench.board.state.velocity_reference[0] == pytest.approx(0.0, abs=1e-9)
+    assert bench.events() == ["trajectory of a ended: a trajectory without points came"]
+
+
+def test_holding_leaves_joints_alone_that_follow_nothing(bench: Bench) -> None:
+    """M4: b in POSITION is sent nothing that it would have to ignore, while a is held."""
+    assert bench.board.set_control_mode("b", "pos")
+    bench.follow("a", (1.0, 0.1))
+    bench.cycle(10)
+    bench.follower.hold(None, "a trajectory without points came")
+    assert bench.board.rejected_commands.tolist() == [0, 0, 0]
+
+
+def test_braking_is_told_in_the_log(bench: Bench) -> None:
+    """T2: why the path ended; the joint then comes to rest."""
+    bench.follow("a", (1.0, 0.5))
+    bench.cycle(50)
+    bench.follower.brake(np.array([0]), "cancelled")
+    assert bench.events() == ["trajectory of a ended: cancelled"]
+    bench.cycle(50)
+    assert not bench.follower.busy
+
+
+# --- paths ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("last", [(), (0.5,)])
+def test_a_path_arrives_at_a_point_with_the_rates_of_the_point(last: tuple[float, ...]) -> None:
+    """T1: just before 2 s it has the 0.3 rad/s, and the 0.5 rad/s² where they are given."""
+    rest = (0.0,) * (1 + len(last))
+    points = [(0.0, 0.0, *rest), (2.0, 0.4, 0.3, *last), (3.0, 0.5, *rest)]
+    before = Spline(path("a", *points)).at(2.0 - 1e-9)
+    assert before.positions[0] == pytest.approx(0.4, abs=1e-8)
+    assert before.velocities[0] == pytest.approx(0.3, abs=1e-6)
+    if last:
+        assert before.accelerations[0] == pytest.approx(0.5, abs=1e-6)
+
+
+def test_braking_at_rest_is_one_point() -> None:
+    """The path of a joint that does not move: there, at once."""
+    made = braking(0.5, 0.0, 2.0)
+    assert (made.times.tolist(), made.positions.tolist()) == ([0.0], [[0.5]])
+    assert made.duration == 0.0
+
+
+# --- poses ---------------------------------------------------------------------------------------
+
+
+def standing_at(position: float) -> Rig:
+    """A rig of one joint ``a`` in POSITION, held at a position."""
+    config = board_config(joint("a"))
+    plant = Held(config)
+    plant.values[Row.POSITION] = position
+    rig = ready(config, plant)
+    assert rig.board.set_control_mode("a", "pos")
+    rig.tick()
+    return rig
+
+
+def test_the_way_to_a_pose_is_from_where_the_joint_is() -> None:
+    """R5, P1: 0.2 rad from 0.5 to 0.7, at 20 rad/s² no faster than 47.8°/s on the mean."""
+    rig = standing_at(0.5)
+    assert rig.board.state.position_reference[0] == 0.5
+    time, note = plan_move(rig.board, Pose("p", ("a",), (0.7,)), 3.0)
+    assert time == pytest.approx(0.24, abs=0.001)
+    assert note.startswith("a: takes 0.24 s, at a mean speed of 47.")
+    assert "(171.9°/s was requested)" in note
+
+
+@pytest.mark.parametrize(("shown", "taken"), [(-2.005, -2.0), (2.005, 2.0), (-1.995, -1.995)])
+def test_a_joint_at_either_limit_is_within(shown: float, taken: float) -> None:
+    """R5: a reading of 5 mrad beyond a limit is the limit."""
+    assert pose_now(standing_at(shown).board, "p", ["a"]).positions == (taken,)
+
+
+def test_a_pose_has_no_negative_zero() -> None:
+    """It is shown to people and written to files: 0.0, not -0.0."""
+    assert repr(made_pose(standing_at(0.0).board, "p", ["a"], [-0.0]).positions) == "(0.0,)"
+
+
+# --- calibrations --------------------------------------------------------------------------------
+
+QUICK = Calibration(type=3, required=False, start=0.05, speed=1.0)
+
+
+def test_a_calibration_lasts_until_its_slowest_joint_is_done() -> None:
+    """K1: a is done, b takes longer; no outcome yet."""
+    slow = replace(QUICK, start=1.0, speed=0.05, timeout=100.0)
+    rig = Rig(board_config(joint("a", calibration=QUICK), joint("b", calibration=slow)))
+    rig.tick(2)
+    task = CalibrationTask(rig.board, None)
+    rig.run(1.0)
+    assert [status.running for status in task.statuses()] == [False, True]
+    assert task.statuses()[0].done
+    assert task.outcome() is None
+
+
+def test_why_a_calibration_failed_is_told_also_after_the_fault_was_left() -> None:
+    """K4: the text of its status, not the phase "failed"."""
+    rig = Rig(board_config(joint("a", calibration=QUICK)))
+    rig.tick(2)
+    task = CalibrationTask(rig.board, "a")
+    rig.tick(5)
+    rig.plant.inject("a", "external")
+    rig.tick(5)
+    cause = rig.board.get_faults("a")[0].text
+    rig.plant.clear_injected()
+    rig.tick(2)
+    assert rig.board.set_control_mode("a", "fidl")
+    rig.tick()
+    assert not rig.board.get_faults("a")[0].active
+    assert task.outcome() == Outcome(False, f"a is not calibrated: {cause}")
+
+
+# --- moves ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def still() -> Rig:
+    """Joints a, b, c in POSITION that stand still whatever their references are."""
+    rig = held(*(joint(name) for name in NAMES))
+    assert rig.board.set_control_mode(None, "pos")
+    rig.tick()
+    return rig
+
+
+def reference(rig: Rig, name: str) -> float:
+    return float(rig.board.state.position_reference[NAMES.index(name)])
+
+
+def test_where_one_joint_leaves_the_others_of_the_move_stop(still: Rig) -> None:
+    """P3: a leaves for VELOCITY, b is stopped, and held where it is, not at 1 rad."""
+    move = MoveTask(still.board, ["a", "b"], [1.0, 1.0], [0.5, 0.5])
+    still.run(0.5)
+    assert still.board.set_control_mode("a", "vel")
+    outcome = move.outcome()
+    assert outcome == (False, "a left for VELOCITY during the move; the other joints stopped")
+    still.run(1.7)
+    assert reference(still, "b") == 0.0
+
+
+def test_where_one_joint_is_stopped_the_others_of_the_move_stop(still: Rig) -> None:
+    """P3: b is stopped, then a as well, and held where it is, not at 1 rad."""
+    move = MoveTask(still.board, ["a", "b"], [1.0, 1.0], [0.5, 0.5])
+    still.run(0.5)
+    still.board.stop("b")
+    still.run(0.5)
+    outcome = move.outcome()
+    assert outcome is not None
+    assert not outcome.success
+    still.run(1.7)
+    assert reference(still, "a") == 0.0
+
+
+def test_a_move_that_another_one_replaced_has_failed(still: Rig) -> None:
+    """P1: with both targets in its message."""
+    move = MoveTask(still.board, ["a"], [-1.0], [0.5])
+    still.run(0.1)
+    assert still.board.position_move("a", 0.5)
+    assert move.outcome() == (False, "another move has a to 28.6° instead of -57.3°")
+
+
+def test_a_move_is_under_way_until_its_slowest_joint_is_there(still: Rig) -> None:
+    """P3: a is at its target at once; 2 s later b still moves."""
+    move = MoveTask(still.board, ["a", "b"], [0.0, 1.5], [0.5, 0.5])
+    for _ in range(20):
+        still.run(0.1)
+        assert move.outcome() is None
+    assert still.board.check_motion_done(["a", "b"]) == [True, False]
+
+
+def test_no_time_remains_of_a_move_whose_profiles_have_ended(still: Rig) -> None:
+    """0.4 s at its start, 0 s after 0.4 s."""
+    move = MoveTask(still.board, ["a"], [0.2], [0.5])
+    assert move.remaining_time() == pytest.approx(0.4)
+    still.run(0.4)
+    assert move.remaining_time() == 0.0
+
+
+def test_a_joint_gets_a_second_to_arrive(still: Rig) -> None:
+    """P3: no outcome for 1 s after the profile has ended, then that it is away."""
+    move = MoveTask(still.board, ["a"], [0.2], [0.5])
+    still.run(0.4)
+    assert move.outcome() is None
+    still.run(0.99)
+    assert move.outcome() is None
+    still.run(0.01)
+    outcome = move.outcome()
+    assert outcome is not None
+    assert not outcome.success
+    assert outcome.message.startswith("a is at 0.0°, 11.5° away from its target 11.5°")
+
+
+def test_a_target_that_is_sent_again_begins_the_second_anew(still: Rig) -> None:
+    """P3: the same target, again on its way: the time to arrive is counted from the later end."""
+    move = MoveTask(still.board, ["a"], [0.2], [0.5])
+    still.run(0.4)
+    assert move.outcome() is None
+    still.run(0.9)
+    for mode in ("comp", "stif"):  # the reference is then at 0, where the joint is
+        assert still.board.set_interaction_mode("a", mode)
+    assert still.board.position_move("a", 0.2, 0.5)
+    still.run(0.2)
+    assert move.outcome() is None
+    still.run(0.2)
+    assert move.outcome() is None
+    still.run(0.9)
+    assert move.outcome() is None
+    still.run(0.1)
+    assert move.outcome() is not None
+
+
+def test_a_joint_that_still_may_arrive_is_not_blamed_for_another(still: Rig) -> None:
+    """P3: b was stopped; c, whose profile has just ended, is no part of the message."""
+    move = MoveTask(still.board, NAMES, [1.0, 1.0, 0.05], [0.4, 0.4, 0.5])
+    still.run(0.5)
+    still.board.stop("b")
+    still.run(0.5)
+    assert still.board.check_motion_done() == [False, True, True]
+    assert move.outcome() == (
+        False,
+        "b is at 0.0°, not at its target 57.3°: it was stopped during the move; send it again",
+    )
+
+
+def test_one_of_two_that_arrives_is_no_success(still: Rig) -> None:
+    """P3: a is there, b is blocked; the message is about b alone, without the remark."""
+    move = MoveTask(still.board, ["a", "b"], [0.0, 0.2], time=0.4, note="as fast as it may")
+    while (outcome := move.outcome()) is None:
+        still.tick(10)
+    assert not outcome.success
+    assert outcome.message.startswith("b is at 0.0°, 11.5° away from its target 11.5°: ")
+
+
+# --- trajectories with tolerances ----------------------------------------------------------------
+
+
+def test_a_wish_of_zero_leaves_the_default_of_its_own_quantity() -> None:
+    """0 for the position leaves its 0.1 rad, whatever is wished and set for the velocity."""
+    rows = np.array([[0.1], [0.2]])
+    made = chosen(
+        Tolerances(path=rows, goal=rows, goal_time=1.0),
+        ("a",),
+        ("a",),
+        path=[Wish("a", 0.0, 0.5)],
+        goal=[Wish("a", 0.3, 0.0)],
+        goal_time=0.0,
+    )
+    assert made.path.tolist() == [[0.1], [0.5]]
+    assert made.goal.tolist() == [[0.3], [0.2]]
+    assert made.goal_time == 1.0
+
+
+def test_of_several_parts_the_shortest_goal_time_counts() -> None:
+    """T1, R3: 0.5 s of the leg, not 2 s of the arm; 0 of the head is no end at all."""
+    times = {"arm": 2.0, "leg": 0.5, "head": 0.0}
+    board = Board(
+        joined(
+            {
+                name: board_config(joint(f"{name}_a"), constraints=Constraints(goal_time=time))
+                for name, time in times.items()
+            }
+        )
+    )
+    for joints, expected in ((None, 0.5), (["arm_a", "head_a"], 2.0), (["head_a"], 0.0)):
+        assert configured(board, board.selector.select(joints)).goal_time == expected
+
+
+def test_what_a_goal_desires_is_its_path_with_its_accelerations(bench: Bench) -> None:
+    """Feedback: at rest while it waits; a quarter on its way to 0.4 rad: 0.9 rad/s, 1.2 rad/s²."""
+    goal = bench.send("b", (0.0, 0.0, 0.0), (1.0, 0.4, 0.0), ahead=0.1)
+    waiting = goal.desired()
+    assert [row.tolist() for row in waiting] == [[0.0, 0.0, 0.0]] * 3
+    bench.cycle(50 + 125)
+    assert goal.elapsed == pytest.approx(0.25, abs=1.5 * PERIOD)
+    s = goal.elapsed
+    desired = goal.desired()
+    np.testing.assert_allclose(desired.positions, [0.0, 0.4 * s**2 * (3 - 2 * s), 0.0], atol=1e-9)
+    np.testing.assert_allclose(desired.velocities, [0.0, 2.4 * s * (1 - s), 0.0], atol=1e-9)
+    np.testing.assert_allclose(desired.accelerations, [0.0, 2.4 * (1 - 2 * s), 0.0], atol=1e-9)
+
+
+def test_a_joint_at_the_speed_of_its_path_is_within_a_velocity_tolerance(bench: Bench) -> None:
+    """T2: 0.25 rad/s desired and measured is an error of 0, within 0.3 rad/s."""
+    goal = bench.send("a", (4.0, 1.0), path=[Wish("a", 0.0, 0.3)])
+    bench.cycle()
+    bench.rig.plant.values[Row.VELOCITY, 0] = 0.25
+    bench.cycle(5)
+    assert goal.outcome is None
+    bench.rig.plant.values[Row.VELOCITY, 0] = -0.25
+    bench.cycle(2)
+    assert goal.outcome is not None
+    assert goal.outcome.code is Code.PATH_TOLERANCE_VIOLATED
+    assert "a is 0.5 rad/s away from the velocity it should have" in goal.outcome.text
+
+
+def test_after_the_last_point_the_tolerance_of_the_way_no_longer_counts(bench: Bench) -> None:
+    """T2: 0.03 rad away on the way, within 0.05; 0.06 rad away afterwards, it may still arrive."""
+    goal = bench.send("a", (0.1, 0.03), path=[Wish("a", 0.05, 0.0)], goal=[Wish("a", 0.01, 0.0)])
+    bench.cycle(60)
+    assert goal.elapsed > 0.1
+    bench.measured("a", -0.03)
+    bench.cycle(50)
+    assert goal.outcome is None
+    for position in (0.0, 0.03):
+        bench.measured("a", position)
+        bench.cycle(2)
+    assert goal.outcome == (Code.SUCCESSFUL, "goal reached")
+
+
+def test_only_joints_beyond_their_tolerance_stop_where_they_are(bench: Bench) -> None:
+    """T2: b at its measured 0; a, which has no tolerance, ahead at its reference, v²/2a on."""
+    goal = bench.send("ab", (4.0, 1.0), path=[Wish("b", 0.05, 0.0)])
+    while goal.outcome is None:
+        bench.cycle()
+    assert goal.outcome.code is Code.PATH_TOLERANCE_VIOLATED
+    a, b, _ = bench.cycle(50)
+    assert a == pytest.approx(0.05 + 0.25**2 / (2 * BRAKE), abs=1e-3)
+    assert b == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_goal_that_another_path_took_all_joints_of_lets_it_be(bench: Bench) -> None:
+    """T2: the goal has ended; the newer path is followed to its 0.1 rad, not braked."""
+    goal = bench.send("a", (4.0, 1.0))
+    bench.cycle(50)
+    bench.follow("a", (0.5, 0.1))
+    assert bench.cycle(260)[0] == pytest.approx(0.1)
+    assert goal.outcome == (
+        Code.INVALID_GOAL,
+        "ended before its time; a: another trajectory took over",
+    )
+
+
+# --- groups --------------------------------------------------------------------------------------
+
+
+def test_the_versions_of_a_part_grow_with_any_of_its_joints() -> None:
+    """R3: with the mode of one joint, and with its fault record; not with those of other parts."""
+    config = joined({n: board_config(joint(f"{n}_a"), joint(f"{n}_b")) for n in ("arm", "leg")})
+    rig = ready(config, Held(config))
+
+    def versions(part: str) -> tuple[int, int]:
+        group = rig.board.parts[part]
+        return group.modes_version, group.faults_version
+
+    leg = versions("leg")
+    for k, name in enumerate(("arm_a", "arm_b")):
+        for mode in ("pos", "vel", "pos"):
+            modes, faults = versions("arm")
+            assert rig.board.set_control_mode(name, mode)
+            assert versions("arm") > (modes, faults)
+            assert versions("arm")[1] == faults
+        rig.plant.values[Row.CURRENT, k] = 1e3
+        rig.tick()
+        assert versions("arm")[1] > faults
+    assert versions("leg") == leg

@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""machine.py, requests.py: what starts afresh, what is kept, and what is told as new."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from rig import STIFF, Held, M, Rig, board_config, held, in_status, joint, ready
+
+from control_board_ros.core.config.config import Brake, Calibration, Pid, Timeouts
+from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.vocabs import InteractionMode
+
+COMPLIANT = InteractionMode.COMPLIANT
+
+
+def events(rig: Rig, key: str) -> list[str]:
+    """The joints that events of a key are about, since the last call."""
+    return [event.joint for event in rig.board.take_events() if event.key == key]
+
+
+def changed(rig: Rig, name: str, **fields: Any) -> None:
+    """Reconfigure one joint."""
+    config = rig.board.config
+    joints = [replace(one, **fields) if one.name == name else one for one in config.joints]
+    rig.board.reconfigure(replace(config, joints=tuple(joints)))
+
+
+def test_a_joint_at_its_limit_is_told_of_again_after_a_power_cycle() -> None:
+    """P9, N1."""
+    rig = ready(board_config(joint("a"), joint("b")), home=[1.9, 0.0])
+    for _ in range(2):
+        rig.enter("torq", "a")
+        rig.board.set_ref_torque("a", 2.0)
+        rig.run(1.0)
+        assert events(rig, "limit") == ["a"]
+        rig.board.power_cycle()
+        rig.tick(2)
+
+
+def test_new_timeouts_hold_for_the_reference_that_runs() -> None:
+    """P12: 40 ms instead of a second, from its last reference on."""
+    slow = Timeouts(velocity=1.0)
+    rig = ready(board_config(joint("a", timeouts=slow), joint("b", timeouts=slow)))
+    rig.enter("vel")
+    rig.board.velocity_move(None, 0.1)
+    rig.tick(10)
+    changed(rig, "a", timeouts=Timeouts(velocity=0.04))
+    rig.tick(8)
+    assert events(rig, "velocity timeout") == []
+    rig.tick(5)
+    assert events(rig, "velocity timeout") == ["a"]
+
+
+def test_a_reconfiguration_leaves_a_calibrator_its_range() -> None:
+    """P9: an angle that is not known has no limits."""
+    rig = in_status(M.CALIBRATING)
+    laws = rig.board.engine.controller.joints[0]
+    assert math.isinf(laws.upper)
+    changed(rig, "left", reference_speed=0.3)
+    assert math.isinf(laws.upper)
+    assert math.isinf(laws.lower)
+
+
+BRAKED = joint("a", brake=Brake(present=True, release_time=0.03), calibration=None)
+
+
+def sagging(config: Any) -> Rig:
+    """Held joints at 1.98 rad, of which a test moves the first."""
+    made = board_config(replace(config, max_travel_error=math.inf), joint("b"))
+    plant = Held(made)
+    plant.values[Row.POSITION] = 1.98
+    return ready(made, plant)
+
+
+def test_a_joint_is_held_where_it_is_when_its_brake_has_opened() -> None:
+    """Y4, M9: not where it was when power was asked for; its limits are those of that place."""
+    rig = sagging(BRAKED)
+    assert rig.board.set_control_mode("a", "pos")
+    for _ in range(10):
+        rig.plant.values[Row.POSITION, 0] += 0.007  # to 2.05, beyond its limit of 2
+        rig.tick()
+    shown = rig.tick(10)
+    assert rig.modes()[0] is M.POSITION
+    assert shown.position_reference[0] == pytest.approx(2.05)
+    laws = rig.board.engine.controller.joints[0]
+    assert (laws.lower, laws.upper) == (-2.0, pytest.approx(2.05))
+    assert rig.board.engine.monitor.joints[0].fed == 1.0  # it heats its winding from now on
+
+
+def test_a_calibrator_s_joint_has_no_limits_behind_its_brake_either() -> None:
+    """Y4, P9: its angle is not known when the brake has opened."""
+    slow = Calibration(type=3, required=False, start=1.0, speed=0.05, timeout=100.0)
+    rig = sagging(replace(BRAKED, calibration=slow))
+    assert rig.board.calibrate("a")
+    rig.tick(40)
+    assert rig.modes()[0] is M.CALIBRATING
+    assert math.isinf(rig.board.engine.controller.joints[0].upper)
+
+
+def test_what_clears_a_fault_is_new() -> None:
+    """F2: those who look at versions see it."""
+    rig = in_status(M.HW_FAULT)
+    rig.run(0.1)
+    before = rig.board.faults_version
+    assert rig.board.set_control_mode("left", "fidl")
+    assert not rig.board.get_faults()[0].active
+    assert rig.board.faults_version > before
+
+
+def test_an_output_that_was_no_number_is_a_fault_once() -> None:
+    """F1, F2: cleared, the joint works again."""
+    rig = held(joint("a"))
+    rig.enter("torq")
+    laws = rig.board.engine.controller.joints[0]
+    laws.torque_pid.integral = math.nan
+    rig.tick()
+    assert rig.modes() == [M.HW_FAULT]
+    assert rig.board.set_control_mode("a", "fidl")
+    assert rig.board.set_control_mode("a", "pos")
+    rig.tick(3)
+    assert rig.modes() == [M.POSITION]
+
+
+def test_an_interaction_that_is_stored_is_new() -> None:
+    """I4: without power, too, where no law changes with it."""
+    rig = ready(board_config(joint("a"), joint("b")))
+    before = rig.board.modes_version
+    assert rig.board.set_interaction_mode("a", COMPLIANT)
+    assert rig.board.modes_version > before
+    assert rig.board.get_interaction_mode() == [COMPLIANT, STIFF]
+
+
+def test_after_a_stop_no_reference_expires() -> None:
+    """P3, P12: of a joint that had a velocity; nothing is told of it."""
+    quick = Timeouts(velocity=0.05)
+    rig = ready(board_config(joint("a", timeouts=quick), joint("b", timeouts=quick)))
+    rig.enter("vel")
+    rig.board.velocity_move(None, 0.2)
+    rig.tick(5)
+    assert rig.board.stop("a")
+    rig.board.engine.controller.joints[0].ramp(0.2, 1.0)
+    rig.tick(50)
+    assert events(rig, "velocity timeout") == ["b"]
+
+
+@pytest.mark.parametrize(("mode", "kp"), [("pos", 300.0), ("posd", 200.0)])
+def test_a_stop_keeps_the_gains_of_the_mode(mode: str, kp: float) -> None:
+    """P3, I10: under the impedance law, too."""
+    own = joint("a", position_pid=Pid(kp=300.0, kd=30.0), direct_pid=Pid(kp=200.0, kd=20.0))
+    rig = ready(board_config(own))
+    rig.enter(mode)
+    assert rig.board.set_interaction_mode("a", COMPLIANT)
+    rig.tick(3)
+    assert rig.board.stop("a")
+    assert rig.board.engine.controller.joints[0].position_pid.kp == kp
+
+
+def test_begun_before_a_reading_a_joint_waits_for_one() -> None:
+    """N2: at cycle 0 there is none yet, and it holds where it is found."""
+    made = board_config(joint("a", startup_mode=M.POSITION), autoconfigure=False)
+    rig = Rig(made, home=[0.7])
+    assert rig.board.configure()
+    assert rig.modes() == [M.NOT_CONFIGURED]
+    assert rig.tick().position_reference[0] == pytest.approx(0.7)
+    assert rig.modes() == [M.POSITION]
+
+
+def test_a_request_together_faults_only_who_does_not_implement_it() -> None:
+    """M5, M7: who could do it stays as it is; who refuses does, too."""
+    bare = joint("b", control_modes=(M.IDLE, M.POSITION))
+    rig = ready(board_config(joint("a"), bare, joint("c")))
+    rig.enter("pos")
+    rig.plant.inject("c", "external")
+    rig.tick(2)
+    wanted = [(M.TORQUE,)] * 3
+    assert not rig.board.request(rig.board.selector.select(None), wanted)
+    assert rig.modes() == [M.POSITION, M.HW_FAULT, M.HW_FAULT]
+    assert "external" in rig.board.get_faults()[2].text
+
+
+def test_a_request_together_does_no_part_of_what_a_joint_cannot_do() -> None:
+    """M5, M7: its interaction mode stays, too."""
+    rig = ready(board_config(joint("a"), joint("b", control_modes=(M.IDLE, M.POSITION))))
+    rig.enter("pos")
+    wanted = [(COMPLIANT, M.TORQUE)] * 2
+    assert not rig.board.request(rig.board.selector.select(None), wanted)
+    assert rig.modes() == [M.POSITION, M.HW_FAULT]
+    assert rig.board.get_interaction_mode() == [STIFF, STIFF]
+
+
+def test_an_output_that_was_no_number_is_forgotten_with_its_fault() -> None:
+    """F2: what another joint's laws tell later is no fault of this one."""
+    rig = ready(board_config(joint("a"), joint("b")), home=[0.0, 1.9])
+    rig.enter("torq")
+    rig.board.engine.controller.joints[0].torque_pid.integral = math.nan
+    rig.tick()
+    assert rig.modes()[0] is M.HW_FAULT
+    rig.enter("pos", "a")
+    rig.board.set_ref_torque("b", 2.0)
+    rig.run(1.0)
+    assert "b" in events(rig, "limit")
+    assert rig.modes() == [M.POSITION, M.TORQUE]
+
+
+def test_brakes_follow_power_cycles_and_new_times() -> None:
+    """Y4, N1: closed at once; then 50 ms to open instead of 30."""
+    rig = sagging(BRAKED)
+    assert rig.board.set_control_mode("a", "pos")
+    rig.tick(20)
+    assert rig.board.is_joint_braked()[0] is False
+    rig.board.power_cycle()
+    rig.tick(12)
+    assert rig.board.is_joint_braked()[0] is True
+    changed(rig, "a", brake=Brake(present=True, release_time=0.05))
+    assert rig.board.set_control_mode("a", "pos")
+    rig.tick(24)
+    assert not rig.board.state.powered[0]
+    rig.tick(2)
+    assert rig.board.state.powered[0]
+
+
+def test_an_overheated_joint_must_cool_down_under_new_limits_too() -> None:
+    """F6: 10 K below its limit of 120 °C, after a reconfiguration as before."""
+    rig = sagging(joint("a"))
+    rig.plant.values[Row.TEMPERATURE, 0] = 125.0
+    rig.tick(2)
+    assert rig.modes()[0] is M.HW_FAULT
+    rig.plant.values[Row.TEMPERATURE, 0] = 115.0
+    rig.tick(2)
+    assert not rig.board.set_control_mode("a", "fidl")
+    changed(rig, "a", reference_speed=0.3)
+    assert not rig.board.set_control_mode("a", "fidl")
+    rig.plant.values[Row.TEMPERATURE, 0] = 109.0
+    rig.tick(2)
+    assert rig.board.set_control_mode("a", "fidl")
