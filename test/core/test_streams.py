@@ -193,6 +193,23 @@ def test_a_faster_stream_is_found_out() -> None:
     assert errors(rows)[0][2000:].max() < 0.02
 
 
+@pytest.mark.parametrize("rate", [10.0, 20.0, 100.0, 500.0])
+def test_a_stream_that_ends_at_rest_stays_there(rate: float) -> None:
+    """P4: its last velocity is 0: what is followed brakes to its place, and is not led back."""
+    rows = fed(
+        even(rate, 1.0 + 1.0 / rate),
+        3.0,
+        lambda t: 0.5 * min(t, 1.0),
+        lambda t: 0.5 if t < 1.0 - 1e-9 else 0.0,
+        acceleration=20.0,
+        speed=2.0,
+    )
+    first = int(np.argmax(rows[:, 0] > 0.499))
+    assert np.abs(rows[first:, 0] - 0.5).max() < 0.01
+    assert rows[-1, 0] == pytest.approx(0.5, abs=1e-6)
+    assert rows[-1, 1] == 0.0
+
+
 def test_compiled_and_plain_streams_are_the_same_bits() -> None:
     """P4: an uneven stream, of both readings, measured and followed by either form of the laws."""
     for made_late in (False, True):

@@ -81,7 +81,7 @@ SETTLE_LEAST = cython.declare(cython.double, 0.05)
 SETTLE_MOST = cython.declare(cython.double, 0.5)
 #: How long a joint at rest waits at most for others that still brake, s.
 OTHERS_MOST = cython.declare(cython.double, 3.0)
-#: How long a torque is beyond its limit in a position mode until that is told of, s.
+#: How long a torque is beyond its limit in a position mode until the log reports it, s.
 STRAIN_TIME = cython.declare(cython.double, 0.05)
 #: How firmly TORQUE holds a joint before its first reference, as a part of the torque limit.
 HOLD_SHARE = cython.declare(cython.double, 0.1)
@@ -90,14 +90,14 @@ HOLD_SHARE = cython.declare(cython.double, 0.1)
 REST_SHARE = cython.declare(cython.double, 0.01)
 #: A way so long that no braking is in sight, rad or m.
 FAR = cython.declare(cython.double, 1e9)
-#: Within how many periods the protection takes the speed to what is allowed.
+#: Periods within which the protection reduces the speed to what is allowed.
 SPAN = cython.declare(cython.double, 3.0)
 #: Time constant of the way back from beyond a limit, s.
 RETURN = cython.declare(cython.double, 0.1)
 #: Part of the acceleration limit that the protection brakes with, ahead of a limit.
 BRAKING = cython.declare(cython.double, 0.7)
-#: The inertia that it reckons with: this part of the least one where it lets the torque grow;
-#: where it takes torque away this multiple of the mean one, and of the former at most so much.
+#: The inertia that it assumes: this part of the least one where the torque may grow; where
+#: torque is reduced this multiple of the mean one, and at most this multiple of the former.
 LIGHT = cython.declare(cython.double, 0.7)
 HEAVY = cython.declare(cython.double, 2.0)
 WIDE = cython.declare(cython.double, 4.0)
@@ -221,7 +221,13 @@ class TimeBase:
     def speed_up(
         self, before: cython.double, time: cython.double, most: cython.double
     ) -> cython.void:
-        """The acceleration that leads from a velocity so long before to that of now."""
+        """The acceleration that leads from a velocity so long before to that of now.
+
+        A velocity of exactly 0 says that the motion rests there: it is not braked beyond that.
+        """
+        if self.v == 0.0:
+            self.a = 0.0
+            return
         if self.turning * time * time > 3.0:
             self.turning = 0.0
         before = self.v * (1.0 - self.turning * versine(self.turning, time)) - before
@@ -435,7 +441,7 @@ class Stream:
 
     @cython.cfunc
     def clock(self, x: cython.double, d: cython.double, period: cython.double) -> cython.double:
-        """Interval, lateness and time base after so many s; how many intervals they are."""
+        """Interval, lateness and time base after ``d`` s; how many intervals they are."""
         m: cython.double = self.intervals(x, d) if self.count > 2.0 else 1.0
         share: cython.double
         n: cython.double = self.count
@@ -809,7 +815,7 @@ class Joint:
 
     @cython.ccall
     def known_load(self) -> cython.double:
-        """The torque that carries the joint: measured, without what motion takes (M9)."""
+        """The torque that carries the joint: measured, without that of its acceleration (M9)."""
         if self.rest_cycles * self.period >= REST_TIME:
             return self.load
         return self.torque - self.motion
@@ -928,7 +934,7 @@ if not cython.compiled:  # attributes start at zero, as they do compiled
 
 @cython.cfunc
 def observe(j: Joint, position: cython.double, velocity: cython.double) -> cython.void:
-    """Acceleration and rest: a = Δq̇/T; motion takes J·a where no more is known of the arm."""
+    """Acceleration and rest: a = Δq̇/T; τ = J·a where no more is known of the arm."""
     j.acceleration = (velocity - j.velocity) / j.period if j.readings > 0 else 0.0
     j.position, j.velocity = position, velocity
     if not j.has_torque_sensor:
@@ -945,7 +951,7 @@ def observe(j: Joint, position: cython.double, velocity: cython.double) -> cytho
 
 @cython.cfunc
 def weigh(j: Joint) -> cython.void:
-    """The load: τ − what motion takes, through a low pass (M9)."""
+    """The load: τ − torque of the acceleration, through a low pass (M9)."""
     raw: cython.double = j.torque - j.motion
     if j.readings < 2 or j.period >= LOAD_FILTER:
         j.load = raw
@@ -1133,7 +1139,7 @@ def follow(j: Joint) -> cython.void:
 
 @cython.cfunc
 def follow_stream(j: Joint) -> cython.double:
-    """The velocity that takes what is followed to the motion of a stream, and along with it.
+    """The velocity that leads what is followed to the motion of a stream, and along with it.
 
     e = r − x, w = v − v_r:  v̇ = a_r + 2ω (w_e − w), w_e = ½ω e near it (critically damped), and
     √(2b(|e| − 2b/ω²)) far away, b = 0.8 (a_max − peak |a_r|): braking to the motion leaves room
@@ -1271,8 +1277,8 @@ def hold_back(j: Joint) -> cython.void:
 
     |kp·e + I − I_free| ≤ J·v_top/T',  T' = T (1 + lead/2) + the drive's delay
 
-    I_free is the integral part of the joint while it moved, or was told to stand; T' is how long
-    its torque acts unseen and while the winding takes it back. What is followed waits.
+    I_free is the integral part of the joint while it moved, or was at a reference at rest; T' is
+    how long its torque acts unseen and while the winding takes it back. What is followed waits.
     """
     p: Pid = j.position_pid
     excess: cython.double
@@ -1465,7 +1471,7 @@ def protect(j: Joint, drive: cython.double) -> cython.double:
 
 @cython.cfunc
 def speed_bound(j: Joint, top: cython.double, way: cython.double) -> cython.double:
-    """The drive that takes a joint to a speed, and no further; both count in a way, +1 or -1.
+    """The drive that brings a joint to a speed, and no further; both count in a way, +1 or -1.
 
     The motor's torque τ lags by its winding. What is left over of it for acceleration, n, follows
     from the last cycle whatever load and friction are, and may be at its end no more than lets
@@ -1722,7 +1728,7 @@ class Laws:
 
     @cython.cfunc
     def sense_motion(self) -> cython.void:
-        """What the measured motion of the whole arm takes of each joint's torque."""
+        """Torque of each joint for the measured motion of the whole arm."""
         k: cython.Py_ssize_t
         j: Joint
         for k in range(len(self.joints)):
@@ -1771,7 +1777,7 @@ class Laws:
 
     @cython.cfunc
     def compensate(self) -> cython.void:
-        """Where joints compensate gravity, what it takes of each joint where it is (G1)."""
+        """Gravity's torque of each joint that compensates it, in its pose (G1)."""
         k: cython.Py_ssize_t
         j: Joint
         wanted: cython.bint = False
