@@ -148,10 +148,10 @@ def faster_states(session: Session) -> Iterator[None]:
     if rate <= float(before["state_rate"]):
         yield
         return
-    reply = client.set_parameters({"state_rate": rate})
-    if not reply:
-        note(session, f"states come at {before['state_rate']:g} Hz: {reply.message}")
-    try:
+    try:  # Ctrl-C may come when the board has set it and its reply is on the way
+        reply = client.set_parameters({"state_rate": rate})
+        if not reply:
+            note(session, f"states come at {before['state_rate']:g} Hz: {reply.message}")
         yield
     finally:
         client.set_parameters({"state_rate": float(before["state_rate"])})
@@ -161,11 +161,10 @@ def faster_states(session: Session) -> Iterator[None]:
 def in_position_direct(session: Session, experiment: Experiment) -> Iterator[None]:
     """The joint in POSITION_DIRECT; stopped and back in its mode in the end, whatever happens."""
     client, joint = session.client, experiment.joint
-    reply = client.set_control_mode(joint, STEPS)
-    if not reply:
-        raise Refused(reply.message)
     try:
-        yield
+        reply = client.set_control_mode(joint, STEPS)
+        if reply:
+            yield
     except BaseException:
         client.stop(joint)
         raise
@@ -173,6 +172,8 @@ def in_position_direct(session: Session, experiment: Experiment) -> Iterator[Non
         (mode,) = client.get_control_mode([joint])
         if mode is STEPS:
             client.set_control_mode(joint, experiment.mode)
+    if not reply:
+        raise Refused(reply.message)
 
 
 def wait(session: Session, label: str, seconds: float) -> None:

@@ -204,10 +204,10 @@ def stiff(session: Session, names: list[str]) -> Iterator[None]:
     """Joints in STIFF; their interaction modes as before in the end."""
     client = session.client
     before = client.get_interaction_mode(names)
-    reply = client.set_interaction_mode(names, InteractionMode.STIFF)
-    if not reply:
-        raise Refused(reply.message)
     try:
+        reply = client.set_interaction_mode(names, InteractionMode.STIFF)
+        if not reply:
+            raise Refused(reply.message)
         yield
     finally:
         client.set_interaction_mode(names, before)
