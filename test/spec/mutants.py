@@ -10,8 +10,8 @@ by a run of all of them. A test that hangs is ended by its CPU time, so a busy m
 result.
 
 Each result is kept in build/mutants.txt at once, what tests reach in build/mutants_reach.json. A
-run that was interrupted goes on from there. When one of these tests changes, those that survived
-are tried again; when a file of the package changes, or with "--anew", all of them.
+run that was interrupted goes on from there. When one of these tests changes, or with "--again",
+those that survived are tried again; when a file of the package changes, or with "--anew", all.
 
 All tests that reach a mutant may take minutes, those that kill it take seconds mostly: with
 "--budget 60" only the first ones are run, up to so many seconds as recorded. What they do not kill
@@ -97,7 +97,7 @@ class Record:
     Where tests have changed since, the mutants that survived are forgotten, and the reach.
     """
 
-    def __init__(self, path: Path, *, anew: bool) -> None:
+    def __init__(self, path: Path, *, anew: bool, again: bool) -> None:
         self.path, self.fates = path, dict[str, str]()
         tests = [path for folder in FOLDERS for path in (ROOT / folder).glob("*.py")]
         tests += [ROOT / PAGES, *(ROOT / "docs").glob("*.py")]
@@ -106,9 +106,10 @@ class Record:
         if lines[:1] == heads[:1] and not anew:
             self.fates = {name: fate for fate, _, name in (x.partition(" ") for x in lines[2:])}
         if lines[:2] != heads or anew:
+            REACH.unlink(missing_ok=True)
+        if lines[:2] != heads or anew or again:
             self.fates = {name: fate for name, fate in self.fates.items() if fate != "passed"}
             path.parent.mkdir(exist_ok=True)
-            REACH.unlink(missing_ok=True)
             told = [*heads, *(f"{fate} {name}" for name, fate in self.fates.items())]
             path.write_text("\n".join([*told, ""]), encoding="utf-8")
 
@@ -138,13 +139,14 @@ def arguments(words: list[str]) -> Any:
         "--budget", type=float, default=float("inf"), help="seconds of tests for each, traced"
     )
     parser.add_argument("--anew", action="store_true", help="forget the results so far")
+    parser.add_argument("--again", action="store_true", help="try those again that survived")
     parser.add_argument("--list", action="store_true", help="print them, try none")
     return parser.parse_args(words)
 
 
 def attempt_all(tried: list[Mutant], known: dict[str, str], wanted: Any) -> list[Mutant]:
     """Try mutants and tell of each; those that survive. Listed ones run only with --all."""
-    record = Record(RECORD, anew=wanted.anew)
+    record = Record(RECORD, anew=wanted.anew, again=wanted.again)
     skipped = set() if wanted.all else set(known)
     left = [one for one in tried if str(one) not in {*record.fates, *skipped}]
     if len(left) < len(tried):
@@ -157,6 +159,24 @@ def attempt_all(tried: list[Mutant], known: dict[str, str], wanted: Any) -> list
             print(f"{told:<15}{mutant}", flush=True)
             record.add(mutant, fate)
     return [one for one in tried if record.fates.get(str(one), "passed") == "passed"]
+
+
+def table(tried: list[Mutant], alive: list[Mutant], known: Iterable[str]) -> str:
+    """Counts by folder of the core, as a table of Markdown."""
+    listed, living = set(known), {str(mutant) for mutant in alive}
+    counts: dict[str, list[int]] = {}
+    for mutant in tried:
+        row = counts.setdefault(str(mutant).partition(":")[0].partition(".")[0], [0, 0, 0])
+        row[0] += 1
+        row[1] += str(mutant) not in living
+        row[2] += str(mutant) in living & listed
+    counts["all"] = [sum(column) for column in zip(*counts.values(), strict=True)]
+    lines = ["| of core | mutants | killed | | listed as equivalent |", "|---|--:|--:|--:|--:|"]
+    lines += [
+        f"| {name} | {all_of} | {killed} | {100.0 * killed / all_of:.1f} % | {same} |"
+        for name, (all_of, killed, same) in counts.items()
+    ]
+    return "\n".join(lines)
 
 
 def problems(
@@ -207,6 +227,8 @@ def main(words: list[str]) -> int:
     low, high = (100.0 * bound for bound in interval(killed, len(tried)))
     print(f"\n{killed} of {len(tried)} mutants killed in {took:.0f} s: {rate:.1f} %", end="")
     print(f" (95 % confidence: {low:.1f} to {high:.1f} %)" if len(tried) < len(made) else "")
+    if tried:
+        print(f"\n{table(tried, alive, known)}\n")
     found = problems(tried, alive, known, map(str, made))
     print("\n".join(found))
     return int(bool(found))

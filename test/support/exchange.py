@@ -24,11 +24,10 @@ class Functions:
         self._of = defaultdict(lambda: defaultdict(list))
         self._caches = []
         for one in gc.get_objects():
-            if isinstance(one, functools._lru_cache_wrapper):
+            kind = type(one)  # isinstance asks objects, and some of other packages raise
+            if kind is functools._lru_cache_wrapper:
                 self._caches.append(one)
-            elif isinstance(one, FunctionType) and one.__code__.co_filename.startswith(
-                f"{folder}/"
-            ):
+            elif kind is FunctionType and one.__code__.co_filename.startswith(f"{folder}/"):
                 code = one.__code__
                 self._of[code.co_filename, code.co_qualname][code.co_firstlineno].append(one)
 
