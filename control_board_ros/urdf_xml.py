@@ -149,7 +149,7 @@ def parse_xml(given: bytes | str, source: str, times: int = 1) -> ET.Element:
     Args:
         given: the XML; a text is what it is, whatever encoding it declares.
         source: where it comes from, for people.
-        times: so many times as large as one file may be.
+        times: its greatest size, in multiples of that of one file.
 
     Raises:
         XmlError: it is none, or not within the bounds.
