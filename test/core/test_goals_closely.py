@@ -133,8 +133,9 @@ def test_a_newer_path_takes_over_without_a_word_in_the_log(bench: Bench) -> None
 
 def test_a_path_that_overflows_ends_with_its_first_refusal(bench: Bench) -> None:
     """P13: its reference is no number; one refusal is counted, and the log has the reason."""
+    points = np.array([[1e308]])
     with np.errstate(over="ignore", invalid="ignore"):
-        bench.follow("a", (1.0, 1e308, 0.0))
+        bench.follower.follow(["a"], Path(np.ones(1), points, 0.0 * points), bench.board.time)
         assert bench.cycle(5) == [0.0, 0.0, 0.0]
     assert bench.board.rejected_commands.tolist() == [1, 0, 0]
     assert not bench.follower.busy

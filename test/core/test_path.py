@@ -145,6 +145,7 @@ NAN, INF = float("nan"), float("inf")
         (TIMES, POSITIONS, VELOCITIES, [[0.0] * 3] * 3, "point 0 has 3 accelerations for 2"),
         (TIMES, POSITIONS, NONE, ACCELERATIONS, "accelerations and no velocities"),
         ([1.0], [[0.0, NAN]], [[]], [[]], "point 0 has nan in positions of b"),
+        ([1.0], [[-1.1e9, 0.0]], [[]], [[]], "1100000000.0 in positions of a; send numbers from"),
         (TIMES, POSITIONS, [[0.0, 0.0], [INF, 0.0], [0.0, 0.0]], NONE, "point 1 has inf in veloc"),
         (TIMES, POSITIONS, VELOCITIES, [[0.0, 0.0], [0.0, -INF], [0.0, 0.0]], "-inf in accel"),
         (TIMES, POSITIONS, VELOCITIES[::-1], NONE, "velocity 0.3 of a; a trajectory ends at rest"),

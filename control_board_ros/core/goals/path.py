@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..selection import RequestError
-from ..terms.measurement import Array
+from ..terms.measurement import CREDIBLE, Array
 from ..terms.vocabs import InteractionMode
 
 #: A trajectory of more points is refused.
@@ -236,11 +236,12 @@ def _field(names: Sequence[str], what: str, rows: Rows) -> Array | None:
                 "send one per joint"
             )
     values: Array = np.array(rows, dtype=np.float64)
-    bad = ~np.isfinite(values)
+    bad = ~(np.abs(values) <= CREDIBLE)
     if bad.any():
         i, k = np.argwhere(bad)[0]
         raise RequestError(
-            f"point {i} has {values[i, k]} in {what} of {names[k]}; send finite numbers"
+            f"point {i} has {values[i, k]} in {what} of {names[k]}; "
+            f"send numbers from {-CREDIBLE:g} to {CREDIBLE:g}"
         )
     return values
 
