@@ -19,7 +19,10 @@ from control_board_ros.core.config.config import (
     Pid,
     Timeouts,
     check_number,
+    damping_for,
+    spring_damping,
 )
+from control_board_ros.core.terms.drives import OnSilence, SetPoint
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 M, COMPLIANT = ControlMode, InteractionMode.COMPLIANT
@@ -211,3 +214,88 @@ def test_an_impedance_may_be_none_and_not_less() -> None:
         values = {"stiffness": 0.5, "damping": 0.5, "max_stiffness": 1.0, "max_damping": 1.0}
         with pytest.raises(ConfigError, match=f"j.impedance.{name}: -0.5"):
             joint("j", impedance=Impedance(**(values | {name: -0.5})))
+
+
+@pytest.mark.parametrize(
+    ("output", "limits", "percent"),
+    [
+        (10.0, {}, 15.0),  # 1.5 × the output
+        (-10.0, {}, 15.0),  # whichever way
+        (10.0, {"output": 12.5}, 12.5),
+        (10.0, {"torque": 30.0}, 12.5),  # 6 A at 48 V, 1 Ω
+        (10.0, {"peak_current": 20.0 / 3.0, "nominal_current": 1.0}, 12.5),  # 0.9 × 6.67 A
+    ],
+)
+def test_the_push_that_confirms_a_stop(
+    output: float, limits: dict[str, float], percent: float
+) -> None:
+    """K5: within output, torque and peak current of the joint, which draws 0.48 A a percent."""
+    own = replace(LIMITS, **limits)
+    calibration = Calibration(type=5, output=output)
+    assert calibration.push(own, MOTOR) == pytest.approx(percent)
+    calibration.check("j.calibration", own, MOTOR)
+
+
+def test_a_stop_needs_room_for_a_harder_push() -> None:
+    """K5: 1.2 times the output at least; the error has the most that leaves it."""
+    own, motor = replace(LIMITS, output=12.0), MOTOR
+    Calibration(type=5, output=10.0).check("c", own, motor)
+    with pytest.raises(ConfigError) as error:
+        Calibration(type=5, output=-10.1).check("c", own, motor)
+    assert str(error.value).startswith("c.output: -10.1 is not allowed; at most 10 %, so that")
+    assert Calibration(type=12, output=10.1).check("c", own, motor) is None  # type: ignore[func-returns-value]
+
+
+@pytest.mark.parametrize("stop", [-2.3, 2.3])
+def test_a_stop_is_where_the_joint_can_be(stop: float) -> None:
+    """Within its hard stops and the margin of their overrun."""
+    own = replace(LIMITS, hard_margin=0.1)
+    Calibration(type=5, output=5.0, stop=stop).check("c", own, MOTOR)
+    with pytest.raises(ConfigError, match=r"c\.stop: .*a number from -2.3 to 2.3"):
+        Calibration(type=5, output=5.0, stop=1.01 * stop).check("c", own, MOTOR)
+
+
+def test_where_a_calibration_ends() -> None:
+    """Within the software limits, unless it does not move."""
+    with pytest.raises(ConfigError, match=r"c\.start: 2\.1 .*a number from -2 to 2"):
+        Calibration(type=3, start=2.1).check("c", LIMITS, MOTOR)
+    Calibration(type=3, start=2.0).check("c", LIMITS, MOTOR)
+    Calibration(type=12, start=2.1).check("c", LIMITS, MOTOR)
+
+
+def test_damping_that_goes_with_a_stiffness() -> None:
+    """1.5 √(k J_max), at most 400/s × J_min and the largest of the joint."""
+    one = joint(
+        "j",
+        inertia_min=0.5,
+        inertia_mean=1.0,
+        inertia_max=4.0,
+        impedance=Impedance(stiffness=0, damping=0, max_stiffness=1e9, max_damping=190.0),
+    )
+    assert spring_damping(100.0, 4.0) == pytest.approx(30.0)
+    assert damping_for(100.0, one) == pytest.approx(30.0)
+    assert damping_for(1e6, one) == pytest.approx(190.0)
+    light = replace(one, inertia_min=0.1)
+    assert damping_for(1e6, light) == pytest.approx(40.0)
+    assert light.impedance.max_damping > 40.0
+
+
+def test_the_set_points_of_a_joint_s_drive() -> None:
+    """S1: PWM where none is named; which loop runs where follows from them."""
+    assert joint("j").takes == (SetPoint.PWM,)
+    use = joint("j").drive_use
+    assert use.set_points == ("pwm",)
+    assert {use.position, use.impedance, use.torque, use.current, use.output} == {"pwm"}
+    assert use.on_silence == "free"
+    both = joint("j", drive=(SetPoint.TORQUE, SetPoint.POSITION), on_silence=OnSilence.DAMPED)
+    assert both.takes == (SetPoint.TORQUE, SetPoint.POSITION)
+    assert both.drive_use.set_points == ("torque", "position")
+    assert both.drive_use.position == "position"
+    assert both.drive_use.torque == "torque"
+    assert both.drive_use.output is None
+    assert both.drive_use.on_silence == "damped"
+    assert M.OPENLOOP not in both.control_modes
+    assert M.TORQUE in both.control_modes
+    only = joint("j", drive=(SetPoint.POSITION,))
+    assert only.interaction_modes == (InteractionMode.STIFF,)
+    assert M.TORQUE not in only.control_modes

@@ -225,17 +225,6 @@ def test_a_move_over_parts_ends_where_one_faults() -> None:
     assert "finger" in outcome.message
 
 
-def test_a_joint_is_in_one_part_only() -> None:
-    """R1, and what the parts share."""
-    pair = board_config(joint("a"), joint("b"))
-    with pytest.raises(ConfigError, match=r"'b' .*each joint in one part; left has it"):
-        joined({"left": pair, "right": board_config(joint("b"))})
-    with pytest.raises(ConfigError, match=r"parts.right.control_rate"):
-        joined({"left": pair, "right": board_config(joint("c"), control_rate=1000.0)})
-    with pytest.raises(ConfigError, match="at least one part"):
-        joined({})
-
-
 def test_the_config_follows_the_parts() -> None:
     """New limits of a part count for what the robot checks, too."""
     rig = started()
