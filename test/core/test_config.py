@@ -13,6 +13,7 @@ from rig import LIMITS, MOTOR, board_config, joint, plain
 
 from control_board_ros.core.config.config import (
     BoardConfig,
+    Brake,
     Calibration,
     ConfigError,
     Impedance,
@@ -22,6 +23,7 @@ from control_board_ros.core.config.config import (
     damping_for,
     spring_damping,
 )
+from control_board_ros.core.model.coupling import Coupling
 from control_board_ros.core.terms.drives import OnSilence, SetPoint
 from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
@@ -299,3 +301,27 @@ def test_the_set_points_of_a_joint_s_drive() -> None:
     only = joint("j", drive=(SetPoint.POSITION,))
     assert only.interaction_modes == (InteractionMode.STIFF,)
     assert M.TORQUE not in only.control_modes
+
+
+@pytest.mark.parametrize("shared", ["a", "b"])
+def test_an_axis_that_shares_motors_has_neither_brake_nor_drive_of_its_own(shared: str) -> None:
+    """Y3: motor 1 moves axes a and b; c has its own."""
+    names = ("a", "b", "c")
+    coupling = Coupling(names, names, ((1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 0.0, 2.0)))
+
+    def made(own: str, **changes: Any) -> BoardConfig:
+        joints = [joint(name, **(changes if name == own else {})) for name in names]
+        return board_config(*joints, motor_coupling=coupling)
+
+    with pytest.raises(ConfigError) as error:
+        made(shared, brake=Brake(present=True))
+    text = "false: its motors are coupled with those of other axes"
+    assert (error.value.key, error.value.allowed) == (f"{shared}.brake.present", text)
+    with pytest.raises(ConfigError) as error:
+        made(shared, drive=(SetPoint.TORQUE,))
+    text = "[pwm], or empty: its motors are coupled with those of other axes"
+    assert (error.value.key, error.value.value) == (f"{shared}.drive", ["torque"])
+    assert error.value.allowed == text
+    plain = [joint("c"), joint("a"), joint("b")]
+    assert board_config(*plain, motor_coupling=None).motor_coupling is None
+    assert made(shared, drive=(SetPoint.PWM,)).motor_coupling is coupling

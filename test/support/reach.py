@@ -12,7 +12,7 @@ import json
 import sys
 import time
 from bisect import bisect_right
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import accumulate
@@ -160,7 +160,7 @@ class Reach:
         calls of its function; of a line that importing runs, all.
 
         First those that are about it, for the time that they take: tests that reach lines around
-        it which few others reach; of a function with many parameters one after all functions.
+        it which few others reach; the time of one with many parameters is that of all before it.
 
         A line that no test was seen to reach counts as the line before it.
 
@@ -171,8 +171,11 @@ class Reach:
         asked, line = line, self._seen(module, line)
         about = self._about(module, line)
 
-        def place(test: str) -> float:
-            return -(about.get(test, 0.0) + SLIGHT) / (self.seconds[test] + OVERHEAD)
+        def gain(test: str) -> float:
+            return about.get(test, 0.0) + SLIGHT
+
+        def cost(test: str) -> float:
+            return self.seconds[test] + OVERHEAD
 
         found = set(self.lines.get(module, {}).get(line, ()))
         if line and line not in self.imported.get(module, ()):
@@ -180,7 +183,13 @@ class Reach:
             found.update(*(tests for (first, last), tests in spans if first <= asked <= last))
         else:
             found.update(self.seconds)
-        return spread(sorted(found, key=place))
+        spent: defaultdict[str, float] = defaultdict(float)
+        places = []
+        for test in sorted(found, key=lambda test: cost(test) / gain(test)):
+            function = test.partition("[")[0]
+            spent[function] += cost(test)
+            places.append((spent[function] / gain(test), test))
+        return [test for _, test in sorted(places)]
 
     def at_import(self, module: str, line: int) -> bool:
         """Whether importing runs this line (0: a row added at the end)."""
@@ -204,17 +213,6 @@ class Reach:
                 for test in tests:
                     found[test] += 1.0 / len(tests)
         return found
-
-
-def spread(tests: list[str]) -> list[str]:
-    """These tests, the first of each function before the second of any."""
-    seen: Counter[str] = Counter()
-    rounds = []
-    for test in tests:
-        function = test.partition("[")[0]
-        rounds.append((seen[function], test))
-        seen[function] += 1
-    return [test for _, test in sorted(rounds, key=lambda one: one[0])]
 
 
 def interval(killed: int, tried: int) -> tuple[float, float]:
