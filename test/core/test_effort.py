@@ -3,13 +3,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from control_board_ros.core.laws.control import Controller
+from control_board_ros.core.laws.trajectory import SAMPLES, SHARE, STRETCHES, Effort
 from control_board_ros.core.state import StateArrays
 from control_board_ros.simulation import Simulation
 
@@ -76,3 +80,116 @@ def test_no_durations_by_torques_that_are_not_known(panda: Simulation) -> None:
     for board, known in ((config, True), (doubtful, False)):
         efforts = Controller(board, StateArrays(board)).efforts
         assert [one is not None for one in efforts] == [known] * len(efforts)
+
+
+# --- what the arm's model is told, with an arm that only listens ----------------------------------
+
+
+class Listening:
+    """An arm whose excess is what the test says, one look after the other."""
+
+    def __init__(self, *excess: float) -> None:
+        self.bodies = [SimpleNamespace() for _ in range(3)]
+        self.excesses, self.looks = list(excess), list[int]()
+
+    def excess(self, samples: int) -> float:
+        self.looks.append(samples)
+        return self.excesses.pop(0) if self.excesses else 0.0
+
+
+def joint(**changes: Any) -> SimpleNamespace:
+    """A joint of the laws, at rest at 0.1 rad."""
+    given = {
+        "calibrated": True,
+        "max_output": 80.0,  # %
+        "percent_per_volt": 2.0,  # 40 V
+        "torque_per_ampere": 5.0,
+        "ohms": 0.5,
+        "emf": 4.0,
+        "max_torque": 60.0,
+        "lower": -1.0,
+        "upper": 2.0,
+        "ramp_velocity": 0.0,
+        "moving": False,
+        "reference": 0.1,
+        "moved_velocity": 0.2,
+        "period": 0.01,
+        "move_cycles": 30.0,
+        "move_start": -0.3,
+        "move_velocity": 0.7,
+        "move_target": 0.9,
+        "move_time": 1.5,
+        "brake_time": 0.25,
+    }
+    return SimpleNamespace(**(given | changes))
+
+
+def effort(arm: Listening, *joints: SimpleNamespace, first: int = 0) -> Effort:
+    return Effort(arm, joints, first)  # type: ignore[arg-type]
+
+
+def test_what_the_model_is_told_of_motors_and_of_moves_under_way() -> None:
+    """0.9 of a motor's torque, falling with its speed; a move at its present time."""
+    arm = Listening()
+    effort(arm, joint(), joint(moving=True), joint(ramp_velocity=0.4)).stretched(
+        [], [], lambda _: []
+    )
+    for body in arm.bodies:
+        assert body.limit == pytest.approx(0.9 * 60.0)
+        assert body.stall == pytest.approx(SHARE * 40.0 * 10.0)
+        assert body.fading == pytest.approx(SHARE * 4.0 * 10.0)
+        assert (body.lower, body.upper) == (-1.0, 2.0)
+    rest, moves, drifts = arm.bodies
+    for body in (rest, drifts):
+        assert (body.start, body.target) == (0.1, 0.1)
+        assert [body.start_velocity, body.time, body.brake, body.past] == [0.0] * 4
+    assert [body.drift for body in arm.bodies] == [0.0, 0.0, 0.4]
+    assert (moves.start, moves.start_velocity, moves.target) == (-0.3, 0.7, 0.9)
+    assert (moves.time, moves.brake) == (1.5, 0.25)
+    assert moves.past == pytest.approx(0.3)
+
+
+def test_what_the_model_is_told_of_moves_that_begin() -> None:
+    """From the reference and its velocity; numbers are the board's."""
+    arm = Listening()
+    plan = [(2.0, 0.5), (3.0, 0.0)]
+    made = effort(arm, joint(), joint(), joint(reference=0.6), first=10)
+    assert made.stretched([12, 10], [1.0, -1.0], lambda _: plan) == (1.0, plan)
+    last, first = arm.bodies[2], arm.bodies[0]
+    assert (last.start, last.start_velocity, last.target) == (0.6, 0.2, 1.0)
+    assert (last.time, last.brake, last.past) == (2.0, 0.5, 0.0)
+    assert (first.start, first.target, first.time, first.brake) == (0.1, -1.0, 3.0, 0.0)
+    assert arm.bodies[1].time == 0.0
+    assert arm.looks == [SAMPLES]
+
+
+def test_moves_are_stretched_until_they_fit() -> None:
+    """Torque falls with the square of the factor; at least 2 % at a time."""
+    asked = []
+
+    def plan(factor: float) -> list[tuple[float, float]]:
+        asked.append(factor)
+        return [(2.0 * factor, 0.0)]
+
+    arm = Listening(4.0, 1.01, 1.0)
+    factor, moves = effort(arm, *[joint()] * 3).stretched([1], [1.0], plan)
+    assert factor == pytest.approx(2.0 * 1.02)
+    assert moves == [(2.0 * factor, 0.0)]
+    assert asked == pytest.approx([1.0, 2.0, 2.04])
+    assert arm.bodies[1].time == pytest.approx(2.0 * 2.04)
+    assert arm.looks == [SAMPLES] * 3
+
+
+def test_stretching_ends() -> None:
+    arm = Listening(*[4.0] * 100)
+    factor, _ = effort(arm, *[joint()] * 3).stretched([1], [1.0], lambda f: [(f, 0.0)])
+    assert factor == pytest.approx(2.0**STRETCHES)
+    assert len(arm.looks) == STRETCHES
+
+
+@pytest.mark.parametrize("unknown", [0, 1, 2])
+def test_an_arm_with_a_joint_whose_angle_is_not_known_is_not_looked_at(unknown: int) -> None:
+    joints = [joint(calibrated=k != unknown) for k in range(3)]
+    arm = Listening(math.inf)
+    assert effort(arm, *joints).stretched([1], [1.0], lambda f: [(f, 0.0)]) == (1.0, [(1.0, 0.0)])
+    assert arm.looks == []
