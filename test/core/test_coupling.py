@@ -218,3 +218,47 @@ def test_an_axis_has_what_its_motors_can_give() -> None:
     torques = SHOULDER.axis_torques(mix.pwm - SHOULDER.velocities(speed))
     assert output - speed == pytest.approx(torques)
     assert output.max() < 300.0
+
+
+def test_a_linkage_that_turns_right_round() -> None:
+    """Its ground is the shortest link: the rocker follows all round, told from −π to π."""
+    bar = FourBar(ground=10.0, crank=30.0, coupler=30.0, rocker=25.0, zero=0.3)
+    turns = np.linspace(-2.0 * np.pi, 2.0 * np.pi, 2001)
+    values = bar.value(turns)
+    assert np.isfinite(values).all()
+    assert values.min() >= -np.pi
+    assert values.max() < np.pi
+    whole = np.unwrap(values)
+    assert np.abs(np.diff(whole)).max() < 0.05
+    assert abs(whole[-1] - whole[0]) == pytest.approx(4.0 * np.pi)
+    assert values[1000] == 0.0
+
+
+def test_a_motor_of_its_own_beside_coupled_ones() -> None:
+    """Y3: its output and its power are those of its axis."""
+    names = ("a", "b", "c")
+    coupling = Coupling(names, names, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 2.0)))
+    ones = np.ones(3)
+    mix = MotorMix(coupling, ones, ones, ones, ones)
+    for on in (1.0, 0.0):
+        mix.drive(np.array([7.0, 1.0, 1.0]), np.zeros(3), np.array([on, 1.0, 1.0]), 90.0 * ones)
+        assert (mix.pwm[0], mix.powered[0]) == (7.0, on)
+    currents = np.array([3.0, 4.0, 5.0])
+    mix.axis_currents(currents)
+    assert currents.tolist() == pytest.approx([3.0, 4.0 - 5.0, 2.0 * 5.0])
+
+
+def test_one_motor_at_its_bound_is_enough() -> None:
+    """Y3: of unlike motors; the outputs of the axes become what acts on them."""
+    names = ("a", "b")
+    torque, ohms = np.array([1.0, 4.0]), np.array([2.0, 1.0])
+    emf, percent = np.array([0.5, 0.25]), np.array([2.0, 3.0])
+    coupling = Coupling(names, names, ((1.0, 0.0), (1.0, 1.0)))
+    mix = MotorMix(coupling, torque, ohms, emf, percent)
+    speed = np.array([0.3, -0.2])
+    output = np.array([4.0, 60.0])
+    mix.drive(output, speed, np.ones(2), np.array([90.0, 20.0]))
+    assert np.abs(mix.pwm)[1] == 20.0
+    currents = (mix.pwm / percent - emf * coupling.velocities(speed)) / ohms
+    torques = coupling.axis_torques(torque * currents)
+    assert output == pytest.approx(percent * (ohms / torque * torques + emf * speed))

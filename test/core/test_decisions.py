@@ -28,6 +28,7 @@ from control_board_ros.core.machine.explanations import (
     explain_feedforward,
     explain_reference,
     explain_stop,
+    range_text,
 )
 from control_board_ros.core.terms.faults import Cause, FaultCode, FaultRecord
 from control_board_ros.core.terms.modes import (
@@ -242,3 +243,29 @@ def test_feedforward(mode: ControlMode) -> None:
         if mode is M.CALIBRATING
         else ""
     )
+
+
+@pytest.mark.parametrize("joint_", [FULL, POOR], ids=["full", "poor"])
+@pytest.mark.parametrize("kind", CommandKind)
+def test_a_reference_that_the_mode_does_not_accept(joint_: Any, kind: CommandKind) -> None:
+    """M4: of another mode that the joint has, or of none."""
+    has = {k for mode in joint_.control_modes for k in ACCEPTS.get(mode, ())}
+    why = Reason.OTHER_MODE if kind in has else Reason.UNSUPPORTED
+    found = decide_reference(facts(M.IDLE, joint=joint_), kind, (0.0,))
+    assert found == Verdict(Answer.IGNORED, why)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_one_value_that_is_no_number_is_enough(bad: float) -> None:
+    """P13: of a reference and of feed-forward, wherever it is among them."""
+    for values in ((bad, 0.0), (0.0, bad), (bad, bad)):
+        found = decide_reference(facts(M.POSITION), CommandKind.POSITION, values)
+        assert found.reason is Reason.NOT_FINITE
+        assert decide_feedforward(facts(M.POSITION), values).reason is Reason.NOT_FINITE
+    assert not decide_feedforward(facts(M.POSITION), (0.0, 1.0)).reason
+
+
+def test_a_range_is_written_so_that_its_end_and_the_value_differ() -> None:
+    assert range_text("speed", 3.5, 3.0) == "speed must be above 0 and up to 3, not 3.5"
+    text = range_text("speed", 3.0000000001, 3.0)
+    assert text == "speed must be above 0 and up to 3, not 3.0000000001"

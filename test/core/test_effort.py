@@ -82,7 +82,7 @@ def test_no_durations_by_torques_that_are_not_known(panda: Simulation) -> None:
         assert [one is not None for one in efforts] == [known] * len(efforts)
 
 
-# --- what the arm's model is told, with an arm that only listens ----------------------------------
+# --- what the arm's model is told, with an arm that only listens ---------------------------------
 
 
 class Listening:

@@ -6,20 +6,26 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from rig import MOTOR, RATE, Held, Rig, board_config, held, joint, ready
+from rig import MOTOR, RATE, Held, Rig, board_config, held, joint, plain, ready
 
+from control_board_ros.core.config.config import JointConfig, Timeouts
 from control_board_ros.core.config.parts import DEGREE
+from control_board_ros.core.model.coupling import Coupling
+from control_board_ros.core.state import StateArrays
 from control_board_ros.core.terms.faults import FaultCode
-from control_board_ros.core.terms.measurement import Row
+from control_board_ros.core.terms.measurement import CREDIBLE, ROWS, Row
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.core.terms.vocabs import ControlMode
 from control_board_ros.core.watch.causes import Check, bound_cause
 from control_board_ros.core.watch.fault_monitor import (
+    FaultMonitor,
     checked_limits,
     first_weight,
+    movers_of,
     travel_constants,
 )
 
@@ -259,3 +265,163 @@ def test_a_cause_is_told_in_the_units_of_the_joint(kind: str, check: Check, unit
     rig = ready(board_config(joint("left", kind=kind)))
     cause = bound_cause(check, rig.board.engine.monitor.joints[0], rig.config.joints[0], 900.0)
     assert re.findall(r"\d ?(rad|N·m|N|m)\b", cause.text)[-1] == units
+
+
+# What starts afresh, and what is watched of motors that are shared -----------------------------
+
+
+def watched(*joints: JointConfig, **changes: Any) -> FaultMonitor:
+    config = board_config(*joints, **changes)
+    return FaultMonitor(config, StateArrays(config))
+
+
+def test_the_forgetting_of_travel_errors() -> None:
+    """Half a second, in looks of eight cycles."""
+    watch = watched(joint("a"))
+    watch.joints[0].travel = 1.0
+    for _ in range(8):
+        watch.healthy(np.zeros((ROWS, 1)))
+    assert watch.joints[0].travel == pytest.approx(math.exp(-8.0 / RATE / 0.5))
+
+
+def test_a_board_without_an_emergency_stop_of_its_own_expects_no_heartbeat() -> None:
+    """E2."""
+    watch = watched(joint("a"))
+    stop = watch._emergency
+    stop.watch(0.0)
+    stop.watch(1e6)
+    assert not stop.holds
+    assert stop.timeout == 0.0
+
+
+def test_an_emergency_stop_is_a_fault_of_its_own() -> None:
+    """E2: with its reasons, and the way out."""
+    rig = held(joint("a"), joint("b"))
+    rig.board.engine.emergency.ask(True)
+    rig.tick()
+    assert rig.modes() == [M.HW_FAULT] * 2
+    fault = rig.board.get_faults("a")[0]
+    assert fault.code == FaultCode.EMERGENCY_STOP
+    assert fault.text == "emergency stop, requested"
+
+
+def test_a_power_on_starts_the_watch_of_its_joints_afresh() -> None:
+    """N1: nothing is bounded until the joint is configured; others go on."""
+    watch = watched(joint("a"), joint("b"))
+    watch.arm([0, 1], on=True, calibrated=np.array([True, True]))
+    watch.travelled[:] = watch.used[:] = 0.5
+    for one in watch.joints:
+        one.hot = True
+    assert [list(watch.warnings(j)) for j in (0, 1)] == [["temperature"]] * 2
+    before = watch.joints[:]
+    watch.power_on([0])
+    assert watch.joints[0] is not before[0]
+    assert watch.joints[1] is before[1]
+    assert watch.travelled.tolist() == watch.used.tolist() == [0.0, 0.5]
+    assert math.isinf(watch.joints[0].max_travel)
+    assert watch.joints[0].max_current == CREDIBLE
+    assert watch.joints[1].max_current == 25.0
+    watch.joints[0].hot = True
+    assert list(watch.warnings(0)) == ["temperature"]
+    assert watch.warnings(1) == {}
+
+
+def test_a_warning_is_told_once_until_its_cause_was_gone() -> None:
+    """F6."""
+    watch = watched(joint("a"))
+    one = watch.joints[0]
+    told = []
+    for hot in (True, True, False, True):
+        one.hot = hot
+        told.append(bool(watch.warnings(0)))
+    assert told == [True, False, False, True]
+
+
+def test_news_are_told_once() -> None:
+    watch = watched(joint("a"))
+    assert not watch.has_news()
+    watch.monitor.news = True
+    assert watch.has_news()
+    assert not watch.has_news()
+
+
+def test_the_first_position_after_arming_may_be_any() -> None:
+    """N1: there is none before it that counts."""
+    watch = watched(joint("a"))
+    watch.joints[0].lowest = watch.joints[0].highest = 7.0
+    watch.arm([0], on=True, calibrated=np.array([True]))
+    assert (watch.joints[0].lowest, watch.joints[0].highest) == (-math.inf, math.inf)
+    assert math.isfinite(watch.joints[0].max_overrun)
+    watch.bound(0, on=True, calibrated=False)
+    assert math.isinf(watch.joints[0].max_overrun)
+
+
+def test_the_bridges_of_coupled_motors() -> None:
+    """Y3: told once for each change; a change of an axis's power is one, too."""
+    watch = watched(joint("a"), joint("b"))
+    watch.feed(np.array([1.0, 0.0]))
+    assert [one.fed for one in watch.joints] == [1.0, 0.0]
+    watch.power([0], np.array([0.0, 0.0]))
+    assert [one.fed for one in watch.joints] == [0.0, 0.0]
+    watch.feed(np.array([1.0, 0.0]))
+    assert [one.fed for one in watch.joints] == [1.0, 0.0]
+    watch.feed(np.array([0.0, 1.0]))
+    assert [one.fed for one in watch.joints] == [0.0, 1.0]
+
+
+def test_a_fault_forgets_the_travel_that_led_to_it() -> None:
+    """F1: of its own joint."""
+    watch = watched(joint("a"), joint("b"))
+    for one in watch.joints:
+        one.travel, one.slipped = 0.5, True
+    watch.forget(0)
+    assert [one.travel for one in watch.joints] == [0.0, 0.5]
+
+
+def test_the_motors_that_move_an_axis() -> None:
+    """Y3: but its own; none where each has its own."""
+    names = ("a", "b", "c")
+    plain = board_config(*map(joint, names))
+    assert movers_of(plain) == {}
+    rows = ((1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 0.0, 2.0))
+    coupled = board_config(*map(joint, names), motor_coupling=Coupling(names, names, rows))
+    assert movers_of(coupled) == {0: [1]}
+
+
+def test_constants_of_a_motor_s_travel() -> None:
+    """Per percent, per ampere, and the middle between hard limits that are known."""
+    one = joint("a", limits={"hard_lower": -1.0, "hard_upper": 3.0, "lower": -0.5})
+    found = travel_constants(one, 0.002)
+    emf = MOTOR.back_emf
+    assert found["travel_per_output"] == pytest.approx(MOTOR.supply_voltage / 100 / emf * 0.002)
+    assert found["middle"] == 1.0
+    endless = {"hard_lower": -math.inf, "hard_upper": math.inf}
+    assert travel_constants(joint("a", limits=endless), 0.002)["middle"] == 0.0
+
+
+def test_limits_of_the_checks() -> None:
+    """Of a joint that senses its torque; of another one any credible torque is good."""
+    one = joint("a", limits={"hard_margin": 0.05}, timeouts=Timeouts(encoder=0.03))
+    found = checked_limits(one, 0.002)
+    assert found["max_alarm"] == 0.0
+    assert found["max_current"] == 25.0
+    assert found["max_encoder_age"] == 0.03
+    assert found["max_torque_age"] == 0.02
+    assert found["max_torque"] == 6000.0
+    assert found["max_temperature"] == 120.0
+    assert found["max_travel"] == pytest.approx(one.max_travel_error + 2.0 * 3.0 * 1e-3)
+    assert found["max_overrun"] == pytest.approx(2.2 + 0.05)
+    assert found["max_overload"] == pytest.approx((625.0 - 100.0) * 2.0)
+    bare = checked_limits(plain("b"), 0.002)
+    assert bare["max_torque"] == bare["max_torque_age"] == CREDIBLE
+
+
+def test_how_far_a_winding_must_cool() -> None:
+    """F6: below the limit by its hysteresis; below 0.8 of the budget of I²t."""
+    watch = watched(joint("a", limits={"temperature_hysteresis": 15.0}), joint("b"))
+    watch.arm([0, 1], on=True, calibrated=np.array([True, True]))
+    watch.let_cool(0, FaultCode.OVERHEATING)
+    watch.let_cool(1, FaultCode.I2T)
+    a, b = watch.joints
+    assert (a.max_temperature, a.max_overload) == (105.0, a.budget)
+    assert (b.max_temperature, b.max_overload) == (120.0, 0.8 * b.budget)

@@ -86,8 +86,10 @@ def test_the_frame_is_of_the_last_fault(recorder: Recorder) -> None:
     recorder.frames.fault(1)
     recorder.note(KEPT_AFTER - 2)
     recorder.frames.fault(0)
-    recorder.note(300)
     second = 50 + KEPT_AFTER - 2
+    recorder.note(5)  # the first one would be complete by now
+    recorder.check(0, second + 5 - KEPT, second + 5)
+    recorder.note(300)
     recorder.check(0, second - KEPT_BEFORE, second + KEPT_AFTER)
     recorder.check(1, 50 - KEPT_BEFORE, 50 + KEPT_AFTER)
     recorder.frames.fault(1)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from control_board_ros.core.terms.reply import (
     Answer,
     JointAnswer,
+    Reason,
     Reply,
     accepted,
     decided,
@@ -63,3 +64,31 @@ def test_it_prints_as_one_line() -> None:
     assert str(refused("joint 'x' unknown")) == "joint 'x' unknown"
     some = decided(("a", "b"), [FINE, JointAnswer(Answer.REFUSED, "b is CALIBRATING")])
     assert str(some) == "b is CALIBRATING"
+
+
+def test_each_joint_by_itself() -> None:
+    """Without texts and codes where a reply has none."""
+    plain = accepted(("a", "b")).each()
+    assert plain == [JointAnswer(Answer.ACCEPTED, "", Reason.NONE)] * 2
+    answers = [FINE, JointAnswer(Answer.REFUSED, "no b", Reason.IN_FAULT)]
+    assert decided(("a", "b"), answers).each() == answers
+    textual = decided(("a", "b"), [FINE, JointAnswer(Answer.REFUSED, "no b")])
+    assert textual.codes == ()
+    assert [one.code for one in textual.each()] == [Reason.NONE] * 2
+
+
+def test_what_failed_with_others_comes_last() -> None:
+    """M7: the joint that is the cause is named first."""
+    together = JointAnswer(Answer.REFUSED, "a: as b is refused", Reason.TOGETHER)
+    cause = JointAnswer(Answer.REFUSED, "b is in HW_FAULT", Reason.IN_FAULT)
+    reply = decided(("a", "b"), [together, cause])
+    assert reply.message == "b is in HW_FAULT; a: as b is refused"
+    assert reply.reasons == ("a: as b is refused", "b is in HW_FAULT")
+    assert reply.codes == (Reason.TOGETHER, Reason.IN_FAULT)
+
+
+def test_three_reasons_are_all() -> None:
+    reply = decided(("a", "b", "c"), [JointAnswer(Answer.REFUSED, f"no {n}") for n in "abc"])
+    assert reply.message == "no a; no b; no c"
+    more = decided(tuple("abcd"), [JointAnswer(Answer.REFUSED, f"no {n}") for n in "abcd"])
+    assert more.message == "no a; no b; no c (and 1 more)"

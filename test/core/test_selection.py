@@ -8,7 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control_board_ros.core.selection import REMEMBERED, RequestError, Selector, spread
+from control_board_ros.core.selection import (
+    REMEMBERED,
+    RequestError,
+    Selector,
+    all_within,
+    automatic,
+    by_hand,
+    control_modes,
+    finite,
+    interaction_modes,
+    loop_of,
+    spread,
+)
+from control_board_ros.core.terms.motors import Loop
+from control_board_ros.core.terms.reply import Reason
+from control_board_ros.core.terms.vocabs import BrakeMode, ControlMode, InteractionMode
 
 NAMES = ("shoulder", "elbow", "wrist")
 
@@ -104,3 +119,88 @@ def test_a_long_unknown_name_is_cut() -> None:
     for length, shown in ((64, "x" * 64), (65, "x" * 64 + "…")):
         with pytest.raises(RequestError, match=f"joint '{shown}' unknown"):
             Selector(NAMES).select("x" * length)
+
+
+@pytest.mark.parametrize(("count", "told"), [(16, "joint_15"), (17, "joint_15, …")])
+def test_sixteen_joints_are_listed(count: int, told: str) -> None:
+    names = tuple(f"joint_{i}" for i in range(count))
+    with pytest.raises(RequestError) as error:
+        Selector(names).select("nose")
+    assert str(error.value).endswith(told)
+
+
+def test_one_value_that_is_not_finite_is_enough() -> None:
+    assert finite(np.array([1.0, 2.0]), "angles").tolist() == [1.0, 2.0]
+    for values in ([1.0, np.nan], [-np.inf, 1.0], [np.nan, np.nan]):
+        with pytest.raises(RequestError, match="angles must be finite numbers") as error:
+            finite(np.array(values), "angles")
+        assert error.value.code is Reason.NOT_FINITE
+
+
+MOST = np.array([1.0, 2.0, 3.0])
+
+
+def within(joints: Any, values: Any, *, zero: bool = False) -> list[float]:
+    """Values of a request for joints whose most are 1, 2 and 3."""
+    found = all_within(Selector(NAMES).select(joints), "speed", values, MOST, zero=zero)
+    return found.tolist()
+
+
+def test_values_up_to_the_most_of_each_joint() -> None:
+    """One goes to all of them, also as a list."""
+    assert within(["wrist", "shoulder"], [3.0, 1.0]) == [3.0, 1.0]
+    assert within(None, 1.0) == within(None, [1.0]) == [1.0] * 3
+    assert within(None, 0.0, zero=True) == [0.0] * 3
+
+
+@pytest.mark.parametrize(
+    ("values", "zero", "text", "code"),
+    [
+        ([1.0, 2.1], False, "speed 2.1 of elbow is not allowed; send a number above 0, up to 2",
+         Reason.OUT_OF_RANGE),
+        ([0.0, 2.0], False, "speed 0 of shoulder is not allowed; send a number above 0, up to 1",
+         Reason.OUT_OF_RANGE),
+        ([0.0, -0.1], True, "speed -0.1 of elbow is not allowed; send a number from 0 to 2",
+         Reason.OUT_OF_RANGE),
+        ([1.0, np.nan], True, "speed nan of elbow is not allowed; send a number from 0 to 2",
+         Reason.NOT_FINITE),
+        ([np.inf, 1.0], False, "speed inf of shoulder is not allowed; send a number above 0, up "
+         "to 1", Reason.NOT_FINITE),
+    ],
+)  # fmt: skip
+def test_a_value_beyond_the_most(values: list[float], zero: bool, text: str, code: Reason) -> None:
+    with pytest.raises(RequestError) as error:
+        within(["shoulder", "elbow"], values, zero=zero)
+    assert str(error.value) == text
+    assert error.value.code is code
+
+
+def test_modes_of_a_request() -> None:
+    """One for all of them, as a list, too; a status cannot be set."""
+    assert control_modes("pos", 2) == control_modes(["pos"], 2) == [ControlMode.POSITION] * 2
+    assert control_modes(ControlMode.IDLE, 1) == [ControlMode.IDLE]
+    assert control_modes(["vel", "pos"], 2) == [ControlMode.VELOCITY, ControlMode.POSITION]
+    assert interaction_modes("comp", 3) == [InteractionMode.COMPLIANT] * 3
+    with pytest.raises(RequestError, match="3 modes for 2 joints; send one mode per named joint"):
+        control_modes(["pos"] * 3, 2)
+    with pytest.raises(RequestError, match="2 modes for 1 joint;"):
+        control_modes(["pos"] * 2, 1)
+    with pytest.raises(RequestError, match=r"hwfa \(HW_FAULT\) is a status .* one of pos, "):
+        control_modes("hwfa", 1)
+
+
+def test_ways_to_work_brakes() -> None:
+    automatically, closed, opened = BrakeMode.AUTOMATIC, BrakeMode.CLOSED, BrakeMode.OPEN
+    assert by_hand(True) == by_hand(np.bool_(True)) == [closed]  # type: ignore[arg-type]
+    assert by_hand([False, True]) == [opened, closed]
+    assert automatic(True, [True, False]) == [automatically] * 2
+    assert automatic(False, [True, False]) == [closed, opened]
+    assert automatic([True, False], [False, False]) == [automatically, opened]
+    with pytest.raises(RequestError, match="1 flags for 2 joints; send one, or one each"):
+        automatic([True], [True, False])
+
+
+def test_loops_by_their_names() -> None:
+    assert [loop_of(str(loop)) for loop in Loop] == list(Loop)
+    with pytest.raises(RequestError, match=r"loop 'x{32}' unknown; one of position, "):
+        loop_of("x" * 40)

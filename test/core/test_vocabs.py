@@ -169,3 +169,9 @@ def test_a_mode_is_its_number_to_comparison_and_hash() -> None:
         assert hash(mode) == hash(number)
         assert {number: 1}[mode] == {mode: 1}[number] == 1
         assert {"pos": 1}.get(mode) is None  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize(("length", "shown"), [(32, "x" * 32), (33, "x" * 32 + "…")])
+def test_a_long_unknown_mode_is_cut(length: int, shown: str) -> None:
+    with pytest.raises(ValueError, match=f"control mode '{shown}' unknown"):
+        parse_control_mode("x" * length)
