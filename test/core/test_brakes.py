@@ -267,3 +267,19 @@ def test_each_time_it_closes_a_slip_is_told_of() -> None:
         made.state.position[0] += DEGREE
         made.until(order + 20)
     assert len(made.reports) == 2
+
+
+def test_one_joint_that_waits_for_its_brake_is_enough() -> None:
+    """Y4: another one, asked for power meanwhile, does not hide it."""
+    made = Made()
+    config = board_config(*(replace(made.config.joints[0], name=name) for name in "ab"))
+    made.config, made.state = config, StateArrays(config)
+    made.controller = Controller(config, made.state)
+    made.state.control_modes[:] = [M.IDLE, M.IDLE]
+    made.brakes = Brakes(cast("Any", made))
+    made.run()
+    made.brakes.admit([0], STOP)
+    made.brakes.admit([1], RUN)
+    assert made.brakes.holding
+    made.until(made.state.cycle + CLOSES)
+    assert not made.brakes.holding

@@ -14,9 +14,12 @@ from joints import OneJoint, gains, outputs, resting
 from rig import LIMITS, MOTOR, board_config, joint
 
 from control_board_ros.core.config.config import BoardConfig, Impedance, Pid
+from control_board_ros.core.config.layout import zones_of
 from control_board_ros.core.laws.control import Controller, set_constants, set_gains
 from control_board_ros.core.state import StateArrays
+from control_board_ros.core.terms.drives import SetPoint
 from control_board_ros.core.terms.modes import Law
+from control_board_ros.settings.loading import load
 
 PERIOD = 0.001
 LOOPS = {"position_pid": Law.POSITION, "torque_pid": Law.TORQUE, "current_pid": Law.TORQUE}
@@ -254,3 +257,42 @@ def test_at_power_on_no_reference_is_taken() -> None:
     state.accepts[:] = True
     state.power_on(range(2))
     assert not state.accepts.any()
+
+
+@pytest.mark.parametrize(
+    ("pid", "pursuit"),
+    [
+        (Pid(kp=100.0, kd=1.0), 0.2 / 0.006),  # a fifth of period and delay
+        (Pid(kp=100.0, kd=10.0), 10.0),  # kp/kd, where that is slower
+        (Pid(kp=100.0, kd=0.5), 0.2 / 0.006),
+        (Pid(kp=100.0, kd=0.0), 0.2 / 0.006),
+    ],
+)
+def test_how_fast_a_velocity_drive_pursues_its_position(pid: Pid, pursuit: float) -> None:
+    """S2: velocity per error, 1/s."""
+    own = joint("a", drive=(SetPoint.VELOCITY,), drive_delay=0.004, position_pid=pid)
+    config = board_config(own)
+    (laws,) = Controller(config, StateArrays(config)).joints
+    assert laws.pursuit == pytest.approx(pursuit)
+
+
+def test_a_winding_s_time_is_its_inductance_over_its_resistance() -> None:
+    """S2: a = exp(−T R/L) leads by a/(1 − a) periods."""
+    own = joint("a", motor=replace(MOTOR, resistance=4.0, inductance=8e-3))
+    config = board_config(own)
+    (laws,) = Controller(config, StateArrays(config)).joints
+    a = math.exp(-config.period * 4.0 / 8e-3)
+    assert laws.lead == pytest.approx(a / (1.0 - a))
+    assert laws.lag == pytest.approx(8e-3 / 4.0 / config.period - a / (1.0 - a))
+
+
+def test_a_configured_payload_is_carried_from_the_start() -> None:
+    """G1: and after a power-on."""
+    config = load("panda", {"panda_joint7.payload.mass": 2.0}).board
+    assert config.model is not None
+    controller = Controller(config, StateArrays(config))
+    k = config.names.index("panda_joint7")
+    for _ in range(2):
+        assert controller._bodies[k][1].mass == pytest.approx(config.model.links[k].mass + 2.0)
+        (zone,) = zones_of(config)
+        controller.power_on(zone)

@@ -199,3 +199,15 @@ def test_new_durations_leave_alone_what_was_cancelled(timeouts: ReferenceTimeout
     timeouts.reconfigure(np.full((len(K), 3), 4.0))
     assert timeouts.expired(14).tolist() == [2]
     assert timeouts.expired(10**6) is None
+
+
+def test_a_power_on_forgets_what_was_accepted(made: Made) -> None:
+    """N1: and what users set; of its joints."""
+    references = made.references
+    references.last[:] = 5.0
+    references.speed[:] = references.acceleration[:] = 9.0
+    references.power_on([0], CONFIG)
+    own = CONFIG.joints[0]
+    assert references.last.T.tolist() == [[0.0] * len(K), [5.0] * len(K)]
+    assert references.speed.tolist() == [own.reference_speed, 9.0]
+    assert references.acceleration.tolist() == [own.reference_acceleration, 9.0]

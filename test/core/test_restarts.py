@@ -12,7 +12,7 @@ from rig import STIFF, Held, M, Rig, board_config, held, in_status, joint, ready
 
 from control_board_ros.core.config.config import Brake, Calibration, Pid, Timeouts
 from control_board_ros.core.terms.measurement import Row
-from control_board_ros.core.terms.vocabs import InteractionMode
+from control_board_ros.core.terms.vocabs import BrakeMode, InteractionMode
 
 COMPLIANT = InteractionMode.COMPLIANT
 
@@ -237,3 +237,61 @@ def test_an_overheated_joint_must_cool_down_under_new_limits_too() -> None:
     rig.plant.values[Row.TEMPERATURE, 0] = 109.0
     rig.tick(2)
     assert rig.board.set_control_mode("a", "fidl")
+
+
+def test_a_fault_by_heat_stays_one_when_its_joint_is_reconfigured() -> None:
+    """F6: the winding must cool below its hysteresis all the same."""
+    rig = held(joint("a"))
+    rig.enter("pos")
+    rig.plant.values[Row.TEMPERATURE] = 121.0
+    rig.tick(2)
+    rig.plant.values[Row.TEMPERATURE] = 115.0
+    rig.tick(10)
+    assert not rig.board.set_control_mode("a", "fidl")
+    changed(rig, "a", limits=replace(rig.board.config.joints[0].limits, velocity=2.0))
+    rig.tick(10)
+    assert not rig.board.set_control_mode("a", "fidl")
+    rig.plant.values[Row.TEMPERATURE] = 109.0
+    rig.tick(10)
+    assert rig.board.set_control_mode("a", "fidl")
+
+
+def test_a_fault_and_its_end_forget_the_travel_of_the_motor() -> None:
+    """F1: without power it shows nothing."""
+    rig = held(joint("a"))
+    rig.enter("pos")
+    one = rig.board.engine.monitor.joints[0]
+    one.travel = 0.01
+    rig.plant.values[Row.CURRENT] = 30.0
+    rig.tick()
+    assert rig.modes() == [M.HW_FAULT]
+    assert abs(one.travel) < 0.005
+    rig.plant.values[Row.CURRENT] = 0.0
+    rig.tick(3)
+    one.travel = 0.01
+    assert rig.board.set_control_mode("a", "fidl")
+    assert one.travel == 0.0
+
+
+def test_a_brake_works_by_itself_after_a_power_cycle() -> None:
+    """Y4, N1."""
+    rig = ready(board_config(joint("a", brake=Brake(present=True)), joint("b")))
+    assert rig.board.set_manual_brake_active("a", False)
+    rig.tick(50)
+    assert rig.board.engine.brakes.orders[0] == 0.0
+    rig.board.power_cycle()
+    assert rig.board.engine.brakes.orders[0] == 1.0
+    rig.tick(50)
+    assert rig.board.engine.brakes.mode(0) is BrakeMode.AUTOMATIC
+
+
+def test_a_velocity_that_times_out_comes_to_rest() -> None:
+    """P12: its ramp ends, and the joint holds."""
+    rig = ready(board_config(joint("a", timeouts=Timeouts(velocity=0.05))))
+    rig.enter("vel")
+    rig.board.velocity_move("a", 0.3)
+    rig.run(0.5)
+    before = rig.board.snapshot().position[0]
+    shown = rig.run(0.5)
+    assert shown.velocity_reference[0] == 0.0
+    assert shown.position[0] == pytest.approx(before, abs=1e-3)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from joints import OneJoint
 
 from control_board_ros.core.laws.trajectory import (
+    LONGER,
     NO_OVERSHOOT,
     PEAK,
     PEAK_ACCELERATION,
@@ -221,3 +222,42 @@ def test_ramp_arrives_and_never_passes(velocity: float, target: float, rate: flo
     assert np.abs(np.diff(way, prepend=velocity)).max() <= rate * PERIOD * (1 + 1e-9) + 1e-12
     assert np.all((way >= min(velocity, target) - 1e-12) & (way <= max(velocity, target) + 1e-12))
     assert way[-1] == pytest.approx(target, abs=1e-12)
+
+
+def test_a_move_goes_on_for_as_long_as_it_may() -> None:
+    """P1: shortened to 2.5 Δ/v0, or as the limits ask, 5 % at a time; never longer than that."""
+    assert durations(1.0, 0.1, 2.0, 6.0, 50.0) == (NO_OVERSHOOT * 0.5, 0.0)
+    assert durations(4.0, 10.0, 2.0, 60.0, 500.0)[0] == pytest.approx(0.4)  # as requested
+    soft = durations(1.0, 6.0, 1.0, 6.0, 9.0)
+    assert soft[1] == 0.0
+    least = duration(1.0, 6.0, 6.0, 9.0)
+    assert soft[0] == pytest.approx(least * LONGER ** round(math.log(soft[0] / least, LONGER)))
+    assert _fits(1.0, soft[0], 1.0, 0.0, 6.0, 9.0)
+    assert soft[0] == least or not _fits(1.0, soft[0] / LONGER, 1.0, 0.0, 6.0, 9.0)
+    # what fits at 2.5 Δ/v0 alone is tried there, though a step of 5 % would pass it
+    for acceleration in np.linspace(3.0, 60.0, 200):
+        time, brake = durations(1.0, 6.0, 1.0, 6.0, float(acceleration))
+        if _fits(1.0, NO_OVERSHOOT, 1.0, 0.0, 6.0, float(acceleration)):
+            assert (time <= NO_OVERSHOOT, brake) == (True, 0.0)
+        else:
+            assert brake > 0.0
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_what_is_braked_counts_as_way(way: float) -> None:
+    """P1: Δ − v0 T_b/2 is left of the move, whichever way it goes."""
+    speed, limits = 0.5, (6.0, 50.0)
+    time, brake = durations(-way, speed, way * 2.0, *limits)
+    assert brake >= 1.5 * 2.0 / 50.0
+    assert time == pytest.approx(duration(-way * (1.0 + brake), speed, *limits))
+
+
+def test_a_move_without_time_fits_nothing() -> None:
+    assert not _fits(0.0, 0.0, 0.0, 0.0, 6.0, 50.0)
+    assert not _fits(1.0, -1.0, 0.0, 0.0, 6.0, 50.0)
+
+
+def test_what_comes_after_the_end_of_a_move_is_at_rest() -> None:
+    """P1: braking may last longer than the move, which stays at its end meanwhile."""
+    assert _fits(0.35, 0.5, 1.0, 0.9, 6.0, 50.0)
+    assert not _fits(0.35, 0.5, 1.0, 0.02, 6.0, 50.0)

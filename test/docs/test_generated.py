@@ -3,38 +3,32 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
+from types import ModuleType
 
+import pytest
 from documents import ROOT
 
 from control_board_ros.settings.schema import BOARD, JOINT
 
 
-def generate(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "docs/generate.py", *arguments],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
+@pytest.fixture
+def generate(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    import generate
+
+    return generate
 
 
-def test_pages_say_what_the_program_does() -> None:
-    done = generate("--check")
-    assert done.returncode == 0, f"{done.stdout}{done.stderr}run: make docs"
+def test_pages_say_what_the_program_does(
+    generate: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = generate.main(["--check"])
+    assert code == 0, f"{capsys.readouterr().out}run: make docs"
 
 
-def test_a_stale_page_is_found(tmp_path: Path) -> None:
+def test_a_stale_page_is_found(generate: ModuleType, tmp_path: Path) -> None:
     """The check compares: it fails on a page that says something else."""
-    sys.path.insert(0, str(ROOT / "docs"))
-    try:
-        import generate
-    finally:
-        sys.path.remove(str(ROOT / "docs"))
     page = tmp_path / "page.md"
     assert generate.stale({page: "new"}) == [page]
     page.write_text("old")
