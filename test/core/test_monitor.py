@@ -1,0 +1,332 @@
+# SPDX-License-Identifier: Apache-2.0
+"""monitor.py alone: bounds, travel, overrun and heat of one joint, to the number (SPEC F1, F6)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from control_board_ros.core.terms.measurement import CREDIBLE
+from control_board_ros.core.watch.causes import ROWS_OF, Check
+from control_board_ros.core.watch.monitor import JointMonitor, Monitor
+
+SLOW, PERIOD, FORGET = 4, 0.01, 0.5
+ELAPSED = SLOW * PERIOD
+READINGS = [check.name.lower() for check in ROWS_OF]
+ROWS = ["joint_position", "joint_current", "output", "travelled", "used"]
+CONSTANTS = {
+    "travel_per_output": 0.01,
+    "travel_per_current": 0.1,
+    "travel_per_change": 0.05,
+    "middle": 0.0,
+    "nominal_squared": 4.0,
+    "budget": 10.0,
+    "warn_used": 0.8,
+    "warn_temperature": 100.0,
+    "max_alarm": 0.0,
+    "max_current": 8.0,
+    "max_encoder_age": 0.02,
+    "max_jump": 0.1,
+    "max_torque_age": 0.03,
+    "max_torque": 60.0,
+    "max_temperature": 120.0,
+    "max_travel": 1e9,
+    "max_overrun": 1e9,
+    "max_overload": 1e9,
+    "live": 1.0,
+    "fed": 1.0,
+}
+
+
+class Bench:
+    """One joint that reads 0 everywhere, at 25 °C, and what a test sets."""
+
+    def __init__(self, **constants: float) -> None:
+        self.one = JointMonitor()
+        self.one.set(CONSTANTS | constants)
+        self.rows = {name: np.zeros(1) for name in [*READINGS, *ROWS]}
+        self.rows["temperature"][0] = 25.0
+        self.monitor = Monitor(
+            [self.one],
+            [self.rows[name].data for name in READINGS],
+            [self.rows[name].data for name in ROWS],
+            SLOW,
+            PERIOD,
+            FORGET,
+        )
+
+    def step(self, cycles: int = 1, **readings: float) -> bool:
+        """Cycles with these readings, which stay; whether the joint is healthy then."""
+        for name, value in readings.items():
+            self.rows[name][0] = value
+        return [bool(self.monitor.step()) for _ in range(cycles)][-1]
+
+    def failed(self) -> Check | None:
+        found = self.one.failed()
+        return Check(found) if found else None
+
+
+def shows(**at: float) -> Bench:
+    """A bench after its first cycle, and the cycle of these readings."""
+    bench = Bench()
+    assert bench.step()
+    bench.step(**at)
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("reading", "most", "check"),
+    [
+        ("alarm", 0.0, Check.ALARM),
+        ("current", 8.0, Check.CURRENT),
+        ("encoder_age", 0.02, Check.ENCODER_AGE),
+        ("velocity", CREDIBLE, Check.VELOCITY),
+        ("torque_age", 0.03, Check.TORQUE_AGE),
+        ("torque", 60.0, Check.TORQUE),
+    ],
+)
+def test_each_reading_has_its_bound(reading: str, most: float, check: Check) -> None:
+    """Either way, and the bound itself is good; what is no number is beyond any."""
+    beyond = np.nextafter(most, np.inf)
+    for good in (most, -most):
+        bench = shows(**{reading: good})
+        assert bench.failed() is None
+        assert bench.step()
+    for bad in (beyond, -beyond, math.nan, math.inf, -math.inf):
+        bench = shows(**{reading: bad})
+        assert bench.failed() is check
+        assert not bench.step()
+
+
+def test_a_temperature_is_bounded_above() -> None:
+    for good in (120.0, -50.0, -CREDIBLE):
+        assert shows(temperature=good).failed() is None
+    for bad in (120.1, math.nan, math.inf, -math.inf, -1.1 * CREDIBLE):
+        assert shows(temperature=bad).failed() is Check.TEMPERATURE
+
+
+def test_the_first_cause_counts() -> None:
+    """In the order of Check, whatever else is wrong."""
+    bad = {"alarm": 3.0, "current": 9.0, "encoder_age": 1.0, "position": 5.0}
+    bad |= {"velocity": math.nan, "torque_age": 1.0, "torque": 99.0, "temperature": 200.0}
+    for k, check in enumerate(ROWS_OF):
+        assert shows(**dict(list(bad.items())[k:])).failed() is check
+    bench = Bench(max_travel=0.0, max_overrun=0.0, max_overload=0.0)
+    one = bench.one
+    one.slipped = one.overran = one.overloaded = True
+    assert bench.failed() is Check.TRAVEL
+    one.slipped = False
+    assert bench.failed() is Check.OVERRUN
+    one.overran = False
+    assert bench.failed() is Check.OVERLOAD
+    one.overloaded = False
+    assert bench.failed() is None
+    one.passed = int(Check.TORQUE)
+    one.slipped = True
+    assert bench.failed() is Check.TORQUE
+
+
+# --- where the next reading may be -----------------------------------------------------------
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_reading_may_stand_still_or_go_on(way: float) -> None:
+    """Between both: q + min(0, Δ) − m ≤ q' ≤ q + max(0, Δ) + m."""
+    for moved, low, high in ((0.0, -0.1, 0.1), (0.08, -0.1, 0.18)):
+        for off, good in ((low, True), (high, True), (low - 1e-6, False), (high + 1e-6, False)):
+            bench = Bench()
+            bench.step()
+            bench.step(position=way * moved)
+            bench.step(position=way * (moved + off * (1.0 - 1e-9)))
+            assert (bench.failed() is None) is good, (moved, off)
+
+
+def test_the_first_reading_may_be_any() -> None:
+    bench = Bench()
+    assert bench.step(position=77.0)
+    assert (bench.one.lowest, bench.one.highest) == (76.9, 77.1)
+    bench.one.expect_anything()
+    assert bench.step(position=-5.0)
+
+
+def test_after_a_spike_the_motion_begins_anew() -> None:
+    """The jump itself is none that goes on."""
+    bench = shows(position=1.0)
+    assert bench.failed() is Check.POSITION
+    assert (bench.one.lowest, bench.one.highest) == (0.9, 1.1)
+    assert bench.step(position=1.05)
+    assert bench.one.highest == pytest.approx(1.05 + 0.05 + 0.1)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, 1.1 * CREDIBLE])
+def test_after_a_reading_that_is_none_any_is_good(bad: float) -> None:
+    """The last one stands in for it."""
+    bench = shows(position=0.05)
+    bench.step(position=bad)
+    assert bench.failed() is Check.POSITION
+    assert bench.one.last == 0.05
+    assert bench.step(position=7.0)
+    assert (bench.one.lowest, bench.one.highest) == (6.9, 7.1)
+
+
+# --- travel of the motor against travel of the encoder ---------------------------------------
+
+
+def test_the_travel_of_a_motor_by_its_own_equation() -> None:
+    """Ke Δq = T Σ V − R T Σ i − L' (i_last − i_first), of the cycles since the last look."""
+    bench = Bench()
+    bench.one.first = bench.one.current = 1.0
+    outputs, currents = [10.0, 20.0, 30.0, 40.0], [1.0, 1.5, 2.5, 3.0]
+    position = 0.0
+    for output, current in zip(outputs, currents, strict=True):
+        position += 0.01
+        bench.step(output=output, joint_current=current, position=position)
+    travelled = 0.01 * 100.0 - 0.1 * 8.0 - 0.05 * (3.0 - 1.0)
+    assert bench.rows["travelled"][0] == pytest.approx(travelled)
+    assert bench.one.travel == pytest.approx(travelled - 0.04)
+    bench.step(SLOW, output=0.0)  # sums begin anew, the error is forgotten by half
+    more = -0.1 * 4 * 3.0
+    assert bench.rows["travelled"][0] == pytest.approx(travelled + more)
+    assert bench.one.travel == pytest.approx(0.5 * (travelled - 0.04) + more)
+
+
+def test_a_look_comes_every_so_many_cycles() -> None:
+    bench = Bench()
+    seen = []
+    for _ in range(3 * SLOW):
+        bench.step(output=10.0)
+        seen.append(bench.monitor.countdown)
+    assert seen == [3, 2, 1, 4] * 3
+    assert bench.rows["travelled"][0] == pytest.approx(0.01 * 10.0 * 3 * SLOW)
+
+
+def test_without_power_a_motor_shows_nothing() -> None:
+    bench = Bench(live=0.0)
+    bench.step(SLOW, output=50.0, position=0.05)
+    assert bench.rows["travelled"][0] == 0.0
+    assert bench.one.travel == 0.0
+
+
+def test_a_bridge_that_is_switched_is_compared_from_then_on() -> None:
+    """Sums, place and current begin in that cycle."""
+    bench = Bench()
+    bench.step(2, output=10.0, joint_current=2.0, position=0.05)
+    bench.one.switched = True
+    bench.step(joint_current=4.0, position=0.1)
+    assert not bench.one.switched
+    bench.step(joint_current=5.0, position=0.15)
+    travelled = 0.01 * 10.0 - 0.1 * 5.0 - 0.05 * (5.0 - 4.0)
+    assert bench.rows["travelled"][0] == pytest.approx(travelled)
+    assert bench.one.travel == pytest.approx(travelled - 0.05)
+
+
+def test_a_disagreement_is_found_either_way() -> None:
+    for way in (1.0, -1.0):
+        bench = Bench(max_travel=0.4)
+        assert bench.step(SLOW, output=way * 10.0)
+        assert not bench.step(SLOW, output=way * 10.0)  # 0.4 · 0.5 + 0.4
+        assert bench.failed() is Check.TRAVEL
+        bench.one.forget_travel()
+        assert (bench.one.travel, bench.failed()) == (0.0, None)
+    assert not Bench(max_travel=math.nan).step(SLOW)
+
+
+# --- limits and heat -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("position", "good"), [(3.0, True), (-1.0, True), (3.1, False), (-1.1, False)]
+)
+def test_an_overrun_is_of_the_joint_s_position(position: float, good: bool) -> None:
+    """Offset and all; from the middle of its limits."""
+    bench = Bench(middle=1.0, max_overrun=2.0)
+    assert bench.step(SLOW, joint_position=position) is good
+    assert bench.one.overrun == pytest.approx(position - 1.0)
+    assert bench.failed() is (None if good else Check.OVERRUN)
+    bench.step(SLOW, joint_position=math.nan)
+    assert bench.one.overrun == pytest.approx(position - 1.0)
+
+
+def test_heat_adds_up_and_decays() -> None:
+    """Overload: s' = max(0, s + (i² − i_nom²) Δt), of the motor's own current."""
+    bench = Bench(max_overload=10.0)
+    bench.step(SLOW, current=6.0, joint_current=0.0)
+    once = (36.0 - 4.0) * ELAPSED
+    assert bench.one.overload == pytest.approx(once)
+    assert bench.rows["used"][0] == bench.one.used == pytest.approx(once / 10.0)
+    bench.step(SLOW, current=-6.0)
+    assert bench.one.overload == pytest.approx(2.0 * once)
+    bench.one.fed = 0.0
+    bench.step(SLOW)
+    assert bench.one.overload == pytest.approx(2.0 * once - 4.0 * ELAPSED)
+    bench.step(100 * SLOW)
+    assert bench.one.overload == 0.0
+
+
+def test_a_current_beyond_the_peak_heats_as_the_peak() -> None:
+    bench = Bench()
+    bench.step(SLOW, current=80.0)
+    assert bench.one.overload == pytest.approx((64.0 - 4.0) * ELAPSED)
+    bench.step(SLOW, current=math.nan)  # the last one stands in
+    assert bench.one.overload == pytest.approx(2.0 * (64.0 - 4.0) * ELAPSED)
+
+
+def test_an_overload_is_found() -> None:
+    bench = Bench(max_overload=2.0)
+    assert bench.step(SLOW, current=6.0)
+    assert not bench.step(SLOW)
+    assert bench.failed() is Check.OVERLOAD
+    assert not Bench(max_overload=math.nan).step(SLOW)
+
+
+def test_warnings_have_a_relief() -> None:
+    """From 80 % on until 70 %, from 100 °C on until 98 °C; each change is news."""
+    bench = Bench()
+    news = []
+
+    def look(overload: float, temperature: float) -> tuple[bool, bool]:
+        bench.one.overload = overload + 4.0 * ELAPSED  # which decays in this look
+        bench.monitor.news = False
+        bench.step(SLOW, temperature=temperature)
+        news.append(bool(bench.monitor.news))
+        return bool(bench.one.strained), bool(bench.one.hot)
+
+    assert look(8.0 - 1e-6, 100.0) == (False, False)
+    assert look(8.0 + 1e-6, 100.0) == (True, False)
+    assert look(7.0 + 1e-6, 100.1) == (True, True)
+    assert look(7.0 - 1e-6, 98.1) == (False, True)
+    assert look(7.5, 97.9) == (False, False)
+    assert look(7.5, 97.9) == (False, False)
+    assert news == [False, True, True, True, True, False]
+    assert bench.one.temperature == 97.9
+    bench.step(SLOW, temperature=math.nan)
+    assert bench.one.temperature == 97.9
+
+
+def test_any_joint_s_cause_counts() -> None:
+    """Of two joints, each reads its own column."""
+    joints = [JointMonitor(), JointMonitor()]
+    rows = {name: np.zeros(2) for name in [*READINGS, *ROWS]}
+    for one in joints:
+        one.set(CONSTANTS)
+    monitor = Monitor(
+        joints,
+        [rows[name].data for name in READINGS],
+        [rows[name].data for name in ROWS],
+        SLOW,
+        PERIOD,
+        FORGET,
+    )
+    assert not monitor.news
+    assert monitor.step()
+    rows["torque"][0] = 99.0
+    rows["output"][:] = [10.0, 20.0]
+    assert not monitor.step()
+    assert [one.failed() for one in joints] == [Check.TORQUE, 0]
+    rows["torque"][:] = [0.0, 99.0]
+    assert not monitor.step()
+    assert [one.failed() for one in joints] == [0, Check.TORQUE]
+    monitor.step()
+    assert rows["travelled"].tolist() == pytest.approx([0.3, 0.6])
