@@ -179,3 +179,168 @@ def _rebuilt(module: Any, arm: Arm, links: tuple[Link, ...]) -> tuple[Any, ...]:
         bodies.append(copy)
     rows = [row.data for row in np.zeros((4, len(bodies)))]
     return base, bodies, bodies, (0.0, -9.81, 0.0), rows
+
+
+# --- against the same by matrices ----------------------------------------------------------------
+
+
+def tree(random: np.random.Generator, trunk: list[int], slides: list[bool]) -> list[Link]:
+    """Links of any mass and direction, on a tree."""
+    links = []
+    for parent, sliding in zip(trunk, slides, strict=True):
+        turned, _ = np.linalg.qr(random.normal(size=(3, 3)))
+        turned *= np.sign(np.linalg.det(turned))
+        root = random.normal(size=(3, 3))
+        xx, yy, zz, xy, xz, yz = (root @ root.T)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        links.append(
+            Link(
+                parent=parent,
+                slides=sliding,
+                rotation=tuple(turned.ravel().tolist()),
+                offset=tuple(random.normal(size=3).tolist()),
+                mass=float(random.uniform(0.5, 3.0)),
+                moment=tuple(random.normal(size=3).tolist()),
+                tensor=(xx, yy, zz, xy, xz, yz),
+                rotor=float(random.uniform(0.1, 0.5)),
+                coulomb=float(random.uniform(0.5, 2.0)),
+                viscous=float(random.uniform(0.5, 2.0)),
+            )
+        )
+    return links
+
+
+def by_matrices(
+    links: list[Link], order: list[int], gravity: np.ndarray, q: Any, dq: Any, ddq: Any
+) -> np.ndarray:
+    """The two passes of the module's text."""
+    axis, still = np.array([0.0, 0.0, 1.0]), np.zeros(3)
+    found, motion = np.zeros(len(links)), {-1: (still, still, -gravity)}
+    turns, ways = {}, {}
+    forces, moments = {-1: still.copy()}, {-1: still.copy()}
+    for j in order:
+        one = links[j]
+        e = np.reshape(one.rotation, (3, 3))
+        angle = 0.0 if one.slides else q[j]
+        c, s = math.cos(angle), math.sin(angle)
+        turn = e @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        way = np.array(one.offset) + (e @ axis * q[j] if one.slides else 0.0)
+        spin, rate, push = motion[one.parent]
+        a = turn.T @ (push + np.cross(rate, way) + np.cross(spin, np.cross(spin, way)))
+        spin, rate = turn.T @ spin, turn.T @ rate
+        if one.slides:
+            a = a + axis * ddq[j] + 2.0 * np.cross(spin, axis * dq[j])
+        else:
+            rate = rate + np.cross(spin, axis * dq[j]) + axis * ddq[j]
+            spin = spin + axis * dq[j]
+        xx, yy, zz, xy, xz, yz = one.tensor
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        h = np.array(one.moment)
+        forces[j] = one.mass * a + np.cross(rate, h) + np.cross(spin, np.cross(spin, h))
+        moments[j] = tensor @ rate + np.cross(spin, tensor @ spin) + np.cross(h, a)
+        motion[j], turns[j], ways[j] = (spin, rate, a), turn, way
+    for j in reversed(order):
+        one = links[j]
+        found[j] = (forces[j] if one.slides else moments[j])[2] + one.rotor * ddq[j]
+        force = turns[j] @ forces[j]
+        forces[one.parent] += force
+        moments[one.parent] += turns[j] @ moments[j] + np.cross(ways[j], force)
+    return found
+
+
+TRUNK, SLIDES, OUTWARDS = [2, 0, -1, 2, 1], [False, False, True, False, True], [2, 0, 3, 1, 4]
+
+
+def test_torques_are_those_of_the_matrices() -> None:
+    """A tree of turning and sliding joints, of full tensors, under any gravity."""
+    for seed in range(5):
+        random = np.random.default_rng(seed)
+        links, gravity = tree(random, TRUNK, SLIDES), random.normal(size=3) * 5.0
+        arm = ArmModel(links=tuple(links), gravity=tuple(gravity.tolist())).arm()
+        for _ in range(3):
+            q, dq, ddq = random.uniform(-2.0, 2.0, (3, 5))
+            for weight in (1.0, 0.0):
+                expected = by_matrices(links, OUTWARDS, weight * gravity, q, dq, ddq)
+                found = torques(arm, q, dq, ddq, weight)
+                assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def placed(b: Any, time: float) -> tuple[float, float, float]:
+    """A joint in its move: braked from its start velocity, and the quintic to its target."""
+    elapsed, reach = time + b.past, b.target - b.start
+    q, dq, ddq = b.start + b.drift * time, b.drift, 0.0
+    run = 0.0
+    if b.brake > 0.0:
+        u = min(elapsed / b.brake, 1.0)
+        reach -= b.start_velocity * b.brake / 2.0
+        braked = np.polynomial.Polynomial([0.0, 1.0, 0.0, -1.0, 0.5]) * b.start_velocity
+        q += b.brake * braked(u)
+        dq += braked.deriv()(u)
+        ddq += braked.deriv(2)(u) / b.brake
+    else:
+        run = b.start_velocity * b.time
+    if elapsed >= b.time:
+        q += reach
+    else:
+        quintic = np.polynomial.Polynomial(
+            [0, run, 0, 10 * reach - 6 * run, 8 * run - 15 * reach, 6 * reach - 3 * run]
+        )
+        s = elapsed / b.time
+        q += quintic(s)
+        dq += quintic.deriv()(s) / b.time
+        ddq += quintic.deriv(2)(s) / b.time**2
+    if not b.lower <= q <= b.upper:
+        return min(max(q, b.lower), b.upper), 0.0, 0.0
+    return q, dq, ddq
+
+
+def excess_by_matrices(arm: Arm, links: list[Link], gravity: np.ndarray, samples: int) -> float:
+    """What moves take of the room that loads and friction leave, at the same times."""
+    ends = [max(b.time, b.brake) - b.past for b in arm.bodies]
+    longest = max(0.0, *ends)
+    times = [longest * k / (2 * samples) for k in range(2 * samples + 1)]
+    for end in ends:
+        if 0.0 < end < 0.9 * longest:
+            times += [end * k / samples for k in range(1, samples)]
+    most = 0.0
+    for time in times:
+        q, dq, ddq = np.array([placed(b, time) for b in arm.bodies]).T
+        whole = by_matrices(links, OUTWARDS, gravity, q, dq, ddq)
+        motion = by_matrices(links, OUTWARDS, 0.0 * gravity, q, dq, ddq)
+        for k, b in enumerate(arm.bodies):
+            rubbing = b.viscous * dq[k] + b.coulomb * np.sign(dq[k])
+            asked = whole[k] + rubbing
+            sign = 1.0 if asked >= 0.0 else -1.0
+            room = b.limit
+            if dq[k] * sign > 0.0:
+                room = min(room, b.stall - b.fading * abs(dq[k]))
+            if abs(asked) > room:
+                load = sign * (whole[k] - motion[k] + rubbing)
+                most = max(most, abs(motion[k]) / max(room - load, 0.1 * b.limit))
+    return most
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_moves_take_is_that_of_the_matrices(seed: int) -> None:
+    """P1: moves, brakings and drifts that began at other times, with motors that fade."""
+    random = np.random.default_rng(seed)
+    links, gravity = tree(random, TRUNK, SLIDES), random.normal(size=3) * 5.0
+    arm = ArmModel(links=tuple(links), gravity=tuple(gravity.tolist())).arm()
+    for k, b in enumerate(arm.bodies):
+        b.start, b.target = random.uniform(-1.0, 1.0, 2)
+        b.lower, b.upper = -1.2, 1.2
+        b.time = random.uniform(0.3, 2.0)
+        b.brake = random.choice([0.0, 0.2, 2.5]) if k != 3 else 0.0
+        b.start_velocity = random.uniform(-0.5, 0.5)
+        b.past = random.choice([0.0, 0.1])
+        b.drift = random.choice([0.0, 0.3])
+        b.limit = random.uniform(20.0, 200.0)
+        b.stall = random.uniform(0.5, 2.0) * b.limit
+        b.fading = random.uniform(0.0, 0.3) * b.limit
+    still = arm.bodies[2]
+    still.target, still.time, still.brake = still.start, 0.0, 0.0
+    still.start_velocity = still.past = 0.0
+    for scale in (0.3, 1.0, 3.0, 10.0):
+        for b in arm.bodies:
+            b.limit, b.stall, b.fading = scale * b.limit, scale * b.stall, scale * b.fading
+        expected = excess_by_matrices(arm, links, gravity, 7)
+        assert arm.excess(7) == pytest.approx(expected, rel=1e-9)
