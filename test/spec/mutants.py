@@ -6,8 +6,8 @@ A sample, drawn from a seed; ARGS="--all" tries every mutant, "--sample 300", "-
 written into a copy of the package, with the laws uncompiled, and tried in a process of its own by
 the tests of test/core, test/robot, test/spec and the generated pages that reach its line, those
 that take least first: seconds, where one of them fails. Which tests these are is recorded first,
-by a run of all of them. A test that hangs is ended by its CPU time, so a busy machine changes no
-result.
+by a run of all of them, later of those whose file has changed. A test that hangs is ended by its
+CPU time, so a busy machine changes no result.
 
 Each result is kept in build/mutants.txt at once, what tests reach in build/mutants_reach.json. A
 run that was interrupted goes on from there. When one of these tests changes, or with "--again",
@@ -25,7 +25,6 @@ is no mutant any more, or when less than 95 % are killed.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import random
 import signal
 import sys
@@ -38,7 +37,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "support"))
 
-from attempts import FOLDERS, PACKAGE, PAGES, ROOT, attempts, reach_of  # noqa: E402
+from attempts import FOLDERS, PACKAGE, PAGES, ROOT, attempts, digest_of, reach_of  # noqa: E402
 from mutations import Mutant, mutants, rows  # noqa: E402
 from reach import interval, module_name  # noqa: E402
 
@@ -83,18 +82,11 @@ def survivors(text: str) -> dict[str, str]:
     return found
 
 
-def digest_of(files: Iterable[Path]) -> str:
-    """A digest of the contents of files."""
-    digest = hashlib.sha256()
-    for file in sorted(files):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
-
-
 class Record:
     """The results of this state of the package, in a file that a stopped run leaves.
 
-    Where tests have changed since, the mutants that survived are forgotten, and the reach.
+    Where tests have changed since, the mutants that survived are forgotten; where the package has,
+    all, and the reach of the tests.
     """
 
     def __init__(self, path: Path, *, anew: bool, again: bool) -> None:
@@ -105,7 +97,7 @@ class Record:
         lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
         if lines[:1] == heads[:1] and not anew:
             self.fates = {name: fate for fate, _, name in (x.partition(" ") for x in lines[2:])}
-        if lines[:2] != heads or anew:
+        if lines[:1] != heads[:1] or anew:
             REACH.unlink(missing_ok=True)
         if lines[:2] != heads or anew or again:
             self.fates = {name: fate for name, fate in self.fates.items() if fate != "passed"}

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from reach import Reach, Recorder, interval
+from reach import Reach, Recorder, interval, merged
 
 MODULE = """
 def register(name):
@@ -102,3 +102,25 @@ def test_the_interval_of_a_rate() -> None:
     assert interval(95, 100) == pytest.approx((0.8882, 0.9785), abs=1e-4)
     assert interval(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
     assert interval(0, 0) == (0.0, 1.0)
+
+
+def test_what_is_recorded_anew_replaces_what_was() -> None:
+    """Of files that have changed, or are gone; of the others what was recorded stays."""
+    old = {
+        "seconds": {"a.py::one": 1.0, "b.py::two": 2.0, "c.py::three": 3.0},
+        "lines": {"laws": {"5": [0, 1], "6": [1], "7": [2]}, "state": {"1": [1]}},
+        "imported": {"laws": [1, 2]},
+        "often": {"laws": {"4 7": [1, 2]}},
+    }
+    new = {
+        "seconds": {"b.py::two": 0.5, "d.py::four": 4.0},
+        "lines": {"laws": {"5": [0], "9": [1]}},
+        "imported": {"laws": [2, 3], "state": [1]},
+        "often": {"laws": {"4 7": [1]}},
+    }
+    found = merged(old, new, {"b.py", "d.py"})
+    tests = ["a.py::one", "c.py::three", "b.py::two", "d.py::four"]
+    assert found["seconds"] == dict(zip(tests, (1.0, 3.0, 0.5, 4.0), strict=True))
+    assert found["lines"] == {"laws": {"5": [0, 2], "7": [1], "9": [3]}, "state": {}}
+    assert found["imported"] == {"laws": [1, 2, 3], "state": [1]}
+    assert found["often"] == {"laws": {"4 7": [1, 3]}}

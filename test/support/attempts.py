@@ -11,6 +11,8 @@ import ast
 import compileall
 import contextlib
 import functools
+import hashlib
+import json
 import multiprocessing
 import os
 import resource
@@ -25,7 +27,7 @@ from typing import Any
 
 from exchange import Functions
 from mutations import Mutant
-from reach import Reach, Recorder
+from reach import Reach, Recorder, merged
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -267,24 +269,41 @@ def fate_of(status: int) -> str:
 
 
 def reach_of(folder: Path, path: Path) -> Reach:
-    """Which tests reach which line; recorded first where that is not known yet.
+    """Which tests reach which line; recorded first of files that are new or have changed.
 
     Args:
         folder: for a copy of the package.
-        path: of the record.
+        path: of the record, which is of this state of the package.
 
     Raises:
         SystemExit: the tests fail without any mutant.
     """
-    if not path.exists():
-        print("recording which tests reach which lines (once, minutes)", flush=True)
-        made, copy = path.with_suffix(".part"), Copy(folder)
-        recorder = Recorder(copy.core, made)
-        child = forked(functools.partial(copy.run, test_files(), recorder), LONG)
-        if fate_of(os.waitpid(child, 0)[1]) != "passed":
-            raise SystemExit("the tests fail without any mutant: mend them first (make test)")
-        made.replace(path)
+    told: dict[str, Any] = {"files": {}, "seconds": {}, "lines": {}, "imported": {}, "often": {}}
+    if path.exists():
+        told = json.loads(path.read_text(encoding="utf-8"))
+    before, now = told["files"], {file: digest_of([ROOT / file]) for file in test_files()}
+    anew = [file for file in now if before.get(file) != now[file]]
+    if anew or before != now:
+        print(f"recording which lines the tests of {len(anew)} files reach", flush=True)
+        part, copy = path.with_suffix(".part"), Copy(folder)
+        recorder = Recorder(copy.core, part)
+        if anew:
+            child = forked(functools.partial(copy.run, anew, recorder), LONG)
+            if fate_of(os.waitpid(child, 0)[1]) != "passed":
+                raise SystemExit("the tests fail without any mutant: mend them first (make test)")
+            gone = {*anew, *before} - (now.keys() - {*anew})
+            told = merged(told, json.loads(part.read_text(encoding="utf-8")), gone)
+        part.write_text(json.dumps(told | {"files": now}), encoding="utf-8")
+        part.replace(path)
     return Reach.read(path)
+
+
+def digest_of(files: Iterable[Path]) -> str:
+    """A digest of the contents of files."""
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def attempts(

@@ -13,7 +13,7 @@ import sys
 import time
 from bisect import bisect_right
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from itertools import accumulate
 from pathlib import Path
@@ -123,6 +123,38 @@ class Recorder:
                 often[self._name(code.co_filename)][f"{code.co_firstlineno} {last}"].append(k)
         told = {"seconds": self._seconds, "lines": found, "imported": imported, "often": often}
         self._path.write_text(json.dumps(told), encoding="utf-8")
+
+
+def merged(old: dict[str, Any], new: dict[str, Any], gone: Collection[str]) -> dict[str, Any]:
+    """What two runs have recorded.
+
+    Args:
+        old: the first.
+        new: the second, of other files or of these anew.
+        gone: the files whose tests the first one is not asked about any more.
+    """
+    kept = {t: s for t, s in old["seconds"].items() if t.partition("::")[0] not in gone}
+    seconds = kept | new["seconds"]
+    places = {test: k for k, test in enumerate(seconds)}
+    lines: defaultdict[str, defaultdict[str, list[int]]]
+    found: dict[str, Any] = {"seconds": seconds}
+    for key in ("lines", "often"):
+        lines = defaultdict(lambda: defaultdict(list))
+        for told, counted in ((old, kept), (new, seconds)):
+            moved = [places[test] if test in counted else None for test in told["seconds"]]
+            for module, by_line in told[key].items():
+                for line, tests in by_line.items():
+                    lines[module][line] += [k for t in tests if (k := moved[t]) is not None]
+        found[key] = {
+            module: {line: tests for line, tests in by_line.items() if tests}
+            for module, by_line in lines.items()
+        }
+    modules = {*old["imported"], *new["imported"]}
+    found["imported"] = {
+        module: sorted({*old["imported"].get(module, ()), *new["imported"].get(module, ())})
+        for module in modules
+    }
+    return found
 
 
 @dataclass(frozen=True)
