@@ -17,6 +17,7 @@ from control_board_ros.core.config.config import (
     Calibration,
     ConfigError,
     Impedance,
+    Motor,
     Pid,
     Timeouts,
     check_number,
@@ -325,3 +326,46 @@ def test_an_axis_that_shares_motors_has_neither_brake_nor_drive_of_its_own(share
     plain = [joint("c"), joint("a"), joint("b")]
     assert board_config(*plain, motor_coupling=None).motor_coupling is None
     assert made(shared, drive=(SetPoint.PWM,)).motor_coupling is coupling
+
+
+def test_an_axis_beside_coupled_ones_may_have_a_brake() -> None:
+    """Y3: whichever way its own motor is geared; two axes on two motors each may not."""
+    names = ("a", "b", "c")
+    coupling = Coupling(names, names, ((1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0)))
+    braked = Brake(present=True)
+    made = board_config(joint("a"), joint("b"), joint("c", brake=braked), motor_coupling=coupling)
+    assert made.joints[2].brake.present
+    for own in ("a", "b"):
+        joints = [joint(name, brake=Brake(present=name == own)) for name in names]
+        with pytest.raises(ConfigError, match=f"{own}.brake.present"):
+            board_config(*joints, motor_coupling=coupling)
+
+
+def test_a_mode_to_end_in_is_one_of_those_that_the_joint_has() -> None:
+    """The error names them."""
+    with pytest.raises(ConfigError) as error:
+        joint("j", startup_mode=M.POSITION, control_modes=(M.IDLE, M.VELOCITY))
+    assert error.value.allowed == "one of idl"
+    final = replace(GOOD, control_mode=M.TORQUE)
+    with pytest.raises(ConfigError) as error:
+        joint("j", calibration=final, control_modes=(M.POSITION, M.IDLE))
+    assert (error.value.key, error.value.allowed) == (
+        "j.calibration.control_mode",
+        "one of pos, idl",
+    )
+
+
+def test_what_a_program_need_not_give() -> None:
+    """The values of configurations that are made without them."""
+    made = joint("j")
+    assert made.max_travel_error == pytest.approx(math.radians(2.0))
+    assert (made.inertia_min, made.inertia_mean, made.inertia_max) == (1.0, 1.0, 1.0)
+    assert made.reference_speed == pytest.approx(math.radians(10.0))
+    assert made.reference_acceleration == pytest.approx(math.radians(10.0))
+    assert made.current_pid == Pid(kp=0.5, ki=200.0)
+    assert Motor() == Motor(
+        resistance=1.0, inductance=1e-3, torque_constant=0.1, gear_ratio=100.0, efficiency=1.0,
+        supply_voltage=48.0, thermal_time=0.0, ambient=25.0,
+    )  # fmt: skip
+    assert Brake() == Brake(present=False, release_time=0.03, engage_time=0.02, slip_torque=100.0)
+    assert Calibration().speed == pytest.approx(math.radians(10.0))

@@ -262,3 +262,10 @@ def test_one_motor_at_its_bound_is_enough() -> None:
     currents = (mix.pwm / percent - emf * coupling.velocities(speed)) / ohms
     torques = coupling.axis_torques(torque * currents)
     assert output == pytest.approx(percent * (ohms / torque * torques + emf * speed))
+
+
+def test_a_linkage_is_not_crossed() -> None:
+    """Y3: a parallelogram's rocker turns as its crank does."""
+    bar = FourBar(ground=30.0, crank=10.0, coupler=30.0, rocker=10.0, zero=0.9)
+    turns = np.array([-0.5, 0.0, 0.1, 0.5])
+    assert bar.value(turns) == pytest.approx(turns)

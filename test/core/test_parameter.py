@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import FrozenInstanceError
 from typing import Any
 
@@ -15,6 +16,7 @@ from control_board_ros.core.config.parameter import (
     ConfigError,
     Kind,
     Parameter,
+    check_number,
     check_parameters,
     configuration,
     parameter,
@@ -172,3 +174,14 @@ def test_numbers_of_a_configuration_and_its_parts(made: Outer, text: str) -> Non
 def test_a_configuration_whose_numbers_are_good() -> None:
     check_parameters("", Outer(speed=2.0, inner=Inner(size=2.0, place=(-1.0, 1.0))))
     check_parameters("", Outer(speed=2))
+
+
+@pytest.mark.parametrize("value", [True, "1", None, 1.1e12, -1.1e12, math.inf, math.nan])
+def test_what_is_no_number_of_a_configuration(value: Any) -> None:
+    """Numbers of more than 1e12 neither, where there is no bound; nothing else is refused."""
+    with pytest.raises(ConfigError, match=r"live: .* is not allowed; a number$"):
+        check_parameters("", Small(live=value))
+    for good in (1e12, -1e12, 0, 7):
+        check_parameters("", Small(live=good))
+    check_number("key", -5.0)
+    check_number("key", -math.inf)

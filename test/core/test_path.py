@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from control_board_ros.core.goals.path import MAX_POINTS, Path, Sample, Spline, make_path
+from control_board_ros.core.goals.path import Path, Sample, Spline, make_path
 from control_board_ros.core.selection import RequestError
 
 TIMES = [0.5, 1.0, 2.5]
@@ -160,9 +160,10 @@ def test_what_is_refused_names_the_point(
     assert "\n" not in str(caught.value)
 
 
-def test_the_number_of_points_is_bounded() -> None:
-    """P13: a message of any size costs no more than it may."""
-    count = MAX_POINTS + 1
-    rows: list[list[float]] = [[0.0]] * count
-    with pytest.raises(RequestError, match=f"at most {MAX_POINTS}"):
-        make_path(["a"], list(range(count)), rows, [[]] * count, [[]] * count)
+def test_ten_thousand_points_are_the_most() -> None:
+    times = [0.001 * k for k in range(10_001)]
+    rows: list[list[float]] = [[0.0]] * 10_001
+    none: list[list[float]] = [[]] * 10_001
+    assert make_path(("a",), times[:-1], rows[:-1], none[:-1], none[:-1]).duration == 9.999
+    with pytest.raises(RequestError, match="it has 10001 points; send at most 10000"):
+        make_path(("a",), times, rows, none, none)
