@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from control_board_ros.core.model.arm_model import Link, body_of, fill, outwards_of
+from control_board_ros.core.model.arm_model import ArmModel, Link, body_of, fill, outwards_of
 
 #: A quarter turn about z, and a link whose URDF axes are turned like that.
 QUARTER = (0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -69,3 +69,17 @@ def test_each_link_comes_after_the_one_that_carries_it(
     assert outwards_of(parents) == order
     places = np.argsort(order)
     assert all(p < 0 or places[p] < places[j] for j, p in enumerate(parents))
+
+
+def test_the_axes_of_a_link_are_those_of_the_urdf_unless_given() -> None:
+    plain = Link(
+        parent=-1, slides=False, rotation=QUARTER, offset=(0.0,) * 3, mass=1.0,
+        moment=(0.0,) * 3, tensor=(0.0,) * 6,
+    )  # fmt: skip
+    assert plain.axes == (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    assert (plain.rotor, plain.coulomb, plain.viscous) == (0.0, 0.0, 0.0)
+    assert plain.with_payload(2.0, (1.0, 2.0, 3.0)).moment == (2.0, 4.0, 6.0)
+    assert ArmModel(links=(plain,), gravity=(0.0, 0.0, -9.81)).trusted
+    body = body_of(plain)
+    fill(plain, body, 3.0)
+    assert (body.mass, body.hx, body.hy, body.hz) == (4.0, 0.0, 0.0, 0.0)

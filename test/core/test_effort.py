@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from control_board_ros.core.laws.control import Controller
-from control_board_ros.core.laws.trajectory import SAMPLES, SHARE, STRETCHES, Effort
+from control_board_ros.core.laws.trajectory import Effort
 from control_board_ros.core.state import StateArrays
 from control_board_ros.simulation import Simulation
 
@@ -136,8 +136,8 @@ def test_what_the_model_is_told_of_motors_and_of_moves_under_way() -> None:
     )
     for body in arm.bodies:
         assert body.limit == pytest.approx(0.9 * 60.0)
-        assert body.stall == pytest.approx(SHARE * 40.0 * 10.0)
-        assert body.fading == pytest.approx(SHARE * 4.0 * 10.0)
+        assert body.stall == pytest.approx(0.9 * 40.0 * 10.0)
+        assert body.fading == pytest.approx(0.9 * 4.0 * 10.0)
         assert (body.lower, body.upper) == (-1.0, 2.0)
     rest, moves, drifts = arm.bodies
     for body in (rest, drifts):
@@ -160,7 +160,7 @@ def test_what_the_model_is_told_of_moves_that_begin() -> None:
     assert (last.time, last.brake, last.past) == (2.0, 0.5, 0.0)
     assert (first.start, first.target, first.time, first.brake) == (0.1, -1.0, 3.0, 0.0)
     assert arm.bodies[1].time == 0.0
-    assert arm.looks == [SAMPLES]
+    assert arm.looks == [14]
 
 
 def test_moves_are_stretched_until_they_fit() -> None:
@@ -177,14 +177,14 @@ def test_moves_are_stretched_until_they_fit() -> None:
     assert moves == [(2.0 * factor, 0.0)]
     assert asked == pytest.approx([1.0, 2.0, 2.04])
     assert arm.bodies[1].time == pytest.approx(2.0 * 2.04)
-    assert arm.looks == [SAMPLES] * 3
+    assert arm.looks == [14] * 3
 
 
 def test_stretching_ends() -> None:
     arm = Listening(*[4.0] * 100)
     factor, _ = effort(arm, *[joint()] * 3).stretched([1], [1.0], lambda f: [(f, 0.0)])
-    assert factor == pytest.approx(2.0**STRETCHES)
-    assert len(arm.looks) == STRETCHES
+    assert factor == pytest.approx(2.0**16)
+    assert len(arm.looks) == 16
 
 
 @pytest.mark.parametrize("unknown", [0, 1, 2])

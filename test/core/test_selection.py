@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from control_board_ros.core.selection import (
-    REMEMBERED,
     RequestError,
     Selector,
     all_within,
@@ -87,7 +86,7 @@ def test_memory_is_bounded() -> None:
     selector = Selector(tuple(f"joint_{i}" for i in range(600)))
     for i in range(600):
         assert selector.select([i, (i + 1) % 600]).names[0] == f"joint_{i}"
-    assert len(selector._known) == REMEMBERED
+    assert len(selector._known) == 256
 
 
 def test_spread() -> None:

@@ -1,0 +1,161 @@
+# SPDX-License-Identifier: Apache-2.0
+"""modes.py: the named sets of modes, as the rules have them."""
+
+from __future__ import annotations
+
+from control_board_ros.core.terms import modes
+from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
+
+M, E, C, K, L = ControlMode, modes.Event, modes.Choice, modes.K, modes.Law
+
+
+def test_each_state_is_configured_or_waits_for_it() -> None:
+    """N1, N2."""
+    assert {M.NOT_CONFIGURED} == modes.UNCONFIGURED
+    assert set(modes.STATES) - {M.NOT_CONFIGURED} == modes.CONFIGURED
+
+
+def test_what_has_power_and_takes_another_mode() -> None:
+    """M10, R6."""
+    active = {M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.TORQUE, M.OPENLOOP}
+    assert active | {M.VELOCITY_DIRECT, M.CURRENT} == modes.POWERED
+    assert modes.UNPOWERED is M.IDLE
+    assert modes.STARTUP_MODES == (M.IDLE, M.POSITION)
+
+
+def test_what_drives_a_joint_and_holds_no_position() -> None:
+    """P7, P8, Y2: with a reference of zero nothing holds the joint."""
+    assert {M.TORQUE, M.OPENLOOP, M.CURRENT} == modes.NOT_HOLDING
+
+
+def test_what_a_joint_implements_unless_it_is_configured_otherwise() -> None:
+    """M5, Y1, Y2: what YARP 4 added is requested everywhere and implemented where it is listed."""
+    assert set(modes.SELECTABLE) - set(modes.STANDARD) == {M.VELOCITY_DIRECT, M.CURRENT}
+    assert set(modes.REQUESTABLE) == {*modes.SELECTABLE, M.FORCE_IDLE}
+
+
+def test_what_needs_a_torque_sensor() -> None:
+    """I7."""
+    assert {M.TORQUE, InteractionMode.COMPLIANT} == modes.SENSE_TORQUE
+
+
+def test_moves_and_steps_have_a_mode_of_their_own() -> None:
+    """M3: what whoever asks for a move, or for steps, asks for before."""
+    kinds = modes.ACCEPTS[modes.MOVES], modes.ACCEPTS[modes.STEPS]
+    assert kinds == ({modes.K.POSITION}, {modes.K.POSITION_DIRECT})
+
+
+# --- the tables, as the specification has them ---------------------------------------------------
+
+SELECTABLE = ["pos", "posd", "vel", "mix", "torq", "open", "idl", "veld", "icur"]
+
+
+def test_what_may_follow_what() -> None:
+    """M1, M5, F1, F2, F4, K1 to K4, N1 to N3; what is absent is refused."""
+    told: dict[tuple[str, object], object] = {}
+    for code in SELECTABLE:
+        told |= {(code, other): other for other in SELECTABLE}
+        told |= {
+            (code, E.FORCE_IDLE): "idl",
+            (code, E.UNSUPPORTED): "hwfa",
+            (code, E.FAULT): "hwfa",
+            (code, E.CALIBRATE): "cali",
+            (code, E.POWER_ON): "cfg",
+        }
+    told |= {
+        ("hwfa", E.FORCE_IDLE): "idl",
+        ("hwfa", E.POWER_ON): "cfg",
+        ("cali", E.FORCE_IDLE): "idl",
+        ("cali", E.CALIBRATED): C.CALIBRATED,
+        ("cali", E.FAULT): "hwfa",
+        ("cali", E.POWER_ON): "cfg",
+        ("cfg", E.CONFIGURED): C.STARTUP,
+        ("cfg", E.CALIBRATE): "cali",
+        ("cfg", E.POWER_ON): "cfg",
+    }
+
+    def word(one: object) -> object:
+        return one.code if isinstance(one, M) else one
+
+    names = {"cali": M.CALIBRATING.code, "cfg": M.NOT_CONFIGURED.code}
+    expected = {
+        (names.get(a, a), b): names.get(to, to) if isinstance(to, str) else to
+        for (a, b), to in told.items()
+    }
+    found = {(word(a), word(b)): word(to) for (a, b), to in modes.TRANSITIONS.items()}
+    assert found == expected
+    for (mode, trigger), to in modes.TRANSITIONS.items():
+        assert modes.next_mode(mode, trigger) is to
+    assert modes.next_mode(M.HW_FAULT, M.POSITION) is None
+    assert modes.next_mode(M.NOT_CONFIGURED, E.FORCE_IDLE) is None
+
+
+def test_what_each_mode_accepts() -> None:
+    """M3, Y1, Y2."""
+    assert {
+        M.POSITION: {K.POSITION},
+        M.POSITION_DIRECT: {K.POSITION_DIRECT},
+        M.VELOCITY: {K.VELOCITY},
+        M.MIXED: {K.POSITION, K.VELOCITY},
+        M.TORQUE: {K.TORQUE},
+        M.OPENLOOP: {K.OUTPUT},
+        M.VELOCITY_DIRECT: {K.VELOCITY_DIRECT},
+        M.CURRENT: {K.CURRENT},
+    } == modes.ACCEPTS
+    assert modes.modes_accepting(K.POSITION) == (M.POSITION, M.MIXED)
+
+
+def test_the_law_of_each_mode() -> None:
+    """I2, I5, P7, P8, Y2, K1; of all others OFF."""
+    stiff, compliant = InteractionMode.STIFF, InteractionMode.COMPLIANT
+    found = {mode: (modes.law_of(mode, stiff), modes.law_of(mode, compliant)) for mode in M}
+    by_position = (L.POSITION, L.IMPEDANCE)
+    assert {mode: laws for mode, laws in found.items() if laws != (L.OFF, L.OFF)} == {
+        M.POSITION: by_position,
+        M.POSITION_DIRECT: by_position,
+        M.VELOCITY: by_position,
+        M.MIXED: by_position,
+        M.VELOCITY_DIRECT: by_position,
+        M.TORQUE: (L.TORQUE, L.TORQUE),
+        M.OPENLOOP: (L.OUTPUT, L.OUTPUT),
+        M.CURRENT: (L.CURRENT, L.CURRENT),
+        M.CALIBRATING: (L.CALIBRATOR, L.CALIBRATOR),
+    }
+    assert {L.IMPEDANCE, L.TORQUE, L.OUTPUT, L.CURRENT} == modes.GUARDED
+
+
+def test_the_set_points_of_each_law() -> None:
+    """S1: in the order in which they are tried."""
+    position = ["POSITION", "IMPEDANCE", "VELOCITY", "TORQUE", "CURRENT", "PWM"]
+    assert {law: [one.name for one in row] for law, row in modes.SET_POINTS.items()} == {
+        L.OFF: ["OFF"],
+        L.POSITION: position,
+        L.IMPEDANCE: ["IMPEDANCE", "TORQUE", "CURRENT", "PWM"],
+        L.TORQUE: ["TORQUE", "IMPEDANCE", "CURRENT", "PWM"],
+        L.OUTPUT: ["PWM"],
+        L.CURRENT: ["CURRENT", "PWM"],
+        L.CALIBRATOR: position,
+    }
+
+
+def test_other_sets_of_modes() -> None:
+    """K1, K2, K6, K7, N1, I1, P3, Y1."""
+    every = set(modes.SELECTABLE)
+    powered = every - {M.IDLE}
+    assert powered | {M.CALIBRATING} == modes.DRIVEN
+    assert {M.VELOCITY_DIRECT} == modes.DIRECT_VELOCITY
+    assert {M.POSITION_DIRECT} == modes.DIRECT_GAINS
+    assert {M.HW_FAULT} == modes.FAULTED
+    assert {M.CALIBRATING} == modes.CALIBRATES
+    assert {M.IDLE, M.FORCE_IDLE} == modes.UNCALIBRATED_MODES == modes.UNPOWERED_MODES
+    assert every | {M.HW_FAULT} == modes.STORES_INTERACTION
+    held = {M.POSITION, M.POSITION_DIRECT, M.VELOCITY, M.MIXED, M.VELOCITY_DIRECT}
+    assert held == modes.STOPPABLE
+    assert {M.IDLE, M.HW_FAULT} == modes.AT_REST
+    assert {
+        mode: M.FORCE_IDLE if mode is M.CALIBRATING else M.IDLE for mode in modes.STATES
+    } == modes.POWER_OFF
+    assert [mode.code for mode in modes.SELECTABLE] == SELECTABLE
+    assert set(modes.STATES) == every | {M.HW_FAULT, M.CALIBRATING, M.NOT_CONFIGURED}
+    assert modes.INITIAL is M.NOT_CONFIGURED
+    assert modes.INITIAL_INTERACTION is InteractionMode.STIFF
