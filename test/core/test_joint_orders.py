@@ -1,0 +1,504 @@
+# SPDX-License-Identifier: Apache-2.0
+"""laws.py, what is asked of a joint: what each request changes, and that it changes nothing else.
+
+Some of it are C functions where the laws are compiled; here they are the same as plain Python.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pure import load_python
+
+LAWS = load_python("control_board_ros.core.laws.laws")
+PARTS = ("position_pid", "torque_pid", "current_pid", "stream")
+NUMBERS = [
+    name
+    for name, value in vars(LAWS.Joint).items()
+    if isinstance(value, float) and name not in PARTS
+]
+INFINITE = LAWS.INFINITE
+GIVEN = {
+    "period": 0.01,
+    "max_velocity": 3.0,
+    "max_acceleration": 20.0,
+    "max_torque": 60.0,
+    "max_drive": 80.0,
+    "inertia": 0.5,
+    "velocity": 0.0,
+    "law": LAWS.POSITION,
+}
+
+
+def joint(**changes: float) -> Any:
+    """A joint each of whose numbers is another one, from 100 on, unless given."""
+    made = LAWS.Joint()
+    for k, name in enumerate(NUMBERS):
+        setattr(made, name, 100.0 + k)
+    for name, value in (GIVEN | changes).items():
+        setattr(made, name, value)
+    for pid in (made.position_pid, made.torque_pid, made.current_pid):
+        pid.limit, pid.integral, pid.previous = 1e3, 5.0, 5.0
+        pid.error = pid.reference = pid.derivative = pid.room = 9.0
+        pid.kp, pid.kff, pid.kd = 0.0, 0.5, 0.0
+    made.stream.begin(0.3, 0.4, True)
+    return made
+
+
+def numbers(one: Any) -> dict[str, float]:
+    return {name: getattr(one, name) for name in NUMBERS}
+
+
+def changes(one: Any, method: str, *arguments: Any) -> dict[str, float]:
+    """What a request changes."""
+    before = numbers(one)
+    getattr(one, method)(*arguments)
+    return {name: value for name, value in numbers(one).items() if value != before[name]}
+
+
+def test_a_new_joint() -> None:
+    """Bounds are unknown, no set-point is given, nothing was asked of it."""
+    made = LAWS.Joint()
+    assert (made.lower, made.upper, made.direct_age) == (-INFINITE, INFINITE, INFINITE)
+    for name in ("current", "torque", "velocity", "position", "stiffness", "damping"):
+        assert getattr(made, f"set_{name}") == 0.0
+    assert (made.was_on_limit, made.diverged, made.strained) == (False, False, False)
+    assert made.kind == LAWS.AS_PWM
+    for pid in (made.position_pid, made.torque_pid, made.current_pid):
+        assert [pid.kp, pid.ki_period, pid.kd, pid.kff, pid.limit, pid.fall, pid.alpha] == [0] * 7
+        assert [pid.integral, pid.previous, pid.derivative, pid.error, pid.room] == [0] * 5
+
+
+def test_a_pid_starts_with_an_integral_within_its_limit() -> None:
+    pid = LAWS.Pid()
+    pid.limit, pid.room, pid.derivative, pid.error, pid.reference = 2.0, 1.0, 1.0, 1.0, 1.0
+    for given, taken in ((1.5, 1.5), (2.5, 2.0), (-2.5, -2.0)):
+        pid.reset(given)
+        assert (pid.integral, pid.previous) == (taken, taken)
+        assert (pid.room, pid.derivative, pid.error, pid.reference) == (0.0,) * 4
+    pid.kff, pid.reference, pid.kp, pid.error, pid.kd, pid.derivative = (
+        2.0,
+        3.0,
+        5.0,
+        7.0,
+        11.0,
+        13.0,
+    )
+    assert pid.feed() == 6.0 + 35.0 + 143.0
+
+
+@pytest.mark.parametrize(("velocity", "followed"), [
+    (0.0, 0.0), (0.0059, 0.0), (0.0061, 0.0061), (-1.0, -1.0), (5.0, 3.0), (-5.0, -3.0),
+])  # fmt: skip
+def test_to_hold(velocity: float, followed: float) -> None:
+    """At a position, from the speed that the joint has; at rest below 0.002 of its limit."""
+    one = joint(velocity=velocity, moving=True, driven=True, active=not followed)
+    one.followed_velocity = 8.0
+    zeros = "moved_velocity reference_velocity ramped ramp_velocity ramp_target"
+    expected = dict.fromkeys(zeros.split(), 0.0)
+    expected |= {"followed_acceleration": 0.0, "direct_velocity": 0.0, "moving": False}
+    expected |= dict.fromkeys(("moved", "reference", "followed"), 1.25)
+    expected |= {"driven": False, "followed_velocity": followed, "active": followed != 0.0}
+    assert changes(one, "hold", 1.25) == expected | {"direct_age": INFINITE}
+    assert (one.stream.count, one.stream.flows) == (0.0, False)
+
+
+@pytest.mark.parametrize(("time", "lasts"), [(2.0, 2.0), (0.001, 0.01)])
+def test_to_move(time: float, lasts: float) -> None:
+    """From where the reference is, with its velocity; one cycle at least."""
+    one = joint(reference=0.5, moved_velocity=0.2, settling=True, active=False, moving=False)
+    assert changes(one, "move", 1.5, time, 0.3) == {
+        "active": True,
+        "moving": True,
+        "move_start": 0.5,
+        "move_velocity": 0.2,
+        "move_target": 1.5,
+        "move_time": lasts,
+        "brake_time": 0.3,
+        "move_cycles": 0.0,
+        "moved": 0.5,
+        "ramped": 0.0,
+        "awaited": True,
+    }
+
+
+def test_to_ramp_a_velocity() -> None:
+    one = joint(active=False, settling=False)
+    assert changes(one, "ramp", 0.4, 2.0) == {
+        "active": True,
+        "ramp_target": 0.4,
+        "ramp_step": 0.02,
+        "awaited": False,
+    }
+
+
+def test_a_velocity_at_once_and_its_end() -> None:
+    """Y1, P12: halted as it was driven; else as hard as the joint may."""
+    one = joint(active=False, driven=False, settling=True)
+    at_once = dict.fromkeys(("ramp_target", "ramp_velocity", "reference_velocity"), 0.4)
+    at_once |= {"active": True, "driven": True, "ramp_step": INFINITE, "awaited": True}
+    assert changes(one, "drive_at", 0.4) == at_once
+    stopped = dict.fromkeys(("ramp_target", "ramp_velocity", "reference_velocity"), 0.0)
+    assert changes(one, "halt") == stopped
+    other = joint(active=False, driven=False, settling=True)
+    assert changes(other, "halt") == {
+        "active": True,
+        "ramp_target": 0.0,
+        "ramp_step": 0.2,
+        "awaited": True,
+    }
+
+
+@pytest.mark.parametrize(
+    ("velocity", "given"), [(None, 0.0), (0.7, 0.7), (9.0, 3.0), (-9.0, -3.0)]
+)
+def test_a_direct_position(velocity: float | None, given: float) -> None:
+    """P4: the reference is there; its velocity is what its stream shows."""
+    one = joint(direct_age=INFINITE, active=False, moving=True, settling=True)
+    zeros = "ramped moved_velocity ramp_velocity ramp_target reference_velocity direct_age"
+    expected = dict.fromkeys(zeros.split(), 0.0) | {"moved": 0.8, "reference": 0.8}
+    expected |= {"active": True, "moving": False, "awaited": True, "direct_velocity": given}
+    arguments = (0.8,) if velocity is None else (0.8, velocity)
+    method = "step_to" if velocity is None else "step_with"
+    assert changes(one, method, *arguments) == expected
+    assert (one.stream.last, one.stream.count) == (0.8, 1.0)
+    one.direct_age = 2.0
+    one.step_to(0.81)
+    assert (one.stream.last, one.stream.count) == (0.81, 2.0)
+
+
+# --- rest and load -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("readings", "velocity", "acceleration", "rests"),
+    [
+        (2, 0.006, 0.6, True),  # 0.002 of the speed, 0.005 of the torque over J
+        (1, 0.0, 0.0, False),
+        (2, 0.0061, 0.0, False),
+        (2, -0.0061, 0.0, False),
+        (2, 0.0, 0.61, False),
+        (2, 0.0, -0.61, False),
+    ],
+)
+def test_rest(readings: int, velocity: float, acceleration: float, rests: bool) -> None:
+    one = joint(readings=readings, velocity=velocity, acceleration=acceleration)
+    assert bool(one.at_rest()) is rests
+
+
+def test_the_load_is_known_after_30_ms_of_rest() -> None:
+    one = joint(rest_cycles=3, load=4.0, torque=10.0, motion=3.0)
+    assert one.known_load() == 4.0
+    one.rest_cycles = 2
+    assert one.known_load() == 7.0
+
+
+def test_what_a_feed_is_worth() -> None:
+    one = joint(feeds=True, per_torque=2.0, output_offset=3.0, per_feed=5.0)
+    assert one.feed_torque() == 7.5
+    one.feeds = False
+    assert one.feed_torque() == 0.0
+    one.feeds, one.per_torque = True, 0.0
+    assert one.feed_torque() == 0.0
+
+
+def observed(one: Any, position: float, velocity: float) -> None:
+    LAWS.observe(one, position, velocity)
+
+
+def test_a_reading() -> None:
+    """A = Δq̇/T from the second one on; without a sensor the current is the torque."""
+    one = joint(
+        readings=0, velocity=1.0, has_torque_sensor=False, current=2.0, torque_per_ampere=3.0
+    )
+    observed(one, 0.5, 1.5)
+    assert (one.position, one.velocity, one.acceleration, one.motion) == (0.5, 1.5, 0.0, 0.0)
+    assert (one.torque, one.readings) == (6.0, 1)
+    one.has_torque_sensor, one.torque = True, 9.0
+    observed(one, 0.6, 1.7)
+    assert one.acceleration == pytest.approx(20.0)
+    assert one.motion == pytest.approx(10.0)
+    assert (one.torque, one.readings) == (9.0, 2)
+    observed(one, 0.6, 1.7)
+    assert (one.readings, one.acceleration) == (2, 0.0)
+
+
+def test_cycles_at_rest_are_counted() -> None:
+    one = joint(readings=2, rest_cycles=0, has_torque_sensor=True)
+    for _ in range(3):
+        observed(one, 0.5, 0.0)
+    assert one.rest_cycles == 3
+    observed(one, 0.5, 1.0)
+    assert one.rest_cycles == 0
+    one.rest_cycles, one.velocity = 999_999, 0.0
+    observed(one, 0.5, 0.0)
+    observed(one, 0.5, 0.0)
+    assert one.rest_cycles == 1_000_000
+
+
+def test_the_load_is_filtered() -> None:
+    """10 ms; at first, and in longer cycles, it is what is measured."""
+    one = joint(period=0.002, readings=2, torque=10.0, motion=4.0, load=1.0)
+    LAWS.weigh(one)
+    assert one.load == pytest.approx(1.0 + 0.2 * 5.0)
+    for changed in ({"readings": 1}, {"period": 0.01}, {"period": 0.02}):
+        one = joint(**({"period": 0.002, "readings": 2, "torque": 10.0, "motion": 4.0} | changed))
+        LAWS.weigh(one)
+        assert one.load == 6.0
+
+
+# --- a law begins --------------------------------------------------------------------------------
+
+
+STARTED = {
+    "torque": 12.0,
+    "motion": 2.0,
+    "gravity": 3.0,
+    "feeds": False,
+    "followed": 0.5,
+    "per_torque": 1.0,
+    "rest_cycles": 0,
+    "readings": 2,
+    "acceleration": 0.0,
+    "lift": 1.0,
+    "torque_offset": 4.0,
+}
+
+
+@pytest.mark.parametrize("law", ["POSITION", "IMPEDANCE", "TORQUE", "OUTPUT", "CURRENT"])
+def test_a_law_takes_the_load_over(law: str) -> None:
+    """M9: a joint at rest; what its loops integrate begins with what carries it."""
+    number = getattr(LAWS, law)
+    one = joint(**STARTED)
+    found = changes(one, "start", number)
+    expected = dict.fromkeys(("on_limit", "awaited", "settling"), False)
+    expected |= dict.fromkeys(("settle_cycles", "wait_cycles", "strain_cycles"), 0)
+    expected |= {"load": 10.0, "torque_reference": 12.0, "torque_command": 9.0}
+    expected |= {"current_command": 0.0, "asked": 12.0, "load_taken": 5.0, "hold_place": 0.5}
+    expected |= {"holding": number in (LAWS.TORQUE, LAWS.CURRENT)}
+    if number != LAWS.POSITION:
+        expected |= {"law": number}
+    assert found == expected
+    assert one.position_pid.integral == 10.0 - 3.0 - 0.5 * 0.5
+    assert one.torque_pid.integral == 12.0 - 0.5 * 10.0
+    assert one.current_pid.integral == 0.0
+
+
+def test_a_law_that_ends() -> None:
+    """Its output is nothing, and nothing is taken over."""
+    one = joint(**STARTED)
+    found = changes(one, "start", LAWS.OFF)
+    assert (one.output, one.law) == (0.0, LAWS.OFF)
+    assert "load_taken" not in found
+    assert one.torque_command == 12.0
+    assert not one.holding
+    assert one.torque_pid.integral == 0.0
+
+
+@pytest.mark.parametrize(("torque", "asked"), [(300.0, 80.0), (-300.0, -80.0)])
+def test_the_drive_asked_for_is_one_that_there_is(torque: float, asked: float) -> None:
+    one = joint(**(STARTED | {"torque": torque}))
+    one.start(LAWS.POSITION)
+    assert one.asked == asked
+
+
+@pytest.mark.parametrize("law", ["POSITION", "IMPEDANCE", "TORQUE", "OUTPUT", "CURRENT"])
+@pytest.mark.parametrize(("velocity", "resting"), [(1.0, True), (0.0, False), (1.0, False)])
+def test_laws_that_follow_a_torque_wait_for_rest(law: str, velocity: float, resting: bool) -> None:
+    """Of the joint and of the others; meanwhile nothing is taken over."""
+    number = getattr(LAWS, law)
+    waits = number in (LAWS.IMPEDANCE, LAWS.TORQUE, LAWS.CURRENT)
+    one = joint(**(STARTED | {"velocity": velocity, "load_taken": 77.0}))
+    one.start(number, resting)
+    assert bool(one.settling) is waits
+    assert (one.load_taken == 77.0) is waits
+
+
+def test_a_load_that_is_known_counts_where_the_others_rest() -> None:
+    for resting, load in ((True, 6.0), (False, 10.0)):
+        one = joint(**(STARTED | {"rest_cycles": 3, "load": 6.0}))
+        one.start(LAWS.POSITION, resting)
+        assert one.load == load
+
+
+def test_a_feed_is_no_load() -> None:
+    one = joint(**(STARTED | {"feeds": True, "output_offset": 2.0, "per_feed": 1.0}))
+    one.start(LAWS.POSITION)
+    assert one.position_pid.integral == 10.0 - 3.0 - 2.0 - 0.25
+    assert one.torque_pid.integral == 12.0 - 5.0 - 2.0
+
+
+# --- torques and currents ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("settling", [True, False])
+def test_a_torque_offset_replaces_the_load(settling: bool) -> None:
+    """P11: one that waits for its rest takes the load that is known."""
+    one = joint(**STARTED, settling=settling, offset_given=False)
+    one.offer_torque(7.0)
+    assert (one.torque_offset, one.load_taken, one.offset_given) == (7.0, 0.0, True)
+    assert not one.settling
+    assert (one.torque_command == 9.0) is settling
+
+
+@pytest.mark.parametrize("settling", [True, False])
+def test_a_torque_command_ends_what_holds(settling: bool) -> None:
+    one = joint(**STARTED, settling=settling, holding=True, load_taken=77.0)
+    one.law = LAWS.TORQUE
+    one.command_torque(7.0)
+    assert (one.torque_command, one.holding, one.settling) == (7.0, False, False)
+    assert (one.load_taken == 77.0) is not settling
+
+
+def test_a_current_command_ends_what_waits() -> None:
+    one = joint(settling=True, awaited=True, holding=True)
+    assert changes(one, "command_current", 2.0) == {
+        "settling": False,
+        "awaited": False,
+        "holding": False,
+        "current_command": 2.0,
+    }
+
+
+def test_gravity_is_added_without_a_jump() -> None:
+    """G1: where the joint compensates it, and the arm is known."""
+    one = joint(compensates=True, lifts=False, lift=0.0, load_taken=10.0, torque_command=20.0)
+    one.carry(3.0, False)
+    assert (one.lifts, one.lift, one.load_taken, one.torque_command) == (False, 0.0, 10.0, 20.0)
+    one.carry(3.0, True)
+    assert (one.lifts, one.lift, one.load_taken, one.torque_command) == (True, 3.0, 7.0, 17.0)
+    one.carry(5.0, True)  # it changes with the pose
+    assert (one.lift, one.load_taken, one.torque_command) == (5.0, 7.0, 17.0)
+    one.compensates = False
+    one.carry(5.0, True)
+    assert (one.lifts, one.lift, one.load_taken, one.torque_command) == (False, 0.0, 12.0, 22.0)
+
+
+def test_to_give_up() -> None:
+    """What led to an output that is no number is forgotten; the joint is where it is."""
+    one = joint(diverged=False, position=0.3, velocity=1.0)
+    one.give_up()
+    zeros = "output torque_reference load asked set_current set_torque set_velocity"
+    assert all(getattr(one, name) == 0.0 for name in zeros.split())
+    assert (one.readings, one.rest_cycles, one.diverged) == (0, 0, True)
+    for pid in (one.position_pid, one.torque_pid, one.current_pid):
+        assert (pid.integral, pid.error, pid.derivative) == (0.0, 0.0, 0.0)
+    assert (one.reference, one.followed, one.followed_velocity) == (0.3, 0.3, 1.0)
+
+
+# --- the end of settling -------------------------------------------------------------------------
+
+
+SETTLING = {"settling": True, "awaited": False, "active": False, "wait_cycles": 0, "load": 5.0}
+SETTLING |= {"lift": 0.0, "torque_offset": 0.0, "torque": 0.0, "feeds": False, "rest_cycles": 0}
+
+
+def cycles_to_settle(
+    most: int = 400, *, braking: bool = False, rested: bool = False, **at: float
+) -> int:
+    """Cycles of 10 ms until a joint has taken its load over."""
+    one = joint(**(SETTLING | {"settle_cycles": 0} | at))
+    for k in range(1, most + 1):
+        LAWS.settle(one, braking, rested)
+        if not one.settling:
+            assert one.load_taken == 5.0
+            return k
+    return 0
+
+
+def test_how_long_a_joint_settles() -> None:
+    """30 ms where all rest, half a second else; 50 ms or its own rest where a reference waits."""
+    assert cycles_to_settle(rested=True) == 3
+    assert cycles_to_settle() == 50
+    assert cycles_to_settle(awaited=True) == 5
+    assert cycles_to_settle(awaited=True, rested=True) == 5
+    assert cycles_to_settle(awaited=True, rest_cycles=3) == 3
+    assert cycles_to_settle(awaited=True, rest_cycles=2) == 5
+    assert cycles_to_settle(active=True, rested=True) == 0  # it still brakes
+    assert cycles_to_settle(active=True, awaited=True) == 5
+
+
+def test_how_long_a_joint_waits_for_others() -> None:
+    """3 s, which do not count as settling; one whose reference waits does not."""
+    assert cycles_to_settle(braking=True, rested=True) == 299 + 3
+    assert cycles_to_settle(braking=True) == 299 + 50
+    assert cycles_to_settle(braking=True, awaited=True) == 5
+
+
+# --- moves and ramps -----------------------------------------------------------------------------
+
+
+def test_braking_in_whole_cycles() -> None:
+    """D = k v T − a T² k(k − 1)/2 for the least k."""
+    for distance in (1e-4, 0.003, 0.02, 0.5, 7.0):
+        speed = LAWS.brake_speed(distance, 20.0, 0.01)
+        k = next(k for k in range(1, 10**4) if speed <= 20.0 * 0.01 * k * (1 + 1e-12))
+        assert distance == pytest.approx(k * speed * 0.01 - 20.0 * 1e-4 * k * (k - 1) / 2)
+    assert LAWS.brake_speed(0.0, 20.0, 0.01) == LAWS.brake_speed(-1.0, 20.0, 0.01) == 0.0
+    assert LAWS.brake_speed(LAWS.FAR * 1.01, 20.0, 0.01) == LAWS.FAR
+    assert LAWS.brake_speed(LAWS.FAR, 20.0, 0.01) < LAWS.FAR
+
+
+@pytest.mark.parametrize(
+    ("velocity", "time", "brake"),
+    [(0.0, 1.0, 0.0), (0.4, 1.0, 0.0), (-0.5, 0.8, 0.3), (0.5, 0.3, 0.8)],
+)
+def test_a_move_from_cycle_to_cycle(velocity: float, time: float, brake: float) -> None:
+    """P1: the quintic, and what is braked beside it; on its target in the last one."""
+    one = joint(moving=True, move_cycles=0.0, move_start=0.2, move_target=1.2)
+    one.move_velocity, one.move_time, one.brake_time = velocity, time, brake
+    end = max(time, brake)
+    for k in range(1, round(end / 0.01) + 1):
+        LAWS.advance_move(one)
+        t = 0.01 * k
+        if k == round(end / 0.01):
+            assert (one.moving, one.moved, one.moved_velocity) == (False, 1.2, 0.0)
+            return
+        u = min(t / brake, 1.0) if brake else 0.0
+        reach = 1.0 - 0.5 * velocity * brake
+        run = 0.0 if brake else velocity * time
+        s = min(t / time, 1.0)
+        a, b, c = 10 * reach - 6 * run, 8 * run - 15 * reach, 6 * reach - 3 * run
+        way = run * s + a * s**3 + b * s**4 + c * s**5
+        speed = (run + 3 * a * s**2 + 4 * b * s**3 + 5 * c * s**4) / time if s < 1.0 else 0.0
+        way += velocity * brake * (u - u**3 + 0.5 * u**4)
+        if brake and u < 1.0:
+            speed += velocity * (1 - 3 * u**2 + 2 * u**3)
+        assert one.moved == pytest.approx(0.2 + way)
+        assert one.moved_velocity == pytest.approx(speed, abs=1e-12)
+        assert one.moving
+
+
+def ramped(**at: float) -> Any:
+    free = {"lower": -INFINITE, "upper": INFINITE, "reference": 0.0, "moved_velocity": 0.0}
+    free |= {"ramp_velocity": 0.0, "ramp_step": 0.1, "ramped": 0.5}
+    one = joint(**(free | at))
+    LAWS.advance_ramp(one)
+    return one
+
+
+@pytest.mark.parametrize(
+    ("at", "velocity"),
+    [
+        ({"ramp_target": 1.0}, 0.1),
+        ({"ramp_target": -1.0}, -0.1),
+        ({"ramp_target": 0.05}, 0.05),
+        ({"ramp_target": 5.0, "ramp_velocity": 2.95}, 3.0),  # the speed limit
+        ({"ramp_target": -5.0, "ramp_velocity": -2.95}, -3.0),
+        ({"ramp_target": 1.0, "ramp_velocity": 1.0, "moved_velocity": 2.5}, 0.5),
+        ({"ramp_target": -1.0, "ramp_velocity": -1.0, "moved_velocity": -2.5}, -0.5),
+        ({"ramp_target": 1.0, "ramp_velocity": 1.0, "upper": 0.0}, 0.0),  # on its limit
+        ({"ramp_target": -1.0, "ramp_velocity": -1.0, "lower": 0.0}, 0.0),
+        ({"ramp_target": 1.0, "ramp_velocity": 1.0, "upper": 0.002}, 0.2),  # one cycle from it
+        ({"ramp_target": -1.0, "ramp_velocity": -1.0, "lower": -0.002}, -0.2),
+        ({"ramp_target": 1.0, "ramp_velocity": 1.0, "upper": 0.3, "reference": 0.298}, 0.2),
+    ],
+)
+def test_a_velocity_is_ramped_within_speed_and_limits(
+    at: dict[str, float], velocity: float
+) -> None:
+    """P5, P14."""
+    one = ramped(**at)
+    assert one.ramp_velocity == pytest.approx(velocity)
+    assert one.ramped == pytest.approx(0.5 + 0.01 * velocity)
