@@ -330,7 +330,8 @@ def test_the_current_loop(law: int) -> None:
 
 BOUND = {
     "period": 0.01, "delay": 0.002, "current": 4.0, "current_before": 3.0,
-    "torque_per_ampere": 2.0, "lag": 0.3, "velocity": 1.0, "acceleration": 0.5, "inertia_min": 0.2, "inertia": 0.25,
+    "torque_per_ampere": 2.0, "lag": 0.3, "velocity": 1.0, "acceleration": 0.5,
+    "inertia_min": 0.2, "inertia": 0.25,
     "per_torque": 1.5, "per_speed": 0.7, "in_amps": False, "lead": 0.6, "max_torque": 60.0,
 }  # fmt: skip
 
