@@ -48,7 +48,7 @@ FILES = {
     "nul": (b"control_board:\0", "not YAML"),
     "tag": (f"{HEAD}robot: !!python/object/apply:os.system ['touch /tmp/x']\n", "tag"),
     "bomb": (YAML_BOMB, "not allowed"),
-    "deep": ("[" * 5000, "a list in a list"),
+    "deep": ("[" * 900, "a list in a list"),
     "unknown": (f"{HEAD}control_rat: 1000.0\n", "did you mean 'control_rate'"),
     "text": (f"{HEAD}control_rate: fast\n", "control_rate"),
     "nan": (f"{HEAD}control_rate: .nan\n", "control_rate"),

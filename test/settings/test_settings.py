@@ -361,8 +361,8 @@ def test_a_joint_name_with_a_dot_is_refused(tmp_path: Path) -> None:
         (b"control_board: {ros__parameters: 3}", "ros__parameters is not a mapping"),
         (b"control_bord: {ros__parameters: {robot: iiwa}}", "no section for node /control_board"),
         (b"a: {ros__parameters: {}}\n---\nb: 1", "second document"),
-        (b"[" * 100_000, "a list in a list"),
-        (b"{" * 100_000, "keys are names"),
+        (b"[" * 900, "a list in a list"),
+        (b"{" * 900, "keys are names"),
         (b"- " * 100_000, "a list in a list"),
         (b"{a: " * 100_000, "deeper"),
         (b"#" * (1024 * 1024 + 1), "larger than 1 MiB"),
@@ -371,6 +371,13 @@ def test_a_joint_name_with_a_dot_is_refused(tmp_path: Path) -> None:
 )
 def test_broken_files_are_refused(data: bytes, words: str, tmp_path: Path) -> None:
     assert words in refusal(written(tmp_path, data))
+
+
+@pytest.mark.parametrize(("bracket", "words"), [("[", "a list in a list"), ("{", "keys are names")])
+def test_bottomless_brackets_are_refused(bracket: str, words: str, tmp_path: Path) -> None:
+    """By the parser where it counts them (PyYAML 6.0.4: 1000), else at the first that is too deep."""
+    told = refusal(written(tmp_path, bracket.encode() * 100_000))
+    assert words in told or "not YAML (exceeded maximum nesting depth)" in told
 
 
 def test_alias_bomb_is_refused(tmp_path: Path) -> None:
