@@ -7,9 +7,9 @@ thread or lock; callers from several threads bring their own. Nothing that a use
 does raises: set methods answer with a Reply, joints fault. Only get methods raise, a
 RequestError, when they are asked for a joint that does not exist.
 
-It is the group of all its joints, with what users ask of joints (``group``); a robot of several
-parts has a group for each of them, too (SPEC R). The cycle is the ``engine``'s;
-``BringUp`` starts a robot level after level (R4).
+A board is the group of all its joints, with the methods of ``JointGroup``; a robot of several
+parts has a group for each part, too (SPEC R). ``Engine`` has the cycle, ``BringUp`` starts a robot
+level after level (R4).
 """
 
 from __future__ import annotations
@@ -46,14 +46,14 @@ def complete_levels(levels: Sequence[Sequence[str]], parts: Sequence[str]) -> tu
 
 
 class BringUp:
-    """Configures parts level after level; parts of one level calibrate side by side.
+    """Starts parts level after level; parts of one level calibrate side by side.
 
     Args:
         groups: of the parts, by name.
         levels: names of parts; see :func:`complete_levels`.
         events: receives the reason for a stop.
 
-    Attributes: groups, level (that starts up; None: none does).
+    Attributes: groups, level (the one that starts; None: none).
     """
 
     def __init__(
@@ -169,7 +169,7 @@ class Board(JointGroup):
 
     @property
     def stage(self) -> Stage:
-        """How far its joints may go; a part that waits for its level is not there yet."""
+        """The stage of its joints; a part that waits for its level has not reached it yet."""
         return self._stage
 
     @property
@@ -184,7 +184,7 @@ class Board(JointGroup):
 
     @property
     def unknown_commands(self) -> int:
-        """How many commands named no joint of the board, or of the part asked, so far (P13)."""
+        """Commands so far that named no joint of the board, or of the part addressed (P13)."""
         return self._unknown + sum(part.unknown_commands for part in self.parts.values())
 
     def _begin(self) -> None:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One control cycle of some joints, and all that has a part in it (SPEC A).
+"""The control cycle and its components (SPEC A).
 
-Below are ``machine`` (modes, faults, calibrations, brakes), ``requests`` (for modes),
-``start_up``, ``commands`` (references of users), ``references`` (what runs), ``controller`` (the
-laws), ``monitor`` (causes of faults), ``emergency`` (the stop of all), ``frames`` (what was around
-faults), ``motors`` and ``feedforward``, ``mix`` (of motors that are coupled).
+Components: ``machine`` (modes, faults, calibrations, brakes), ``requests`` (for modes),
+``start_up``, ``commands`` (references of users), ``references`` (those that run), ``controller``
+(the laws), ``monitor`` (causes of faults), ``emergency`` (the stop of all), ``frames`` (freeze
+frames of faults), ``motors`` and ``feedforward``, ``mix`` (of coupled motors).
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from .watch.freeze_frame import FreezeFrames
 
 
 class Engine:
-    """The state of joints, and what moves them from one cycle to the next.
+    """State and control cycle of a board's joints.
 
     Args:
         config: of the joints, of all parts where there are several.
-        zones: the parts, for whom events are kept apart.
+        zones: the parts, each with events of its own.
 
     Attributes: config, limits, state, torque_sensor (where a torque is known, shape (n,)), and
     the components that the module names.
@@ -152,10 +152,10 @@ class Engine:
         self.machine.reconfigure(config, timeout_cycles(config))
 
     def narrow(self, narrowed: Callable[[BoardConfig], BoardConfig]) -> None:
-        """Use what this makes of the configuration, now and after each change of it (S4).
+        """Apply ``narrowed`` to the configuration, now and after each change of it (S4).
 
         Raises:
-            ConfigError: it makes none of it; nothing changes.
+            ConfigError: the result is not valid; nothing changes.
         """
         before, self._narrowed = self._narrowed, narrowed
         try:

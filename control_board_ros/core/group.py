@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What users ask of joints: all of a board's, or those of a part (SPEC A, M, P, R3).
+"""The interfaces of SPEC A, for all joints of a board or for those of a part (M, P, R3).
 
 A request is checked whole, then decided joint by joint (M7). In every method ``joints`` is an
 index in the group, a name, a sequence of them, or None for all; values have shape (k,), one per
@@ -127,7 +127,7 @@ class JointGroup(ModeShortcuts):
         self.engine.emergency.beat(self.time)
 
     def _ask(self, joints: Joints, wanted_of: Callable[[int], Sequence[Wanted]]) -> Reply:
-        """Have decided what is wanted of each joint, given how many there are."""
+        """Decide a request; ``wanted_of`` gives that of each joint from their number."""
         try:
             chosen = self.selector.select(joints)
             wanted = wanted_of(len(chosen.names))
@@ -228,7 +228,7 @@ class JointGroup(ModeShortcuts):
         return self.engine.stops.stop(chosen)
 
     def reject(self, joints: Joints, message: str, code: Reason = Reason.INVALID) -> Reply:
-        """Refuse a command that is wrong as a whole; the joints it does name count it (P13)."""
+        """Refuse a command that is wrong as a whole; the joints that it names count it (P13)."""
         known = self.selector.known(joints)
         self.state.rejected[known] += np.uint64(1)
         self._unknown += not known
@@ -287,7 +287,7 @@ class JointGroup(ModeShortcuts):
         return [mode is BrakeMode.AUTOMATIC for mode in self.get_brake(joints)]
 
     def _braked(self, joints: Joints) -> Selection:
-        """The joints meant; of all, those that have a brake, where some have."""
+        """The selected joints; of all joints only those with a brake, if there are any."""
         chosen, brakes = self.selector.select(joints), self.engine.brakes
         if chosen is not self.selector.everyone or not brakes.there:
             return chosen
@@ -304,7 +304,7 @@ class JointGroup(ModeShortcuts):
         Args:
             joints: whose they are.
             stiffness: N·m/rad.
-            damping: N·m·s/rad; None: what goes with the stiffness (``damping_for``).
+            damping: N·m·s/rad; None: the damping of the stiffness (``damping_for``).
         """
         limits = self.engine.limits
         try:
@@ -419,7 +419,7 @@ class JointGroup(ModeShortcuts):
     def set_encoders(
         self, joints: Joints = None, positions: Values = 0.0, *, motor: bool = False
     ) -> Reply:
-        """Say what encoders read where they are now, rad (Y5).
+        """Set the readings of encoders at their present position, rad (Y5).
 
         Args:
             joints: whose they are.
@@ -435,7 +435,7 @@ class JointGroup(ModeShortcuts):
         return (motors.set_motor_encoders if motor else motors.set_encoders)(chosen, angles)
 
     def update_torque_sensor(self, joints: Joints, torques: Values) -> Reply:
-        """Tell the measured torques of joints whose sensor is external, N·m (Y5)."""
+        """Set the measured torques of joints with an external sensor, N·m (Y5)."""
         try:
             chosen = self.selector.select(joints)
             values = spread(torques, len(chosen.names), "torques")
@@ -590,7 +590,7 @@ class JointGroup(ModeShortcuts):
         return [self.engine.config.joints[j] for j in self._numbers(joints)]
 
     def get_coupling(self) -> Coupling:
-        """How the joints of the group, its axes, and physical joints hang together (Y3)."""
+        """The coupling of the group's joints, its axes, with the physical joints (Y3)."""
         return self.config.coupling or Coupling.plain(self.names)
 
     # --- the group as a whole -----------------------------------------------------------------
@@ -602,7 +602,7 @@ class JointGroup(ModeShortcuts):
 
     @property
     def stage(self) -> Stage:
-        """How far its joints may go."""
+        """The stage of its joints."""
         return self.state.stages[self.joints[0]]
 
     @property
@@ -636,7 +636,7 @@ class JointGroup(ModeShortcuts):
         return self._unknown
 
     def snapshot(self) -> Snapshot:
-        """All that the group shows, frozen; a new object, never changed afterwards."""
+        """The state of the group after the last cycle, frozen."""
         state, columns = self.state, self._columns
         return Snapshot(
             state.time,
@@ -655,7 +655,7 @@ class JointGroup(ModeShortcuts):
         )
 
     def take_events(self) -> list[BoardEvent]:
-        """What happened since the last call, oldest first; a part has its own."""
+        """The events since the last call, oldest first; a part has its own."""
         return self.engine.events.take(self.name)
 
     def configure(self) -> Reply:
@@ -676,7 +676,7 @@ class JointGroup(ModeShortcuts):
         self.engine.start_up.begin(self.joints)
 
     def set_stage(self, stage: Stage) -> None:
-        """Let the joints of a managed board go so far, and no further.
+        """Set the stage of the joints of a managed board.
 
         UNCONFIGURED is a power-on that waits; on INACTIVE they are configured (N2) or lose their
         power; on ACTIVE they calibrate or start, as at N3. A fault stays, except at UNCONFIGURED.

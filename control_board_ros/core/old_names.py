@@ -60,7 +60,7 @@ class ModeShortcuts:
         return modes
 
     def log_deprecated(self, text: str) -> None:
-        """Where the text goes besides the DeprecationWarning; nowhere, unless overridden."""
+        """Log a deprecation, too; does nothing unless overridden."""
 
     def _old(
         self, joints: Joints, mode: ControlMode, interaction: InteractionMode | None = None
@@ -88,7 +88,7 @@ OLD_NAMES: dict[tuple[ControlMode, InteractionMode | None], str] = {
 
 
 def replacement(mode: ControlMode, interaction: InteractionMode | None) -> str:
-    """What to call in place of the old method of a mode."""
+    """The replacement of the old method of a mode."""
     new = f"set_control_mode(joints, ControlMode.{mode.name})"
     if interaction is not None:
         new += f" and set_interaction_mode(joints, InteractionMode.{interaction.name})"

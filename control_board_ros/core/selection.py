@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which joints a request means, and the checks of a whole request (SPEC M7, P13)."""
+"""Selection of joints, and the checks of a whole request (SPEC M7, P13)."""
 
 from __future__ import annotations
 
@@ -49,8 +49,9 @@ class RequestError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Chosen joints in the order asked: the board's numbers of them, shape (k,), and names;
-    the numbers as a list, too, for loops.
+    """Selected joints in the order of the request.
+
+    Attributes: joints (the board's numbers, shape (k,)), names, numbers (the same, as a list).
     """
 
     joints: Indices
@@ -64,7 +65,7 @@ class Selection:
 
 
 class Selector:
-    """Resolves what users call joints.
+    """Resolves indices and names of joints.
 
     Args:
         names: of the joints; users number them from 0 on.
@@ -108,9 +109,7 @@ class Selector:
         return refused(str(error), names, code)
 
     def known(self, joints: Any) -> list[int]:
-        """The board's numbers of those that exist of what a wrong request calls joints; all where
-        it names none.
-        """
+        """Numbers of the existing joints of a wrong request; of all where it names none."""
         many = isinstance(joints, Iterable) and not isinstance(joints, str)
         named: list[Any] = list(cast(Any, joints)) if many else [joints]
         found: set[int] = set()
@@ -219,7 +218,7 @@ def finite(values: Array, what: str) -> Array:
 
 
 def loop_of(word: str) -> Loop:
-    """The control loop of a request.
+    """The control loop that a request names.
 
     Raises:
         RequestError: there is none of this name.
@@ -257,7 +256,7 @@ def interaction_modes(modes: Any, count: int) -> list[InteractionMode]:
 
 
 def brake_modes(modes: Any, count: int) -> list[BrakeMode]:
-    """The ways to work brakes of a request, one per joint; one goes to all of them.
+    """The brake modes of a request, one per joint; one goes to all of them.
 
     Raises:
         ValueError: an unknown one, or too few or many.
@@ -266,13 +265,13 @@ def brake_modes(modes: Any, count: int) -> list[BrakeMode]:
 
 
 def by_hand(active: bool | Sequence[bool]) -> list[BrakeMode]:
-    """What closes (true) and opens brakes by hand, one for all joints or one each."""
+    """The brake modes that close (true) and open brakes by hand, one for all or one each."""
     flags = [active] if isinstance(active, bool | np.bool_) else active
     return [BrakeMode.CLOSED if flag else BrakeMode.OPEN for flag in flags]
 
 
 def automatic(enabled: bool | Sequence[bool], closed: Sequence[bool]) -> list[BrakeMode]:
-    """What lets the board work brakes, or leaves them, by hand, as they are."""
+    """The brake modes for automatic operation, or for the present state by hand."""
     flags = [enabled] * len(closed) if isinstance(enabled, bool | np.bool_) else enabled
     if len(flags) != len(closed):
         raise RequestError(f"{len(flags)} flags for {len(closed)} joints; send one, or one each")

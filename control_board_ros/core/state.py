@@ -133,13 +133,12 @@ class Snapshot:
 
 
 class StateArrays:
-    """What the parts of a board share: arrays, one column per joint, and records.
+    """The state that the components of a board share: arrays, one column per joint, and records.
 
     Attributes: block (rows Row and Reference), with a view per row; offset (rad: reading minus
-    joint angle), motors (rows of Motor as measured), motor_offset (rad: what its encoder reads
-    less what it was set to), calibrated, powered (1.0 where the bridge is on), kinds and
-    set_points (what the drives follow: SetPoint, and rows of set_points.Value), done (no move
-    runs),
+    joint angle), motors (rows of Motor as measured), motor_offset (rad: reading of its
+    encoder less the value it was set to), calibrated, powered (1.0 where the bridge is on), kinds
+    and set_points (of the drives: SetPoint, and rows of Value), done (no move runs),
     control_modes and interaction_modes, accepts (by kind of reference, shape (kinds, n)), rejected
     (commands ignored so far), faults (the last one of each joint), before (its modes when that was
     raised), time (s, of the last reading), cycle, modes_version and faults_version (they grow
@@ -184,7 +183,7 @@ class StateArrays:
         self.stages = [Stage.ACTIVE] * n
 
     def power_on(self, joints: Sequence[int]) -> None:
-        """Forget what a power-on forgets (N1); records of faults stay readable (F5)."""
+        """Reset joints as at power-on (N1); fault records stay readable (F5)."""
         for j in joints:
             self.offset[j], self.calibrated[j] = 0.0, False
             self.motor_offset[j] = 0.0
@@ -194,13 +193,13 @@ class StateArrays:
         self.note_faults(joints)
 
     def note_modes(self, joints: Sequence[int]) -> None:
-        """Modes of joints have changed."""
+        """Record a change of modes."""
         self.modes_version += 1
         for j in joints:
             self.modes_changed[j] = self.modes_version
 
     def note_faults(self, joints: Sequence[int]) -> None:
-        """Fault records of joints have changed."""
+        """Record a change of fault records."""
         self.faults_version += 1
         for j in joints:
             self.faults_changed[j] = self.faults_version

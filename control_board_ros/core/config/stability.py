@@ -18,9 +18,9 @@ import math
 from .config import BoardConfig, JointConfig
 from .parts import DERIVATIVE_CUTOFF, Pid
 
-#: 1/s; what grows faster than this no friction holds.
+#: Growth rate that friction can still damp, 1/s.
 GROWTH = 10.0
-#: Hz; a low pass below this leaves nothing of a rate.
+#: Lowest useful cutoff of the rate's low pass, Hz.
 LEAST_CUTOFF = 0.1
 #: An integral part of this many torque limits is unbounded.
 MOST_INTEGRAL = 10.0
@@ -52,7 +52,7 @@ def loops(joint: JointConfig) -> dict[str, Pid]:
 
 
 def bounds(joint: JointConfig, period: float) -> dict[str, tuple[float, float]]:
-    """For each gain its value, and the greatest that can be stable."""
+    """For each gain its value, and its stability limit."""
     least, greatest = joint.inertia_min, joint.inertia_max
     most_kd = 2.0 * least / period
     found = {
@@ -87,7 +87,7 @@ def bounds(joint: JointConfig, period: float) -> dict[str, tuple[float, float]]:
 
 
 def filters(pid: Pid, torque: float, rate: float) -> dict[str, str]:
-    """What is wrong with the low pass and the bound of a loop that uses them."""
+    """Warnings of the low pass and the integral bound of a loop."""
     found = {}
     highest = max(0.5 * rate, DERIVATIVE_CUTOFF)
     if pid.kd > 0.0 and not LEAST_CUTOFF <= pid.derivative_cutoff <= highest:

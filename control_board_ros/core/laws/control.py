@@ -108,14 +108,14 @@ class Controller:
             self._configure(j)
 
     def step(self) -> bool:
-        """One cycle of all laws; whether one has something to report, as :meth:`Laws.step`."""
-        tells = [laws.step() for laws in self._laws.values()]  # of all, before any is read
-        return True in tells
+        """One cycle of all laws; whether one has news, as :meth:`Laws.step`."""
+        news = [laws.step() for laws in self._laws.values()]  # every one steps
+        return True in news
 
     def reconfigure(self, config: BoardConfig) -> None:
-        """Take new constants and gains; the laws that run go on with them, without a jump.
+        """Take new constants and gains without a step of torque.
 
-        Joints whose configuration is as before are left alone.
+        Joints with an unchanged configuration are not touched.
         """
         before, self._config = self._config, config
         for j, own in enumerate(config.joints):
@@ -124,7 +124,7 @@ class Controller:
                 self._configure(j)
 
     def _load(self, j: int, before: Payload) -> None:
-        """Give a joint another payload; joints that hold a position hold it on, without a jump."""
+        """Set the payload of a joint; joints that hold a position keep their torque."""
         after = self._config.joints[j].payload
         if after != before and j in self._bodies:
             self._laws[self._laws_of[j]].forget_arm()
@@ -148,7 +148,7 @@ class Controller:
             self._cap(j)
 
     def set_terms(self, joints: Indices, terms: Mapping[Term, Array]) -> None:
-        """Use other constants and friction of motors than the configured, shapes (k,) (Y5)."""
+        """Set constants and friction of motors, over the configured ones, shapes (k,) (Y5)."""
         for row, values in terms.items():
             self.terms[row, joints] = values
         for j in joints.tolist():
@@ -157,11 +157,11 @@ class Controller:
     def terms_in_force(self, j: int) -> list[float]:
         """Constants and friction that the laws of a joint use, by Term."""
         usual = usual_terms(self._config.joints[j], *self._bodies.get(j, ())[:1])
-        told: list[float] = self.terms[:, j].tolist()
-        return [a if math.isnan(b) else b for a, b in zip(usual, told, strict=True)]
+        given: list[float] = self.terms[:, j].tolist()
+        return [a if math.isnan(b) else b for a, b in zip(usual, given, strict=True)]
 
     def _cap(self, j: int) -> None:
-        """Give a joint its constants, within the caps that users set."""
+        """Set the constants of a joint, within the caps of users."""
         joint, own = self.joints[j], self._config.joints[j]
         limits = own.limits
         most, output = np.minimum(self.caps[:, j], (limits.peak_current, limits.output)).tolist()
@@ -173,7 +173,7 @@ class Controller:
         self._set_drive(j, self._armed[j][0])
 
     def arm(self, joints: Sequence[int], law: Law, *, direct: bool, feeds: bool = True) -> None:
-        """Give joints their law, from their present torque on (M9).
+        """Start a law from the present torque of joints (M9).
 
         Args:
             joints: whose law it becomes.
@@ -212,7 +212,7 @@ class Controller:
                 joint.damping = float(damping[k])
 
     def _set_law(self, j: int, law: Law, direct: bool) -> None:
-        """The gains and the kind of drive that go with a law; set where they are others."""
+        """Set the gains and the set-point of a law, where they differ."""
         joint, own = self.joints[j], self._config.joints[j]
         pid = (own.direct_pid if direct else None) or own.position_pid
         if pid is not self._position_pids[j]:
@@ -241,7 +241,7 @@ class Controller:
 
 
 def joint_torque(joint: Joint, measured: float, current: float) -> float:
-    """The measured torque; where there is no sensor, what the motor's current makes."""
+    """The measured torque; without a sensor that of the motor's current."""
     return measured if joint.has_torque_sensor else current * joint.torque_per_ampere
 
 
@@ -312,9 +312,9 @@ def set_drive(joint: Joint, own: JointConfig, kind: SetPoint, *, in_amps: bool) 
 
 
 def set_gains(loop: Loop, pid: Pid, period: float) -> None:
-    """Give a loop its gains; what they change of the output, the integral part makes up for.
+    """Set the gains of a loop; the integral part takes up the change of its output.
 
-    Where that is beyond the integral's limit, it gets there within UNLOADING.
+    An integral beyond its limit returns to it within UNLOADING.
     """
     before = loop.feed()
     loop.kp, loop.ki_period, loop.kd, loop.kff = pid.kp, pid.ki * period, pid.kd, pid.kff

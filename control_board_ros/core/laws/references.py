@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The references that users set: what runs, and the last accepted ones (SPEC P, M11).
+"""The references of users: those that run, and the last accepted ones (SPEC P, M11).
 
 The position reference of a joint is its trajectory plus the integral of its velocity:
 q_ref = trajectory + ∫v dt, in every mode. POSITION leaves the second at zero, VELOCITY the
-first still, MIXED uses both, POSITION_DIRECT sets the first. ``laws.advance`` runs them.
+first unchanged, MIXED uses both, POSITION_DIRECT sets the first. ``laws.advance`` runs them.
 
 References of torque, output and velocity expire (P12), counted in control cycles.
 """
@@ -50,14 +50,14 @@ class ReferenceTimeouts:
         self._next = float(self._deadline.min())
 
     def renew(self, kind: CommandKind, joints: Indices, cycle: int) -> None:
-        """Let the timeouts of a kind run from this cycle."""
+        """Restart the timeouts of a kind."""
         self._running.update(joints.tolist())
         self._renewed[joints], self._kind[joints] = cycle, kind
         self._deadline[joints] = cycle + self._cycles[kind, joints]
         self._next = float(self._deadline.min())
 
     def cancel(self, joints: Sequence[int]) -> None:
-        """Let no reference of these joints expire."""
+        """Cancel the timeouts of joints."""
         if self._running.isdisjoint(joints):
             return
         self._running.difference_update(joints)
@@ -65,7 +65,7 @@ class ReferenceTimeouts:
         self._next = float(self._deadline.min())
 
     def expired(self, cycle: int) -> NDArray[np.intp] | None:
-        """The joints whose reference ran out in this cycle, or None."""
+        """The joints whose reference expires in this cycle, or None."""
         if cycle < self._next:
             return None
         late = np.flatnonzero(self._deadline <= cycle)
@@ -121,7 +121,7 @@ class References:
         self.power_on(range(state.n), config)
 
     def power_on(self, joints: Sequence[int], config: BoardConfig) -> None:
-        """Forget the references of joints, and what users set for them (N1)."""
+        """Reset the references of joints, and the settings of users (N1)."""
         for j in joints:
             own = config.joints[j]
             self.last[:, j] = 0.0
@@ -159,7 +159,7 @@ class References:
         return self._start(joints, targets, self.plan_moves(joints, targets, speeds))
 
     def plan_moves(self, joints: Indices, targets: Array, speeds: Array) -> Moves:
-        """What such moves would be from now on."""
+        """The plan of such moves, from the present state."""
 
         def planner(moves: Sequence[Move]) -> Planner:
             first = [planned(durations, *move) for move in moves]
@@ -177,7 +177,7 @@ class References:
         return self._stretched(joints, targets, speeds, planner)
 
     def move_within(self, joints: Indices, targets: Array, time: float) -> Moves:
-        """Start moves that all arrive after ``duration`` s; at least that of ``plan_moves``."""
+        """Start moves that all arrive after ``time`` s, at least that of ``plan_moves``."""
 
         def planner(moves: Sequence[Move]) -> Planner:
             return lambda factor: [
@@ -195,7 +195,7 @@ class References:
         along: Array,
         planner: Callable[[Sequence[Move]], Planner],
     ) -> Moves:
-        """Moves as long as the torques of each part's arm ask for."""
+        """Moves that the torques of each part's arm allow."""
         chosen, moves = joints.tolist(), list(self._with(joints, targets, along))
         efforts = [self._efforts[j] for j in chosen]
         if not any(efforts):
@@ -221,12 +221,12 @@ class References:
         return moves
 
     def _with(self, joints: Indices, targets: Array, along: Array) -> Iterator[Move]:
-        """Joints with what they get each."""
+        """Joints with target and speed, or time."""
         chosen = [self._joints[j] for j in joints.tolist()]
         return zip(chosen, targets.tolist(), along.tolist(), strict=True)
 
     def step(self, joints: Indices, positions: Array, velocities: Array | None) -> None:
-        """Step the position reference (P4); velocities are its own, where it has them."""
+        """Step the position reference (P4), with its velocities where given."""
         state = self._state
         state.position_reference[joints] = positions
         state.done[joints] = True
@@ -256,7 +256,7 @@ class References:
         return bool(self._joints[j].ramp_target != 0.0)
 
     def halt(self, joints: Indices) -> None:
-        """Stop the velocity references as hard as the joints may (P12)."""
+        """Stop the velocity references at the acceleration limits (P12)."""
         for j in joints.tolist():
             self._joints[j].halt()
 

@@ -4,13 +4,13 @@
 A move is the quintic that leaves a position with a velocity (and no acceleration) and ends at
 rest after a duration T. From rest it is q(s) = q0 + Δ(10s³ − 15s⁴ + 6s⁵), s = t/T, with the peak
 speed 1.875 |Δ|/T and the peak acceleration 5.774 |Δ|/T². A velocity that leads away from the
-target, or that is too high to end there, is no part of it: it is braked to zero by a second
-polynomial, v0(1 − 3u² + 2u³), u = t/T_b, and the quintic makes up for the way of this one.
+target, or that is too high to end there, is braked to zero by a second polynomial,
+v0(1 − 3u² + 2u³), u = t/T_b, whose distance the quintic covers as well.
 
-Joints that move together load each other: what one accelerates, others must hold. The torque
+Joints that move together load each other. The torque
 of the arm's motion grows with the square of its speed, so moves that are k times as long
-need 1/k² of it (Hollerbach, Dynamic scaling of manipulator trajectories, 1984); what gravity and
-friction take is left as it is. Where other moves are under way, only the new ones are stretched.
+need 1/k² of it (Hollerbach, Dynamic scaling of manipulator trajectories, 1984); gravity and
+friction do not change. Where other moves are under way, only the new ones are stretched.
 """
 
 from __future__ import annotations
@@ -165,7 +165,7 @@ def _fits(
 
 #: Part of a joint's torque that a planned motion may use; the rest is for its control.
 SHARE = 0.9
-#: Where a move is looked at, and how often it is stretched, by how much at least.
+#: Points at which a move is evaluated; maximum number of stretches, and the least one.
 SAMPLES, STRETCHES, LEAST_STRETCH = 14, 16, 1.02
 
 #: Durations of a move and of its braking, s; see ``trajectory.durations``.
@@ -215,7 +215,7 @@ class Effort:
         return factor, moves
 
     def _note_others(self) -> None:
-        """Where all joints are, what moves, and what their motors have."""
+        """Read positions, running moves, and the torques that the motors have."""
         for body, joint in zip(self._arm.bodies, self._joints, strict=True):
             volts = joint.max_output / joint.percent_per_volt
             torque_per_volt = joint.torque_per_ampere / joint.ohms
@@ -234,7 +234,7 @@ class Effort:
                 body.start_velocity = body.time = body.brake = body.past = 0.0
 
     def _note_move(self, j: int, target: float, time: float, brake: float) -> None:
-        """A move that begins now."""
+        """Add a move that begins now."""
         body, joint = self._arm.bodies[j - self._first], self._joints[j - self._first]
         body.start, body.start_velocity = joint.reference, joint.moved_velocity
         body.target, body.time, body.brake, body.past = target, time, brake, 0.0

@@ -51,7 +51,7 @@ class Wanted(NamedTuple):
 
 
 class Owner(Protocol):
-    """What brakes need of the machine that has them."""
+    """The interface of the machine that brakes use."""
 
     @property
     def config(self) -> BoardConfig: ...
@@ -111,11 +111,11 @@ class Brakes:
 
     @property
     def holding(self) -> bool:
-        """Whether a joint holds still until its brake is closed, and loses its power then."""
+        """Whether a joint still has power until its brake is closed."""
         wanted = [brake.wanted for brake in self._brakes if brake is not None]
         return any(one is not None and one.law is Law.OFF for one in wanted)
 
-    # --- what the machine asks ------------------------------------------------------------------
+    # --- for the machine ------------------------------------------------------------------------
 
     def power_on(self, joints: Sequence[int]) -> None:
         """Restart joints: their brakes close, and work automatically (N1)."""
@@ -131,7 +131,7 @@ class Brakes:
                 brake.config = joint.brake
 
     def admit(self, joints: Sequence[int], wanted: Wanted) -> Sequence[int]:
-        """The joints whose law can begin now; the others get it when their brake is ready."""
+        """The joints whose law can start now; it starts on the others when their brake is open."""
         if not self.there:
             return joints
         return [j for j in joints if self._admits(j, wanted)]
@@ -148,7 +148,7 @@ class Brakes:
             brake.wanted = wanted
             joint = self._machine.controller.joints[j]
             joint.braked = joint.holding = True
-            joint.calibrated = bool(state.calibrated[j])  # moves are planned meanwhile
+            joint.calibrated = bool(state.calibrated[j])  # moves are planned while the brake opens
             return False
         brake.wanted, self._machine.controller.joints[j].braked = None, False
         if state.control_modes[j] in FAULTED | UNCONFIGURED:
@@ -195,7 +195,7 @@ class Brakes:
             machine.give_power(j, wanted)
 
     def _order(self, j: int, *, closed: bool) -> None:
-        """Tell a brake what it is to be; an order that it has is not given again."""
+        """Order a brake open or closed; an order in force is not repeated."""
         brake = self._brakes[j]
         assert brake is not None
         if bool(self.orders[j]) is closed:
@@ -224,10 +224,10 @@ class Brakes:
             text = f"its brake slips: it is closed, and the joint moved by {kind.position(moved)}"
             self._machine.report("warning", "brake slips", j, text)
 
-    # --- what users ask -------------------------------------------------------------------------
+    # --- for users ------------------------------------------------------------------------------
 
     def request(self, selection: Selection, wanted: Sequence[BrakeMode]) -> Reply:
-        """Decide for each joint how its brake is worked, then do it (M7)."""
+        """Decide the brake mode of each joint, then set it (M7)."""
         answers = []
         for j, mode in zip(selection.numbers, wanted, strict=True):
             facts = self._machine.facts(j)
@@ -244,12 +244,12 @@ class Brakes:
         return self._brakes[j] is not None
 
     def mode(self, j: int) -> BrakeMode | None:
-        """How the brake of a joint is worked; None: it has none."""
+        """The brake mode of a joint; None: it has no brake."""
         brake = self._brakes[j]
         return None if brake is None else brake.mode
 
     def is_stuck(self, j: int) -> bool:
-        """Whether a brake did not open when it last was to."""
+        """Whether a brake did not open at its last order."""
         brake = self._brakes[j]
         return brake is not None and brake.stuck
 
@@ -258,7 +258,7 @@ class Brakes:
         return self.mode(j) is BrakeMode.CLOSED
 
     def _set_mode(self, j: int, mode: BrakeMode) -> None:
-        """Work a brake so from now on; ``closed`` only where the joint has no power."""
+        """Set a brake mode; ``closed`` only where the joint has no power."""
         brake = self._brakes[j]
         assert brake is not None
         brake.mode = mode

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The references of users: fire and forget, joint by joint (SPEC M3, M4, M11, P).
 
-One row of COMMANDS per kind holds all that differs between the kinds. What the mode of a joint
-does not accept, and what is not a finite number, is ignored and counted; the other joints of the
-same command are served.
+One row of COMMANDS per kind holds all differences between the kinds. A reference that the mode of
+its joint does not accept, or that is not a finite number, is ignored and counted; the other joints
+of the same command are served.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from .explanations import LEFT, explain_bound, explain_reference, explain_slower
 from .machine import Machine
 
 K = CommandKind
-#: What will be done instead of what was requested, by joint.
+#: Effects of limits on references, by joint.
 Notes = dict[int, str]
 Start = Callable[[References, Indices, Floats, Any], Any]
 
@@ -41,9 +41,9 @@ class Command:
 
     Attributes: field (its name in messages), limit (attribute of BoardLimits: it is bounded to
     ± that; None: to lower and upper, a position), start (what it starts), timeout (attribute of
-    Timeouts; None: it never expires), along (what may come along, as messages name it), standing
-    (attribute of References: the stored value where none is given, which then must be above 0),
-    most (attribute of BoardLimits: the greatest that may come along).
+    Timeouts; None: it never expires), along (name of the accompanying value in messages),
+    standing (attribute of References: the stored value where none is given; values are then above
+    0), most (attribute of BoardLimits: the greatest accompanying value).
     """
 
     field: str
@@ -108,7 +108,7 @@ def timeout_cycles(config: BoardConfig) -> Array:
 
 
 class Commands:
-    """Checks references joint by joint, starts what is good, counts the rest.
+    """Checks references joint by joint, starts the valid ones, counts the others.
 
     Args:
         machine: whose joints are commanded.
@@ -140,7 +140,7 @@ class Commands:
         together: bool = False,
         time: float | None = None,
     ) -> Reply:
-        """Start references of one kind; see COMMANDS for what comes along.
+        """Start references of one kind; COMMANDS names their accompanying values.
 
         Args:
             kind: of the references.
@@ -183,14 +183,14 @@ class Commands:
         return np.clip(positions, self._low[K.POSITION][chosen], self._high[K.POSITION][chosen])
 
     def _standing(self, kind: CommandKind, selection: Selection) -> Floats | None:
-        """Stored values where none are given with references, one per joint; None: none."""
+        """The stored accompanying values, one per joint; None: the kind has none."""
         if (name := COMMANDS[kind].standing) is None:
             return None
         standing: Floats = getattr(self._references, name)
         return standing[selection.joints]
 
     def _fits(self, kind: CommandKind, chosen: Indices, extra: Floats) -> NDArray[np.bool_]:
-        """Whether what comes along may: above 0 up to the most, or any finite number."""
+        """Whether accompanying values are in range: above 0 up to the most, or finite."""
         if COMMANDS[kind].standing is None:
             return np.isfinite(extra)
         return (extra > 0.0) & (extra <= self._most[kind][chosen])
@@ -206,7 +206,7 @@ class Commands:
         """Start references within the limits.
 
         Returns:
-            Those in force, and what is done instead of what was requested.
+            The references in force, and the effects of limits.
         """
         row, references = COMMANDS[kind], self._references
         taken = np.minimum(np.maximum(asked, self._low[kind][chosen]), self._high[kind][chosen])
@@ -255,7 +255,7 @@ class Commands:
     def _judged(
         self, kind: CommandKind, selection: Selection, asked: Floats, along: Floats | None
     ) -> list[JointAnswer]:
-        """An answer for each joint, what is ignored counted (M4)."""
+        """The answer of each joint; ignored references are counted (M4)."""
         answers = []
         fits = (
             np.ones(asked.shape, bool)
@@ -276,7 +276,7 @@ class Commands:
 def told(
     selection: Selection, answers: Sequence[JointAnswer], started: dict[int, float], notes: Notes
 ) -> Reply:
-    """The reply to references, of which some have started, as bounded, and some have notes."""
+    """The reply to references: those started, as bounded, and the notes on them."""
     order = selection.numbers
     texts = [
         JointAnswer(text=notes[j]) if j in notes else answer

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of a request, for one joint: decided from facts and the tables of ``modes``.
+"""Decisions on requests, for one joint, from facts and the tables of ``modes``.
 
-``decide`` is total: every request has a Verdict for every joint in every mode. Nothing is written
-here; ``machine`` carries out what is decided, ``explanations`` puts it into words.
+``decide`` is total: every request has a Verdict for every joint in every mode. It changes nothing:
+``machine`` carries verdicts out, ``explanations`` words them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Wanted = ControlMode | InteractionMode | Event
 
 
 class DecidedJoint(Protocol):
-    """What decisions, and the texts that explain them, need of a joint's configuration."""
+    """The part of a joint's configuration that decisions and their explanations use."""
 
     @property
     def name(self) -> str: ...
@@ -52,7 +52,7 @@ class DecidedJoint(Protocol):
 
 
 class Facts(NamedTuple):
-    """What a decision on one joint rests on.
+    """The facts for a decision on one joint.
 
     Attributes: joint (its configuration), mode, interaction, calibrated (K7), fault (its last
     one), cause (of a fault that is active and would come back now), time (s, of the reading),
@@ -81,7 +81,7 @@ class Facts(NamedTuple):
         return self.stage is not Stage.ACTIVE
 
     def after(self, verdict: Verdict) -> Facts:
-        """What they are once an accepted verdict is carried out."""
+        """The facts after an accepted verdict has been carried out."""
         effect = verdict.effect
         if isinstance(effect, InteractionMode):
             return self._replace(interaction=effect)
@@ -93,7 +93,7 @@ class Facts(NamedTuple):
         return self
 
     def withholds(self, wanted: ControlMode) -> bool:
-        """Whether a mode is out of reach as long as the joint is not calibrated, or inactive."""
+        """Whether the lack of a calibration, or the stage, withholds a mode (K7)."""
         return (self.lacks_calibration and wanted not in UNCALIBRATED_MODES) or (
             self.inactive and wanted not in UNPOWERED_MODES
         )
@@ -128,7 +128,7 @@ UNAVAILABLE = {
 
 
 def decide(facts: Facts, wanted: Wanted) -> Verdict:
-    """What becomes of a request.
+    """The verdict on a request.
 
     Args:
         facts: Of one joint.
@@ -163,7 +163,7 @@ def _decide_control_mode(facts: Facts, wanted: ControlMode) -> Verdict:
 
 
 def _hindrance(facts: Facts, target: ControlMode | Choice) -> Reason:
-    """What keeps a joint from a mode that the table gives it (F3, E2, Y4)."""
+    """The obstacle to a mode that the table allows (F3, E2, Y4)."""
     if facts.cause is not None:
         stopped = facts.cause.code is FaultCode.EMERGENCY_STOP
         return Reason.EMERGENCY_STOP if stopped else Reason.CAUSE_PERSISTS
@@ -195,11 +195,11 @@ def _decide_calibration(facts: Facts) -> Verdict:
 
 
 def decide_brake(facts: Facts, mode: BrakeMode, *, present: bool) -> Verdict:
-    """What becomes of working a brake otherwise (Y4): it closes by hand where no motor drives.
+    """The verdict on a brake mode (Y4): a brake closes by hand only without power.
 
     Args:
         facts: Of one joint.
-        mode: Wanted.
+        mode: The requested one.
         present: Whether the joint has a brake.
     """
     if not present:
@@ -210,7 +210,7 @@ def decide_brake(facts: Facts, mode: BrakeMode, *, present: bool) -> Verdict:
 
 
 def decide_stop(facts: Facts) -> Verdict:
-    """What becomes of a stop: it acts where a position reference is followed (P3)."""
+    """The verdict on a stop: it acts where a position reference is followed (P3)."""
     if facts.mode in STOPPABLE or facts.mode in AT_REST:
         return FINE
     return Verdict(Answer.IGNORED, UNAVAILABLE.get(facts.mode, Reason.NOTHING_TO_STOP))
@@ -219,13 +219,13 @@ def decide_stop(facts: Facts) -> Verdict:
 def decide_reference(
     facts: Facts, kind: CommandKind, values: tuple[float, ...], fits: bool = True
 ) -> Verdict:
-    """What becomes of a reference (M4, P13).
+    """The verdict on a reference (M4, P13).
 
     Args:
         facts: Of one joint.
         kind: Of the reference.
-        values: It, and what comes along.
-        fits: Whether what comes along is in its range.
+        values: The reference, and its accompanying value.
+        fits: Whether the accompanying value is in its range.
     """
     if kind not in ACCEPTS.get(facts.mode, ()):
         known = any(kind in ACCEPTS.get(mode, ()) for mode in facts.joint.control_modes)
@@ -237,7 +237,7 @@ def decide_reference(
 
 
 def decide_feedforward(facts: Facts, values: tuple[float, ...]) -> Verdict:
-    """What becomes of feed-forward terms (P11, K6, M4)."""
+    """The verdict on feed-forward terms (P11, K6, M4)."""
     if facts.mode in CALIBRATES:
         return _ignored(facts, Reason.CALIBRATING)
     if not all(math.isfinite(value) for value in values):
@@ -256,7 +256,7 @@ def _refused(facts: Facts) -> Verdict:
 
 
 def _unavailable(facts: Facts, otherwise: Reason) -> Reason:
-    """Why a joint in its mode accepts nothing; ``otherwise`` where the mode is not the reason."""
+    """Why a joint accepts nothing in its mode; ``otherwise`` where the mode is not the reason."""
     if facts.mode in UNAVAILABLE:
         return UNAVAILABLE[facts.mode]
     if facts.inactive:

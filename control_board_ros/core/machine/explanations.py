@@ -22,7 +22,7 @@ UNTIL_CALIBRATED = "until it is, it accepts idl, fidl and a calibration"
 
 
 def waits_for(facts: Facts) -> str:
-    """What lets a joint leave NOT_CONFIGURED (N2)."""
+    """The step by which a joint leaves NOT_CONFIGURED (N2)."""
     if facts.stage is Stage.UNCONFIGURED:
         return "its node waits for configure (a transition of its lifecycle)"
     return "the board waits for configure (a service)"
@@ -85,7 +85,7 @@ def explain_stop(facts: Facts) -> str:
 
 
 def explain_brake(reason: Reason, facts: Facts) -> str:
-    """Why a brake is not worked otherwise; empty where it is (Y4)."""
+    """Why a brake mode was refused; empty where it was not (Y4)."""
     name, mode = facts.joint.name, facts.mode
     if reason is Reason.UNSUPPORTED:
         return f"{name} has no brake"
@@ -96,7 +96,7 @@ def explain_brake(reason: Reason, facts: Facts) -> str:
 
 
 def explain_stuck(facts: Facts) -> str:
-    """What is to be known of a joint whose brake did not open when it last was to (Y4)."""
+    """The remark on a joint whose brake did not open at the last order (Y4)."""
     return (
         f"the brake of {facts.joint.name} did not open when it last was to; the next mode with "
         "power tries again"
@@ -112,8 +112,8 @@ def explain_reference(
         reason: Of the verdict.
         facts: Of the joint.
         kind: Of the reference.
-        values: It, and what came along.
-        allowed: What may come along, in words.
+        values: The reference, and its accompanying value.
+        allowed: The range of the accompanying value, in words.
     """
     if reason is Reason.NONE:
         return ""
@@ -142,7 +142,7 @@ def explain_bound(joint: JointConfig, kind: CommandKind, asked: float, taken: fl
 
 
 def explain_limit(joint: JointConfig, position: float) -> str:
-    """Where a joint is that its protection pushes back into its software limits (P9)."""
+    """The warning of a joint that its protection pushes back into its software limits (P9)."""
     limits = joint.limits
     beyond = max(limits.lower - position, position - limits.upper)
     at, over, low, high = (
@@ -180,7 +180,7 @@ def explain_slower(
         way: rad.
         speed: requested, rad/s.
         time: of the move, s.
-        factor: how much of it is for the torque that the joints need together.
+        factor: by which the torques of the whole arm lengthen it.
     """
     least = joint.kind.choose(WORTH_A_WORD, SLIDE_WORTH_A_WORD)
     if way >= 0.99 * speed * time or way <= least:
@@ -206,7 +206,7 @@ def explain_cut(joint: JointConfig, positions: Sequence[float]) -> str:
 
 
 def range_text(what: str | None, value: float, most: float) -> str:
-    """What may come along with a reference."""
+    """The range of a reference's accompanying value, in words."""
     digits = ".6g" if f"{value:.6g}" != f"{most:.6g}" else ".17g"
     return f"{what} must be above 0 and up to {most:{digits}}, not {value:{digits}}"
 
@@ -243,7 +243,7 @@ def persisting(facts: Facts) -> str:
 
 
 def not_finite(values: tuple[float, ...]) -> str:
-    """Which of the values is none."""
+    """The text on the first value that is not a finite number."""
     bad = next(value for value in values if not math.isfinite(value))
     return f"{bad} is not a finite number"
 

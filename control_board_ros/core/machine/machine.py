@@ -49,16 +49,16 @@ ACCEPTED = {
 
 
 class Machine:
-    """The joints of a board and what mode each is in, from a power-on to the next.
+    """The modes of a board's joints, from a power-on to the next.
 
     Args:
         config: of the board.
         state: whose modes, faults and calibrations it changes.
-        controller, references, timeouts, monitor: what a change of mode starts afresh.
+        controller, references, timeouts, monitor: reset by a change of mode.
         events: receives log entries.
 
-    Attributes: calibrations, brakes, on_fault (called with each joint that faults), joint (a
-    joint's configuration as it can be asked now), and what it is made of.
+    Attributes: calibrations, brakes, on_fault (called with each joint that faults), joint (the
+    present configuration of a joint, without a silent external torque sensor), and the arguments.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Machine:
     # --- the engine -----------------------------------------------------------------------
 
     def go(self, j: int, trigger: Trigger) -> bool:
-        """Let a trigger act on a joint; false when the table refuses it."""
+        """Apply a trigger to a joint; false where the table refuses it."""
         target = next_mode(self.state.control_modes[j], trigger)
         if target is None:
             return False
@@ -127,7 +127,7 @@ class Machine:
         return True
 
     def enter(self, joints: Sequence[int], mode: ControlMode) -> None:
-        """Put joints into a mode: references and controllers start afresh (M9)."""
+        """Put joints into a mode: references and controllers are reset (M9)."""
         state, controller = self.state, self.controller
         calibrating = mode in CALIBRATES
         self.references.reset(joints, bounded=not calibrating)
@@ -146,13 +146,13 @@ class Machine:
     def set_law(
         self, joints: Sequence[int], law: Law, *, direct: bool = False, feeds: bool = True
     ) -> None:
-        """Let a law run joints from their present torque on, as soon as brakes let it (Y4)."""
+        """Run a law from the present torque of joints, as soon as their brakes are open (Y4)."""
         ready = self.brakes.admit(joints, Wanted(law, direct, feeds))
         self.controller.arm(ready, law, direct=direct, feeds=feeds)
         self.monitor.power(joints, self.state.powered)
 
     def give_power(self, j: int, wanted: Wanted) -> None:
-        """Run the law that has waited for a joint's brake, with what was asked of it meanwhile."""
+        """Run the law that waited for a joint's brake, with the references received since."""
         joint = self.controller.joints[j]
         if not joint.active:
             bounded = self.state.control_modes[j] not in CALIBRATES
@@ -173,7 +173,7 @@ class Machine:
         self.events.add(level, key, name, f"{name}: {text}")
 
     def facts(self, j: int) -> Facts:
-        """What a decision on a joint rests on."""
+        """The facts for a decision on a joint."""
         state = self.state
         fault = state.faults[j]
         return Facts(
@@ -240,7 +240,7 @@ class Machine:
                 self.raise_fault(j, cause.code, cause.text)
 
     def warn_of_heat(self) -> None:
-        """Tell who comes near a fault by heat (F6)."""
+        """Warn of joints that approach a fault by heat (F6)."""
         for j in range(self.state.n):
             for key, text in self.monitor.warnings(j).items():
                 if not self.state.faults[j].active:
@@ -255,7 +255,7 @@ class Machine:
                 self.raise_fault(j, FaultCode.CONTROLLER, text)
 
     def warn_of_limits(self) -> None:
-        """Tell which joints are beyond a limit that were not before: software's (P9), torque's."""
+        """Warn of joints that have passed a limit: software (P9) or torque."""
         laws, joints = self.controller.joints, self.config.joints
         on_limit, strained = [j.on_limit for j in laws], [j.strained for j in laws]
         for j, joint in enumerate(joints):

@@ -28,12 +28,12 @@ from .decisions import Verdict, Wanted, decide, decide_stop
 from .explanations import LEFT, explain, explain_stop, explain_stuck
 from .machine import Machine
 
-#: Of a joint that does what was asked.
+#: Answer of a joint that does what was requested.
 DONE = JointAnswer()
 
 
 class Step(NamedTuple):
-    """What is carried out: a joint, what was decided, and on what."""
+    """A decided step of a request: joint, verdict, request."""
 
     joint: int
     verdict: Verdict
@@ -41,7 +41,7 @@ class Step(NamedTuple):
 
 
 class Requests:
-    """Decides requests from the facts of each joint, and lets the machine carry them out.
+    """Decides requests from the facts of each joint, and carries them out.
 
     Args:
         machine: of the joints.
@@ -104,13 +104,13 @@ class Requests:
                 wanted.append(())
             elif mode in REQUESTS:
                 wanted.append((ControlMode.FORCE_IDLE, interaction, mode))
-            else:  # a calibrator had it, which has lost it
+            else:  # its calibration was aborted by the fault
                 wanted.append((ControlMode.FORCE_IDLE,))
         reply = self.request(selection, wanted, together=not partial)
         return replace(reply, waits=tuple(waits))
 
     def _judge(self, j: int, whats: Sequence[Wanted]) -> tuple[JointAnswer, list[Step]]:
-        """What becomes of a joint's part up to the first that it cannot do."""
+        """The answer of a joint, and its steps up to the first that is not accepted."""
         facts = self._machine.facts(j)
         steps: list[Step] = []
         for what in whats:
@@ -126,7 +126,7 @@ class Requests:
         return DONE, steps
 
     def _carry_out(self, steps: Sequence[Step]) -> None:
-        """Write what was decided; plain changes into one mode for all their joints at once."""
+        """Carry out verdicts; changes into one mode for all of its joints at once."""
         entering: dict[ControlMode, list[int]] = {}
         for j, verdict, what in steps:
             effect = verdict.effect
@@ -189,7 +189,7 @@ class StartUp:
                 self._configure(j)
 
     def complete(self) -> None:
-        """The joints that are due leave NOT_CONFIGURED, there is a reading (N2, N3)."""
+        """Let the joints that are due leave NOT_CONFIGURED; there is a reading (N2, N3)."""
         due, self.due = sorted(self.due), set()
         for j in due:
             self._configure(j)

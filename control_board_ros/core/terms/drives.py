@@ -24,7 +24,7 @@ class SetPoint(IntEnum):
         return self.name.lower()
 
 
-#: What a drive can accept.
+#: The set-points that a drive can accept.
 KINDS = tuple(kind for kind in SetPoint if kind is not SetPoint.OFF)
 
 
@@ -41,12 +41,12 @@ class OnSilence(StrEnum):
 
 
 class DriveUse(NamedTuple):
-    """Which loop of a joint runs where (S1): codes of set-points, None where no law is.
+    """The set-points of a joint's laws (S1), as codes; None where the drive has none for a law.
 
     Attributes:
-        set_points: That its drive is given.
-        position, impedance, torque, current, output: By which each law reaches the drive.
-        on_silence: What the motor does when its drive receives nothing (S5).
+        set_points: Those that its drive accepts.
+        position, impedance, torque, current, output: The set-point of each law.
+        on_silence: Reaction of the motor to missing commands (S5).
     """
 
     set_points: tuple[str, ...]

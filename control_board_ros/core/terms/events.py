@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happens on a board and belongs in a log."""
+"""Events of a board, for its log."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ EVENTS_KEPT = 1000
 
 @dataclass(frozen=True, slots=True)
 class BoardEvent:
-    """Something that happened in a cycle and belongs in a log.
+    """An event of a control cycle, for the log.
 
-    Attributes: level (``info``, ``warning`` or ``error``), key (what repeats of it share),
+    Attributes: level (``info``, ``warning`` or ``error``), key (shared by its repetitions),
     joint (name), text (one line).
     """
 
@@ -48,7 +48,7 @@ class Events:
         waiting.append(BoardEvent(level, key, joint, text))
 
     def take(self, part: str = "") -> list[BoardEvent]:
-        """Those of a part, or of the board, since the last call, oldest first."""
+        """The events of a part, or of the board, since the last call, oldest first."""
         waiting = self._waiting[part]
         taken = list(waiting)
         waiting.clear()

@@ -37,7 +37,7 @@ class FaultCode(IntEnum):
 
     @property
     def title(self) -> str:
-        """The name in words, as every message shows it."""
+        """The name in words, for messages."""
         return TITLES[self]
 
 
@@ -84,7 +84,7 @@ class FaultRecord:
 
 
 class Cause(NamedTuple):
-    """Why a joint must be in HW_FAULT: the code, what was measured against what, the way out.
+    """The cause of a fault: code, measured value against its limit, remedy.
 
     ``wait``: until it can be gone, s; 0 where time alone does not help.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The kind of a joint: what its numbers are, and how they are written for people."""
+"""The kind of a joint: its units, and the texts of its values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-#: A range of positions that no joint has, rad or m: that of one without limits.
+#: Ranges above this are those of joints without limits, rad or m.
 ENDLESS = 1e5
 
 

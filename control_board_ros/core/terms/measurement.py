@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What crosses between the board and its plant, as whole arrays.
+"""The data between board and plant, as whole arrays.
 
 The plant fills one block of shape (ROWS, n) per control cycle; the board answers with the
 PWM of each motor and whether its bridge is on.
@@ -48,7 +48,7 @@ class Value(IntEnum):
 
 VALUES = len(Value)
 
-#: Which values each kind has, shape (kinds, VALUES); the others are 0.
+#: The values of each kind, shape (kinds, VALUES); the others are 0.
 HAS = np.zeros((len(SetPoint), VALUES))
 for _kind, _values in {
     SetPoint.PWM: (Value.PWM,),
@@ -63,7 +63,7 @@ for _kind, _values in {
 
 @dataclass(frozen=True, slots=True)
 class SetPoints:
-    """What each joint of a plant follows from this exchange on; the arrays cannot be written.
+    """The set-points of one exchange; the arrays are read-only.
 
     Law and set-point come in one exchange (S3). The kind OFF disables the motor, any other kind
     gives it. Values that a kind does not have are 0.
@@ -129,7 +129,7 @@ class SetPoints:
 
 DOUBLE = np.dtype(np.float64)
 
-#: A reading beyond this is none of a sensor: products of such numbers need not be finite.
+#: Readings beyond this are invalid: their products need not be finite.
 CREDIBLE = 1e9
 
 
@@ -156,8 +156,8 @@ ROWS = len(Row)
 
 
 class Motor(IntEnum):
-    """Rows of what is measured of motors besides: position and velocity of the shaft, at the
-    shaft (rad, rad/s), and the supply voltage of the amplifier (V).
+    """Rows of further readings of motors: position and velocity of the shaft (rad, rad/s, before
+    the gearbox), supply voltage of the amplifier (V).
     """
 
     POSITION = 0
@@ -189,7 +189,7 @@ class Measurement:
 
 
 class Intake:
-    """Takes what a plant reads; what is no reading becomes an alarm of all joints (B3).
+    """Checks the readings of a plant; an invalid one becomes an alarm of all joints (B3).
 
     Args:
         count: Of joints.
@@ -201,7 +201,7 @@ class Intake:
         self._time = 0.0
 
     def take(self, found: Measurement) -> Measurement:
-        """The reading; without one the last one, with the reason."""
+        """The reading; where it is invalid the last valid one, with the reason."""
         values, time = found.values, found.time
         if (
             type(values) is np.ndarray
@@ -224,7 +224,7 @@ class Intake:
 
 @dataclass(slots=True)
 class Actuation:
-    """What the board asks of the plant for the next period; it reuses the arrays.
+    """The board's request to the plant for the next period; the arrays are reused.
 
     Attributes:
         pwm: Percent, shape (n,).
@@ -252,10 +252,10 @@ class Actuation:
 
 
 class Plant(Protocol):
-    """Whatever the board drives: a simulation here, real motors elsewhere."""
+    """The controlled system: a simulation, or real motors."""
 
     def read(self) -> Measurement:
-        """The readings of now."""
+        """The present readings."""
         ...
 
     def write(self, actuation: Actuation) -> None:
@@ -263,7 +263,7 @@ class Plant(Protocol):
         ...
 
     def close(self) -> None:
-        """Let go of what the plant holds; safe to call twice."""
+        """Release the resources of the plant; safe to call twice."""
         ...
 
 

@@ -20,7 +20,7 @@ S = SetPoint
 
 
 class Event(Enum):
-    """What happens to a joint besides the request of a selectable mode."""
+    """The events of a joint, besides requests of selectable modes."""
 
     FORCE_IDLE = auto()  # the command of source Table 5
     UNSUPPORTED = auto()  # a mode requested that the joint does not implement (M5, I7)
@@ -35,7 +35,7 @@ class Event(Enum):
 
 
 class Choice(Enum):
-    """A target that the joint's own configuration names."""
+    """A target that the configuration of the joint determines."""
 
     STARTUP = auto()  # startup_mode and startup_interaction (N3); UNPOWERED while inactive
     CALIBRATED = auto()  # control_mode and interaction_mode of its calibrator (K3)

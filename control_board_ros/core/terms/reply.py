@@ -13,17 +13,17 @@ from .vocabs import CommandKind, Vocab
 
 
 class Answer(StrEnum):
-    """What became of one joint's part of a request."""
+    """The result of a request for one joint."""
 
     ACCEPTED = "accepted"
     IGNORED = "ignored"  # a command that the mode does not accept, or a bad value (M4, P13)
     REFUSED = "refused"  # nothing changed (F2, K2, M6, M7, N4)
     UNSUPPORTED = "unsupported"  # not implemented by the joint, now in HW_FAULT (M5, I7)
-    SENT = "sent"  # on its way by topic, which has no answer
+    SENT = "sent"  # by topic, without an answer
 
 
 class Reason(StrEnum):
-    """Why a joint does not do what was requested: words that programs can rely on."""
+    """Why a joint does not do what was requested: stable codes for programs."""
 
     NONE = ""
     IN_FAULT = "in_fault"
@@ -45,7 +45,7 @@ class Reason(StrEnum):
 
 
 class JointAnswer(NamedTuple):
-    """What became of one joint's part of a request, in words and as a code; empty: as asked."""
+    """The result of a request for one joint: text and code are empty where it was carried out."""
 
     answer: Answer = Answer.ACCEPTED
     text: str = ""
@@ -56,7 +56,7 @@ class JointAnswer(NamedTuple):
 class Reply:
     """The answer to a set method; true when every joint accepted, or all was sent by topic.
 
-    Attributes: joints (names in the order asked; empty when the request named none that
+    Attributes: joints (names in the order of the request; empty when the request named none that
     exist), answers (one per joint), message (one line for a person, empty when all is well),
     reasons (one text per joint, empty where it accepted; or none at all), codes (likewise, a
     Reason), values (the references in force, as bounded, NaN where there is none; empty where no
@@ -77,17 +77,17 @@ class Reply:
         return bool(self.answers) and all(answer in GOOD for answer in self.answers)
 
     def with_modes(self, modes: Sequence[Vocab]) -> Reply:
-        """The same, with the modes that the joints are in then."""
+        """The same reply with the modes after the request."""
         return replace(self, modes=tuple(modes))
 
     def each(self) -> list[JointAnswer]:
-        """The answer of each joint, in the order asked."""
+        """The answer of each joint, in the order of the request."""
         count = len(self.answers)
         texts, codes = self.reasons or ("",) * count, self.codes or (Reason.NONE,) * count
         return list(map(JointAnswer, self.answers, texts, codes))
 
     def __str__(self) -> str:
-        """One line for a person: ``accepted``, with what will be done instead; else the reason."""
+        """One line for people: ``accepted``, with the effect of limits; else the reason."""
         texts = [str(self.answers[0]), self.message] if self else [self.message]
         return "; ".join(text for text in texts if text)
 
@@ -109,12 +109,12 @@ def quantity(command: CommandKind, value: float, joint: JointKind) -> str:
 
 
 def accepted(joints: tuple[str, ...]) -> Reply:
-    """All of them accepted."""
+    """The reply of joints that all accepted."""
     return Reply(joints, (Answer.ACCEPTED,) * len(joints))
 
 
 def sent(joints: tuple[str, ...]) -> Reply:
-    """References of all of them are on their way by topic."""
+    """The reply to references sent by topic."""
     return Reply(joints, (Answer.SENT,) * len(joints))
 
 
@@ -128,7 +128,7 @@ def refused(message: str, joints: tuple[str, ...] = (), code: Reason = Reason.IN
 def decided(joints: tuple[str, ...], answers: Sequence[JointAnswer]) -> Reply:
     """One answer per joint; the message has the first reasons and counts the rest.
 
-    What was accepted may have a text, too: what will be done instead of what was requested.
+    An accepted request may have a text, too: the effect of a limit.
     """
     given, texts, codes = zip(*answers, strict=True) if answers else ((), (), ())
     if not any(texts):
@@ -139,7 +139,7 @@ def decided(joints: tuple[str, ...], answers: Sequence[JointAnswer]) -> Reply:
 
 
 def summary(reasons: Iterable[str]) -> str:
-    """The message of several reasons: the first three, and how many more there are."""
+    """The message of several reasons: the first three, and the number of the others."""
     distinct = list(dict.fromkeys(reason for reason in reasons if reason))
     rest = f" (and {len(distinct) - 3} more)" if len(distinct) > 3 else ""
     return "; ".join(distinct[:3]) + rest

@@ -80,7 +80,7 @@ class Vocab(IntEnum):
         return decode(int(self))
 
     def _warn_of(self, text: str) -> None:
-        """Tell the line that compares this mode with a text."""
+        """Warn of a comparison of this mode with a text."""
         warnings.warn(
             f"{self!s} never equals the text {text[:16]!r}; compare {type(self).__name__}.code",
             SyntaxWarning,
@@ -134,7 +134,7 @@ class CommandKind(IntEnum):
 
 
 class BrakeMode(StrEnum):
-    """Who works the brake of a joint (SPEC Y4)."""
+    """The operation of a joint's brake (SPEC Y4)."""
 
     AUTOMATIC = "automatic"  # the board, as the joint's mode needs it
     OPEN = "open"  # by hand
@@ -167,10 +167,10 @@ def parse_interaction_mode(text: str | int) -> InteractionMode:
 
 
 def parse_brake_mode(text: str) -> BrakeMode:
-    """The way to work a brake, in any case.
+    """The brake mode of a word, in any case.
 
     Raises:
-        ValueError: there is no such one.
+        ValueError: there is no such mode.
     """
     known = ", ".join(BrakeMode)
     try:
@@ -197,7 +197,7 @@ def _parse(kind: type[V], what: str, text: str | int, words: dict[str | int, V])
 
 
 def _words(kind: type[V], aliases: dict[str, V]) -> dict[str | int, V]:
-    """Everything that a user may call a mode: code, long name in lower case, number."""
+    """The modes by code, by long name in lower case, and by number."""
     words: dict[str | int, V] = {}
     for mode in kind:
         words |= {mode.code: mode, mode.name.lower(): mode, int(mode): mode}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Why a joint must be in HW_FAULT, in words (SPEC F3), and how warm its motor is (F6).
+"""The causes of faults in words (SPEC F3), and the temperature of motors (F6).
 
 I²t integrates a powered motor's current above its nominal one and decays below it; an unpowered
 motor does not heat, whatever its current sensor reports (``monitor``)::
@@ -23,9 +23,9 @@ from ..terms.faults import Cause, FaultCode
 from ..terms.measurement import CREDIBLE, Row
 from .monitor import JointMonitor
 
-#: Part of the I²t budget that is warned of, and below which an I²t fault can be cleared.
+#: Part of the I²t budget that raises a warning, and below which an I²t fault can be cleared.
 STRAINED = 0.8
-#: K below the temperature limit that are warned of.
+#: Distance to the temperature limit that raises a warning, K.
 HOT = 10.0
 
 
@@ -41,7 +41,7 @@ def heat_constants(limits: Limits) -> dict[str, float]:
 
 
 def warnings(monitor: JointMonitor) -> dict[str, str]:
-    """What to warn of, as the last look found it: keys and texts."""
+    """The warnings of the last check: texts by key."""
     found = {}
     if monitor.strained:
         found["I2t"] = f"at {100.0 * monitor.used:.0f} % of its I2t limit; reduce its load"
@@ -54,13 +54,13 @@ def warnings(monitor: JointMonitor) -> dict[str, str]:
 
 
 def overload_time(monitor: JointMonitor, period: float) -> float:
-    """How long until an I²t fault can be cleared, s; period: from one look to the next, s."""
+    """Time until an I²t fault can be cleared, s; period: of the slow checks, s."""
     above = monitor.overload - STRAINED * monitor.budget
     return float(max(above, 0.0) / monitor.nominal_squared) + 2.0 * period
 
 
 def cooling_time(motor: Motor, temperature: float, until: float) -> float:
-    """How long until an over-temperature fault can be cleared, s; 0: not known; °C."""
+    """Time until an over-temperature fault can be cleared, s; 0: not known; °C."""
     start, end = temperature - motor.ambient, until - motor.ambient
     if motor.thermal_time == 0.0 or not math.isfinite(start) or end <= 0.0:
         return 0.0
@@ -68,19 +68,19 @@ def cooling_time(motor: Motor, temperature: float, until: float) -> float:
 
 
 def cooling_advice(wait: float, until: float) -> str:
-    """What to do until an over-temperature fault can be cleared; s, °C."""
+    """The remedy of an over-temperature fault; s, °C."""
     if wait == 0.0:
         return f"wait until it is below {until:.0f} °C"
     return f"wait {tenths(wait)} s, until it is below {until:.0f} °C"
 
 
 def tenths(seconds: float) -> str:
-    """Rounded up: who waits that long has waited long enough."""
+    """A time with one digit, rounded up, s."""
     return f"{math.ceil(10.0 * seconds) / 10.0:.1f}"
 
 
 class Check(IntEnum):
-    """What the monitor checks, in the order in which it looks for a cause."""
+    """The checks of the monitor, in the order of its search for a cause."""
 
     ALARM = 1
     CURRENT = 2
@@ -144,7 +144,7 @@ def bound_cause(check: Check, monitor: JointMonitor, joint: JointConfig, value: 
 
 
 def slow_cause(check: Check, monitor: JointMonitor, joint: JointConfig, period: float) -> Cause:
-    """The cause when a slow check has failed; period: from one look to the next, s."""
+    """The cause when a slow check has failed; period: of the slow checks, s."""
     code, limits = CODES[check], joint.limits
     unit = joint.kind.unit
     if check is Check.TRAVEL:
@@ -170,7 +170,7 @@ def slow_cause(check: Check, monitor: JointMonitor, joint: JointConfig, period: 
 
 
 def alarm_cause(value: float) -> Cause:
-    """What the hardware raises by itself: 1 + a fault code."""
+    """The cause of an ALARM of the hardware: 1 + a fault code."""
     alarm = int(value) - 1 if math.isfinite(value) else 0
     code = FaultCode(alarm) if alarm in set(FaultCode) else FaultCode.EXTERNAL
     texts = {

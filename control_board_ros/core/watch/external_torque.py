@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint torques from outside the board: computed, or measured by another program (SPEC Y5).
 
-A joint whose torques do not come has no torque sensor (I7) until they come again.
+A joint whose torques are missing has no torque sensor (I7) until they arrive again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..terms.modes import INITIAL_INTERACTION, SENSE_TORQUE, UNPOWERED, Law, law
 
 #: Laws that follow a torque: without one, the joint is in fault.
 FOLLOWS_TORQUE = frozenset({Law.TORQUE, Law.IMPEDANCE})
-#: Before the first torque the last one counts as so old, s.
+#: Age of the torque before the first one, s.
 NEVER = 1e3
 
 
@@ -52,7 +52,7 @@ class ExternalTorques:
         self._torques[j], self._stamps[j] = torque, self._state.time
 
     def joint(self, j: int) -> JointConfig:
-        """A joint as it can be asked now: without torque it has neither TORQUE nor COMPLIANT."""
+        """The present configuration of a joint: without a torque, without TORQUE and COMPLIANT."""
         if j in self._without and not self.known[j]:
             return self._without[j]
         return self._config.joints[j]
@@ -76,7 +76,7 @@ class ExternalTorques:
 
 
 def without_torque(joint: JointConfig) -> JointConfig:
-    """A joint as it is without a torque sensor (I7)."""
+    """The configuration of a joint without a torque sensor (I7)."""
     calibration = joint.calibration
     if calibration is not None:
         calibration = replace(

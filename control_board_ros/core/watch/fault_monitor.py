@@ -38,7 +38,7 @@ from .causes import (
 )
 from .monitor import JointMonitor, Monitor
 
-#: What asks for a stop, a program or the silence of the heartbeat: why, and the way out.
+#: Sources of a stop, a program or the silence of the heartbeat: cause and remedy.
 ASKED = ("requested", "release it")
 SILENCE = ("no heartbeat for {:g} s", "it must come again")
 
@@ -57,12 +57,12 @@ class EmergencyStop:
 
     @property
     def holds(self) -> bool:
-        """Whether it did at the last reading."""
+        """Whether it was active at the last reading."""
         return bool(self._causes)
 
     @property
     def reason(self) -> tuple[str, str]:
-        """Why it holds, and the way out."""
+        """Cause and remedy."""
         reasons = sorted(self._causes)
         why, way_out = (" and ".join(texts) for texts in zip(*reasons, strict=True))
         return why.format(self.timeout), way_out
@@ -76,7 +76,7 @@ class EmergencyStop:
         self._heard = time
 
     def watch(self, time: float) -> None:
-        """Judge the silence at a reading, s."""
+        """Check the silence at the time of a reading, s."""
         if self.timeout > 0.0:
             if self._heard is None:  # the first reading: silence counts from now on
                 self._heard = time
@@ -89,7 +89,7 @@ class EmergencyStop:
             self._causes.discard(cause)
 
 
-#: Cycles from one look at the slow checks to the next.
+#: Cycles from one slow check to the next.
 SLOW = 8
 
 #: Time constant of the forgetting of travel errors, s.
@@ -149,7 +149,7 @@ class FaultMonitor:
             self._configure(j)
 
     def reconfigure(self, config: BoardConfig) -> None:
-        """Take new constants; what has been watched so far is kept.
+        """Take new constants; the history is kept.
 
         The limits come into force by ``arm`` or ``bound``. Joints whose configuration is as before
         are left alone.
@@ -175,7 +175,7 @@ class FaultMonitor:
             self.joints[j].expect_anything()
 
     def bound(self, j: int, *, on: bool, calibrated: bool) -> None:
-        """As :meth:`arm`, of a joint that is watched as before: no reading passes unseen."""
+        """As :meth:`arm`, without a restart of the checks: no reading is left out."""
         self.joints[j].set(self._limits[j] if on else UNLIMITED)
         if not calibrated:
             self.joints[j].max_overrun = math.inf
@@ -195,7 +195,7 @@ class FaultMonitor:
             joint.switched, self._fed = True, b""
 
     def feed(self, powered: Array) -> None:
-        """Say which bridges of coupled motors are on, whatever the power of their axes."""
+        """Set which bridges of coupled motors are on, whatever the power of their axes."""
         if (fed := powered.tobytes()) != self._fed:
             self._fed = fed
             for joint, on in zip(self.joints, powered.tolist(), strict=True):
@@ -236,7 +236,7 @@ class FaultMonitor:
         return None
 
     def cause(self, j: int) -> Cause | None:
-        """What the last reading found wrong with a joint; None when nothing (F3)."""
+        """The cause of a fault in a joint's last reading; None: there is none (F3)."""
         monitor, joint = self.joints[j], self._configs[j]
         failed = monitor.failed()
         if not failed:
@@ -256,13 +256,13 @@ class FaultMonitor:
         return slow_cause(check, monitor, joint, SLOW * self._period)
 
     def has_news(self) -> bool:
-        """Whether a joint has come near a fault by heat since this was last asked (F6)."""
+        """Whether a joint has approached a fault by heat since the last call (F6)."""
         news = bool(self.monitor.news)
         self.monitor.news = False
         return news
 
     def warnings(self, j: int) -> dict[str, str]:
-        """What a joint is to be warned of that it was not when this was last asked (F6)."""
+        """The warnings of a joint that are new since the last call (F6)."""
         found = warnings(self.joints[j])
         new = {key: text for key, text in found.items() if key not in self._warned[j]}
         self._warned[j] = set(found)
@@ -276,7 +276,7 @@ class FaultMonitor:
         self.joints[j].forget_travel()
 
     def replace_broken(self, last: Array) -> None:
-        """Replace what no sensor gives by the last good reading: no law sees it.
+        """Replace invalid values by the last valid reading, before the laws read them.
 
         Args:
             last: the measured rows of the reading before, shape (ROWS, n).
@@ -285,7 +285,7 @@ class FaultMonitor:
         np.copyto(measured, last, where=~(np.abs(measured) <= CREDIBLE))
 
 
-#: What fails in a motor, and with it in every axis that it moves.
+#: Faults of a motor, which are faults of every axis that it moves.
 OF_MOTORS = (Check.ALARM, Check.CURRENT, Check.TEMPERATURE, Check.OVERLOAD)
 
 

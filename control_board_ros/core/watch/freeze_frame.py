@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Freeze frames: what a board measured and followed around each joint's last fault (E3)."""
+"""Freeze frames: readings and references around each joint's last fault (E3)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..state import BLOCK_ROWS, StateArrays
 
-#: What is kept of a fault, s: before it, and after it.
+#: Time that is kept of a fault, s: before it, and after it.
 BEFORE, AFTER = 1.5, 0.5
 
 Floats32 = NDArray[np.float32]
@@ -56,7 +56,7 @@ class FreezeFrames:
 
     @property
     def size(self) -> int:
-        """What is kept, bytes."""
+        """Memory of the ring, bytes."""
         kept = [self._block, self._done, self._stamps]
         for frame in self._frames.values():
             kept += [frame.stamps, frame.block, frame.done]
@@ -74,13 +74,13 @@ class FreezeFrames:
             self._frames[j] = self._cut(j, end)
 
     def fault(self, j: int) -> None:
-        """A joint has faulted in the cycle that goes on: keep what is around it."""
+        """Keep the cycles around the present one, in which a joint has faulted."""
         self._frames.pop(j, None)
         self._due = deque(due for due in self._due if due[1] != j)
         self._due.append((self._cycles + self._after, j))
 
     def of(self, j: int) -> FreezeFrame | None:
-        """The frame of a joint's last fault, as far as it goes by now; None: there was none."""
+        """The frame of a joint's last fault, up to the present cycle; None: no fault yet."""
         if j in self._frames:
             return self._frames[j]
         end = next((end for end, joint in self._due if joint == j), None)
