@@ -209,7 +209,7 @@ class HardStop(Calibrator):
             arrived = self.go_to_start(False)
 
     def _meet(self, phase: str, fraction: float) -> Generator[str, None, float]:
-        """Drive until encoder and motor stand still; returns the reading there.
+        """Drive until encoder and motor are at rest; returns the reading there.
 
         A stall needs both: a frozen encoder alone is no stop.
         """
@@ -229,7 +229,7 @@ class HardStop(Calibrator):
         return hand.reading
 
     def _back_off(self) -> Generator[str, None, None]:
-        """Go back from the stop; the joint must be able to move the other way."""
+        """Move back from the stop: the joint must be able to move the other way."""
         hand, phase = self.hand, "backing off the stop"
         self.progress.phase, self.progress.fraction = phase, 0.25
         hand.hold()
@@ -248,7 +248,7 @@ class HardStop(Calibrator):
                 )
 
     def _push(self, place: float) -> Generator[str, None, None]:
-        """Push harder; at a stop nothing moves."""
+        """Push harder: at a stop nothing moves."""
         hand, calibration, phase = self.hand, self.calibration, "pushing against the stop"
         self.progress.phase, self.progress.fraction = phase, 0.45
         joint = hand.joint
@@ -268,7 +268,7 @@ class HardStop(Calibrator):
         self._check_current(output, current)
 
     def _check_range(self) -> None:
-        """The way to a stop is no longer than the joint's range."""
+        """Check that the distance to the stop is within the joint's range."""
         limits, way = self.hand.joint.limits, abs(self.hand.reading - self._begin)
         longest = limits.hard_upper - limits.hard_lower + limits.hard_margin
         if way > longest:
@@ -279,7 +279,7 @@ class HardStop(Calibrator):
             )
 
     def _check_way(self, place: float) -> None:
-        """The joint moved as driven, and the stop is where its range allows."""
+        """Check that the joint moved as driven, and that its range allows the stop."""
         limits, stop = self.hand.joint.limits, self.calibration.stop
         way, margin = place - self._begin, limits.hard_margin
         if way * self._way < -margin:
@@ -298,7 +298,7 @@ class HardStop(Calibrator):
             )
 
     def _check_place(self, first: float, second: float) -> None:
-        """Both times the same place."""
+        """Check that the stop was met twice at the same place."""
         apart = second - first
         if abs(apart) > self._same:
             self._fail(
@@ -309,7 +309,7 @@ class HardStop(Calibrator):
             )
 
     def _check_current(self, output: float, current: float) -> None:
-        """The motor draws what it does at a stall."""
+        """Check that the motor draws its stall current."""
         stalled = self.hand.joint.motor.stall_current(output)
         if current / stalled < AT_TORQUE:
             self._fail(
@@ -349,7 +349,7 @@ TYPES: dict[int, Callable[[Calibration, Hand, float], Calibrator]] = {
 
 
 def register(number: int, text: str) -> Callable[[type[Calibrator]], type[Calibrator]]:
-    """Offer a calibrator of one's own as ``calibration.type`` ``number``; decorates its class.
+    """Register a user's calibrator as ``calibration.type`` ``number``; decorates its class.
 
     Args:
         number: 1 to 12, not used by another type.

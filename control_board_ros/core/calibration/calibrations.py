@@ -71,7 +71,7 @@ class Calibrations:
         return replace(self._status[j], calibrated=bool(self._state.calibrated[j]))
 
     def forget(self, joints: Sequence[int]) -> None:
-        """Forget the calibrations of joints (N1)."""
+        """Reset the calibrations of joints (N1)."""
         for j in joints:
             self._running.pop(j, None)
             self._status[j] = CalibrationStatus(self._machine.config.names[j])
@@ -105,10 +105,10 @@ class Calibrations:
                 self._finish(j)
 
     def abort(self, j: int) -> None:
-        """End a calibration that is not done: its changes are undone (K2, K4).
+        """End an unfinished calibration, and undo its changes (K2, K4).
 
-        A joint that requires it is left uncalibrated (K7), another as it was: its former
-        angle and its limits hold.
+        A joint that requires it is uncalibrated then (K7); another one keeps its former angle and
+        its limits.
         """
         if self._running.pop(j, None) is None:
             return
@@ -119,18 +119,18 @@ class Calibrations:
         self._show(j, progress=progress, phase="aborted", message="aborted")
 
     def fail(self, j: int, text: str) -> None:
-        """Note why the calibration that was just ended failed (K4)."""
+        """Record why the calibration that has just ended failed (K4)."""
         self._status[j] = replace(self._status[j], phase="failed", message=text)
 
     def set_offset(self, j: int, offset: float) -> None:
-        """Take reading − offset as the joint angle, rad."""
+        """Set the offset: joint angle = reading − offset, rad."""
         state = self._state
         state.position[j] += state.offset[j] - offset
         state.offset[j] = offset
         self.shifted = bool(state.offset.any())
 
     def know_angle(self, j: int) -> None:
-        """A joint's angle is valid now; its last references are its position (M11)."""
+        """Record that a joint's angle is valid; its last references are its position (M11)."""
         self._state.calibrated[j] = True
         for kind in (CommandKind.POSITION, CommandKind.POSITION_DIRECT):
             self._machine.references.last[kind, j] = self._state.position[j]
@@ -138,8 +138,8 @@ class Calibrations:
     def _active(self) -> list[int]:
         """The joints that calibrate now; the others wait, started ones continue.
 
-        In each part, a group begins when it is the first of those that are requested and no other
-        drives; parts go side by side (R4).
+        In each part the first requested group begins when no other one drives; parts calibrate
+        side by side (R4).
         """
         active: list[int] = []
         for part in {self._groups[j].part for j in self._running}:
@@ -168,7 +168,7 @@ class Calibrations:
 
 
 class Group(NamedTuple):
-    """The calibration group of a joint: of which part, and its turn there."""
+    """The calibration group of a joint: its part, and its turn there."""
 
     part: int
     turn: int

@@ -32,7 +32,7 @@ class Follower:
         self.board = board
         self._runs: list[Run] = []
         self._version = board.modes_version
-        # The last direct positions as they should be: others come from other commands.
+        # The last direct positions of this follower: different ones are other commands'.
         self._known = self._last.copy()
 
     @property
@@ -49,9 +49,8 @@ class Follower:
     def follow(self, joints: Joints, path: Path, start: float) -> Reply:
         """Follow a path from a time on (SPEC M4, T1).
 
-        A start in the future waits, and what the joints do goes on until then; of a path that
-        began in the past, the points that are past are left out. It begins at the reference
-        that is then in force, with its velocity.
+        Until a start in the future the joints continue their present motion; past points of a
+        path are left out. The path begins at the reference then in force, with its velocity.
 
         Args:
             joints: of the path's columns.
@@ -103,20 +102,20 @@ class Follower:
         return run
 
     def follows(self, run: Run) -> bool:
-        """Whether a run is under way or waiting still."""
+        """Whether a run is under way or waiting."""
         return any(other is run for other in self._runs)
 
     def leave(self, run: Run) -> None:
-        """End a run, quietly: its joints hold its last reference."""
+        """End a run without a log entry: its joints hold its last reference."""
         self._runs = [other for other in self._runs if other is not run]
 
     def brake(self, joints: NDArray[np.intp], why: str, present: Sample | None = None) -> None:
-        """End what joints follow, and stop them with their acceleration limits.
+        """End the paths of joints, and brake them at their acceleration limits.
 
         Args:
             joints: indices, shape (k,).
             why: for the log.
-            present: where they begin to brake, shape (k,); None: at their references.
+            present: state at which they begin to brake, shape (k,); None: at their references.
         """
         if not joints.size:
             return
@@ -134,20 +133,20 @@ class Follower:
             self.take(joints[k : k + 1], path, board.time)
 
     def end(self, joints: Joints, why: str) -> None:
-        """Follow nothing any more with these joints; ``why`` goes to the log."""
+        """End the paths of joints; ``why`` goes to the log."""
         chosen = self.board.selector.select(joints).joints
         for run in list(self._runs):
             self._drop(run, np.isin(run.joints, chosen), why)
 
     def stop(self, group: JointGroup, joints: Joints) -> Reply:
-        """Stop joints of a group (P3): it does, and they follow nothing any more."""
+        """Stop joints of a group (P3), and end their paths."""
         reply = group.stop(joints)
         if stopped := joints_of(reply, Answer.ACCEPTED):
             self.end(stopped, "stopped")
         return reply
 
     def hold(self, joints: Joints, why: str) -> None:
-        """End what these joints follow, and hold their present reference at rest."""
+        """End the paths of joints, and hold their present references at rest."""
         board = self.board
         chosen = board.selector.select(joints).joints
         followed = {int(j) for run in self._runs if run.spline is not None for j in run.joints}
@@ -158,7 +157,7 @@ class Follower:
             send(board, moving, Sample(board.state.position_reference[moving], zeros, zeros))
 
     def check(self) -> None:
-        """End what joints follow that changed their modes, or received other positions."""
+        """End the paths of joints that changed their modes, or received other positions."""
         board = self.board
         if not self._runs:
             self._version = board.modes_version
@@ -207,7 +206,7 @@ class Follower:
         self._drop(run, changed, "the interaction mode changed")
 
     def _begin(self, run: Run) -> None:
-        """Join the path where it is now; joints leave what they followed until now."""
+        """Join the path at its present point; its joints leave their former paths."""
         board, joints = self.board, run.joints
         present = Sample(
             board.state.position_reference[joints],
@@ -219,7 +218,7 @@ class Follower:
         run.spline = Spline(run.path)
 
     def _accelerations(self) -> NDArray[np.float64]:
-        """Of what was sent last, shape (n,), rad/s²; 0 where nothing is followed."""
+        """Accelerations of the last references, shape (n,), rad/s²; 0 without a path."""
         found = np.zeros(self.board.count)
         for run in self._runs:
             if run.last is not None:
@@ -271,7 +270,7 @@ def incomplete(board: JointGroup, names: Sequence[str]) -> str:
 
 
 def cuts(board: JointGroup, run: Run) -> dict[str, str]:
-    """What the limits cut of a path, by joint."""
+    """The effects of limits on a path, by joint."""
     texts = {
         board.names[j]: explain_cut(board.config.joints[j], run.path.positions[:, k].tolist())
         for k, j in enumerate(run.joints)

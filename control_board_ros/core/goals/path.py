@@ -30,7 +30,7 @@ MAX_POINTS = 10_000
 #: Speed up to which the last point counts as at rest, rad/s (m/s for a prismatic joint).
 AT_REST = 1e-6
 
-#: Times nearer to each other than this are one time, s.
+#: Times closer than this are equal, s.
 SAME_TIME = 1e-9
 
 #: Factors and powers of s in q, dq/ds, d²q/ds² of a polynomial of six coefficients.
@@ -86,11 +86,11 @@ class Path:
         )
 
     def joined(self, time: float, present: Sample) -> Path:
-        """The path from a time on: points before it are left out, the present leads to the rest.
+        """The path from a time on: it starts at ``present``, without the points before.
 
         Args:
             time: of the present, s from the start of the path; before its last point.
-            present: where the joints are then; ignored where a point has that very time.
+            present: state of the joints then; ignored where a point has exactly this time.
         """
         first = int(np.searchsorted(self.times, time - SAME_TIME))
         fields = (self.positions, self.velocities, self.accelerations)
@@ -255,8 +255,8 @@ class Run:
 
     Attributes: joints (indices, shape (k,)), interactions (theirs when the path was accepted),
     path, start (time of the board, s), held (it stays at its last point until it is ended), spline
-    (None while it waits), last (what was sent last), left (why joints left it first, with their
-    names; empty while none did).
+    (None while it waits), last (the last references), left (why the first joints left it, with
+    their names; empty while none did).
     """
 
     joints: NDArray[np.intp]
@@ -269,7 +269,7 @@ class Run:
     left: str = ""
 
     def keep(self, columns: Bools) -> None:
-        """Go on with some of the joints only."""
+        """Continue with some of the joints only."""
         self.joints = self.joints[columns]
         self.interactions = [
             mode for mode, kept in zip(self.interactions, columns, strict=True) if kept

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 #: Poses that every robot has.
 HOME, PARK = "home", "park"
-#: What a pose may be called.
+#: Names of poses.
 NAME = re.compile(r"[A-Za-z0-9_]{1,64}")
 
 
@@ -27,12 +27,12 @@ class Pose:
     speed: float = 0.0
 
     def of(self, names: Collection[str]) -> Pose | None:
-        """The part of it that is of these joints; None where nothing is left."""
+        """The pose of those of its joints that are in ``names``; None where there are none."""
         kept = self.besides([joint for joint in self.joints if joint not in names])
         return kept if kept.joints else None
 
     def besides(self, names: Collection[str]) -> Pose:
-        """What is left of it without these joints."""
+        """The pose without these joints."""
         kept = [k for k, joint in enumerate(self.joints) if joint not in names]
         return replace(
             self,

@@ -41,12 +41,12 @@ class PoseTask:
     """The move to a pose, started for all of its joints or for none.
 
     Args:
-        board: which moves.
-        pose: where to.
+        board: the group that moves.
+        pose: the target.
         speed: mean speed of the slowest joint, rad/s or m/s; 0: the pose's.
 
     Raises:
-        RequestError: a joint cannot move, or the speed is none; nothing has changed.
+        RequestError: a joint cannot move, or the speed is not valid; nothing has changed.
 
     Attributes: names (of the joints).
     """
@@ -61,11 +61,11 @@ class PoseTask:
         self._targets = board.get_target_position(self.names)
 
     def outcome(self) -> Outcome | None:
-        """How it ended, or None while it is under way."""
+        """The outcome, or None while the move is under way."""
         return self._move.outcome()
 
     def remaining(self) -> Floats:
-        """Distances still to go, with their sign, rad or m, one per joint."""
+        """Remaining distances, signed, rad or m, one per joint."""
         return self._targets - self._board.get_encoder(self.names)
 
     def remaining_time(self) -> float:
@@ -73,7 +73,7 @@ class PoseTask:
         return self._move.remaining_time()
 
     def cancel(self) -> str:
-        """Stop the joints that still do this move; what they do now."""
+        """Stop the joints that still do this move; the result in words."""
         return self._move.cancel()
 
 
@@ -103,12 +103,12 @@ def start_parking(board: JointGroup, pose: Pose) -> PoseTask:
 
 
 def plan_move(board: JointGroup, pose: Pose, speed: float = 0.0) -> Plan:
-    """How long the move to a pose lasts: T = max over joints of their own times (P1).
+    """The duration of the move to a pose: T = max over joints of their own times (P1).
 
     The slowest joint moves at the mean speed requested, the others as slowly as they must.
 
     Raises:
-        RequestError: the speed is none.
+        RequestError: the speed is not valid.
     """
     if not (math.isfinite(speed) and speed >= 0.0):
         raise RequestError(f"speed {speed:g} is not valid; above 0, or 0 for that of the pose")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals that end when all their joints have: moves (SPEC P3) and calibrations (K1).
 
-First, whether a position move has come to its end: pure functions, one joint at a time. A move
+The end of a position move is decided by pure functions, one joint at a time. A move
 that ends by itself leaves the position reference on its target. One that was dropped (by a stop,
 another interaction mode, another control mode: M9, I4) leaves it at rest elsewhere.
 """
@@ -26,10 +26,10 @@ from ..terms.vocabs import CommandKind, ControlMode, InteractionMode
 if TYPE_CHECKING:
     from ..group import JointGroup
 
-#: How near to its target a joint has arrived, rad, and m where it slides.
+#: Distance to the target within which a joint has arrived, rad; m of a sliding joint.
 TOLERANCE, SLIDE_TOLERANCE = 0.01, 0.001
 
-#: s of simulated time that joints get to arrive after their profiles have ended.
+#: Time to arrive after the end of the profile, s of simulated time.
 SETTLING = 1.0
 
 #: Part of the tolerance by which the reference may miss the target of a move that has ended.
@@ -47,13 +47,13 @@ class Standing(Enum):
     """Status of a joint after the end of its profile."""
 
     ARRIVED = auto()
-    SETTLING = auto()  # on its way still
+    SETTLING = auto()  # still on its way
     DROPPED = auto()  # the move was ended by something else
-    AWAY = auto()  # it had its time and is not there
+    AWAY = auto()  # not there after SETTLING s
 
 
 def tolerance(kind: JointKind) -> float:
-    """How near to its target a joint of a kind has arrived, rad or m."""
+    """Distance to the target within which a joint has arrived, rad or m."""
     return kind.choose(TOLERANCE, SLIDE_TOLERANCE)
 
 
@@ -99,7 +99,7 @@ def ending(
     changed: str = "",
     compliant: bool = False,
 ) -> str:
-    """One line about a joint whose move has ended; empty when it is where it should be.
+    """One line about a joint whose move has ended; empty where it has arrived.
 
     Args:
         name: of the joint.

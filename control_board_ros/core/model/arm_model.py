@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The masses of an arm as the board's configuration has them; ``core.dynamics`` evaluates them."""
+"""The masses of an arm in the board's configuration; ``dynamics`` evaluates them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Link:
     axes: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
     def with_payload(self, mass: float, center: tuple[float, float, float]) -> Link:
-        """The same with a point mass (kg) that it carries, in the URDF's axes (m)."""
+        """The link with a point mass (kg), at a place in the URDF's axes (m)."""
         c = np.reshape(self.axes, (3, 3)) @ center
         tensor = mass * (c @ c * np.eye(3) - np.outer(c, c))
         return replace(
@@ -61,7 +61,8 @@ class ArmModel:
     Attributes:
         links: One per joint, in the board's order.
         gravity: In the base's axes, m/s².
-        trusted: Feed-forward, loads and durations reckon with it; else gravity alone does (G1).
+        trusted: Whether feed-forward, loads and durations use it; else only gravity compensation
+            does (G1).
     """
 
     links: tuple[Link, ...]
@@ -69,7 +70,7 @@ class ArmModel:
     trusted: bool = True
 
     def arm(self) -> Arm:
-        """What evaluates it."""
+        """The dynamics of the arm."""
         base = Body()
         bodies = [body_of(link) for link in self.links]
         for body, link in zip(bodies, self.links, strict=True):
@@ -97,7 +98,7 @@ PLACES = {
 
 
 def body_of(link: Link) -> Body:
-    """A link as the passes have it."""
+    """The body of a link, for the passes."""
     body = Body()
     fill(link, body)
     return body

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the axes of a board hang together with what they move (SPEC Y3); the one place for it.
+"""Couplings of a board's axes with physical joints, or with motors (SPEC Y3).
 
-On the far side are the physical joints of the robot, or the motors. With the matrix R of shape
-(m, n), m joints or motors and n axes, and where a row has one, a function f of its joint::
+With the matrix R of shape (m, n), m joints or motors and n axes, and a function f of the joints
+that have one::
 
     q_joints   = f(x),  x = R q_axes + offset     J = f'(x) R
     dq_joints  = J dq_axes                        ddq_joints = J ddq_axes + f''(x) (R dq_axes)²
-    τ_axes     = Jᵀ τ_joints                      (the same power on both sides)
+    τ_axes     = Jᵀ τ_joints                      (equal power on both sides)
 
 The way back is the least-squares one: exact where the joints are on the coupling, and for torques
 the smallest ones that make those of the axes. Positions go back by the rows without a function.
@@ -37,7 +37,7 @@ class FourBar:
     """The rocker's turn for the crank's, rad; 0 for 0.
 
     Args:
-        ground: distance of the pivots; all lengths in one unit, whatever it is.
+        ground: distance of the pivots; all lengths in the same unit.
         crank: length of the link that is turned.
         coupler: length of the link between crank and rocker.
         rocker: length of the link that follows.
@@ -104,7 +104,7 @@ def _dot(a: Array, b: Array) -> Array:
     return found
 
 
-#: What a coupling can name, by name.
+#: The functions of couplings, by name.
 FUNCTIONS = {"four_bar": FourBar}
 ARGUMENTS = {name: tuple(one.name for one in fields(made)) for name, made in FUNCTIONS.items()}
 
@@ -123,7 +123,7 @@ class Gear(NamedTuple):
     function: FourBar | None
 
     def place(self, leader: float) -> tuple[float, float]:
-        """Where the follower is for a place of its leader, and how it changes with it."""
+        """Position of the follower at a position of its leader, and the derivative."""
         x = self.ratio * leader + self.offset
         if self.function is None:
             return x, self.ratio
@@ -275,7 +275,7 @@ class Coupling:
 
     @cached_property
     def gears(self) -> tuple[Gear, ...]:
-        """How the other joints follow the leads.
+        """The gears by which the other joints follow the leads.
 
         Raises:
             ValueError: a joint follows several leads; one line.
@@ -331,13 +331,13 @@ class Coupling:
 class MotorMix:
     """From the outputs of axes to those of coupled motors, and back from their currents.
 
-    An axis is led as if its own motor moved it alone; with the constants K (N·m/A), R, E (back-EMF
-    at the joint) and p (percent per volt) of both, and the motors' turns φ = M q::
+    Each axis is controlled as if its own motor moved it alone; with the constants K (N·m/A), R, E
+    (back-EMF at the joint) and p (percent per volt) of both, and the motors' turns φ = M q::
 
         u_axis  = p (R/K τ + E dq)          τ_motors = M⁻ᵀ τ_axes
         u_motor = p (R/K τ + E dφ)          K i_axes = Mᵀ K i_motors
 
-    Of motors alike, the currents of the axes then obey the equation of one motor each.
+    With equal motors, the currents of the axes obey the equation of one motor each.
 
     Args:
         coupling: square, of the axes with the motors.
@@ -371,7 +371,7 @@ class MotorMix:
         back_emf: Array,
         percent_per_volt: Array,
     ) -> None:
-        """Use other constants of the motors from now on."""
+        """Set the constants of the motors."""
         coupling, shared = self._coupling, self._shared
         block = np.ix_(shared, shared)
         matrix, sharing = coupling.matrix[block], coupling.inverse.T[block]
@@ -388,8 +388,8 @@ class MotorMix:
     def drive(self, output: Array, velocity: Array, powered: Array, most: Array) -> None:
         """Turn the outputs of axes (percent) into those of motors, each within its limit.
 
-        An axis without power asks for no torque; its motors run along for the others. Where a
-        motor gives less than was asked, ``output`` becomes what acts on the axes.
+        An axis without power requests no torque; its motors serve the other axes. Where a motor
+        saturates, ``output`` becomes what acts on the axes.
         """
         shared, count, asked = self._shared, len(self._shared), self._asked
         if powered.tobytes() != self._switched:
@@ -407,7 +407,7 @@ class MotorMix:
         self.pwm[shared] = wanted * self._needed
 
     def _switch(self, powered: Array) -> None:
-        """One matrix for the power that axes have now: S on (u_axes − E dq) + E' dq."""
+        """Set the matrix for the axes with power: S on (u_axes − E dq) + E' dq."""
         shared = self._shared
         self._on = powered[shared] > 0.0
         sharing = self._sharing * self._on
@@ -433,7 +433,7 @@ def rotors_of_motors(motors: Coupling, rotors: Array) -> Array:
 
 
 def side_by_side(couplings: Sequence[Coupling]) -> Coupling:
-    """The coupling of several parts, none of which acts on another's joints."""
+    """The coupling of several independent parts."""
     axes = tuple(name for one in couplings for name in one.axes)
     before, rows = 0, []
     for one in couplings:
