@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from joints import OneJoint
 
 from control_board_ros.core.laws.trajectory import (
-    LONGER,
     NO_OVERSHOOT,
     PEAK,
     PEAK_ACCELERATION,
@@ -224,23 +223,28 @@ def test_ramp_arrives_and_never_passes(velocity: float, target: float, rate: flo
     assert way[-1] == pytest.approx(target, abs=1e-12)
 
 
-def test_a_move_goes_on_for_as_long_as_it_may() -> None:
-    """P1: shortened to 2.5 Δ/v0, or as the limits ask, 5 % at a time; never longer than that."""
+def test_a_start_velocity_goes_on_into_the_move() -> None:
+    """P1: as long as requested, or shortened to 2.5 Δ/v0 where that keeps within the limits."""
     assert durations(1.0, 0.1, 2.0, 6.0, 50.0) == (NO_OVERSHOOT * 0.5, 0.0)
     assert durations(4.0, 10.0, 2.0, 60.0, 500.0)[0] == pytest.approx(0.4)  # as requested
-    soft = durations(1.0, 6.0, 1.0, 6.0, 9.0)
-    assert soft[1] == 0.0
-    least = duration(1.0, 6.0, 6.0, 9.0)
-    assert soft[0] == pytest.approx(least * LONGER ** round(math.log(soft[0] / least, LONGER)))
-    assert _fits(1.0, soft[0], 1.0, 0.0, 6.0, 9.0)
-    assert soft[0] == least or not _fits(1.0, soft[0] / LONGER, 1.0, 0.0, 6.0, 9.0)
-    # what fits at 2.5 Δ/v0 alone is tried there, though a step of 5 % would pass it
+    assert durations(1.0, 6.0, 1.0, 6.0, 9.0) == (duration(1.0, 6.0, 6.0, 9.0), 0.0)
     for acceleration in np.linspace(3.0, 60.0, 200):
         time, brake = durations(1.0, 6.0, 1.0, 6.0, float(acceleration))
         if _fits(1.0, NO_OVERSHOOT, 1.0, 0.0, 6.0, float(acceleration)):
             assert (time <= NO_OVERSHOOT, brake) == (True, 0.0)
         else:
             assert brake > 0.0
+
+
+@given(st.floats(0.01, 5.0), SPEEDS, st.floats(0.01, 0.999), st.floats(0.5, 50.0))
+def test_a_velocity_towards_the_target_asks_for_no_more_time(
+    way: float, speed: float, part: float, acceleration: float
+) -> None:
+    """P1: such a move has lower peaks than the one from rest, as long as it does not overshoot."""
+    time = duration(way, speed, VELOCITY, acceleration)
+    velocity = part * min(VELOCITY, NO_OVERSHOOT * way / time)
+    assert durations(way, speed, velocity, VELOCITY, acceleration) == (time, 0.0)
+    assert durations(-way, speed, -velocity, VELOCITY, acceleration) == (time, 0.0)
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])

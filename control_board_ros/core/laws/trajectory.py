@@ -87,13 +87,11 @@ def durations(
     if velocity == 0.0:
         return duration(distance, speed, max_velocity, max_acceleration), 0.0
     if velocity * distance > 0.0:
-        short = NO_OVERSHOOT * distance / velocity
-        time = min(duration(distance, speed, max_velocity, max_acceleration), short)
-        while time <= short:
-            if _fits(distance, time, velocity, 0.0, max_velocity, max_acceleration):
-                return time, 0.0
-            time = short if time < short < LONGER * time else LONGER * time
-    time, brake, stretch = 0.0, 0.0, 1.0
+        time = duration(distance, speed, max_velocity, max_acceleration)
+        time = min(time, NO_OVERSHOOT * distance / velocity)
+        if _fits(distance, time, velocity, 0.0, max_velocity, max_acceleration):
+            return time, 0.0
+    stretch = 1.0
     for _ in range(TRIES):
         brake = stretch * 1.5 * abs(velocity) / max_acceleration
         rest = distance - 0.5 * velocity * brake
