@@ -33,58 +33,52 @@ WORDS = {
 INTRODUCTION = """\
 # The mode machine
 
-Drawn from the tables of `control_board_ros/core/terms/modes.py`; a test fails when it is stale.
-A request that has no arrow is refused and changes nothing.
+Generated from the tables of `control_board_ros/core/terms/modes.py`. A request without an arrow is
+refused and changes nothing.
 
 *Selectable* stands for {selectable}:
-a user goes from each of them to each other one by asking for it. Two triggers lead where the
-joint's configuration says: *configured* to its `startup_mode` (IDLE or POSITION), *calibrated*
-to the `control_mode` of its calibrator.
+the user switches freely between them. Two triggers lead to a configured mode: *configured* to the
+joint's `startup_mode` (IDLE or POSITION), *calibrated* to the `control_mode` of its calibrator.
 
-A joint that requires a calibration and has none (aborted, failed, lost with the power) takes
-{uncalibrated}, and a calibration, only; every other mode is refused. `~/state` shows it in
-`calibrated`. Where a calibration is not required, one that is aborted or fails leaves the joint
-with the angle and the limits that it had before.
+A joint without its required calibration (aborted, failed, lost with the power) accepts only
+{uncalibrated}, and a calibration; `calibrated` in `~/state` shows it. Where a calibration is not
+required, an aborted or failed one leaves the joint with its former angle and limits.
 """
 
 MOTION = """\
-## What happens on entering a mode
+## Entering a mode
 
 The position reference becomes the measured position, the output reference zero. A law that
-gives a torque takes over the *load*: gravity, payload, a steady push. It is the measured torque
-without what acceleration adds (`inertia_mean` times the measured acceleration); gearbox
-friction is not in it, since the sensor lies beyond the gearbox, and what `u_ff` and `tau_ff`
-already give is subtracted.
+outputs a torque starts from the *load*: gravity, payload, a steady push. The load is the measured
+torque less the acceleration's share (`inertia_mean` times the measured acceleration) and less
+`u_ff` and `tau_ff`. Gearbox friction is not included: the sensor is behind the gearbox.
 
 * **At rest** the load is the measured torque, filtered over 10 ms. POSITION, POSITION_DIRECT,
-  VELOCITY and MIXED start from it whatever the interaction mode.
-* **In motion**, or at the first reading, a joint that enters COMPLIANT or TORQUE is first
-  brought to rest by the position law: it brakes within the acceleration limit and comes back to
-  where the mode was entered. After 30 ms of rest, 0.5 s at most, the load is what carries it. A
-  reference that comes meanwhile is followed, and waits for the load 50 ms at most; a torque or
-  a `tau_ff` acts at once.
-* **TORQUE** holds the joint until the first torque reference comes: the load, and around it a
-  hold of at most a tenth of the torque limit. Pushed harder, the joint gives way and stays
-  where it is left. From the first reference on nothing but the reference acts: at a pose that
-  is no equilibrium, or no stable one, the arm moves, as every arm does.
-* **Stop in COMPLIANT** takes the load over in the same way.
+  VELOCITY and MIXED start from it in either interaction mode.
+* **In motion**, or at the first reading, the position law first stops a joint that enters
+  COMPLIANT or TORQUE: it brakes within the acceleration limit and returns to the position of the
+  mode change. The load is taken after 30 ms of rest, after 0.5 s at the latest. References that
+  arrive before are followed, after 50 ms at the latest; a torque or a `tau_ff` acts at once.
+* **TORQUE** holds the joint until the first torque reference: with the load, and a hold of at most
+  a tenth of the torque limit. A stronger push moves the joint, and it stays where it is left. After
+  the first reference only the reference acts: in a pose without stable equilibrium the arm moves.
+* **Stop in COMPLIANT** takes the load in the same way.
 
-Error of the load, measured on the shipped arms against the torque that carries the joint 1.5 s
-later: below 0.01 % of the torque limit at rest; in motion 0.8 % (iiwa) and 1.1 % (panda), while
-the other joints still sway. What it does to the position stands in
-[motion.md](motion.md).
+Error of the load, measured on the shipped arms against the torque that holds the joint 1.5 s
+later: below 0.01 % of the torque limit at rest; in motion 0.8 % (iiwa) and 1.1 % (panda) while
+the other joints still move. Effect on the position: [motion](motion.md).
 
-## What no mode does
+## In every mode
 
-* Drive a joint faster than its speed limit, or towards a software limit faster than it can
-  brake (0.7 of `limits.acceleration`); beyond a limit it is brought back. The reference itself
-  keeps to speed, acceleration and limits in every position mode, so this is felt in TORQUE,
-  OPENLOOP and COMPLIANT only, or when a joint that was held back is let go.
-* Let a position reference run ahead of a joint that is blocked: it waits where the torque limit
-  is reached, and goes on from there.
+* No joint is driven faster than its speed limit, or towards a software limit faster than it can
+  brake (0.7 of `limits.acceleration`); beyond a limit it is brought back. In position modes the
+  reference itself keeps to speed, acceleration and limits, so this protection acts in TORQUE,
+  OPENLOOP and COMPLIANT, and on a blocked joint that is released.
+* A position reference does not run ahead of a blocked joint: it waits at the torque limit, and
+  continues when the joint is free.
 
-The measured torque is that of the gearbox. The simulated rotor turns with the link, so while a
-joint accelerates the torque holds the rotor's share, too.
+The measured torque is that of the gearbox. The simulated rotor turns with the link, so the torque
+of an accelerating joint includes the rotor's share.
 """
 
 

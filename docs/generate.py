@@ -16,7 +16,7 @@ from pathlib import Path
 DOCS = Path(__file__).resolve().parent
 sys.path.insert(0, str(DOCS))
 
-NOTE = "<!-- Written by docs/generate.py from {source}; `make docs` writes it anew. -->\n\n"
+NOTE = "<!-- Generated from {source} by docs/generate.py; update with: make docs -->\n\n"
 
 #: page -> (module with a function `page`, what it is made from)
 PAGES = {

@@ -34,67 +34,66 @@ TITLES = {"msg": "Messages", "srv": "Services", "action": "Actions"}
 INTRODUCTION = """\
 Names that begin with `~` are below the node's name (`/control_board` by default), others below
 its namespace; all can be remapped. Angles are rad, speeds rad/s, torques N·m; sliding joints use
-m, m/s and N. Every request and command chooses its joints by `names`; empty means all joints.
-Where a mode is written, its code (`pos`) or its long name (`POSITION`) will do.
+m, m/s and N. Every request and command selects its joints by `names`; empty means all joints.
+Modes are accepted as code (`pos`) or long name (`POSITION`).
 
-Every response begins with `success` and `message`. The message names the joint, what was asked
-for, why it failed, and what would have been valid.
+Every response begins with `success` and `message`. The message names the joint, the request, the
+cause of the failure, and the valid values.
 """
 
 COMMANDS = """\
-Fire and forget. What a joint's mode does not accept is ignored, counted in `rejected_commands`
-of `~/state`, and logged once a second. QoS: {qos}; `qos_overrides` parameters change it.
+Commands have no answer. One that a joint's mode does not accept is ignored, counted in
+`rejected_commands` of `~/state`, and logged once a second. QoS: {qos}; `qos_overrides` parameters
+change it.
 """
 
 
 TRAJECTORIES = """\
-What `~/joint_trajectory` and `~/follow_joint_trajectory` take has the meaning of ros2_controllers'
+`~/joint_trajectory` and `~/follow_joint_trajectory` have the meaning of ros2_controllers'
 joint_trajectory_controller, joint by joint:
 
-- Segments are linear with positions only, cubic with velocities, quintic with accelerations
-  too. A field stands at every point or at none, with one number per joint; times rise; the
-  last point is at rest. What is wrong is refused whole, counted in `rejected_commands`, and
-  the log names the point.
-- `header.stamp` is when it begins; 0 means now. Ahead of now it waits, and the joints go on
-  with what they do until then. Of one that began in the past, the points that are past are
-  left out; one that is over is refused.
-- It begins at the reference that is then in force, with its velocity, unless its first point
-  is at the very time of its beginning. It replaces what its joints followed; other joints go
-  on.
-- Joints in another mode are counted and told, the others are served whole; a goal of the action is
-  then refused whole. With `allow_partial_joints_goal: false`, what leaves out joints of the board
-  is refused whole, on the topic and by the action.
+- Segments are linear with positions only, cubic with velocities, quintic with accelerations.
+  A field is present at every point or at none, with one number per joint; times increase; the
+  last point is at rest. An invalid trajectory is refused as a whole, counted in
+  `rejected_commands`, and the log names the point.
+- `header.stamp` is the start; 0 means now. Until a start in the future the joints continue their
+  present motion. With a start in the past, past points are dropped; a trajectory that is over is
+  refused.
+- It starts at the reference in force, with its velocity, unless its first point has the time of
+  the start. It replaces the motion of its joints; other joints are not affected.
+- On the topic, joints in another mode are counted and logged, the others follow; a goal of the
+  action is then refused as a whole. With `allow_partial_joints_goal: false`, a trajectory without
+  all joints of the board is refused as a whole, on the topic and by the action.
 - It ends for a joint that is stopped, changes its control or interaction mode, faults, or
-  gets a direct position from elsewhere; for all of its joints with a message without points.
+  receives another direct position; for all of its joints with a message without points.
   Nothing of it is kept.
-- Software limits cut what leads beyond them, and the log says so.
+- Software limits bound it, with a line in the log.
 
-The action adds, with the parameters and error codes that MoveIt and others know:
+The action adds, with the parameters and error codes of the controller:
 
-- One goal at a time: a new one aborts the old with INVALID_GOAL. Joints in both go on until
-  the new one begins; the others stop. Cancelling, and every failure, stops the joints within
+- One goal at a time: a new one aborts the old with INVALID_GOAL. Joints in both continue until
+  the new one starts; the others stop. Cancelling, and every failure, stops the joints within
   their acceleration limits: q = q₀ + v₀²/2a.
 - `path_tolerance` is checked in every control cycle until the last point, then
   `goal_tolerance`; the goal succeeds when all joints are within it. `goal_time_tolerance` is
-  the time for that, without end where it is 0. In a goal, 0 leaves the default, a negative
+  the time for that, 0: unlimited. In a goal, a tolerance of 0 selects the default, a negative
   number removes the limit. Defaults: `<joint>.constraints.trajectory` and `.goal` of positions,
   `constraints.stopped_velocity_tolerance` of the velocity at the end, `constraints.goal_time`.
-  Tolerances of velocity are checked, too; accelerations are not measured, so theirs are not.
+  Tolerances of velocity are checked; those of acceleration are not, since it is not measured.
 - Feedback, 20 times a second, has desired, actual and error of all joints in the board's order.
-- A refused goal is accepted and aborts at once, so that its result can say why, and the one
-  under way goes on ([why](decisions/0018-a-refused-goal-says-why.md)).
+- A refused goal is accepted and aborts at once, so that its result can state the reason; the
+  running goal continues ([why](decisions/0018-a-refused-goal-says-why.md)).
 - Positions of continuous joints count turns: 6.3 rad is not 0.0168 rad.
 
 """
 
 JOINT_COMMANDS_TEXT = """\
-`~/joint_commands` carries references of joints in different modes: of `position`, `velocity` and
-`effort` each joint takes the one of its control mode (positions in POSITION, POSITION_DIRECT and
-MIXED, velocities in VELOCITY and MIXED, efforts in TORQUE; in MIXED a position before a
-velocity). NaN is no command. An array may be empty, or have one number per joint; one with fewer
-is of those joints, in order, whose mode takes them, and is refused where their number differs. A
-position that repeats is no new move. It is what ros2_control's topic-based hardware sends:
-[how to](howto/ros2_control.md).
+`~/joint_commands` carries references of joints in different modes: each joint uses the array of
+its control mode (`position` in POSITION, POSITION_DIRECT and MIXED, `velocity` in VELOCITY and
+MIXED, `effort` in TORQUE; in MIXED a position before a velocity). NaN is no command. An array is
+empty, or has one number per joint; a shorter one has the joints, in order, whose mode accepts it,
+and is refused where their number differs. A repeated position is no new move. ros2_control's
+topic-based hardware sends this message: [how to](howto/ros2_control.md).
 """
 
 #: Error codes of ~/follow_joint_trajectory.
@@ -121,66 +120,62 @@ CODES = (
 )
 
 POSES = """\
-A pose is a name for positions of joints, with a speed. `home` and `park` are always there:
-`home` is every joint's `home` and `park` the same, where the parameters `poses.<pose>.<joint>`
-do not say otherwise ([parameters](parameters.md#poses)). `~/save_pose` adds poses of the user's,
-also as the joints are now, in `$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml`
-(`~/.config` where that is not set; `<robot>` is the name in the URDF). The file may be edited;
-it is read anew for every request. Of a pose with joints of several boards, each board takes and
-saves its own part.
+A pose is a name for positions of joints, with a speed. Every robot has `home` and `park`: `home`
+is every joint's `home`, `park` the same, unless the parameters `poses.<pose>.<joint>` define them
+([parameters](parameters.md#poses)). `~/save_pose` adds a user's poses, with given positions or as
+measured, to `$XDG_CONFIG_HOME/control_board_ros/poses/<robot>.yaml` (`~/.config` by default;
+`<robot>` is the name in the URDF). The file may be edited; every request reads it. Of a pose with
+joints of several boards, each board uses and saves its own part.
 
-- `~/go_to_pose` moves the pose's joints along minimum-jerk profiles; other joints go on with
-  what they do. The slowest joint has the mean speed requested, or the pose's, or (both 0) its
-  own reference speed; the others are so much slower that all arrive together, also where some
-  are in motion at the start. Where limits make the move slower, the result says so.
-- Nobody switches modes for it: a joint in a mode that takes no position moves makes the goal
-  fail whole, naming every such joint.
+- `~/go_to_pose` moves the pose's joints along minimum-jerk profiles; other joints are not
+  affected. The slowest joint has the requested mean speed, else the pose's, else (both 0) its own
+  reference speed; all joints arrive together, also where some are in motion at the start. Where
+  limits make the move slower, the result reports it.
+- It switches no modes: a joint in a mode that accepts no position moves makes the whole goal
+  fail, and the result names every such joint.
 - It ends, fails and is cancelled as `~/move`.
-- With `park_on_exit`, the first SIGINT, SIGTERM or SIGHUP takes the robot to `park`, then to
-  IDLE, then ends; the second one ends at once, without power. That parameter is the user's word
-  for it, so joints that are in POSITION_DIRECT, VELOCITY, MIXED, TORQUE or OPENLOOP go to
-  POSITION first. Joints without power (IDLE, HW_FAULT, CALIBRATING, NOT_CONFIGURED) get none:
-  then nothing moves, and the process ends with the reason and exit code 5.
+- With `park_on_exit`, the first SIGINT, SIGTERM or SIGHUP moves the robot to `park`, then to
+  IDLE, then the process ends; the second one ends it at once, without power. Joints in
+  POSITION_DIRECT, VELOCITY, MIXED, TORQUE or OPENLOOP are switched to POSITION first. With a joint
+  without power (IDLE, HW_FAULT, CALIBRATING, NOT_CONFIGURED) nothing moves, and the process ends
+  with the reason and exit code 5.
 
 """
 
 MANAGED = """\
 With `lifecycle: true` the node is a managed one, for `ros2 lifecycle`, lifecycle managers and
-launch files. It becomes active at its start, unless `autostart` is false; then it waits. In every
-state it publishes its topics: a board without power measures, too. While it is not active, what
-needs power is refused with the reason.
+launch files. It becomes active at its start; with `autostart: false` it waits. It publishes its
+topics in every state. Unless it is active, requests that need power are refused with the reason.
 
-| transition | state it leads to | joints |
+| transition | resulting state | joints |
 |---|---|---|
 | (start) | unconfigured | NOT_CONFIGURED |
 | configure | inactive | IDLE, without power |
-| activate | active | each calibrates, or goes to its `startup_mode`, or that of its calibrator |
+| activate | active | each calibrates, or enters its `startup_mode`, or the mode of its calibrator |
 | deactivate | inactive | IDLE at once, without power; a calibration is aborted |
 | cleanup | unconfigured | NOT_CONFIGURED: a power-on |
-| shutdown | finalized | NOT_CONFIGURED, for good: the process waits for its SIGINT |
+| shutdown | finalized | NOT_CONFIGURED, permanently: the process waits for its SIGINT |
 
 A joint in HW_FAULT stays there until FORCE_IDLE or cleanup. `~/configure` is refused while the
-node is unconfigured: the transition is what configures it. `~/power_cycle` and `~/reset` lead the
-joints back to where the state allows. A transition that is not possible is answered with
-`success: false`, and the log says which ones are
-([why so](decisions/0019-managed-nodes-by-rclpy.md)).
+node is unconfigured: use the transition. `~/power_cycle` and `~/reset` return the joints to what
+the state allows. An impossible transition has the answer `success: false`, and the log lists the
+possible ones ([why](decisions/0019-managed-nodes-by-rclpy.md)).
 
 """
 
 YARP_TEXT = """\
-With the parameter `yarp_interface`, the board offers what YARP's `controlBoard_nws_ros2` does,
-so that its clients run unchanged: [how to](howto/yarp_clients.md). Here `~` is what
-`yarp_msgs_name` says, the board's own name by default. Values are in SI units, as there. Every
-response has a word, `OK` or that of a refusal, and the reason in `opt_descr`.
+With the parameter `yarp_interface`, the board offers the interface of YARP's
+`controlBoard_nws_ros2`, so that its clients run unchanged: [how to](howto/yarp_clients.md). Here
+`~` is `yarp_msgs_name`, by default the board's own name. Values are in SI units, as in YARP's
+interface. Every response has a word, `OK` or that of a refusal, and the reason in `opt_descr`.
 """
 
 TIME = """\
-Every stamp is an offset plus simulated time: stamps never go backwards, and are as far apart
-as the readings. At `real_time_factor` 1 they are the system's time; with another factor at
-the start, or with `publish_clock` or `use_sim_time`, they are simulated time, and `/clock`
-tells it. A factor set while the board runs changes the pace of the stamps, not where they
-are, and `/clock` tells them from then on ([why](decisions/0014-one-time-base.md)).
-Diagnostics have the same clock.
+Every stamp is an offset plus simulated time: stamps never go backwards, and their distances are
+those of the readings. At `real_time_factor` 1 they are the system's time; with another factor at
+the start, or with `publish_clock` or `use_sim_time`, they are simulated time, published on
+`/clock`. A factor set at run time changes the pace of the stamps without a jump, and `/clock` is
+published from then on ([why](decisions/0014-one-time-base.md)). Diagnostics have the same clock.
 
 """
 
@@ -241,12 +236,11 @@ def meaning(endpoint: Endpoint) -> str:
 
 PARTS_TEXT = """\
 `robot:=icub` starts a node for each part, `/icub/head` and so on, with everything above below
-its own name; its readings are in `~/joint_states`. The node `/icub/robot` answers for all of
-them: all command topics but `~/joint_trajectory`, all services, the actions `~/calibrate`,
-`~/move` and `~/go_to_pose`, `~/modes`, `~/state` and `~/faults`, over the joints of all parts
-in the parts' order. A request to it is checked as a whole and takes effect on all parts in the
-same cycle. `joint_states` and `robot_description` are in the namespace of the robot,
-`/diagnostics` has one entry per part: [how to](howto/whole_robot.md).
+its own name; its readings are in `~/joint_states`. The node `/icub/robot` offers the same topics,
+services and actions over the joints of all parts, in the parts' order. A request to it is checked
+as a whole and takes effect on all parts in the same cycle. `joint_states` and `robot_description`
+are in the namespace of the robot, `/diagnostics` has one entry per part:
+[how to](howto/whole_robot.md).
 """
 
 

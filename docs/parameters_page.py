@@ -17,22 +17,21 @@ from control_board_ros.settings.poses import POSITION_ROW, SPEED_ROW
 from control_board_ros.settings.schema import BOARD, JOINT
 
 INTRODUCTION = """\
-Every parameter of `control_board`: the board's own, and those of each joint. Files to start from
-are in [config/](../config). The node reads them with `--ros-args --params-file FILE`, one value
-with `-p NAME:=VALUE`.
+All parameters of `control_board`: the board's own, and those of each joint. Start from a file in
+[config/](../config): `--ros-args --params-file FILE`; single values: `-p NAME:=VALUE`.
 
-The parameters of a joint are written as `lbr_iiwa_joint_1.limits.lower` for one joint, or as
-`joint_defaults.limits.lower` for all. Later files win over earlier ones, and in each file the
-joint's own value wins over the default. A name that does not exist, a wrong type and a value out
-of range end the start with one line that says where and what is allowed (exit code 2).
+A joint's parameter is written as `lbr_iiwa_joint_1.limits.lower` for one joint, or as
+`joint_defaults.limits.lower` for all. Later files win over earlier ones; within a file the joint's
+own value wins over the default. An unknown name, a wrong type or a value out of range ends the
+start with one line that states the place and the allowed values (exit code 2).
 
-*live*: `ros2 param set /control_board lbr_iiwa_joint_1.limits.lower -1.5` changes it while the
-board runs. Several values set together are checked together: all are taken, or none. The other
-parameters are read-only.
+*live*: can be changed at run time, as with
+`ros2 param set /control_board lbr_iiwa_joint_1.limits.lower -1.5`. Values set together are checked
+together: all are applied, or none. Other parameters are read-only.
 
-Where a unit has an "or", the second one is that of sliding joints; their torques are forces in N.
-Rules of the specification stand in brackets. A default that is "from" something is computed where
-nothing is given. Numbers are at most 1e12, and infinite (`.inf`) only where that is allowed.
+A unit after "or" is that of sliding joints; their torques are forces in N. Rules of the
+specification are in brackets. A default "from" something is computed where no value is given.
+Numbers are at most 1e12; `.inf` is accepted only where stated.
 """
 
 GROUPS = {
