@@ -60,8 +60,9 @@ torque less the acceleration's share (`inertia_mean` times the measured accelera
   mode change. The load is taken after 30 ms of rest, after 0.5 s at the latest. References that
   arrive before are followed, after 50 ms at the latest; a torque or a `tau_ff` acts at once.
 * **TORQUE** holds the joint until the first torque reference: with the load, and a hold of at most
-  a tenth of the torque limit. A stronger push moves the joint, and it stays where it is left. After
-  the first reference only the reference acts: in a pose without stable equilibrium the arm moves.
+  a tenth of the torque limit. A stronger push moves the joint, and it stays where it is left.
+  From the first reference on only the reference acts: in a pose without stable equilibrium the
+  arm moves.
 * **Stop in COMPLIANT** takes the load in the same way.
 
 Error of the load, measured on the shipped arms against the torque that holds the joint 1.5 s

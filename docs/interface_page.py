@@ -151,7 +151,7 @@ topics in every state. Unless it is active, requests that need power are refused
 |---|---|---|
 | (start) | unconfigured | NOT_CONFIGURED |
 | configure | inactive | IDLE, without power |
-| activate | active | each calibrates, or enters its `startup_mode`, or the mode of its calibrator |
+| activate | active | calibrate, or enter the `startup_mode`, or the mode of the calibrator |
 | deactivate | inactive | IDLE at once, without power; a calibration is aborted |
 | cleanup | unconfigured | NOT_CONFIGURED: a power-on |
 | shutdown | finalized | NOT_CONFIGURED, permanently: the process waits for its SIGINT |
