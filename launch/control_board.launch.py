@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Start a board, and what shows it, on a sourced ROS 2.
+"""Start a board, optionally with RViz, on a sourced ROS 2.
 
 ros2 launch control_board_ros control_board.launch.py --show-args
 ros2 launch control_board_ros control_board.launch.py robot:=panda rviz:=true
@@ -19,7 +19,7 @@ from launch_ros.substitutions import FindPackageShare
 
 PACKAGE = "control_board_ros"
 
-#: Arguments that are parameters of the node: not given (empty), the files and defaults hold.
+#: Arguments that are parameters of the node; empty: from the parameter file and the defaults.
 PARAMETERS = {
     "robot": "Robot: iiwa, panda, icub_left_arm, icub_right_arm or a URDF's path",
     "gui": "Show the physics in a window: true or false",
@@ -32,17 +32,17 @@ PARAMETERS = {
 }
 #: Arguments of the launch file itself, with their defaults.
 OPTIONS = {
-    "params_file": ("", "Parameter file; the arguments above win over it"),
-    "name": ("", "Name of the node, control_board where it is not given"),
+    "params_file": ("", "Parameter file; the arguments above override it"),
+    "name": ("", "Name of the node; default: control_board"),
     "namespace": ("", "Namespace of the node"),
     "rviz": ("false", "Start RViz, with the frames of the board"),
-    "robot_state_publisher": ("false", "Let robot_state_publisher make the frames"),
+    "robot_state_publisher": ("false", "Publish the frames by robot_state_publisher"),
     "log_level": ("info", "debug, info, warn or error"),
 }
 
 
 def generate_launch_description() -> LaunchDescription:
-    """What `ros2 launch` runs."""
+    """The arguments and the nodes."""
     arguments = [
         DeclareLaunchArgument(name, default_value="", description=text)
         for name, text in PARAMETERS.items()
@@ -113,7 +113,7 @@ def start(context: LaunchContext) -> list[Node]:
 
 
 def value_of(text: str) -> Any:
-    """An argument as a parameter has it: a number, true, false, or text."""
+    """An argument as the value of a parameter: number, true, false, or text."""
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     try:
@@ -123,7 +123,7 @@ def value_of(text: str) -> Any:
 
 
 def description(files: list[str], parameters: dict[str, Any]) -> Any:
-    """The robot that the board will have."""
+    """The robot of the board."""
     from control_board_ros.settings.loading import load
 
     robot = {"robot": parameters["robot"]} if "robot" in parameters else {}
