@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compare the engines: the same half minute of the same arm in pybullet and in MuJoCo.
+"""Compare the engines: 30 s of the same motion in pybullet and in MuJoCo.
 
     python docs/bodies.py
 
@@ -40,7 +40,7 @@ JOINTS = {SHOULDER: "joint 2", ELBOW: "joint 4"}
 
 @dataclass(frozen=True)
 class Phase:
-    """A part of the half minute: its name, when it begins, s, and what is done in each cycle."""
+    """A phase: name, start in s, action in each cycle."""
 
     name: str
     start: float
@@ -48,7 +48,7 @@ class Phase:
 
 
 def at_start(act: Callable[[Simulation], None]) -> Callable[[Simulation, float], None]:
-    """An act that happens once, when its phase begins."""
+    """An action at the start of its phase only."""
 
     def once(simulation: Simulation, since: float) -> None:
         if since < 0.5e-3:
@@ -58,7 +58,7 @@ def at_start(act: Callable[[Simulation], None]) -> Callable[[Simulation, float],
 
 
 def moves(simulation: Simulation, since: float) -> None:
-    """Fast moves of all joints, to and fro."""
+    """Fast moves of all joints, forth and back."""
     cycle = round(since * 1000)
     if cycle % 2000 == 0:
         sign = 1.0 if cycle % 4000 == 0 else -1.0
@@ -78,7 +78,7 @@ def velocities(simulation: Simulation, since: float) -> None:
 
 
 def compliant(simulation: Simulation, since: float) -> None:
-    """On springs, pushed for three seconds."""
+    """COMPLIANT, pushed for 3 s."""
     board, joints = simulation.board, list(JOINTS)
     if since < 0.5e-3:
         board.set_control_mode(joints, "pos")
@@ -126,7 +126,7 @@ def with_rotors_of_pybullet(settings: Settings) -> MujocoBody:
 
 
 def run(settings: Settings, body: Body) -> np.ndarray:
-    """Positions, rad, and torques, N·m, of a half minute, shape (cycles, 2, n)."""
+    """Positions, rad, and torques, N·m, of all phases, shape (cycles, 2, n)."""
     shots = []
     with Simulation(settings.board, settings.simulation, body) as simulation:
         for cycle in range(round(SECONDS * settings.board.control_rate)):
@@ -157,7 +157,7 @@ def rows(pairs: list[tuple[str, np.ndarray, np.ndarray]]) -> str:
 
 
 def draw(one: np.ndarray, other: np.ndarray) -> None:
-    """Positions and torques over each other, and what lies between."""
+    """Positions and torques of both, and their differences."""
     time = np.arange(len(one)) / 1000.0
     figure, axes = plt.subplots(4, 1, figsize=(12, 10), sharex=True, constrained_layout=True)
     for k, (joint, name) in enumerate(JOINTS.items()):

@@ -113,7 +113,7 @@ def arrows() -> list[str]:
 
 
 def word(trigger: Trigger) -> str:
-    """What stands at an arrow."""
+    """The label of an arrow."""
     if isinstance(trigger, Event):
         return WORDS[trigger]
     return "IDLE" if trigger is ControlMode.IDLE else "set_control_mode"

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Write the pages of docs/ that are made from the program itself.
+"""Write the pages of docs/ that are generated from the program.
 
 python docs/generate.py             write them
-python docs/generate.py --check     write nothing; exit code 1 where one is stale
-python docs/generate.py --pictures  the pictures too (some minutes; needs chromium)
+python docs/generate.py --check     write nothing; exit code 1 if a page is stale
+python docs/generate.py --pictures  the pictures, too (minutes; needs chromium)
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ sys.path.insert(0, str(DOCS))
 
 NOTE = "<!-- Generated from {source} by docs/generate.py; update with: make docs -->\n\n"
 
-#: page -> (module with a function `page`, what it is made from)
+#: Page -> (module with a function `page`, source of the page).
 PAGES = {
     "interface.md": ("interface_page", "msg_defs/ and the interface table"),
     "parameters.md": ("parameters_page", "the configuration classes"),
@@ -37,15 +37,28 @@ def pages() -> dict[Path, str]:
 
 
 def stale(texts: dict[Path, str]) -> list[Path]:
-    """The pages that say something else than the program does."""
+    """The pages that differ from the program."""
     return [p for p, text in texts.items() if not p.is_file() or p.read_text("utf-8") != text]
+
+
+def draw() -> None:
+    """Draw one joint through every mode, and the panel."""
+    import panel_pictures
+
+    from control_board_ros.examples import every_mode
+    from control_board_ros.simulation import Simulation
+
+    with Simulation.load("iiwa") as simulation:
+        recording = every_mode.walk(simulation)
+    every_mode.plot(recording, str(DOCS / "images" / "every_mode.png"))
+    panel_pictures.main([])
 
 
 def main(argv: list[str] | None = None) -> int:
     """Write, or check; the exit code."""
     parser = argparse.ArgumentParser(description="Write the generated pages of docs/.")
-    parser.add_argument("--check", action="store_true", help="only say what is stale")
-    parser.add_argument("--pictures", action="store_true", help="make the pictures too")
+    parser.add_argument("--check", action="store_true", help="only list stale pages")
+    parser.add_argument("--pictures", action="store_true", help="draw the pictures, too")
     options = parser.parse_args(argv)
     texts = pages()
     old = stale(texts)
@@ -54,11 +67,7 @@ def main(argv: list[str] | None = None) -> int:
         if not options.check:
             path.write_text(texts[path], "utf-8")
     if options.pictures and not options.check:
-        import panel_pictures
-        import pictures
-
-        pictures.make()
-        panel_pictures.main([])
+        draw()
     return 1 if options.check and old else 0
 
 

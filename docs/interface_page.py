@@ -111,11 +111,11 @@ CODES = (
     ("−3 OLD_HEADER_TIMESTAMP", "the last point is past"),
     (
         "−4 PATH_TOLERANCE_VIOLATED",
-        "a joint was beyond a tolerance on the way; it stops where it is",
+        "a joint was beyond a tolerance on its path; the joints stop",
     ),
     (
         "−5 GOAL_TOLERANCE_VIOLATED",
-        "a joint was beyond a tolerance when its time was over; it stops where it is",
+        "a joint was beyond a tolerance at the end of the goal time; the joints stop",
     ),
 )
 
@@ -182,7 +182,7 @@ published from then on ([why](decisions/0014-one-time-base.md)). Diagnostics hav
 
 @dataclass
 class Definition:
-    """One interface file: what it says of itself, and its parts, each rows (name, type, text)."""
+    """One interface file: its text, and its parts, each rows (name, type, text)."""
 
     package: str
     kind: str
@@ -196,7 +196,7 @@ class Definition:
 
     @property
     def anchor(self) -> str:
-        """What GitHub makes of the title."""
+        """GitHub's anchor of the title."""
         return self.title.lower().replace(".", "")
 
 
@@ -227,7 +227,7 @@ def definitions() -> dict[str, Definition]:
 
 
 def meaning(endpoint: Endpoint) -> str:
-    """What an endpoint is for, and for a command, in which modes."""
+    """The purpose of an endpoint, and for a command its modes."""
     if endpoint.reference is None:
         return endpoint.meaning
     modes = ", ".join(mode.name for mode in modes_accepting(endpoint.reference))
@@ -285,7 +285,7 @@ def page() -> str:
 
 
 def section(definition: Definition) -> list[str]:
-    """One definition: what it is for, and its fields."""
+    """One definition: its text and its fields."""
     lines = [f"### {definition.title}", "", definition.about]
     for title, rows in zip(PARTS[definition.kind], definition.parts, strict=True):
         lines += ["", *header("field" if title == "Message" else title, "type", "meaning")]

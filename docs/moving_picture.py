@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Record the moving picture of the README: an arm moves, yields, fails and recovers.
+"""Record the animation of the README: an arm moves, yields, faults and recovers.
 
     python docs/moving_picture.py
 
@@ -28,14 +28,14 @@ from control_board_ros.testing import board_process, ros_node
 PICTURE = Path(__file__).parent / "images" / "board.gif"
 #: px, of the page and of the picture.
 PAGE, SHOWN = (1440, 900), (960, 600)
-#: s of simulated time from frame to frame, and how much slower than that it is recorded.
+#: Simulated time from frame to frame, s, and the slow-down of the recording.
 STEP, SLOWNESS = 0.15, 8.0
-#: Bytes that a README may load, and the colours to try, the most first.
+#: Largest size, bytes, and the numbers of colours to try.
 MOST, COLOURS = 2_000_000, (192, 128, 96, 64, 48, 32)
 
 
 def scenes(client: ControlBoardClient, node: Any) -> Iterator[float]:
-    """What happens; gives how long to look at it, s of simulated time."""
+    """The scene; yields the simulated time to show, s."""
     names = client.names
     kind = EXTERNAL_TORQUE.load()
     pushes = node.create_publisher(kind, EXTERNAL_TORQUE.of(client.board_name), 10)

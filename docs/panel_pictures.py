@@ -46,7 +46,7 @@ Key = tuple[str, str, tuple[int, int], str]
 
 
 def move(client: Client, page: Any) -> None:
-    """Joints on their way, in several modes, with plots."""
+    """Joints in motion, in several modes, with plots."""
     desk = page.locator("#cards.as-list").count() == 0
     names = client.names
     arm = names if len(names) == 7 else [n for n in names if n.startswith(("l_", "r_"))][:14]
@@ -86,7 +86,7 @@ def fault(client: Client, page: Any) -> None:
 
 
 def asked(_: Client, page: Any) -> None:
-    """Somebody asks to take over."""
+    """A request to take over."""
     other = page.context.browser.new_context().new_page()
     other.goto(page.address)
     other.get_by_label("Ask to take over").click()
@@ -187,7 +187,7 @@ def everything(folder: Path) -> dict[Key, Path]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Draw what is wanted."""
+    """Draw the pictures of docs/, or all into a folder."""
     parser = argparse.ArgumentParser(description="Make the pictures of the panel.")
     parser.add_argument("folder", nargs="?", type=Path, help="for all sizes, themes and scenes")
     folder = parser.parse_args(argv).folder

@@ -96,7 +96,7 @@ def order(name: str) -> int:
 
 
 def shown(value: Any) -> str:
-    """A value as YAML has it: a double has a dot."""
+    """A value in YAML: a double has a dot."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list):

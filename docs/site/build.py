@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Build the site: docs/ by Sphinx, warnings are errors, and every link within it leads somewhere.
+"""Build the site: docs/ by Sphinx; warnings and dead internal links are errors.
 
     python docs/site/build.py [FOLDER]
 
@@ -30,7 +30,7 @@ FORWARD = """\
 
 
 def by_number(version: str) -> list[int]:
-    """What versions are sorted by."""
+    """Sort key of a version."""
     return [int(number) for number in re.findall(r"\d+", version)]
 
 
@@ -44,7 +44,7 @@ class Page(HTMLParser):
         self.feed(path.read_text("utf-8"))
 
     def handle_starttag(self, _: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Keep what leads somewhere, and where one can get to."""
+        """Collect links and anchors."""
         for name, value in attrs:
             if name in ("href", "src") and value:
                 self.links.add(value)
@@ -53,7 +53,7 @@ class Page(HTMLParser):
 
 
 def broken(folder: Path) -> list[str]:
-    """Links of a version's pages to files or anchors that are not there; other sites aside."""
+    """Internal links of a version's pages to missing files or anchors."""
     pages = {path.resolve(): Page(path) for path in sorted(folder.rglob("*.html"))}
     found = []
     for path, page in pages.items():
@@ -104,7 +104,7 @@ def main(argv: list[str] | None = None) -> int:
     (folder / "index.html").write_text(FORWARD.format(version=versions[0]), "utf-8")
     wrong = broken(target)
     for line in wrong:
-        print(f"leads nowhere: {line}", file=sys.stderr)
+        print(f"dead link: {line}", file=sys.stderr)
     print(f"{folder}: {len(list(target.rglob('*.html')))} pages, versions {', '.join(versions)}")
     return 1 if wrong else 0
 

@@ -21,8 +21,8 @@ version = release = control_board_ros.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["site/_templates"]
-# Links are checked in the pages that come out (build.py), with the anchors that pages write
-# themselves; diagrams in mermaid are shown as they are written.
+# build.py checks links in the output, with the anchors in pages; mermaid diagrams are shown as
+# text.
 suppress_warnings = ["myst.header", "myst.xref_missing", "misc.highlighting_failure"]
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
@@ -53,7 +53,7 @@ FENCED = re.compile(r"(^```.*?^```$)", re.M | re.S)
 
 
 def _inside(page: Path, text: str) -> str:
-    """A page whose links to the sources are their text: the site holds docs/ alone."""
+    """A page whose links to the sources are plain text: the site has docs/ only."""
 
     def keep(link: re.Match[str]) -> str:
         target = link[3]
@@ -66,7 +66,7 @@ def _inside(page: Path, text: str) -> str:
 
 
 def setup(app: Any) -> None:
-    """Read pages as the site shows them."""
+    """Convert pages while Sphinx reads them."""
 
     def read(app: Any, name: str, source: list[str]) -> None:
         source[0] = _inside(Path(app.env.doc2path(name)), source[0])
