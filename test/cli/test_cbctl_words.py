@@ -13,8 +13,7 @@ import pytest
 from control_board_ros.cli.app import explain
 from control_board_ros.cli.board.progress import Standstill
 from control_board_ros.cli.board.session import check_limits
-from control_board_ros.cli.board.streaming import duration
-from control_board_ros.cli.line.arguments import Parser, arguments_of
+from control_board_ros.cli.line.arguments import FOR, Parser, amount, arguments_of
 from control_board_ros.cli.line.options import Options, hoist, split_ros_arguments
 from control_board_ros.cli.line.words import (
     Quantity,
@@ -30,6 +29,7 @@ from control_board_ros.cli.text.output import bar, conclude, plain
 from control_board_ros.cli.verbs.look import when
 from control_board_ros.cli.verbs.modes import joints_and_mode
 from control_board_ros.cli.verbs.motion import move
+from control_board_ros.cli.verbs.streams import feedforward
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.reply import Answer, Reply
 from control_board_ros.joint_limits import JointLimits, limit_parameters, limits_of
@@ -164,12 +164,19 @@ def test_what_is_not_installed_is_no_refusal(module: str) -> None:
         explain(ModuleNotFoundError(f"No module named {module!r}"))
 
 
-def test_durations() -> None:
-    """--for takes a time above 0."""
-    assert duration(None) is None
-    assert duration("2s") == 2.0
-    with pytest.raises(UsageError, match="above 0"):
-        duration("0s")
+def test_amounts() -> None:
+    """An option with a quantity above 0 is read in SI units; the error names the option."""
+    parser = Parser("cbctl", [FOR, amount("--speed", "speed", default="10deg")])
+    assert parser.read([]) == {"time": None, "speed": pytest.approx(math.pi / 18)}
+    assert parser.read(["--for", "2s", "--speed", "5mm"]) == {"time": 2.0, "speed": 0.005}
+    for words, text in {
+        ("--for", "0s"): "--for 0s is not valid; give a time above 0, e.g. 2s",
+        ("--speed", "-1"): "--speed -1 is not valid; give a speed above 0, e.g. 20deg",
+        ("--for", "soon"): "time 'soon' is not valid; write a number, with or without s, ms, min",
+    }.items():
+        with pytest.raises(UsageError) as wrong:
+            parser.read(words)
+        assert str(wrong.value) == text
 
 
 def test_options_anywhere() -> None:
@@ -188,19 +195,15 @@ def test_options_anywhere() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("words", "values"),
-    [
-        (["0=1", "--speed", "2", "1=-3"], {"words": ["0=1", "1=-3"], "speed": "2", "wait": True}),
-        (["--no-wait", "0=1"], {"words": ["0=1"], "speed": None, "wait": False}),
-        (["0=1", "--speed=-2deg"], {"words": ["0=1"], "speed": "-2deg", "wait": True}),
-        (["0=1", "--speed", "-2deg"], {"words": ["0=1"], "speed": "-2deg", "wait": True}),
-        (["0=1", "--speed", "-.5"], {"words": ["0=1"], "speed": "-.5", "wait": True}),
-    ],
-)
-def test_options_of_a_verb(words: list[str], values: dict[str, Any]) -> None:
+def test_options_of_a_verb() -> None:
     """They stand anywhere among its words; a value may be negative."""
-    assert Parser("cbctl move", arguments_of(move)).read(words) == values
+    read = Parser("cbctl move", arguments_of(move)).read
+    found = read(["0=1", "--speed", "2", "1=-3"])
+    assert found == {"words": ["0=1", "1=-3"], "speed": 2.0, "wait": True}
+    assert read(["--no-wait", "0=1"]) == {"words": ["0=1"], "speed": None, "wait": False}
+    read = Parser("cbctl feedforward", arguments_of(feedforward)).read
+    for words in (["0", "--torque=-.5Nm"], ["0", "--torque", "-.5Nm"], ["--torque", "-.5Nm", "0"]):
+        assert read(words) == {"joints": ["0"], "torque": "-.5Nm", "output": None}
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sending references again and again, and stopping in the end."""
+"""Streams of references, and the stop at their end."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from ..line.words import UsageError, quantity, short_names
+from ..line.words import short_names
 from ..text.output import REFUSED, conclude, note
 from .progress import Bar, Standstill
 from .session import Session
@@ -21,28 +21,14 @@ if TYPE_CHECKING:
 RATE = 50.0
 #: s to wait for the end of a ramp.
 RAMP_TIMEOUT = 5.0
-#: Joints whose positions are shown meanwhile.
+#: Maximum number of joints whose positions are shown.
 SHOWN = 2
 
 Send = Callable[[list[str], list[float]], "Reply"]
 
 
-def duration(text: str | None) -> float | None:
-    """The seconds of ``--for``.
-
-    Raises:
-        UsageError: no time, or none above 0.
-    """
-    if text is None:
-        return None
-    seconds = quantity(text, "time").value
-    if seconds <= 0.0:
-        raise UsageError(f"--for {text} is not valid; give a time above 0, e.g. 2s")
-    return seconds
-
-
 def settle(session: Session, names: list[str]) -> None:
-    """Let velocity references ramp down, so that the report of them holds."""
+    """Wait until the velocity references have ramped down."""
     from control_board_ros.client import BoardTimeout
 
     chosen = [session.names.index(name) for name in names]
@@ -63,21 +49,21 @@ def stream(
 
     Args:
         session: with the board.
-        send: sends references, and gives the board's answer.
+        send: sends references and returns the board's reply.
         values: by joint.
-        seconds: how long; None: until Ctrl-C.
-        mode: in which joints accept them.
+        seconds: duration; None: until Ctrl-C.
+        mode: control mode that accepts them.
     """
     names = list(values)
     start = time.monotonic()
-    reply, told, interrupted = None, "", False
+    reply, shown, interrupted = None, "", False
     try:
         for reply in sent(session, send, values, seconds):
             if not reply:
                 break
-            if reply.message and not told:
-                told = reply.message
-                note(session, told)
+            if reply.message and not shown:
+                shown = reply.message
+                note(session, shown)
     except KeyboardInterrupt:
         interrupted = seconds is not None
     if reply is not None and not reply:
@@ -97,7 +83,7 @@ def sent(
 ) -> Iterator[Reply]:
     """Send references at RATE, showing the state of the joints; the reply to each."""
     names, numbers = list(values), list(values.values())
-    where(session, names)  # from now on it is known without waiting
+    where(session, names)  # later calls do not wait
     standstill = Standstill()
     with Bar(session, "streaming", endless=seconds is None) as bar:
         start = due = time.monotonic()
@@ -128,13 +114,13 @@ def where(session: Session, names: list[str]) -> str:
 
 
 def accepted_joints(reply: Reply) -> list[str]:
-    """The joints of a reply that took the references."""
+    """The joints that accepted the references."""
     answers = zip(reply.joints, reply.answers, strict=True)
     return [name for name, answer in answers if answer == "accepted"]
 
 
 def end(session: Session, send: Send, names: list[str]) -> Reply:
-    """Send zero to joints, and let what they did run out."""
+    """Send zero, and wait for the end of the ramps."""
     reply = send(names, [0.0] * len(names))
     settle(session, names)
     return reply

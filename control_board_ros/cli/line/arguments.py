@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn, TypeVar
 
 from .offers import Offers, assignments, joints_or_all, joints_then
-from .words import UsageError
+from .words import EXAMPLES, UsageError, quantity
 
 Verb = TypeVar("Verb", bound=Callable[..., Any])
 
@@ -47,6 +47,20 @@ class Argument:
 def argument(*names: str, offers: Offers | None = None, **settings: Any) -> Argument:
     """An argument, or an option where its names begin with a dash."""
     return Argument(names, settings, offers)
+
+
+def amount(name: str, kind: str, **settings: Any) -> Argument:
+    """An option with a quantity above 0, e.g. ``--for 2s``, read in SI units."""
+
+    def above_zero(text: str) -> float:
+        value = quantity(text, kind).value
+        if value <= 0.0:
+            raise UsageError(
+                f"{name} {text} is not valid; give a {kind} above 0, e.g. {EXAMPLES[kind]}"
+            )
+        return value
+
+    return argument(name, type=above_zero, **settings)
 
 
 def takes(*arguments: Argument) -> Callable[[Verb], Verb]:
@@ -123,4 +137,6 @@ JOINTS = argument(
 VALUES = argument(
     "words", nargs="+", metavar="JOINT=VALUE", help="A value for each joint.", offers=assignments
 )
-FOR = argument("--for", dest="time", metavar="TIME", help="How long, e.g. 2s; then it stops.")
+FOR = amount(
+    "--for", "time", dest="time", metavar="TIME", help="How long, e.g. 2s; then it stops."
+)

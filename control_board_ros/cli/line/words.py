@@ -74,18 +74,6 @@ def quantity(text: str, kind: str) -> Quantity:
     return Quantity(float(found[1]) * factor, dimension)
 
 
-def speed_above_zero(text: str) -> float:
-    """The speed of ``--speed``.
-
-    Raises:
-        UsageError: no speed, or none above 0.
-    """
-    value = quantity(text, "speed").value
-    if value <= 0.0:
-        raise UsageError(f"--speed {text} is not valid; give a speed above 0, e.g. 20deg")
-    return value
-
-
 def assignments(words: Sequence[str], kind: str) -> list[tuple[str, Quantity]]:
     """``JOINT=VALUE`` words.
 
@@ -105,11 +93,14 @@ def assignments(words: Sequence[str], kind: str) -> list[tuple[str, Quantity]]:
 
 EXAMPLES = {
     "position": "30deg",
-    "speed": "0.2",
+    "speed": "20deg",
     "acceleration": "1.0",
     "torque": "5Nm",
     "output": "20%",
     "current": "0.5A",
+    "time": "2s",
+    "size": "500MB",
+    "frequency": "10Hz",
 }
 
 

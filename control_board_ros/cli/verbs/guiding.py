@@ -19,7 +19,6 @@ from ..board.progress import Bar
 from ..board.recordings import read_boards, start
 from ..board.session import Session
 from ..board.status import cancelled, what_they_do
-from ..board.streaming import duration
 from ..board.trajectories import agreed, approach, followed
 from ..line.arguments import FOR, JOINTS, argument, takes
 from ..line.jogging import keys_at_once, pressed
@@ -39,20 +38,19 @@ NEAR = 5e-3
     argument("--record", metavar="WAY.mcap", help="Record it, for cbctl replay and report."),
     FOR,
 )
-def guide(session: Session, joints: list[str], record: str | None, time: str | None) -> int:
+def guide(session: Session, joints: list[str], record: str | None, time: float | None) -> int:
     """Guide joints by hand: without a spring, gravity compensated, with little damping.
 
     They stay where they are put, within their limits. Key p saves a pose (guided_1, …), q or
     Ctrl-C ends: the joints hold, and what was set before is set again.
     """
     names = guided_joints(session, joints)
-    seconds = duration(time)
-    if seconds is None and not sys.stdin.isatty():
+    if time is None and not sys.stdin.isatty():
         raise UsageError("no key can be pressed here: run guide in a terminal, or give --for TIME")
     target = None if record is None else unused_path(record)
     poses: list[str] = []
     with Guidance(session.client, names) as guidance, recorded(session, target):
-        why = attend(session, names, seconds, poses)
+        why = attend(session, names, time, poses)
     if guidance.left:
         note(session, guidance.left)
     if session.options.json:

@@ -16,9 +16,9 @@ from ..board.progress import Bar, Standstill, Way
 from ..board.session import Session
 from ..board.status import cancelled, what_they_do
 from ..board.streaming import RATE, end
-from ..line.arguments import JOINTS, VALUES, argument, several, takes
+from ..line.arguments import JOINTS, VALUES, amount, argument, several, takes
 from ..line.jogging import Jog, keys_at_once, pressed
-from ..line.words import Refused, UsageError, assignments, short_names, speed_above_zero
+from ..line.words import Refused, UsageError, assignments, short_names
 from ..text.output import complain, conclude, console
 
 #: How near to its target a joint has arrived, rad and m.
@@ -27,7 +27,7 @@ NEAR, NEAR_SLIDING = 0.01, 1e-3
 
 @takes(
     VALUES,
-    argument("--speed", metavar="SPEED", help="Mean speed, e.g. 20deg; else as set."),
+    amount("--speed", "speed", metavar="SPEED", help="Mean speed, e.g. 20deg; else as set."),
     argument(
         "--wait",
         action=BooleanOptionalAction,
@@ -35,14 +35,13 @@ NEAR, NEAR_SLIDING = 0.01, 1e-3
         help="Wait for the end of the move, which is the default, or not.",
     ),
 )
-def move(session: Session, words: list[str], speed: str | None, wait: bool) -> int:
+def move(session: Session, words: list[str], speed: float | None, wait: bool) -> int:
     """Move joints along a minimum-jerk profile (mode pos or mix). Ctrl-C stops them."""
     values = session.within_limits(assignments(words, "position"))
-    speeds = None if speed is None else speed_above_zero(speed)
     names, positions = list(values), list(values.values())
     client = session.client
     if not wait:
-        reply = client.position_move(names, positions, speeds)
+        reply = client.position_move(names, positions, speed)
         return conclude(session, reply, f"under way: {', '.join(names)}")
     way, standstill = Way(values, {name: near(session, name) for name in names}), Standstill()
     try:
@@ -53,7 +52,7 @@ def move(session: Session, words: list[str], speed: str | None, wait: bool) -> i
                 share = way.share(dict(zip(sent.names, sent.positions, strict=True)))
                 bar.update(share, f"{left:.1f} s{standstill.hint(left, time.monotonic())}")
 
-            reply = client.move(names, positions, speeds, feedback)
+            reply = client.move(names, positions, speed, feedback)
             reached = dict(zip(names, client.get_encoder(names).tolist(), strict=True))
             short = {name for name in names if not arrived(session, name, reached, values)}
             if reply and not short:
@@ -96,9 +95,9 @@ VELOCITY_MODES = frozenset(m for m, kinds in ACCEPTS.items() if CommandKind.VELO
 
 @takes(
     JOINTS,
-    argument("--speed", default="10deg", metavar="SPEED", help="To begin with."),
+    amount("--speed", "speed", default="10deg", metavar="SPEED", help="Initial speed."),
 )
-def jog(session: Session, joints: list[str], speed: str) -> int:
+def jog(session: Session, joints: list[str], speed: float) -> int:
     """Move joints with the arrow keys (mode vel or mix); a joint moves while a key is held.
 
     Left and right move the joint, up and down choose another one, + and - change the speed, q
@@ -106,7 +105,6 @@ def jog(session: Session, joints: list[str], speed: str) -> int:
     """
     if session.options.json or not sys.stdin.isatty():
         raise UsageError("jog needs a keyboard: run it in a terminal, without --json")
-    value = speed_above_zero(speed)
     names = session.joints(joints)
     modes = session.client.get_control_mode(names)
     ready = [name for name, mode in zip(names, modes, strict=True) if mode in VELOCITY_MODES]
@@ -114,7 +112,7 @@ def jog(session: Session, joints: list[str], speed: str) -> int:
         words = " ".join(names) if len(names) < len(session.names) else "all"
         step = session.line("mode", words, "vel")
         raise Refused(f"no joint accepts velocities; switch with: {step}")
-    used = jog_with_keys(session, ready, Jog(len(ready), value))
+    used = jog_with_keys(session, ready, Jog(len(ready), speed))
     reply = end(session, partial(session.client.velocity_move, answered=True), used or ready[:1])
     return conclude(session, reply, f"stopped: {what_they_do(session, used or ready[:1])}")
 

@@ -7,8 +7,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ..board.session import Session
-from ..line.arguments import argument, takes
-from ..line.words import Refused, UsageError, quantity
+from ..line.arguments import amount, argument, takes
+from ..line.words import Refused, UsageError
 from ..text.output import DONE, note, put, put_json
 
 #: What the extra brings.
@@ -21,8 +21,9 @@ NEEDED = ("starlette", "uvicorn", "websockets")
         "--port", type=int, default=8080, metavar="PORT", help="To listen on; 0: a free one."
     ),
     argument("--read-only", action="store_true", help="Display only, without operation."),
-    argument(
+    amount(
         "--takeover",
+        "time",
         default="10s",
         metavar="TIME",
         help="Time for the operator to answer a request to take over; silence means yes.",
@@ -35,7 +36,7 @@ NEEDED = ("starlette", "uvicorn", "websockets")
     ),
 )
 def panel(
-    session: Session, host: str, port: int, read_only: bool, takeover: str, recordings: str
+    session: Session, host: str, port: int, read_only: bool, takeover: float, recordings: str
 ) -> int:
     """Open the web panel for all boards of the domain: prints its address; Ctrl-C ends it.
 
@@ -43,8 +44,6 @@ def panel(
     """
     if not 0 <= port <= 65535:
         raise UsageError(f"--port {port} is not valid; give 0 to 65535")
-    if (seconds := quantity(takeover, "time").value) <= 0.0:
-        raise UsageError(f"--takeover {takeover} is not valid; give a time above 0")
     for name in NEEDED:
         if find_spec(name) is None:
             raise Refused(
@@ -71,7 +70,7 @@ def panel(
             port,
             read_only=read_only,
             answer_timeout=session.options.timeout,
-            takeover=seconds,
+            takeover=takeover,
             recordings=Path(recordings),
             announce=announce,
             report=lambda text: note(session, f"panel: {text}"),

@@ -10,7 +10,6 @@ from typing import Any
 from control_board_ros.text import nearest
 
 from ..board.session import Session
-from ..board.streaming import duration
 from ..line.arguments import FOR, argument, number, takes
 from ..line.offers import Typed, joints
 from ..line.words import UsageError, find_joint, short_names
@@ -41,20 +40,19 @@ def signals_offered(typed: Typed) -> list[str]:
     argument("--window", type=number, default=10.0, metavar="SECONDS", help="How far back."),
     FOR,
 )
-def plot(session: Session, words: list[str], window: float, time: str | None) -> None:
+def plot(session: Session, words: list[str], window: float, time: float | None) -> None:
     """Plot signals over time in the terminal, e.g. joint_1.position; Ctrl-C ends it.
 
     Into a pipe or file: lines of time and values, in the board's units; with --json objects.
     """
     if not 0.0 < window <= 3600.0:
         raise UsageError(f"--window {window:g} is not valid; give seconds above 0, up to 3600")
-    seconds = duration(time)
     signals = [signal for word in words for signal in signals_of(session, word)]
     try:
         if session.options.json or not console().is_terminal:
-            print_samples(session, signals, seconds)
+            print_samples(session, signals, time)
         else:
-            draw_charts(session, signals, window, seconds)
+            draw_charts(session, signals, window, time)
     except KeyboardInterrupt:
         return
 

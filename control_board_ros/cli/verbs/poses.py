@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 from ..board.progress import Bar, Standstill
 from ..board.session import Session
 from ..board.status import cancelled
-from ..line.arguments import argument, several, takes
+from ..line.arguments import amount, argument, several, takes
 from ..line.offers import Typed, joints
-from ..line.words import UsageError, assignments, short_names, speed_above_zero
+from ..line.words import UsageError, assignments, short_names
 from ..text.output import conclude, show
 from ..text.tables import grid
 
 if TYPE_CHECKING:
     from control_board_ros.client import PoseFeedback
 
-SPEED = argument(
+SPEED = amount(
     "--speed",
+    "speed",
     metavar="SPEED",
     help="Mean speed of the slowest joint, e.g. 20deg; else the pose's.",
 )
@@ -76,7 +77,7 @@ def poses_offered(typed: Typed) -> list[str]:
     ),
     SPEED,
 )
-def pose(session: Session, words: list[str], speed: str | None) -> int:
+def pose(session: Session, words: list[str], speed: float | None) -> int:
     """Go to a pose, all joints arriving together (mode pos or mix); or save one. Ctrl-C stops.
 
     save NAME saves where all joints are now, save NAME JOINT… some of them, and save NAME
@@ -91,20 +92,20 @@ def pose(session: Session, words: list[str], speed: str | None) -> int:
 
 
 @takes(SPEED)
-def home(session: Session, speed: str | None) -> int:
+def home(session: Session, speed: float | None) -> int:
     """Go to the pose home, all joints arriving together (mode pos or mix). Ctrl-C stops."""
     return go(session, "home", speed)
 
 
 @takes(SPEED)
-def park(session: Session, speed: str | None) -> int:
+def park(session: Session, speed: float | None) -> int:
     """Go to the pose park, all joints arriving together (mode pos or mix). Ctrl-C stops."""
     return go(session, "park", speed)
 
 
-def save(session: Session, name: str, words: list[str], speed: str | None) -> int:
+def save(session: Session, name: str, words: list[str], speed: float | None) -> int:
     """Save a pose; the exit code."""
-    mean = 0.0 if speed is None else speed_above_zero(speed)
+    mean = 0.0 if speed is None else speed
     if any("=" in word for word in words):
         values = session.within_limits(assignments(words, "position"))
         reply = session.client.save_pose(name, list(values), list(values.values()), mean)
@@ -113,9 +114,8 @@ def save(session: Session, name: str, words: list[str], speed: str | None) -> in
     return conclude(session, reply)
 
 
-def go(session: Session, name: str, speed: str | None) -> int:
+def go(session: Session, name: str, speed: float | None) -> int:
     """Go to a pose and wait for the end; the exit code."""
-    mean = None if speed is None else speed_above_zero(speed)
     names = session.names
     whole, standstill = 0.0, Standstill()
     try:
@@ -133,7 +133,7 @@ def go(session: Session, name: str, speed: str | None) -> int:
                 hint = standstill.hint(left, time.monotonic())
                 bar.update(1.0 - left / whole if whole else 1.0, f"{short} {togo} to go{hint}")
 
-            reply = session.client.go_to_pose(name, mean, feedback)
+            reply = session.client.go_to_pose(name, speed, feedback)
             if reply:
                 bar.update(1.0, "done")
     except KeyboardInterrupt:

@@ -13,9 +13,8 @@ from control_board_ros.text import file_name
 from ..board.progress import Bar
 from ..board.recordings import Silence, keep_frames, read_boards, start
 from ..board.session import Session
-from ..board.streaming import duration
-from ..line.arguments import FOR, argument, patterns, takes
-from ..line.words import Refused, UsageError, quantity
+from ..line.arguments import FOR, amount, argument, patterns, takes
+from ..line.words import Refused, UsageError
 from ..text.output import DONE, REFUSED, complain, note, put, put_json
 
 #: s between looks at a recording, and between looks whether its boards are there.
@@ -28,16 +27,25 @@ LOOK, LOOK_AT_BOARDS = 0.25, 2.0
         "-o", "--output", required=True, metavar="FOLDER", help="The folder to make, or to fill."
     ),
     FOR,
-    argument("--split-size", metavar="SIZE", help="Begin a new file at this size, e.g. 500MB."),
-    argument("--split-time", metavar="TIME", help="Begin a new file after this time, e.g. 10min."),
-    argument(
+    amount(
+        "--split-size", "size", metavar="SIZE", help="Begin a new file at this size, e.g. 500MB."
+    ),
+    amount(
+        "--split-time",
+        "time",
+        metavar="TIME",
+        help="Begin a new file after this time, e.g. 10min.",
+    ),
+    amount(
         "--last",
+        "time",
         metavar="TIME",
         help="A black box: keep the last seconds in memory, e.g. 60s, and write them into a new "
         "folder below FOLDER when a fault happens.",
     ),
-    argument(
+    amount(
         "--after",
+        "time",
         default="2s",
         metavar="TIME",
         help="How long to go on after a fault, with --last.",
@@ -47,11 +55,11 @@ LOOK, LOOK_AT_BOARDS = 0.25, 2.0
 def record(
     session: Session,
     output: str,
-    time: str | None,
-    split_size: str | None,
-    split_time: str | None,
-    last: str | None,
-    after: str,
+    time: float | None,
+    split_size: float | None,
+    split_time: float | None,
+    last: float | None,
+    after: float,
     csv: bool,
 ) -> int:
     """Record everything of a board into MCAP files, as rosbag2 does, until Ctrl-C.
@@ -61,23 +69,18 @@ def record(
     """
     from control_board_ros.recording import RecordingError
 
-    limits = {
-        "split_size": positive("--split-size", split_size, "size"),
-        "split_time": positive("--split-time", split_time, "time"),
-    }
-    back, seconds = positive("--last", last, "time"), duration(time)
-    on = positive("--after", after, "time")
-    if back is not None and any(limits.values()):
+    limits = {"split_size": split_size, "split_time": split_time}
+    if last is not None and any(limits.values()):
         raise UsageError("--last writes short recordings, which --split-… does not apply to")
     try:
         boards = read_boards(session)
-        sink = black_box(Path(output), back, on or 0.0) if back else bag(Path(output), limits)
+        sink = black_box(Path(output), last, after) if last else bag(Path(output), limits)
         recorder = start(session, boards, sink)
         try:
-            why = watch(session, recorder, sink, seconds)
+            why = watch(session, recorder, sink, time)
         finally:
             recorder.close()
-        if back:
+        if last:
             keep_frames(session, written(sink))
     except RecordingError as error:
         raise Refused(str(error)) from error
@@ -88,20 +91,6 @@ def record(
         except RecordingError as error:
             why = recorder.ended or why or str(error)
     return report_end(session, recorder, sink, why, tables)
-
-
-def positive(option: str, text: str | None, kind: str) -> float | None:
-    """The value of an option; None where it is not given.
-
-    Raises:
-        UsageError: none above 0.
-    """
-    if text is None:
-        return None
-    value = quantity(text, kind).value
-    if value <= 0.0:
-        raise UsageError(f"{option} {text} is not valid; give a {kind} above 0")
-    return value
 
 
 def bag(folder: Path, limits: dict[str, Any]) -> Any:

@@ -10,7 +10,7 @@ from control_board_ros.core.terms.modes import STEPS
 
 from ..board.experiments import Experiment, check_reach, measured, prepare, wait
 from ..board.session import Session
-from ..line.arguments import argument, takes
+from ..line.arguments import amount, argument, takes
 from ..line.offers import joints
 from ..line.words import DEGREE, Refused, UsageError, quantity
 from ..text.output import DONE, conclude, put, put_json
@@ -34,11 +34,13 @@ HIGHEST = 100.0
         offers=joints,
     ),
     argument("--size", metavar="SIZE", help="Of the step, e.g. 5deg; −5deg goes the other way."),
-    argument("--for", dest="time", default="2s", metavar="TIME", help="To look at each step."),
+    amount(
+        "--for", "time", dest="time", default="2s", metavar="TIME", help="To look at each step."
+    ),
     OUTPUT,
 )
 def step(
-    session: Session, word: str | None, size: str | None, time: str, output: str | None
+    session: Session, word: str | None, size: str | None, time: float, output: str | None
 ) -> int:
     """Step a joint there and back and measure its answer; or advance a paused simulation.
 
@@ -52,7 +54,6 @@ def step(
         return advance(session, word, output)
     if word is None:
         raise UsageError("name a joint, e.g. cbctl step joint_1 --size 5deg")
-    seconds = above_zero("--for", time, "time")
     experiment = prepare(session, word)
     ((_, change),) = session.values([(experiment.joint, quantity(size, "position"))]).items()
     if not change:
@@ -66,7 +67,7 @@ def step(
             reply = client.set_position(experiment.joint, goal, answered=True)
             if not reply:
                 raise Refused(reply.message)
-            wait(session, label, seconds)
+            wait(session, label, time)
 
     recording, folder = measured(session, experiment, run, output)
     return show_steps(session, experiment, recording, folder)
@@ -140,19 +141,27 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
 
 @takes(
     argument("word", metavar="JOINT", help="A joint.", offers=joints),
-    argument("--from", dest="low", default="0.1", metavar="FREQUENCY", help="First one, Hz."),
-    argument("--to", dest="high", default="20", metavar="FREQUENCY", help="Last one, Hz."),
+    amount(
+        "--from", "frequency", dest="low", default="0.1", metavar="FREQUENCY", help="First, Hz."
+    ),
+    amount("--to", "frequency", dest="high", default="20", metavar="FREQUENCY", help="Last, Hz."),
     argument(
         "--amplitude",
         default="2deg",
         metavar="SIZE",
         help="Greatest one; it falls with the frequency, as speed and acceleration allow.",
     ),
-    argument("--for", dest="time", default="60s", metavar="TIME", help="Duration."),
+    amount("--for", "time", dest="time", default="60s", metavar="TIME", help="Duration."),
     OUTPUT,
 )
 def chirp(
-    session: Session, word: str, low: str, high: str, amplitude: str, time: str, output: str | None
+    session: Session,
+    word: str,
+    low: float,
+    high: float,
+    amplitude: str,
+    time: float,
+    output: str | None,
 ) -> int:
     """Sweep a joint through frequencies: gain, phase, coherence, −3 dB bandwidth.
 
@@ -161,11 +170,10 @@ def chirp(
     """
     from control_board_ros.recording.chirp import sweep
 
-    first, last = above_zero("--from", low, "frequency"), above_zero("--to", high, "frequency")
-    seconds = above_zero("--for", time, "time")
-    if not first < last <= HIGHEST:
+    if not low < high <= HIGHEST:
         raise UsageError(
-            f"--from {low} --to {high} is not valid; give rising frequencies up to {HIGHEST:g} Hz"
+            f"--from {low:g} --to {high:g} is not valid; "
+            f"give rising frequencies up to {HIGHEST:g} Hz"
         )
     experiment = prepare(session, word)
     ((_, size),) = session.values([(experiment.joint, quantity(amplitude, "position"))]).items()
@@ -174,16 +182,16 @@ def chirp(
     check_reach(session, experiment, [experiment.start - size, experiment.start + size])
     limits = experiment.limits
     try:
-        plan = sweep(first, last, seconds, size, limits.velocity, limits.acceleration)
+        plan = sweep(low, high, time, size, limits.velocity, limits.acceleration)
     except ValueError as error:
         raise UsageError(str(error)) from error
 
     def run() -> None:
         send_trajectory(session, experiment, plan)
-        wait(session, f"{first:g} to {last:g} Hz", seconds)
+        wait(session, f"{low:g} to {high:g} Hz", time)
 
     recording, folder = measured(session, experiment, run, output)
-    return show_response(session, experiment, recording, folder, (first, last))
+    return show_response(session, experiment, recording, folder, (low, high))
 
 
 def send_trajectory(session: Session, experiment: Experiment, plan: Any) -> None:
@@ -290,15 +298,3 @@ def write_report(folder: Path | None, recording: Any, section: str) -> str | Non
     path = folder / "report.html"
     write_page(path, page(str(folder), [recording], section))
     return str(path)
-
-
-def above_zero(option: str, text: str, kind: str) -> float:
-    """The value of an option.
-
-    Raises:
-        UsageError: none above 0.
-    """
-    value = quantity(text, kind).value
-    if value <= 0.0:
-        raise UsageError(f"{option} {text} is not valid; give a {kind} above 0")
-    return value

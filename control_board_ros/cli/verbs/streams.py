@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl velocity, torque, current and their like: references that are repeated, or stay."""
+"""cbctl velocity, torque, current, output: references, streamed or sent once."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ..board.session import Session
-from ..board.streaming import Send, duration, stream
+from ..board.streaming import Send, stream
 from ..line.arguments import FOR, JOINTS, VALUES, argument, takes
 from ..line.words import UsageError, assignments, quantity
 from ..text.output import conclude, note
@@ -23,13 +23,13 @@ ONCE = argument(
 
 
 @takes(VALUES, FOR, ONCE)
-def velocity(session: Session, words: list[str], time: str | None, once: bool) -> int:
+def velocity(session: Session, words: list[str], time: float | None, once: bool) -> int:
     """Stream velocities (mode vel or mix) for a time, or until Ctrl-C; then stop."""
     return velocities(session, words, time, once, session.client.velocity_move, "vel")
 
 
 @takes(VALUES, FOR, ONCE)
-def veldirect(session: Session, words: list[str], time: str | None, once: bool) -> int:
+def veldirect(session: Session, words: list[str], time: float | None, once: bool) -> int:
     """Stream velocities that act at once (mode veld) for a time, or until Ctrl-C; then stop."""
     return velocities(session, words, time, once, session.client.set_ref_velocity, "veld")
 
@@ -37,69 +37,70 @@ def veldirect(session: Session, words: list[str], time: str | None, once: bool) 
 def velocities(
     session: Session,
     words: list[str],
-    time: str | None,
+    time: float | None,
     once: bool,
     method: Callable[..., Reply],
     mode: str,
 ) -> int:
     """Stream velocities, or send them once; ``method`` of the client sends them."""
-    seconds = duration(time)
-    if once and seconds is not None:
+    if once and time is not None:
         raise UsageError("--once and --for exclude each other")
     values = session.within_limits(assignments(words, "speed"), "speed")
     names, send = list(values), partial(method, answered=True)
     if once:
         reply = send(names, list(values.values()))
         return conclude(session, reply, f"sent: {', '.join(names)}", mode=mode)
-    if seconds is None:
+    if time is None:
         note(session, "streaming until Ctrl-C")
-    return stream(session, send, values, seconds, mode)
+    return stream(session, send, values, time, mode)
 
 
 @takes(VALUES, FOR)
-def torque(session: Session, words: list[str], time: str | None) -> int:
+def torque(session: Session, words: list[str], time: float | None) -> int:
     """Set torques (mode torq); with --for stream them, then set zero."""
-    seconds, values = duration(time), session.within_limits(assignments(words, "torque"), "torque")
+    values = session.within_limits(assignments(words, "torque"), "torque")
     send = partial(session.client.set_ref_torque, answered=True)
-    if seconds is not None:
-        return stream(session, send, values, seconds, "torq")
-    return set_once(session, send, values, "torque references", "{:g}", "torq")
+    return lasting(session, send, values, time, "torque references", "{:g}", "torq")
 
 
 @takes(VALUES, FOR)
-def current(session: Session, words: list[str], time: str | None) -> int:
+def current(session: Session, words: list[str], time: float | None) -> int:
     """Set motor currents (mode icur); with --for stream them, then set zero."""
-    seconds = duration(time)
     values = session.within_limits(assignments(words, "current"), "current")
     send = partial(session.client.set_ref_current, answered=True)
-    if seconds is not None:
-        return stream(session, send, values, seconds, "icur")
-    return set_once(session, send, values, "current references", "{:g} A", "icur")
+    return lasting(session, send, values, time, "current references", "{:g} A", "icur")
 
 
 @takes(VALUES, FOR)
-def output(session: Session, words: list[str], time: str | None) -> int:
+def output(session: Session, words: list[str], time: float | None) -> int:
     """Set outputs in PWM percent (mode open); with --for stream them, then set zero."""
-    seconds, values = duration(time), session.within_limits(assignments(words, "output"), "output")
+    values = session.within_limits(assignments(words, "output"), "output")
     send = partial(session.client.set_output, answered=True)
-    if seconds is not None:
-        return stream(session, send, values, seconds, "open")
-    return set_once(session, send, values, "outputs", "{:g} %", "open")
+    return lasting(session, send, values, time, "outputs", "{:g} %", "open")
 
 
-def set_once(
-    session: Session, send: Send, values: dict[str, float], label: str, shown: str, mode: str
+def lasting(
+    session: Session,
+    send: Send,
+    values: dict[str, float],
+    time: float | None,
+    label: str,
+    shown: str,
+    mode: str,
 ) -> int:
-    """Send references that stay, and report those of the board: it bounds them.
+    """Stream references for a time, or send them once and report them as bounded by the board.
 
     Args:
         session: with the board.
-        send: sends them, and gives the board's answer.
+        send: sends references and returns the board's reply.
         values: by joint.
+        time: s; None: once.
         label: for the printed line.
         shown: format of one value.
-        mode: that accepts them.
+        mode: control mode that accepts them.
     """
+    if time is not None:
+        return stream(session, send, values, time, mode)
     reply = send(list(values), list(values.values()))
     held = zip(reply.joints, reply.values, strict=False)
     text = ", ".join(f"{name} {shown.format(value)}" for name, value in held)
