@@ -3,24 +3,17 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
+from ..board.programs import run_program
 from ..board.session import Session
 from ..line.arguments import argument, takes
 from ..line.words import UsageError
-from ..text.output import put_json
-
-#: Drivers need their libraries, which cbctl does not import: it is a program of its own.
-PROGRAM = "control_board_ros.plants"
-ACTIONS = ("scan", "try")
 
 
 @takes(
     argument(
         "action",
         metavar="scan|try",
-        choices=ACTIONS,
+        choices=("scan", "try"),
         help="List what answers, or move each joint a little.",
     ),
     argument("what", metavar="PLANT|ROBOT.yaml", help="scan: moteus, …; try: a parameter file."),
@@ -50,13 +43,6 @@ def drives(
     for name, value in (("--bus", bus), ("--joints", joints), ("--turned", turned)):
         if value:
             words += [name, value]
-    program = [sys.executable, "-m", PROGRAM, *words, *(["--yes"] if yes else [])]
-    if not session.options.json:
-        try:
-            return subprocess.run(program, check=False).returncode
-        except KeyboardInterrupt:
-            return 1  # it has the signal, too, and disables the motors
-    done = subprocess.run(program, check=False, capture_output=True, text=True)
-    lines = (done.stdout + done.stderr).splitlines()
-    put_json({"success": done.returncode == 0, "lines": lines})
-    return done.returncode
+    if yes:
+        words.append("--yes")
+    return run_program(session, "control_board_ros.plants", words)

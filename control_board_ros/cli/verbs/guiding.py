@@ -23,7 +23,7 @@ from ..board.trajectories import agreed, approach, followed
 from ..line.arguments import FOR, JOINTS, argument, takes
 from ..line.jogging import keys_at_once, pressed
 from ..line.words import Refused, UsageError, short_names
-from ..text.output import DONE, REFUSED, complain, conclude, note, put, put_json
+from ..text.output import DONE, REFUSED, complain, conclude, fail, note, put, put_json
 
 #: s between looks at the keyboard, and between looks whether the joints are still guided.
 LOOK, LOOK_AT_MODES = 0.05, 0.5
@@ -204,7 +204,7 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
         raise Refused(str(error)) from error
     starts = dict(zip(names, way.positions[0].tolist(), strict=True))
     if not goes_on(session, starts, way.duration, yes):
-        return conclude_nothing(session)
+        return fail("nothing was moved", REFUSED, as_json=session.options.json)
     if way.stretched > 1.0:
         note(session, f"the limits make it {way.stretched:.2g} times as long as asked")
     try:
@@ -270,12 +270,3 @@ def goes_on(session: Session, starts: dict[str, float], seconds: float, yes: boo
     if yes:
         return True
     return agreed()
-
-
-def conclude_nothing(session: Session) -> int:
-    """Nothing was moved."""
-    if session.options.json:
-        put_json({"success": False, "message": "nothing was moved"})
-    else:
-        complain("nothing was moved")
-    return REFUSED

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -22,6 +21,7 @@ from control_board_ros.identification.shares import (
 )
 
 from ..board.experiments import await_states, faster_states
+from ..board.programs import run_program
 from ..board.progress import Bar
 from ..board.recordings import read_boards, start
 from ..board.session import Session
@@ -29,12 +29,12 @@ from ..board.status import cancelled
 from ..board.trajectories import agreed, approach, followed
 from ..line.arguments import JOINTS, argument, takes
 from ..line.words import Refused, UsageError, quantity
-from ..text.output import DONE, REFUSED, complain, note, put_json
+from ..text.output import REFUSED, fail, note
 
 if TYPE_CHECKING:
     from control_board_ros.identification.motions import Bounds, Motion
 
-#: The fit needs scipy, URDFs and parameter files, which cbctl does not import.
+#: Fits the motions and writes the file.
 PROGRAM = "control_board_ros.identification"
 
 
@@ -87,7 +87,7 @@ def identify(
         raise UsageError(f"{Path(output).parent} is no folder; make it first")
     words = ["-o", output] + (["--no-payload"] if no_payload else [])
     if data is not None:
-        return concluded(session, [data, *words])
+        return run_program(session, PROGRAM, [data, *words])
     shares = {"speed": speed, "acceleration": acceleration, "torque": torque}
     for name, share in shares.items():
         if not 0.0 < share <= 1.0:
@@ -102,8 +102,7 @@ def identify(
     ways = ", ".join(way(session, one) for one in bounds)
     note(session, f"for about {seconds / 60.0:.1f} min these joints move: {ways}")
     if not yes and not agreed():
-        complain("nothing was moved")
-        return REFUSED
+        return fail("nothing was moved", REFUSED, as_json=session.options.json)
     with contextlib.ExitStack() as stack:
         temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="cbctl"))
         folder = Path(keep) if keep else Path(temporary) / "motions"
@@ -111,7 +110,7 @@ def identify(
             play(session, folder, bounds, motions)
         except KeyboardInterrupt:
             return cancelled(session, "identify", [one.joint for one in bounds])
-        return concluded(session, [str(folder), *words])
+        return run_program(session, PROGRAM, [str(folder), *words])
 
 
 def bounds_now(
@@ -252,17 +251,3 @@ def follow(session: Session, motion: Motion, bounds: dict[str, Bounds]) -> dict[
         "end": end,
         "ended": ended,
     }
-
-
-def concluded(session: Session, words: Sequence[str]) -> int:
-    """Run the program that fits and writes, and print its output."""
-    program = [sys.executable, "-m", PROGRAM, *words]
-    try:
-        if not session.options.json:
-            return subprocess.run(program, check=False).returncode
-        done = subprocess.run(program, check=False, capture_output=True, text=True)
-    except KeyboardInterrupt:
-        return REFUSED
-    lines = [*done.stdout.splitlines(), *done.stderr.splitlines()]
-    put_json({"success": done.returncode == DONE, "lines": lines})
-    return done.returncode

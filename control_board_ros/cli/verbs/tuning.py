@@ -3,18 +3,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from typing import Any
 
 from control_board_ros.program_options import TUNING
 
+from ..board.programs import run_program
 from ..board.session import Session
 from ..line.arguments import argument, takes
-from ..text.output import put_json
 
-#: The search needs the simulation, which cbctl does not import: it is a program of its own.
-PROGRAM = "control_board_ros.tuning"
 #: Options whose values have another name.
 OPTION_OF = {"found": "--from"}
 
@@ -31,13 +27,4 @@ def tune(session: Session, **values: Any) -> int:
     for name, value in values.items():
         if value is not None:
             words += [OPTION_OF.get(name, f"--{name.replace('_', '-')}"), str(value)]
-    program = [sys.executable, "-m", PROGRAM, *words]
-    try:
-        if not session.options.json:
-            return subprocess.run(program, check=False).returncode
-        done = subprocess.run(program, check=False, capture_output=True, text=True)
-    except KeyboardInterrupt:
-        return 1  # it has the signal, too, and reports the next step
-    lines = (done.stdout if done.returncode == 0 else done.stderr).splitlines()
-    put_json({"success": done.returncode == 0, "lines": lines})
-    return done.returncode
+    return run_program(session, "control_board_ros.tuning", words)
