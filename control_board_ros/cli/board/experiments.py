@@ -19,7 +19,7 @@ from ...joint_limits import JointLimits
 from ..line.words import Refused
 from ..text.output import note
 from .progress import Bar
-from .recordings import read_boards, start
+from .recordings import recorded
 from .session import Session
 
 #: States a second while it is measured, where the board's control rate allows it.
@@ -98,26 +98,20 @@ def measured(
         Refused: the board refuses a mode, or a joint faults.
     """
     from control_board_ros.recording import RecordingError
-    from control_board_ros.recording.bag import Bag
     from control_board_ros.recording.reading import read
 
-    with contextlib.ExitStack() as stack:
-        temporary = stack.enter_context(tempfile.TemporaryDirectory(prefix="cbctl"))
+    with tempfile.TemporaryDirectory(prefix="cbctl") as temporary:
         folder = Path(keep) if keep else Path(temporary) / "recording"
+        with (
+            faster_states(session),
+            in_position_direct(session, experiment),
+            recorded(session, folder) as recorder,
+        ):
+            await_states(session, recorder)
+            wait(session, "at rest", REST)
+            run()
+            wait(session, "at rest", REST)
         try:
-            stack.enter_context(faster_states(session))
-            stack.enter_context(in_position_direct(session, experiment))
-            boards = read_boards(session)
-            recorder = start(session, boards, Bag(folder))
-            try:
-                await_states(session, recorder)
-                wait(session, "at rest", REST)
-                run()
-                wait(session, "at rest", REST)
-            finally:
-                recorder.close()
-            if recorder.ended:
-                raise Refused(recorder.ended)
             (recording,) = read(folder)
         except RecordingError as error:
             raise Refused(str(error)) from error

@@ -4,19 +4,20 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from control_board_ros.text import file_name
 
+from ..line.words import Refused
 from ..text.output import note
 from .boards import boards_meant
 from .session import Session
 
 
 def read_boards(session: Session) -> list[Any]:
-    """The parameters of the boards that are meant."""
+    """The parameters of the selected boards."""
     from control_board_ros.client import ControlBoardClient
     from control_board_ros.recording.parameters import Parameters
 
@@ -33,7 +34,7 @@ def read_boards(session: Session) -> list[Any]:
 
 
 def start(session: Session, boards: list[Any], sink: Any) -> Any:
-    """Begin to record boards."""
+    """Start a recorder of boards, given by their parameters."""
     from control_board_ros.recording.recorder import Recorder
 
     recorder = Recorder(session.node.context, boards, sink)
@@ -42,11 +43,32 @@ def start(session: Session, boards: list[Any], sink: Any) -> Any:
     return recorder
 
 
-def keep_frames(session: Session, folders: Sequence[Path]) -> None:
-    """Put the freeze frames of the faults in recordings beside them: every control cycle (E3).
+@contextlib.contextmanager
+def recorded(session: Session, folder: Path) -> Iterator[Any]:
+    """Record into a folder; yields the recorder.
 
-    A table ``freeze_frame_JOINT.csv`` each; recordings that have one are left alone. A board that
-    does not answer any more has none to give.
+    Raises:
+        Refused: the recording fails or ends early.
+    """
+    from control_board_ros.recording import RecordingError
+    from control_board_ros.recording.bag import Bag
+
+    try:
+        recorder = start(session, read_boards(session), Bag(folder))
+        try:
+            yield recorder
+        finally:
+            recorder.close()
+    except RecordingError as error:
+        raise Refused(str(error)) from error
+    if recorder.ended:
+        raise Refused(recorder.ended)
+
+
+def keep_frames(session: Session, folders: Sequence[Path]) -> None:
+    """Write the freeze frames of recorded faults as ``freeze_frame_JOINT.csv`` beside them (E3).
+
+    Recordings that have one, and boards that do not answer, are skipped.
     """
     from control_board_ros.client import BoardError, ControlBoardClient
     from control_board_ros.core.selection import RequestError

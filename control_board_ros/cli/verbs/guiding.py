@@ -16,7 +16,7 @@ from control_board_ros.core.terms.vocabs import ControlMode, InteractionMode
 
 from ..board.guidance import Guidance
 from ..board.progress import Bar
-from ..board.recordings import read_boards, start
+from ..board.recordings import recorded
 from ..board.session import Session
 from ..board.status import cancelled, what_they_do
 from ..board.trajectories import agreed, approach, followed
@@ -49,7 +49,7 @@ def guide(session: Session, joints: list[str], record: str | None, time: float |
         raise UsageError("no key can be pressed here: run guide in a terminal, or give --for TIME")
     target = None if record is None else unused_path(record)
     poses: list[str] = []
-    with Guidance(session.client, names) as guidance, recorded(session, target):
+    with Guidance(session.client, names) as guidance, recorded_way(session, target):
         why = attend(session, names, time, poses)
     if guidance.left:
         note(session, guidance.left)
@@ -144,8 +144,8 @@ def unused_path(text: str) -> Path:
 
 
 @contextlib.contextmanager
-def recorded(session: Session, target: Path | None) -> Iterator[None]:
-    """Record meanwhile: one file where the name ends in .mcap, else a folder.
+def recorded_way(session: Session, target: Path | None) -> Iterator[None]:
+    """Record into one file where the name ends in .mcap, else into a folder; None: do not.
 
     Raises:
         Refused: it cannot be written.
@@ -153,25 +153,17 @@ def recorded(session: Session, target: Path | None) -> Iterator[None]:
     if target is None:
         yield
         return
-    from control_board_ros.recording import RecordingError
-    from control_board_ros.recording.bag import Bag
-
     with tempfile.TemporaryDirectory(prefix="cbctl") as temporary:
         one_file = target.suffix == ".mcap"
-        try:
-            folder = Path(temporary) / "way" if one_file else target
-            recorder = start(session, read_boards(session), Bag(folder))
+        folder = Path(temporary) / "way" if one_file else target
+        with recorded(session, folder):
+            yield
+        if one_file:
+            (file,) = folder.glob("*.mcap")
             try:
-                yield
-            finally:
-                recorder.close()
-            if recorder.ended:
-                raise Refused(recorder.ended)
-            if one_file:
-                (file,) = folder.glob("*.mcap")
                 shutil.move(file, target)
-        except (RecordingError, OSError) as error:
-            raise Refused(f"{target}: {error}") from error
+            except OSError as error:
+                raise Refused(f"cannot write {target}: {error.strerror}") from error
 
 
 @takes(

@@ -23,7 +23,7 @@ from control_board_ros.identification.shares import (
 from ..board.experiments import await_states, faster_states
 from ..board.programs import run_program
 from ..board.progress import Bar
-from ..board.recordings import read_boards, start
+from ..board.recordings import recorded
 from ..board.session import Session
 from ..board.status import cancelled
 from ..board.trajectories import agreed, approach, followed
@@ -157,43 +157,35 @@ def play(
     Raises:
         Refused: joints do not go to their centres, or the recording fails.
     """
-    from control_board_ros.recording import RecordingError
-    from control_board_ros.recording.bag import Bag
-
     names, left = [one.joint for one in bounds], {one.joint: one for one in bounds}
     rows: list[dict[str, Any]] = []
     whole = sum(motion.duration for motion in motions)
-    try:
-        with faster_states(session), stiff(session, names), followed(session, names):
-            recorder = start(session, read_boards(session), Bag(folder))
-            try:
-                await_states(session, recorder)
-                speeds = [limit.velocity for limit in session.limits(names).values() if limit]
-                centres = {one.joint: one.centre for one in bounds}
-                reply = approach(session, names, centres, speeds)
-                if reply:
-                    reply = session.client.set_control_mode(names, ControlMode.POSITION_DIRECT)
-                if not reply:
-                    raise Refused(reply.message)
-                with Bar(session, "identify") as bar:
-                    past = 0.0
-                    for motion in motions:
-                        label = f"{', '.join(motion.joints)}: {motion.what}"
-                        bar.update(past / whole, label)
-                        if all(joint in left for joint in motion.joints):
-                            rows.append(follow(session, motion, left))
-                            if why := rows[-1]["ended"]:
-                                note(session, why)
-                                for joint in motion.joints:
-                                    left.pop(joint)
-                        past += motion.duration
-                    bar.update(1.0, "done")
-            finally:
-                recorder.close()
-            if recorder.ended:
-                raise Refused(recorder.ended)
-    except RecordingError as error:
-        raise Refused(str(error)) from error
+    with (
+        faster_states(session),
+        stiff(session, names),
+        followed(session, names),
+        recorded(session, folder) as recorder,
+    ):
+        await_states(session, recorder)
+        speeds = [limit.velocity for limit in session.limits(names).values() if limit]
+        centres = {one.joint: one.centre for one in bounds}
+        reply = approach(session, names, centres, speeds)
+        if reply:
+            reply = session.client.set_control_mode(names, ControlMode.POSITION_DIRECT)
+        if not reply:
+            raise Refused(reply.message)
+        with Bar(session, "identify") as bar:
+            past = 0.0
+            for motion in motions:
+                bar.update(past / whole, f"{', '.join(motion.joints)}: {motion.what}")
+                if all(joint in left for joint in motion.joints):
+                    rows.append(follow(session, motion, left))
+                    if why := rows[-1]["ended"]:
+                        note(session, why)
+                        for joint in motion.joints:
+                            left.pop(joint)
+                past += motion.duration
+            bar.update(1.0, "done")
     plan = {"board": session.client.board_name, "motions": rows}
     (folder / MOTIONS).write_text(json.dumps(plan, indent=1), "utf-8")
 
