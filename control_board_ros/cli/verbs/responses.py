@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl step and chirp: how a joint answers, measured."""
+"""cbctl step and chirp: step and frequency responses of a joint."""
 
 from __future__ import annotations
 
+import time as clock
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from control_board_ros.core.terms.modes import STEPS
 
 from ..board.experiments import Experiment, check_reach, measured, prepare, wait
+from ..board.progress import Bar, Standstill
 from ..board.session import Session
 from ..line.arguments import amount, argument, takes
 from ..line.offers import joints
@@ -42,7 +44,7 @@ HIGHEST = 100.0
 def step(
     session: Session, word: str | None, size: str | None, time: float, output: str | None
 ) -> int:
-    """Step a joint there and back and measure its answer; or advance a paused simulation.
+    """Step a joint there and back and measure its response; or advance a paused simulation.
 
     cbctl step joint_1 --size 5deg steps the position reference, records, and gives rise,
     settling, overshoot and steady-state error. The joint must hold its position, and the step must
@@ -100,7 +102,7 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
     joint, kind = experiment.joint, experiment.kind
     moves = [m for m in moves_of(recording, joint, kind) if m.mode == STEPS.code]
     if not moves:
-        raise Refused(f"{joint} was asked to step, and its reference did not move; is it paused?")
+        raise Refused(f"the reference of {joint} did not move; is the board paused?")
     names = ("rise", "settling", "overshoot", "steady-state error", "RMS error", "saturated")
     rows, facts = [], []
     for move in moves:
@@ -125,15 +127,15 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
         way = f"{session.position(joint, move.start)} → {session.position(joint, move.target)}"
         facts.append((way, list(zip(names, texts, strict=True))))
     sections = "".join(
-        chart_section(f"{joint}: step {way}", told, [step_chart(recording, move, kind)])
-        for (way, told), move in zip(facts, moves, strict=True)
+        chart_section(f"{joint}: step {way}", found, [step_chart(recording, move, kind)])
+        for (way, found), move in zip(facts, moves, strict=True)
     )
     report = write_report(folder, recording, sections)
     if session.options.json:
         put_json({"success": True, "joint": joint, "steps": rows, "report": report})
         return DONE
-    for way, told in facts:
-        put(f"{joint} {way}: " + ", ".join(f"{name} {text}" for name, text in told))
+    for way, found in facts:
+        put(f"{joint} {way}: " + ", ".join(f"{name} {text}" for name, text in found))
     if report:
         put(f"report: {report}")
     return DONE
@@ -187,42 +189,24 @@ def chirp(
         raise UsageError(str(error)) from error
 
     def run() -> None:
-        send_trajectory(session, experiment, plan)
-        wait(session, f"{low:g} to {high:g} Hz", time)
+        standstill = Standstill()
+        with Bar(session, f"{low:g} to {high:g} Hz") as bar:
+
+            def feedback(past: float) -> None:
+                hint = standstill.hint(past, clock.monotonic())
+                bar.update(past / time, f"{time - past:.0f} s{hint}")
+
+            positions = experiment.start + plan.offsets[:, None]
+            velocities = plan.velocities[:, None]
+            reply = session.client.follow_trajectory(
+                experiment.joint, plan.times, positions, velocities, feedback
+            )
+            if not reply:
+                raise Refused(reply.message)
+            bar.update(1.0, "done")
 
     recording, folder = measured(session, experiment, run, output)
     return show_response(session, experiment, recording, folder, (low, high))
-
-
-def send_trajectory(session: Session, experiment: Experiment, plan: Any) -> None:
-    """Let the board follow a plan around where the joint was.
-
-    Raises:
-        Refused: no subscriber of trajectories.
-    """
-    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
-    from control_board_ros.interface import JOINT_TRAJECTORY
-
-    node, topic = session.node, JOINT_TRAJECTORY.of(session.client.board_name)
-    publisher = node.create_publisher(JointTrajectory, topic, JOINT_TRAJECTORY.qos.profile())
-    message = JointTrajectory(joint_names=[experiment.joint])
-    for t, offset, velocity in zip(plan.times, plan.offsets, plan.velocities, strict=True):
-        point = JointTrajectoryPoint(
-            positions=[experiment.start + float(offset)], velocities=[float(velocity)]
-        )
-        point.time_from_start.sec = int(t)
-        point.time_from_start.nanosec = min(round(1e9 * (t - int(t))), 999_999_999)
-        message.points.append(point)
-    try:
-        wait(session, "trajectory", 0.3)  # discovery; what is sent before may not come
-        if not publisher.get_subscription_count():
-            raise Refused(f"{topic} has no subscriber")
-        publisher.publish(message)
-        if not publisher.wait_for_all_acked():
-            raise Refused(f"{topic} refuses the sweep")
-    finally:
-        node.destroy_publisher(publisher)
 
 
 def show_response(
@@ -248,7 +232,7 @@ def show_response(
     reference = recording.signal("position_reference", joint)
     position = recording.signal("position", joint)
     if np.ptp(reference) < 1e-4 * DEGREE:
-        raise Refused(f"{joint} was asked to swing, and its reference did not move; is it paused?")
+        raise Refused(f"the reference of {joint} did not move; give a larger --amplitude")
     response = frequency_response(recording.time, reference, position, *band)
     width, (height, where) = bandwidth(response), resonance(response)
     late = tracking_figures(recording.time, reference, position).lag
