@@ -12,7 +12,7 @@ import pytest
 
 from control_board_ros.cli.app import explain
 from control_board_ros.cli.board.progress import Standstill
-from control_board_ros.cli.board.session import check_limits
+from control_board_ros.cli.board.session import Session, check_limits
 from control_board_ros.cli.line.arguments import FOR, Parser, amount, arguments_of
 from control_board_ros.cli.line.options import Options, hoist, split_ros_arguments
 from control_board_ros.cli.line.words import (
@@ -27,11 +27,12 @@ from control_board_ros.cli.line.words import (
 )
 from control_board_ros.cli.text.output import bar, conclude, plain
 from control_board_ros.cli.verbs.look import when
-from control_board_ros.cli.verbs.modes import joints_and_mode
+from control_board_ros.cli.verbs.modes import MODE_CODES, joints_and_mode
 from control_board_ros.cli.verbs.motion import move
 from control_board_ros.cli.verbs.streams import feedforward
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.reply import Answer, Reply
+from control_board_ros.core.terms.vocabs import parse_control_mode
 from control_board_ros.joint_limits import JointLimits, limit_parameters, limits_of
 from control_board_ros.urdf_xml import heard_joints
 
@@ -139,10 +140,18 @@ def test_assignments() -> None:
 
 
 def test_joints_then_mode() -> None:
-    """One word alone could be either."""
-    assert joints_and_mode(["a", "b", "vel"], "x") == (["a", "b"], "vel")
+    """One word alone could be either; with --board it is a mode."""
+    kind = ("control", parse_control_mode, MODE_CODES)
+    session: Any = Session(Options())
+    session.client = SimpleNamespace(names=NAMES)
+    assert joints_and_mode(session, ["elbow", "1", "vel"], *kind) == (
+        ["l_elbow", "l_shoulder_roll"],
+        "vel",
+    )
     with pytest.raises(UsageError, match=r"name joints, then a mode, e\.g\. cbctl mode all pos"):
-        joints_and_mode(["vel"], "cbctl mode all pos")
+        joints_and_mode(session, ["vel"], *kind)
+    session.options.board = "left_arm"
+    assert joints_and_mode(session, ["vel"], *kind) == (list(NAMES), "vel")
 
 
 def test_time_that_stands_still() -> None:

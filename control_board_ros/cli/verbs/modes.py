@@ -33,65 +33,58 @@ INTERACTION_CODES = tuple(mode.code for mode in InteractionMode)
 def mode(session: Session, words: list[str]) -> int:
     """Set the control mode of joints: pos, posd, vel, mix, torq, open, idl, veld, icur, fidl.
 
-    Of a board that --board names, a mode alone is for all joints.
+    With --board, a mode without joints is set on all joints of that board.
     """
-    joints, wanted = joints_and_mode(of_board(session, words), "cbctl mode all pos")
-    names = session.joints(joints)
-    check_mode("control", wanted, parse_control_mode, MODE_CODES)
+    names, wanted = joints_and_mode(session, words, "control", parse_control_mode, MODE_CODES)
     reply = session.client.set_control_mode(names, wanted)
     code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
-    changed = [answer in ("accepted", "unsupported") for answer in reply.answers]
-    now = dict(zip(reply.joints, (mode.code for mode in reply.modes), strict=False))
-    names_changed = [name for name, is_new in zip(reply.joints, changed, strict=True) if is_new]
-    warn_without_power(session, {name: now[name] for name in names_changed})
+    now = zip(reply.joints, reply.answers, reply.modes, strict=False)
+    changed = {n: m.code for n, answer, m in now if answer in ("accepted", "unsupported")}
+    warn_without_power(session, changed)
     return code
-
-
-def check_mode(kind: str, text: str, parse: Callable[[str], Vocab], codes: Sequence[str]) -> None:
-    """Refuse what is no mode, naming those that can be set.
-
-    Raises:
-        Refused: a word that means no mode; of a status the board itself reports why it is none.
-    """
-    try:
-        parse(text)
-    except ValueError:
-        names = [parse(code).name for code in codes]
-        known = ", ".join(f"{code} ({name})" for code, name in zip(codes, names, strict=True))
-        hint = nearest(text, [*codes, *names])
-        raise Refused(f"{kind} mode {text[:40]!r} unknown{hint}; one of {known}") from None
-
-
-def of_board(session: Session, words: list[str]) -> list[str]:
-    """The words, with all joints for a mode alone where the line names a board."""
-    return ["all", *words] if session.options.board_named and len(words) == 1 else words
-
-
-def joints_and_mode(words: list[str], example: str) -> tuple[list[str], str]:
-    """Split ``JOINT… MODE``.
-
-    Raises:
-        UsageError: one word only: joints, or a mode?
-    """
-    if len(words) < 2:
-        raise UsageError(f"name joints, then a mode, e.g. {example}")
-    return words[:-1], words[-1]
 
 
 @takes(joints_then_mode(INTERACTION_CODES))
 def interaction(session: Session, words: list[str]) -> int:
     """Set the interaction mode of joints: stif or comp.
 
-    Of a board that --board names, a mode alone is for all joints.
+    With --board, a mode without joints is set on all joints of that board.
     """
-    joints, wanted = joints_and_mode(of_board(session, words), "cbctl interaction all comp")
-    names = session.joints(joints)
-    check_mode("interaction", wanted, parse_interaction_mode, INTERACTION_CODES)
+    names, wanted = joints_and_mode(
+        session, words, "interaction", parse_interaction_mode, INTERACTION_CODES
+    )
     reply = session.client.set_interaction_mode(names, wanted)
     code = conclude(session, reply, f"{', '.join(reply.joints)}: {wanted}")
     answers = zip(reply.joints, reply.answers, strict=True)
     warn_without_power(session, {n: "hwfa" for n, answer in answers if answer == "unsupported"})
     return code
+
+
+def joints_and_mode(
+    session: Session,
+    words: list[str],
+    kind: str,
+    parse: Callable[[str], Vocab],
+    codes: Sequence[str],
+) -> tuple[list[str], str]:
+    """Split ``JOINT… MODE`` into names and mode; with --board, a mode alone means all joints.
+
+    Raises:
+        UsageError: one word only: joints, or a mode?
+        Refused: an unknown joint, or an unknown mode; the board explains those that cannot be set.
+    """
+    if len(words) < 2 and not session.options.board_named:
+        verb = "mode" if kind == "control" else kind
+        raise UsageError(f"name joints, then a mode, e.g. cbctl {verb} all {codes[0]}")
+    names, wanted = session.joints(words[:-1]), words[-1]
+    try:
+        parse(wanted)
+    except ValueError:
+        known = {code: parse(code).name for code in codes}
+        hint = nearest(wanted, [*known, *known.values()])
+        shown = ", ".join(f"{code} ({name})" for code, name in known.items())
+        raise Refused(f"{kind} mode {wanted[:40]!r} unknown{hint}; one of {shown}") from None
+    return names, wanted
 
 
 @takes(
@@ -117,16 +110,16 @@ def impedance(
         "words",
         nargs="*",
         metavar="JOINT… [automatic|open|closed]",
-        help="Joints, none: all that have a brake; then who works it.",
+        help="Joints, none: all that have a brake; then the mode of the brake.",
         offers=joints_then(tuple(BrakeMode)),
     )
 )
 def brake(session: Session, words: list[str]) -> int:
-    """Show the brakes of joints, or choose who works them: automatic, open, closed.
+    """Show the brakes of joints, or set their modes: automatic, open, closed.
 
-    automatic: the board opens a brake before power acts and closes it before power goes. open and
-    closed are by hand: an open brake holds nothing where there is no power, a joint whose brake is
-    closed refuses modes with power.
+    automatic: the board opens a brake before the motor is powered, and closes it before power is
+    removed. open and closed are manual: with an open brake an unpowered joint is free to fall;
+    with a closed brake a joint refuses modes with power.
     """
     wanted = words[-1].lower() if words and words[-1].lower() in set(BrakeMode) else ""
     named = words[:-1] if wanted else words
