@@ -122,7 +122,7 @@ class Goal:
 
         await self._thread.run(send)
         if not await self._thread.outcome(self._sending, self._link.answer_timeout):
-            raise self._link.discovery.timed_out(self._action)
+            raise self._link.timed_out(self._action)
         handle = self._sending.result()
         if handle.accepted:
             await self._thread.run(self._ask_for_result)

@@ -12,7 +12,7 @@ import contextlib
 import itertools
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -21,11 +21,10 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.duration import Duration
 from rclpy.node import Node
 
-from control_board_ros.interface import GET_CONTROL_MODE, MODES, Endpoint
+from control_board_ros.interface import GET_CONTROL_MODE, MODES, NOT_KNOWN_YET, Endpoint
 
 from .checking import check_response
-from .discovery import Discovery
-from .errors import BoardError, BoardTimeout, one_line
+from .errors import BoardError, BoardNotFound, BoardTimeout, one_line
 from .executor_thread import GONE, ExecutorThread
 
 #: s from the match of a subscription until delivery to it is certain.
@@ -47,7 +46,8 @@ class Link:
         find_timeout: s to wait for a board to appear.
         answer_timeout: s to wait for an answer.
 
-    Attributes: name (of the board's node, absolute), domain (ROS_DOMAIN_ID), thread, discovery.
+    Attributes: name (of the board's node, absolute), domain (ROS_DOMAIN_ID), thread,
+    find_timeout, answer_timeout.
     """
 
     def __init__(self, node: Node, board: str, find_timeout: float, answer_timeout: float) -> None:
@@ -72,9 +72,7 @@ class Link:
         self._acquainted: dict[Endpoint, frozenset[bytes]] = {}
         self._unsettled = False
         self._lock = threading.Lock()
-        self.discovery = Discovery(
-            self._node, self.name, self.full_name(MODES), find_timeout, answer_timeout
-        )
+        self._modes_topic = self.full_name(MODES)
         self.thread = ExecutorThread(self._node, self._report)
 
     def close(self) -> None:
@@ -137,8 +135,7 @@ class Link:
 
         client = self._entity(service, make)
         if not await self.thread.until(client.service_is_ready, self.find_timeout):
-            there = self.discovery.is_there()
-            raise self.discovery.not_offered(service) if there else self.discovery.not_found()
+            raise self.not_offered(service) if self.is_there() else self.not_found()
         with contextlib.suppress(
             BoardTimeout
         ):  # a board that does not answer that may answer this
@@ -146,7 +143,7 @@ class Link:
         future = client.call_async(client.srv_type.Request(**fields))
         if not await self.thread.outcome(future, self.answer_timeout):
             client.remove_pending_request(future)
-            raise self.discovery.timed_out(service)
+            raise self.timed_out(service)
         response = future.result()
         check_response(service, response, self.name)
         return response
@@ -182,11 +179,11 @@ class Link:
 
             def listens() -> bool:
                 there: bool = publisher.get_subscription_count() > 0
-                return there and self.discovery.listens(publisher.topic_name)
+                return there and self._subscribes(publisher.topic_name)
 
             if publisher not in self._matched or not listens():
                 if not await self.thread.until(listens, self.find_timeout):
-                    raise self.discovery.not_found()
+                    raise self.not_found()
                 await self.thread.wait(MATCHING)
             self._matched[publisher] = publisher.get_subscription_count()
         publisher.publish(publisher.msg_type(**fields))
@@ -209,7 +206,7 @@ class Link:
 
         client = self._entity(action, make)
         if not await self.thread.until(client.server_is_ready, self.find_timeout):
-            raise self.discovery.not_found()
+            raise self.not_found()
         await self._get_acquainted(action, self.find_timeout)
         await self.settle()
         return client
@@ -221,7 +218,7 @@ class Link:
         discovered in order of creation: an answer to one created later confirms the client. This
         query has no effect on the board and is repeated after a lost answer.
         """
-        if self._acquainted.get(asked) == self.discovery.identity():
+        if self._acquainted.get(asked) == self._identity():
             return
         name = self.full_name(GET_CONTROL_MODE)
         made = GET_CONTROL_MODE.load()
@@ -239,11 +236,57 @@ class Link:
                     lambda: any(future.done() for future in sent), ACQUAINTED
                 )
             if not answered:
-                raise self.discovery.timed_out(asked, patience)
-            self._acquainted[asked] = self.discovery.identity()
+                raise self.timed_out(asked, patience)
+            self._acquainted[asked] = self._identity()
         finally:
             with contextlib.suppress(BoardError, *GONE):  # otherwise destroyed with the node
                 self.thread.later(lambda: self._node.destroy_client(later))
+
+    # Discovery
+
+    def is_there(self) -> bool:
+        """Whether the board publishes its modes."""
+        return bool(self._node.count_publishers(self._modes_topic))
+
+    def _identity(self) -> frozenset[bytes]:
+        """Identifies one run of the board: the publishers of its modes."""
+        found = self._node.get_publishers_info_by_topic(self._modes_topic)
+        return frozenset(bytes(publisher.endpoint_gid) for publisher in found)
+
+    def _subscribes(self, topic: str) -> bool:
+        """Whether the board, the node that publishes its modes, subscribes to a topic."""
+        return bool(
+            nodes_of(self._node.get_publishers_info_by_topic(self._modes_topic))
+            & nodes_of(self._node.get_subscriptions_info_by_topic(topic))
+        )
+
+    def not_offered(self, service: Endpoint) -> BoardError:
+        """Error for a service that a present board does not offer."""
+        return BoardError(
+            f"{self.name} does not offer {service.short}; is it another version, or no simulation?"
+        )
+
+    def not_found(self, after: float | None = None) -> BoardNotFound:
+        """Error for a board not found within ``after`` s."""
+        patience = self.find_timeout if after is None else after
+        seen = [name for name in boards_on(self._node) if name != self.name]
+        what = f"no board found on domain {self.domain} after {patience:g} s"
+        if seen:
+            return BoardNotFound(f"{what} as {self.name}; boards there are: {', '.join(seen)}")
+        return BoardNotFound(
+            f"{what}; is control_board running? (looked for {self.name}; start it with: "
+            "control_board, with the same ROS_DOMAIN_ID)"
+        )
+
+    def timed_out(self, endpoint: Endpoint, after: float | None = None) -> BoardTimeout:
+        """Error for an answer not received within ``after`` s."""
+        patience = self.answer_timeout if after is None else after
+        return BoardTimeout(
+            f"no answer from {endpoint.of(self.name)} after {patience:g} s; "
+            "is the board stopped, the machine overloaded, or the network down? see its log"
+        )
+
+    # Subscriptions
 
     def subscribe(self, topic: Endpoint, callback: Callable[..., None]) -> None:
         """Subscribe to a topic; the callback runs in the link's thread.
@@ -270,3 +313,22 @@ class Link:
             self.subscribe(topic, callback)
             if old is not None:
                 self.thread.later(partial(self._node.destroy_subscription, old))
+
+
+def boards_on(node: Node) -> list[str]:
+    """Absolute names of the boards that a node has discovered, by their ~/modes topics."""
+    below = MODES.of("")
+    return sorted(
+        name.removesuffix(below)
+        for name, types in node.get_topic_names_and_types()
+        if MODES.type in types and name.endswith(below) and node.count_publishers(name)
+    )
+
+
+def nodes_of(endpoints: Iterable[Any]) -> set[tuple[str, str]]:
+    """Nodes of these endpoints, (namespace, name), where discovered."""
+    return {
+        (endpoint.node_namespace, endpoint.node_name)
+        for endpoint in endpoints
+        if endpoint.node_name != NOT_KNOWN_YET
+    }

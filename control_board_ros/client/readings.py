@@ -46,7 +46,7 @@ class Readings(Interface):
             if condition(state):
                 return state
             state = await self._services.states.following(end - time.monotonic())
-        raise link.discovery.timed_out(STATE, patience)
+        raise link.timed_out(STATE, patience)
 
     @operation
     async def get_encoder(self, joints: Joints = None) -> Floats:

@@ -55,7 +55,7 @@ class Services:
             lambda: self.joints.selector is not None and also(), patience
         )
         if not found:
-            raise self.link.discovery.not_found(patience)
+            raise self.link.not_found(patience)
         selector = self.joints.selector
         assert selector is not None
         return selector

@@ -153,7 +153,7 @@ class StateView:
         if fresh and self._message is not None and time.monotonic() - self._at > STALE:
             await link.call(GET_CONTROL_MODE)
         if self._message is None:
-            raise link.discovery.timed_out(STATE, patience)
+            raise link.timed_out(STATE, patience)
         return State.of(self._message).checked()
 
     def shown(self) -> bool:

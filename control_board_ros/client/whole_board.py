@@ -47,7 +47,7 @@ class WholeBoard(Interface):
         Raises:
             BoardNotFound: it did not appear.
         """
-        is_there = self._link.discovery.is_there  # a known board may have disappeared
+        is_there = self._link.is_there  # a known board may have disappeared
         return (await self._services.find(timeout, is_there)).names
 
     @operation
@@ -135,7 +135,7 @@ class WholeBoard(Interface):
         await self._services.find()
         link.subscribe(ROBOT_DESCRIPTION, lambda message: received.append(message.data))
         if not await link.thread.until(lambda: bool(received), link.answer_timeout):
-            raise link.discovery.timed_out(ROBOT_DESCRIPTION)
+            raise link.timed_out(ROBOT_DESCRIPTION)
         return received[-1]
 
     @operation

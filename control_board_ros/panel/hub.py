@@ -13,9 +13,8 @@ from typing import Any
 from rclpy.node import Node
 
 from control_board_ros.client import BoardError
-from control_board_ros.client.discovery import Discovery
+from control_board_ros.client.link import boards_on
 from control_board_ros.core.selection import RequestError
-from control_board_ros.interface import MODES
 from control_board_ros.text import clean
 
 from .boards import Board
@@ -79,7 +78,6 @@ class Hub:
             self.operating.dismiss,
         )
         self._node, self._answer_timeout = node, answer_timeout
-        self._discovery = Discovery(node, "", MODES.of(""), 0.0, 0.0)
         self._numbers, self._board_numbers = itertools.count(1), itertools.count()
         self._asked: dict[str, float] = {}
         self._known = set[str]()
@@ -274,7 +272,7 @@ class Hub:
 
     async def _discover(self) -> None:
         """Discover new boards, remove those that ended."""
-        found = set(self._discovery.boards())
+        found = set(boards_on(self._node))
         for name in found - set(self.shared.boards):
             self.shared.boards[name] = Board(
                 self._node, name, next(self._board_numbers), self._answer_timeout

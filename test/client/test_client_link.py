@@ -179,7 +179,7 @@ def test_a_goal_waits_until_the_board_has_heard_of_the_client(
                             link._node, "create_client", pytest.fail
                         )  # asked once of each
                         run(link.action(MOVE))
-                gone = link.thread.until(lambda: not link.discovery.is_there(), GUARD)
+                gone = link.thread.until(lambda: not link.is_there(), GUARD)
                 assert run(gone)
         finally:
             link.close()

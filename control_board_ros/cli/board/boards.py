@@ -90,27 +90,17 @@ def boards_meant(session: Session) -> list[str]:
     if not is_pattern(asked):
         return [asked]
     node = session.node
+    from control_board_ros.client.link import boards_on
+
     pattern = node.resolve_topic_name("x").rpartition("/")[0] + "/" + asked
     pattern = asked if asked.startswith("/") else pattern
     deadline = time.monotonic() + session.options.timeout
     found: list[str] = []
     while time.monotonic() < deadline:
-        now = [name for name in boards_there(session) if fnmatchcase(name, pattern)]
+        now = [name for name in boards_on(node) if fnmatchcase(name, pattern)]
         if now and now == found:
             return found
         found = now
         time.sleep(GATHERING if found else POLL)
-    there = ", ".join(boards_there(session)) or "none"
+    there = ", ".join(boards_on(node)) or "none"
     raise Refused(f"no board fits {pattern}; boards there are: {there}")
-
-
-def boards_there(session: Session) -> list[str]:
-    """Absolute names of all boards that are seen, from their ~/modes topics."""
-    from control_board_ros.interface import MODES
-
-    below = MODES.of("")
-    return sorted(
-        name.removesuffix(below)
-        for name, types in session.node.get_topic_names_and_types()
-        if MODES.type in types and name.endswith(below)
-    )

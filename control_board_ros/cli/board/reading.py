@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What verbs show, as values by joint: read from the board, printed by the verbs."""
+"""Values of the board by joint, which the verbs print."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .session import Session
 #: One row per joint: fields by name, in the board's units.
 Rows = dict[str, dict[str, Any]]
 
-#: What is shown of a joint that needs a calibration.
+#: Shown for a joint that requires a calibration.
 UNCALIBRATED = "not calibrated"
 
-#: Modes of joints whose calibration is still to come, or under way.
+#: Modes before and during a calibration.
 BEFORE_CALIBRATION = ("cal", "cfgn")
 
 
@@ -31,8 +31,7 @@ def lacks_calibration(row: dict[str, Any]) -> bool:
 
 def read_modes(session: Session, names: list[str]) -> Rows:
     """Both modes of each joint, as codes and names, and whether it is calibrated."""
-    client = session.client
-    calibrated = read_calibrated(session)
+    client, calibrated = session.client, read_calibrated(session)
     return {
         name: {
             "control_mode": control.code,
@@ -56,7 +55,7 @@ def read_calibrated(session: Session) -> dict[str, bool]:
 
     try:
         state = session.client.get_state()
-    except BoardTimeout:  # its states do not come through: the modes are worth showing still
+    except BoardTimeout:  # no states arrive: the modes are shown all the same
         return {}
     return dict(zip(state.names, state.calibrated.tolist(), strict=False))
 
@@ -133,7 +132,7 @@ def read_impedance(session: Session, names: list[str]) -> Rows:
 
 
 def read_brakes(session: Session, names: list[str]) -> Rows:
-    """How the brake of each joint is worked (empty: it has none), and whether it is closed."""
+    """Brake mode of each joint (empty: no brake), and whether the brake is closed."""
     modes, closed = session.client.get_brake(names), session.client.is_joint_braked(names)
     return {
         name: {"mode": str(mode or ""), "closed": shut}
@@ -142,7 +141,7 @@ def read_brakes(session: Session, names: list[str]) -> Rows:
 
 
 def read_joints(session: Session) -> Rows:
-    """Index, kind, limits in force (from the parameters), stops, modes, joints moved, of each."""
+    """Index, kind, limits in force, stops, modes, drive and moved joints of each joint."""
     names = session.names
     limits = session.limits(names)
     rows = {}

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from ...joint_limits import JointLimits
 from ..board.boards import sessions_meant
 from ..board.reading import UNCALIBRATED, Rows, lacks_calibration, read_state
 from ..board.session import Session
@@ -21,6 +22,28 @@ if TYPE_CHECKING:
 
 #: Characters between two blocks, and lines of each block's head.
 BESIDE, HEAD = 3, 2
+
+#: The limits in force of each joint, where known.
+Limits = dict[str, JointLimits | None]
+
+TITLES = (
+    "joint",
+    "mode",
+    "int.",
+    "position",
+    "its limits",
+    "reference",
+    "torque",
+    "output",
+    "fault",
+)
+RIGHT = ("position", "reference", "torque", "output")
+#: What goes first where the terminal is narrow.
+DISPENSABLE = ("output", "reference", "its limits", "torque", "int.")
+#: Lines of faults below joints in blocks, at most.
+MOST_FAULTS = 3
+#: Characters that a fault has at least, where it has as many.
+FAULT_WIDTH = 20
 
 
 def fitting(
@@ -75,35 +98,6 @@ def dense(
         )
     )
     return beside, min(blocks * rows, count)
-
-
-if TYPE_CHECKING:
-    from rich.text import Text
-
-    from ...joint_limits import JointLimits
-
-
-#: The limits in force of each joint, where known.
-Limits = dict[str, "JointLimits | None"]
-
-TITLES = (
-    "joint",
-    "mode",
-    "int.",
-    "position",
-    "its limits",
-    "reference",
-    "torque",
-    "output",
-    "fault",
-)
-RIGHT = ("position", "reference", "torque", "output")
-#: What goes first where the terminal is narrow.
-DISPENSABLE = ("output", "reference", "its limits", "torque", "int.")
-#: Lines of faults below joints in blocks, at most.
-MOST_FAULTS = 3
-#: Characters that a fault has at least, where it has as many.
-FAULT_WIDTH = 20
 
 
 @patterns
@@ -217,19 +211,19 @@ def on_screen(views: Sequence[View], width: int, height: int) -> Any:
                 cells.append(Text(view.board if title == "joint" else "", style="bold"))
             cells.extend(found[title])
     troubles = [trouble for view in views for trouble in view.faults()]
-    told = [
+    notes = [
         Text(f"{name}: {fault}", style="red", no_wrap=True, overflow="ellipsis")
         for name, fault in troubles[:MOST_FAULTS]
     ]
     if len(troubles) > MOST_FAULTS:
-        told[-1] = Text(f"… {len(troubles) - MOST_FAULTS + 1} more in fault: cbctl faults", "red")
-    room = height - len(told) - 2  # a line below for what finds none, and one for the cursor
+        notes[-1] = Text(f"… {len(troubles) - MOST_FAULTS + 1} more in fault: cbctl faults", "red")
+    room = height - len(notes) - 2  # a line below for what finds none, and one for the cursor
     table, shown = dense(columns, RIGHT, DISPENSABLE, width, room)
     rest = len(columns["joint"]) - shown
     if rest:
         text = f"… {rest} lines more: a larger terminal, or cbctl watch JOINT…"
-        told.append(Text(text, no_wrap=True, overflow="ellipsis"))
-    return Group(table, *told)
+        notes.append(Text(text, no_wrap=True, overflow="ellipsis"))
+    return Group(table, *notes)
 
 
 def watch_table(session: Session, rows: Rows, limits: Limits, width: int) -> Any:
