@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from rclpy.context import Context
 from rclpy.node import Node
 
-from .commands import ReferenceCommands
 from .errors import BoardError
 from .goals import Goals
 from .link import Link
@@ -21,7 +20,7 @@ from .operations import Awaitable, Blocking, gone_as_board_error
 from .parameters import ParameterRequests
 from .poses import PoseRequests
 from .readings import Readings
-from .references import ReferenceRequests
+from .references import References
 from .services import Services
 from .whole_board import WholeBoard
 from .yarp_names import name_here
@@ -31,8 +30,7 @@ class Interfaces(
     WholeBoard,
     ModeRequests,
     BrakeRequests,
-    ReferenceCommands,
-    ReferenceRequests,
+    References,
     Readings,
     Goals,
     MotorRequests,

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
+from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.drives import DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import (
@@ -35,7 +35,6 @@ from control_board_ros.protocols import Floats, Interaction, Joints, Mode, Value
 
 from .operations import Interface, operation, request
 from .services import reply_of
-from .values import for_each
 
 Available = tuple[tuple[ControlMode, ...], tuple[InteractionMode, ...]]
 
@@ -47,7 +46,7 @@ CALLER = 6
 class ModeRequests(Interface):
     """IControlMode2, IInteractionMode, IImpedanceControl, and the old IControlMode."""
 
-    @operation
+    @request
     async def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply:
         """Set control modes (M1, M5 to M8, F2, F4).
 
@@ -67,7 +66,7 @@ class ModeRequests(Interface):
         response = await self._services.read(GET_CONTROL_MODE, joints)
         return [parse_control_mode(vocab) for vocab in response.vocabs]
 
-    @operation
+    @request
     async def set_interaction_mode(
         self, joints: Joints, modes: Interaction | Sequence[Interaction]
     ) -> Reply:
@@ -86,16 +85,11 @@ class ModeRequests(Interface):
     async def _set(
         self, service: Endpoint, joints: Joints, modes: Any, parse: Callable[[str], Vocab]
     ) -> Reply:
-        services = self._services
-        try:
-            selection = await services.select(joints)
-            texts = mode_texts(modes, parse)
-        except ValueError as error:
-            return refused(str(error))
-        response = await self._link.call(service, names=list(selection.names), modes=texts)
-        services.states.changed()
-        now = tuple(parse(code) for code in response.modes)
-        return replace(reply_of(response, selection), modes=now)
+        names = (await self._services.select(joints)).names
+        texts = mode_texts(modes, parse)
+        response = await self._link.call(service, names=list(names), modes=texts)
+        self._services.states.changed()
+        return reply_of(response, names).with_modes([parse(code) for code in response.modes])
 
     @operation
     async def get_interaction_mode(self, joints: Joints = None) -> list[InteractionMode]:
@@ -149,17 +143,10 @@ class ModeRequests(Interface):
         """
         if stiffness is None and damping is None:
             return refused("neither stiffness nor damping given; send one of them, or both")
-        services = self._services
-        selection = await services.select(joints)
         if stiffness is None:
-            present = await services.read(GET_IMPEDANCE, joints)
-            stiffness = present.stiffness
-        count = len(selection.names)
-        fields = {
-            "stiffness": for_each(stiffness, count, "stiffness"),
-            "damping": [] if damping is None else for_each(damping, count, "damping"),
-        }
-        return await services.change(SET_IMPEDANCE, selection, **fields)
+            stiffness = (await self._services.read(GET_IMPEDANCE, joints)).stiffness
+        values = {"stiffness": stiffness, "damping": damping}
+        return await self._services.change(SET_IMPEDANCE, joints, values)
 
     @operation
     async def get_impedance(self, joints: Joints = None) -> tuple[Floats, Floats]:
@@ -245,10 +232,13 @@ def mode_texts(modes: Any, parse: Callable[[Any], Vocab]) -> list[str]:
     """The modes of a request as sent; the board interprets them.
 
     Raises:
-        ValueError: a number that is no vocab.
+        RequestError: a number that is no vocab.
     """
     given = [modes] if isinstance(modes, str | int) else list(modes)
-    return [
-        mode.encode(errors="replace").decode() if isinstance(mode, str) else parse(mode).code
-        for mode in given
-    ]
+    try:
+        return [
+            mode.encode(errors="replace").decode() if isinstance(mode, str) else parse(mode).code
+            for mode in given
+        ]
+    except ValueError as error:
+        raise RequestError(str(error)) from None

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.selection import RequestError, Selection, automatic, by_hand, finite, loop_of, spread
+from ..core.selection import RequestError, automatic, by_hand, loop_of, spread
 from ..core.terms.motors import TERMS, YARP_TERMS, Motors, MotorTorqueParameters, Pids
 from ..core.terms.reply import Reason, Reply, refused, sent
 from ..core.terms.vocabs import BrakeMode
@@ -21,13 +21,11 @@ from ..interface import (
     SET_ENCODERS,
     SET_MOTORS,
     SET_PIDS,
-    Endpoint,
 )
 from ..protocols import Flags, Floats, Joints, Values
 from .checking import check_asked
 from .operations import Interface, operation, request
 from .services import reply_of
-from .values import for_each
 
 
 class MotorRequests(Interface):
@@ -60,7 +58,7 @@ class MotorRequests(Interface):
         if unknown := terms.keys() - TERMS:
             raise TypeError(f"no such values: {', '.join(sorted(unknown))}; one of {list(TERMS)}")
         given = {"max_currents": max_currents, "output_limits": output_limits} | terms
-        return await self._apply(SET_MOTORS, joints, given)
+        return await self._services.change(SET_MOTORS, joints, given)
 
     @operation
     async def get_gearbox_ratio(self, joints: Joints = None) -> Floats:
@@ -160,7 +158,8 @@ class MotorRequests(Interface):
     @request
     async def set_encoder(self, joints: Joints, positions: Values) -> Reply:
         """Set the present angles of joints; they must be in IDLE."""
-        return await self._apply(SET_ENCODERS, joints, {"positions": positions}, motor=False)
+        values = {"positions": positions}
+        return await self._services.change(SET_ENCODERS, joints, values, motor=False)
 
     @operation
     async def reset_encoder(self, joints: Joints = None) -> Reply:
@@ -170,7 +169,8 @@ class MotorRequests(Interface):
     @request
     async def set_motor_encoder(self, joints: Joints, positions: Values) -> Reply:
         """Set the present readings of motor encoders."""
-        return await self._apply(SET_ENCODERS, joints, {"positions": positions}, motor=True)
+        values = {"positions": positions}
+        return await self._services.change(SET_ENCODERS, joints, values, motor=True)
 
     @operation
     async def reset_motor_encoder(self, joints: Joints = None) -> Reply:
@@ -217,14 +217,14 @@ class MotorRequests(Interface):
     @request
     async def set_pid_offset(self, loop: str, joints: Joints, offsets: Values) -> Reply:
         """Set the offset of the output, PWM percent."""
-        word = loop_of(loop).value
-        return await self._apply(SET_PIDS, joints, {"offsets": offsets}, loop=word, reset=False)
+        word, values = loop_of(loop).value, {"offsets": offsets}
+        return await self._services.change(SET_PIDS, joints, values, loop=word, reset=False)
 
     @request
     async def reset_pid(self, loop: str, joints: Joints = None) -> Reply:
         """Reset the integrator of a loop."""
         word = loop_of(loop).value
-        return await self._apply(SET_PIDS, joints, {}, loop=word, reset=True)
+        return await self._services.change(SET_PIDS, joints, loop=word, reset=True)
 
     # --- external torque sensors -----------------------------------------------------------------
 
@@ -236,18 +236,6 @@ class MotorRequests(Interface):
         names = list(selection.names)
         await self._link.publish(EXTERNAL_TORQUE_SENSOR, names=names, torques=values)
         return sent(selection.names)
-
-    async def _apply(
-        self, service: Endpoint, joints: Joints, given: dict[str, Values | None], **fields: Any
-    ) -> Reply:
-        """Ask a service to set values, one for all joints or one each; None: none."""
-        selection = await self._services.select(joints)
-        count = len(selection.names)
-        for name, values in given.items():
-            if values is not None:
-                array = np.array(for_each(values, count, name), dtype=np.float64)
-                fields[name] = finite(array, name).tolist()
-        return await self._services.change(service, selection, **fields)
 
 
 def arrays(response: Any, kind: type) -> dict[str, Floats]:
@@ -308,10 +296,7 @@ class BrakeRequests(Interface):
         return [mode == BrakeMode.AUTOMATIC for mode in response.modes]
 
     async def _work(self, joints: Joints, modes: Sequence[str]) -> Reply:
-        services = self._services
-        selection = await services.select(joints)
-        names = [] if joints is None else list(selection.names)
-        response = await self._link.call(SET_BRAKE, names=names, modes=[str(m) for m in modes])
-        services.states.changed()
-        reported = Selection.of(range(len(response.names)), tuple(response.names))
-        return reply_of(response, reported if response.answers else selection)
+        names = () if joints is None else (await self._services.select(joints)).names
+        response = await self._link.call(SET_BRAKE, names=list(names), modes=list(map(str, modes)))
+        self._services.states.changed()
+        return reply_of(response, names or tuple(response.names))

@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter as TypedParameter
 from rclpy.parameter import parameter_value_to_python
 
 from control_board_ros.core.config.parts import Pid
-from control_board_ros.core.selection import RequestError
+from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.interface import service
 from control_board_ros.protocols import Floats, Joints, Values
@@ -21,7 +21,6 @@ from control_board_ros.text import nearest
 
 from .operations import Interface, operation, request
 from .services import whole
-from .values import for_each
 
 # Standard services of every node.
 LIST_PARAMETERS = service("~/list_parameters", "rcl_interfaces/srv/ListParameters", "Names.")
@@ -113,7 +112,9 @@ class ParameterRequests(Interface):
         given = {
             f"{name}.limits.{side}": value
             for side, values in (("lower", lower), ("upper", upper))
-            for name, value in zip(names, for_each(values, len(names), side), strict=True)
+            for name, value in zip(
+                names, spread(values, len(names), side, one_for_all=True).tolist(), strict=True
+            )
         }
         return await self.set_parameters(given)
 

@@ -1,27 +1,165 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reference speeds, stop, last accepted references (SPEC P2, P3, M11)."""
+"""References, one method per kind (SPEC P), their speeds, and the last accepted ones (M11).
+
+``position_move``, ``relative_move`` and ``stop`` are services; their reply is the board's. The
+other references are published: their reply confirms only that the message was sent, and the
+board counts the rejected ones. With ``answered=True`` they call a service as well.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
+from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.modes import DIRECT_VELOCITY
-from control_board_ros.core.terms.reply import Reply, refused
-from control_board_ros.interface import GET_CONTROL_MODE, GET_REFERENCES, SET_REFERENCE_SPEED, STOP
+from control_board_ros.core.terms.reply import Reply, refused, sent
+from control_board_ros.interface import (
+    CURRENT_COMMAND,
+    FEEDFORWARD_COMMAND,
+    GET_CONTROL_MODE,
+    GET_REFERENCES,
+    OUTPUT_COMMAND,
+    POSITION_COMMAND,
+    POSITION_DIRECT_COMMAND,
+    SEND_REFERENCE,
+    SET_REFERENCE_SPEED,
+    STOP,
+    TORQUE_COMMAND,
+    VELOCITY_COMMAND,
+    VELOCITY_DIRECT_COMMAND,
+    Endpoint,
+)
 from control_board_ros.protocols import Floats, Joints, Values
 
 from .operations import Interface, operation, request
-from .values import for_each
+from .services import reply_of
 
 
-class ReferenceRequests(Interface):
-    """The methods of IPositionControl, IVelocityControl, … besides references."""
+class References(Interface):
+    """What moves joints: from IPositionControl to IOpenLoopControl and ICurrentControl."""
+
+    @operation
+    async def position_move(
+        self, joints: Joints, positions: Values, speeds: Values | None = None
+    ) -> Reply:
+        """Start minimum-jerk moves at the set reference speeds, or at the speeds given (P1).
+
+        Args:
+            joints: that move.
+            positions: targets, rad; one for all joints, or shape (k,).
+            speeds: mean speeds, rad/s, likewise.
+        """
+        return await self._send(POSITION_COMMAND, joints, True, positions=positions, speeds=speeds)
+
+    @request
+    async def relative_move(
+        self, joints: Joints, distances: Values, speeds: Values | None = None
+    ) -> Reply:
+        """Start moves relative to the measured positions (P1).
+
+        Args:
+            joints: that move.
+            distances: rad; one for all joints, or shape (k,).
+            speeds: mean speeds, rad/s, likewise.
+        """
+        services = self._services
+        selection = await services.select(joints)
+        ways = spread(distances, len(selection.names), "distances", one_for_all=True)
+        state = await services.states.latest()
+        targets = state.position[selection.joints] + ways
+        return await self._send(
+            POSITION_COMMAND, selection.names, True, positions=targets, speeds=speeds
+        )
+
+    @operation
+    async def set_position(
+        self, joints: Joints, positions: Values, *, answered: bool = False
+    ) -> Reply:
+        """Step the position reference, rad (P4); ``answered`` asks for the board's answer."""
+        return await self._send(POSITION_DIRECT_COMMAND, joints, answered, positions=positions)
+
+    @operation
+    async def velocity_move(
+        self,
+        joints: Joints,
+        velocities: Values,
+        accelerations: Values | None = None,
+        *,
+        answered: bool = False,
+    ) -> Reply:
+        """Set the reference velocity, reached with the reference acceleration (P5).
+
+        Args:
+            joints: that move.
+            velocities: rad/s; one for all joints, or shape (k,). They expire (P12).
+            accelerations: rad/s², likewise; None: as set.
+            answered: whether to ask for the board's answer, instead of publishing.
+        """
+        return await self._send(
+            VELOCITY_COMMAND,
+            joints,
+            answered,
+            velocities=velocities,
+            accelerations=accelerations,
+        )
+
+    @operation
+    async def set_ref_torque(
+        self, joints: Joints, torques: Values, *, answered: bool = False
+    ) -> Reply:
+        """Set the reference torque, N·m (P7); ``answered`` asks for the board's answer."""
+        return await self._send(TORQUE_COMMAND, joints, answered, torques=torques)
+
+    @operation
+    async def set_ref_velocity(
+        self, joints: Joints, velocities: Values, *, answered: bool = False
+    ) -> Reply:
+        """Set the velocity, rad/s, at once (Y1); ``answered`` asks for the board's answer."""
+        return await self._send(VELOCITY_DIRECT_COMMAND, joints, answered, velocities=velocities)
+
+    @operation
+    async def set_ref_current(
+        self, joints: Joints, currents: Values, *, answered: bool = False
+    ) -> Reply:
+        """Set the motor current, A (Y2); ``answered`` asks for the board's answer."""
+        return await self._send(CURRENT_COMMAND, joints, answered, currents=currents)
+
+    @operation
+    async def set_output(
+        self, joints: Joints, outputs: Values, *, answered: bool = False
+    ) -> Reply:
+        """Set the PWM in percent (P8); ``answered`` asks for the board's answer."""
+        return await self._send(OUTPUT_COMMAND, joints, answered, outputs=outputs)
+
+    @operation
+    async def set_feedforward(
+        self,
+        joints: Joints,
+        outputs: Values | None = None,
+        torques: Values | None = None,
+        *,
+        answered: bool = False,
+    ) -> Reply:
+        """Set u_ff (percent) and τ_ff (N·m), either or both; they act as P11.
+
+        Args:
+            joints: target joints.
+            outputs: one for all joints, or shape (k,); None: unchanged.
+            torques: likewise.
+            answered: whether to ask for the board's answer, instead of publishing.
+        """
+        if outputs is None and torques is None:
+            return refused("feedforward ignored: neither outputs nor torques given")
+        return await self._send(
+            FEEDFORWARD_COMMAND, joints, answered, outputs=outputs, torques=torques
+        )
 
     @request
     async def stop(self, joints: Joints = None) -> Reply:
         """Set the position reference to the measured position; the mode stays (P3)."""
-        selection = await self._services.select(joints)
-        return await self._services.change(STOP, selection)
+        return await self._services.change(STOP, joints)
 
     @operation
     async def set_ref_speed(self, joints: Joints, speeds: Values) -> Reply:
@@ -40,14 +178,8 @@ class ReferenceRequests(Interface):
         """Set reference speeds (rad/s), accelerations (rad/s²) or both, checked together (P2)."""
         if speeds is None and accelerations is None:
             return refused("neither speeds nor accelerations given; send one of them, or both")
-        fields = {}
-        selection = await self._services.select(joints)
-        count = len(selection.names)
-        if speeds is not None:
-            fields["speeds"] = for_each(speeds, count, "speed")
-        if accelerations is not None:
-            fields["accelerations"] = for_each(accelerations, count, "acceleration")
-        return await self._services.change(SET_REFERENCE_SPEED, selection, **fields)
+        values = {"speeds": speeds, "accelerations": accelerations}
+        return await self._services.change(SET_REFERENCE_SPEED, joints, values)
 
     @operation
     async def get_target_position(self, joints: Joints = None) -> Floats:
@@ -128,3 +260,60 @@ class ReferenceRequests(Interface):
     async def _last(self, field: str, joints: Joints) -> Floats:
         response = await self._services.read(GET_REFERENCES, joints)
         return np.array(getattr(response, field), dtype=np.float64)
+
+    async def _send(
+        self, topic: Endpoint, joints: Joints, answered: bool, **fields: Values | None
+    ) -> Reply:
+        """Send by service (``answered``) or topic; the first field holds the references."""
+        kind = topic.reference
+        what = "feedforward" if kind is None else f"{kind} reference"
+        words = {} if kind is None else {next(iter(fields)): f"{what}s"}
+        try:
+            selection = await self._services.select(joints)
+            values = {
+                name: spread(array, len(selection.names), words.get(name, name)).tolist()
+                for name, array in fields.items()
+                if array is not None
+            }
+        except RequestError as error:  # sent all the same: the board counts it (P13)
+            await self._publish(topic, self._named(joints), as_given(fields))
+            return refused(f"{what} ignored: {error}")
+        if not answered:
+            await self._publish(topic, selection.names, values)
+            return sent(selection.names)
+        references, along = (values.get(name, []) for name in [*fields, ""][:2])
+        response = await self._link.call(
+            SEND_REFERENCE,
+            names=list(selection.names),
+            kind=topic.short.rpartition("/")[2],
+            values=references,
+            along=along,
+        )
+        self._services.states.changed()
+        return reply_of(response, selection.names)
+
+    async def _publish(
+        self, topic: Endpoint, names: Sequence[str], fields: dict[str, list[float]]
+    ) -> None:
+        await self._link.publish(topic, names=list(names), **fields)
+        self._services.states.changed()
+
+    def _named(self, joints: Joints) -> list[str]:
+        """Names of joints, which may be unknown."""
+        if joints is None:
+            return []
+        given = [joints] if isinstance(joints, str | int) else joints
+        names = self._services.joints.names
+        return [names[j] if isinstance(j, int) and 0 <= j < len(names) else str(j) for j in given]
+
+
+def as_given(fields: Mapping[str, Values | None]) -> dict[str, list[float]]:
+    """The sendable form of invalid values, for the board to count (P13)."""
+    sent = {}
+    for name, given in fields.items():
+        if given is not None:
+            try:
+                sent[name] = np.atleast_1d(np.asarray(given, dtype=np.float64)).ravel().tolist()
+            except (TypeError, ValueError):
+                sent[name] = []
+    return sent

@@ -4,15 +4,15 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
 from typing import Any, TypeVar
 
-from control_board_ros.core.selection import RequestError, Selection, Selector
+from control_board_ros.core.selection import RequestError, Selection, Selector, spread
 from control_board_ros.core.terms.reply import Answer, Reason, Reply, refused
 from control_board_ros.interface import MODES, Endpoint
-from control_board_ros.protocols import Joints
+from control_board_ros.protocols import Joints, Values
 from control_board_ros.text import NAME, clean
 
 from .checking import check_asked
@@ -83,11 +83,31 @@ class Services:
         check_asked(service, response, len(selection.names), self.link.name)
         return response
 
-    async def change(self, service: Endpoint, selection: Selection, **fields: Any) -> Reply:
-        """The reply of a service with an answer per joint."""
-        response = await self.link.call(service, names=list(selection.names), **fields)
+    async def change(
+        self,
+        service: Endpoint,
+        joints: Joints,
+        values: Mapping[str, Values | None] | None = None,
+        **fields: Any,
+    ) -> Reply:
+        """The reply of a service with an answer per joint.
+
+        Args:
+            service: that changes joints.
+            joints: target joints.
+            values: by field, one for all joints or one each; None: the field is empty.
+            fields: other fields of the request.
+
+        Raises:
+            RequestError: an unknown joint, one named twice, or values of another length.
+        """
+        names = (await self.select(joints)).names
+        for field, given in (values or {}).items():
+            if given is not None:
+                fields[field] = spread(given, len(names), field, one_for_all=True).tolist()
+        response = await self.link.call(service, names=list(names), **fields)
         self.states.changed()
-        return reply_of(response, selection)
+        return reply_of(response, names)
 
     async def trigger(self, service: Endpoint, **fields: Any) -> Reply:
         """The reply of a service of the whole board."""
@@ -97,16 +117,16 @@ class Services:
         return whole(response.success, response.message, names)
 
 
-def reply_of(response: Any, selection: Selection) -> Reply:
-    """The board's answer per joint; none where the whole request was invalid.
+def reply_of(response: Any, asked: tuple[str, ...]) -> Reply:
+    """The board's answer per requested joint; none where the whole request was invalid.
 
     Raises:
         BoardError: the response is invalid.
     """
     answers = tuple(_word(Answer, text) for text in response.answers)
-    if len(answers) not in (0, len(selection.names)):
-        raise BoardError(f"{len(answers)} answers came for {len(selection.names)} joints")
-    names = selection.names if answers else ()
+    if len(answers) not in (0, len(asked)):
+        raise BoardError(f"{len(answers)} answers came for {len(asked)} joints")
+    names = asked if answers else ()
     reasons = tuple(map(clean, response.reasons)) if any(response.reasons) else ()
     codes = tuple(_word(Reason, code) for code in response.codes) if any(response.codes) else ()
     for field, entries in (("reasons", reasons), ("codes", codes)):

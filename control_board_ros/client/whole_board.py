@@ -83,7 +83,7 @@ class WholeBoard(Interface):
         response = await self._services.read(GET_FAULTS, joints)
         return [fault_record(fault) for fault in response.faults[:MOST_JOINTS]]
 
-    @operation
+    @request
     async def recover(self, joints: Joints = None, partial: bool = False) -> Reply:
         """Leave HW_FAULT for the modes before the fault, at the measured positions (E1).
 
@@ -95,17 +95,12 @@ class WholeBoard(Interface):
             The board's answer and reason for each joint, the modes after the call, and in
             ``waits`` the time until a cause can clear, s.
         """
-        try:
-            selection = await self._services.select(joints)
-        except RequestError as error:
-            return refused(str(error))
-        names = [] if joints is None else list(selection.names)
-        response = await self._link.call(RECOVER, names=names, partial=partial)
+        names = () if joints is None else (await self._services.select(joints)).names
+        response = await self._link.call(RECOVER, names=list(names), partial=partial)
         self._services.states.changed()
-        if joints is None:  # the joints in fault
-            selection = await self._services.select(tuple(response.names))
+        reply = reply_of(response, names or tuple(response.names))
         modes = tuple(parse_control_mode(code) for code in response.modes)
-        return replace(reply_of(response, selection), modes=modes, waits=tuple(response.wait))
+        return replace(reply, modes=modes, waits=tuple(response.wait))
 
     @operation
     async def emergency_stop(self, stop: bool = True) -> Reply:

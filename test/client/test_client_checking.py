@@ -12,7 +12,7 @@ from control_board_ros.client.checking import check_asked, check_response
 from control_board_ros.client.errors import BoardError
 from control_board_ros.client.services import reply_of, whole
 from control_board_ros.client.state import joint_names
-from control_board_ros.core.selection import RequestError, Selector
+from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Reason
 
 pytestmark = pytest.mark.ros
@@ -63,7 +63,7 @@ def test_what_fits_passes_with_names_that_can_be_shown() -> None:
 def test_answers_that_are_none(fields: dict[str, Any], says: str) -> None:
     response = response_of(interface.SET_CONTROL_MODE, **fields)
     with pytest.raises(BoardError, match=says) as error:
-        reply_of(response, Selector(("a", "b")).select(None))
+        reply_of(response, ("a", "b"))
     assert str(error.value).isprintable()
 
 
@@ -75,7 +75,7 @@ def test_answers_keep_their_codes_and_show_their_texts() -> None:
         reasons=["", "too\x1bhot"],
         message="b\u202e" + "x" * 1_000_000,
     )
-    reply = reply_of(response, Selector(("a", "b")).select(None))
+    reply = reply_of(response, ("a", "b"))
     assert list(reply.codes) == [Reason.NONE, Reason.IN_FAULT]
     assert reply.reasons[1] == "too\N{REPLACEMENT CHARACTER}hot"
     assert reply.message.isprintable()

@@ -16,11 +16,10 @@ from control_board_ros.client.errors import BoardError, BoardNotFound, BoardTime
 from control_board_ros.client.link import Link
 from control_board_ros.client.modes import mode_texts
 from control_board_ros.client.operations import Awaitable, Blocking, Interface, operation
+from control_board_ros.client.references import as_given
 from control_board_ros.client.services import Services, reply_of
 from control_board_ros.client.state import CalibrationView, JointNames, StateView
-from control_board_ros.client.values import as_given
 from control_board_ros.client.waiting import Wait, run
-from control_board_ros.core.selection import Selection
 from control_board_ros.core.terms.reply import Answer, accepted, refused, sent
 from control_board_ros.core.terms.vocabs import (
     ControlMode,
@@ -207,7 +206,7 @@ def test_other_joints_on_another_board() -> None:
 
 def test_answers_are_the_boards() -> None:
     """M5, M7: one for each joint with its reason; none where the request was wrong as a whole."""
-    both = Selection.of([0, 1], ("a", "b"))
+    both = ("a", "b")
     response = SimpleNamespace(
         answers=["accepted", "unsupported"],
         reasons=["", "no such mode"],
@@ -220,7 +219,7 @@ def test_answers_are_the_boards() -> None:
     assert reply.reasons == ("", "no such mode")
     assert reply.codes == ("", "unsupported")
     fine = SimpleNamespace(answers=["accepted"] * 2, reasons=["", ""], codes=["", ""], message="")
-    assert reply_of(fine, both) == accepted(("a", "b"))
+    assert reply_of(fine, both) == accepted(both)
     wrong = SimpleNamespace(answers=[], reasons=[], codes=[], message="named twice")
     assert reply_of(wrong, both) == refused("named twice")
 
