@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from control_board_ros.core.old_names import OLD_NAMES, deprecation, replacement
-from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.drives import DriveUse
 from control_board_ros.core.terms.reply import Reply, refused
 from control_board_ros.core.terms.vocabs import (
@@ -46,7 +45,7 @@ CALLER = 6
 class ModeRequests(Interface):
     """IControlMode2, IInteractionMode, IImpedanceControl, and the old IControlMode."""
 
-    @request
+    @operation
     async def set_control_mode(self, joints: Joints, modes: Mode | Sequence[Mode]) -> Reply:
         """Set control modes (M1, M5 to M8, F2, F4).
 
@@ -66,7 +65,7 @@ class ModeRequests(Interface):
         response = await self._services.read(GET_CONTROL_MODE, joints)
         return [parse_control_mode(vocab) for vocab in response.vocabs]
 
-    @request
+    @operation
     async def set_interaction_mode(
         self, joints: Joints, modes: Interaction | Sequence[Interaction]
     ) -> Reply:
@@ -85,8 +84,11 @@ class ModeRequests(Interface):
     async def _set(
         self, service: Endpoint, joints: Joints, modes: Any, parse: Callable[[str], Vocab]
     ) -> Reply:
-        names = (await self._services.select(joints)).names
-        texts = mode_texts(modes, parse)
+        try:
+            names = (await self._services.select(joints)).names
+            texts = mode_texts(modes, parse)
+        except ValueError as error:
+            return refused(str(error))
         response = await self._link.call(service, names=list(names), modes=texts)
         self._services.states.changed()
         return reply_of(response, names).with_modes([parse(code) for code in response.modes])
@@ -232,13 +234,10 @@ def mode_texts(modes: Any, parse: Callable[[Any], Vocab]) -> list[str]:
     """The modes of a request as sent; the board interprets them.
 
     Raises:
-        RequestError: a number that is no vocab.
+        ValueError: a number that is no vocab.
     """
     given = [modes] if isinstance(modes, str | int) else list(modes)
-    try:
-        return [
-            mode.encode(errors="replace").decode() if isinstance(mode, str) else parse(mode).code
-            for mode in given
-        ]
-    except ValueError as error:
-        raise RequestError(str(error)) from None
+    return [
+        mode.encode(errors="replace").decode() if isinstance(mode, str) else parse(mode).code
+        for mode in given
+    ]
