@@ -22,7 +22,7 @@ from .line.words import Refused, UsageError
 from .text.output import DONE, REFUSED, USAGE, ReaderGone, complain, fail, put, put_json
 from .verbs import SECTIONS, VERBS, load
 
-#: Set by the completion scripts: then the words to offer are printed, and nothing is done.
+#: Set by the completion scripts: cbctl prints the words to offer.
 COMPLETE = "_CBCTL_COMPLETE"
 
 
@@ -34,7 +34,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         return complete(os.environ, list(VERBS), load)
     line, ros_arguments = split_ros_arguments(sys.argv[1:] if arguments is None else arguments)
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, interrupt)  # as Ctrl-C: what runs is stopped first
+        signal.signal(signal.SIGTERM, interrupt)  # as Ctrl-C: motion stops first
     with Session(Options(ros_arguments=ros_arguments)) as session:
         return invoke(session, line)
 
@@ -64,7 +64,7 @@ def do(session: Session, words: Sequence[str]) -> int:
     """Read a line and run it; returns the exit code.
 
     Raises:
-        UsageError: the line is wrong in itself.
+        UsageError: the line is invalid.
     """
     front, rest = hoist(words)
     options, version = read_options(front, session.options.ros_arguments)
@@ -112,7 +112,7 @@ def for_several() -> list[str]:
 
 
 def on_each(session: Session, verb: Callable[..., Any], values: dict[str, Any]) -> int:
-    """Run a verb on each board that is meant: a table below each name, or JSON by board."""
+    """Run a verb on each selected board: a table below each name, or JSON by board."""
     answers: dict[str, Any] = {}
     codes = [DONE]
     with sessions_meant(session, values.get("joints", ())) as sessions:
@@ -152,7 +152,7 @@ def explain(error: Exception) -> tuple[str, int]:
 
 
 def expected_errors() -> tuple[type[Exception], ...]:
-    """What the client raises, once there is one."""
+    """The exceptions of the client, once it is loaded."""
     if "control_board_ros.client" not in sys.modules:
         return ()
     from control_board_ros.client import BoardError

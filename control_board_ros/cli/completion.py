@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What may follow on a line: for Tab in the shell of cbctl and in bash, zsh and fish."""
+"""Completion with Tab, in the shell of cbctl and in bash, zsh and fish."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from .line.options import ARGUMENTS, Options, hoist, read_options
 from .line.words import Refused, UsageError
 from .text.output import DONE, put
 
-#: s to look for a board and to wait for its answers: a Tab must not hang.
+#: Timeout for finding a board and for its answers, s: Tab must not hang.
 TIMEOUT = 2.0
 
-#: What each shell runs once: it asks cbctl for the words that may follow at the cursor.
+#: Script of each shell; it requests the words at the cursor from cbctl.
 SCRIPTS = {
     "bash": """\
 _cbctl() {
@@ -59,9 +59,9 @@ def offers(
     Args:
         verb: its function.
         before: the words between the verb and the one that is typed.
-        incomplete: what is typed of it.
-        joints: asks for the joints of the board.
-        poses: asks for its poses.
+        incomplete: the characters typed of it.
+        joints: reads the joints of the board.
+        poses: reads its poses.
     """
     if incomplete.startswith("-"):
         return []
@@ -83,7 +83,7 @@ def line_offers(
     more: Sequence[str] = (),
     poses: Callable[[], Sequence[str]] = tuple,
 ) -> list[str]:
-    """What may follow a line that is typed in the shell of cbctl.
+    """The words that may follow a line in the shell of cbctl.
 
     Args:
         line: up to the cursor.
@@ -91,7 +91,7 @@ def line_offers(
         load: gives the function of a verb.
         names: the joints of the board.
         more: words of the shell itself; the first two of them show help.
-        poses: asks for the poses of the board.
+        poses: reads the poses of the board.
     """
     *before, incomplete = line.split(" ")
     before = [word for word in before if word]
@@ -163,7 +163,7 @@ def flags_of(entry: Argument) -> list[str]:
 
 
 def all_boards(options: Options) -> list[str]:
-    """The names of the boards that are there."""
+    """The names of the discovered boards."""
     with Session(replace(options, board="/*", timeout=TIMEOUT)) as session:
         try:
             return boards_meant(session)

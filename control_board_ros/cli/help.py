@@ -12,18 +12,18 @@ from typing import Any
 from .line.arguments import HELP, Argument, argument, arguments_of
 from .text.output import put
 
-TEXT = """Look at and move a control board.
+TEXT = """Inspect and move a control board.
 
-JOINT is a name, an index from 0, the part of one name, or all. Angles are in rad, or have a
+JOINT is a name, an index from 0, a unique part of a name, or all. Angles are in rad, or have a
 unit: 90deg, 1.57rad; sliding joints: m and mm. The options below may be anywhere on the
 line. Exit codes: 0 done, 1 refused or no board, 2 wrong usage.
 """
 
-SHOW_HELP = argument(*HELP, action="store_true", help="Show this message, and leave.")
+SHOW_HELP = argument(*HELP, action="store_true", help="Show this message and exit.")
 
 
 def paragraphs(text: str | None) -> list[str]:
-    """The paragraphs of a docstring, each on one line, for the terminal to break."""
+    """The paragraphs of a docstring, each on one line; the terminal wraps them."""
     return [" ".join(part.split()) for part in inspect.cleandoc(text or "").split("\n\n")]
 
 
@@ -58,7 +58,7 @@ def placeholder(entry: Argument) -> str:
 
 
 def described(entry: Argument) -> tuple[str, str]:
-    """How an argument is written, and what it is."""
+    """An argument as typed, and its help."""
     text = str(entry.settings["help"])
     default = entry.settings.get("default")
     if default and isinstance(default, str | float):

@@ -308,8 +308,8 @@ def test_stop_everything_and_recover(cbctl: Any, ask: Any) -> None:
     """E1 to E3: one line each, with what to type next; the fault as a picture and as numbers."""
     stopped = cbctl("estop")
     assert stopped.code == 0, stopped.err
-    assert stopped.out.startswith("every joint is without power, and falls where no brake holds")
-    assert stopped.out.endswith("; let the stop go with: cbctl estop release\n")
+    assert stopped.out.startswith("all joints are unpowered and fall where no brake holds them")
+    assert stopped.out.endswith("; release with: cbctl estop release\n")
     assert {mode["control_mode"] for mode in ask("modes").values()} == {"hwfa"}
     held = cbctl("recover")
     assert held.code == 1

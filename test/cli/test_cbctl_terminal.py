@@ -90,7 +90,7 @@ def test_a_move_on_a_paused_board(cbctl: Any) -> None:
     """It says why nothing moves, and goes on with the simulation."""
     assert cbctl("pause").code == 0
     with terminal(cbctl, "move", "joint_1=2deg") as at:
-        at.see("paused? go on with: cbctl resume")
+        at.see("paused? resume with: cbctl resume")
         assert cbctl("resume").code == 0
         at.see("lbr_iiwa_joint_1 at 2.0°")
 
@@ -100,7 +100,7 @@ def test_a_stream_on_a_paused_board(cbctl: Any) -> None:
     assert cbctl("mode", "joint_1", "vel").code == 0
     assert cbctl("pause").code == 0
     with terminal(cbctl, "velocity", "joint_1=1deg") as at:
-        at.see("paused? go on with: cbctl resume")
+        at.see("paused? resume with: cbctl resume")
         assert cbctl("resume").code == 0
         at.process.send_signal(signal.SIGINT)
 
@@ -128,7 +128,7 @@ def test_jogging_on_a_paused_board(cbctl: Any) -> None:
     assert cbctl("mode", "joint_7", "vel").code == 0
     assert cbctl("pause").code == 0
     with terminal(cbctl, "jog", "joint_7") as at:
-        at.see("q ends; paused? go on with: cbctl resume")
+        at.see("q ends; paused? resume with: cbctl resume")
         assert cbctl("resume").code == 0
         at.type("q")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which boards a pattern means, for verbs that make sense on several."""
+"""The boards selected by a pattern, for verbs that run on several."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..line.words import Refused
 if TYPE_CHECKING:
     from .session import Session
 
-#: s that boards have to show up after the first one did.
+#: s to wait for further boards after the first.
 GATHERING = 1.0
 POLL = 0.05
 
@@ -26,13 +26,13 @@ def is_pattern(board: str) -> bool:
 
 @contextmanager
 def sessions_meant(session: Session, joints: Sequence[str] = ()) -> Iterator[dict[str, Session]]:
-    """A session for each board that ``--board`` means, by the board's name, in their order.
+    """A session for each board that ``--board`` selects, by the board's name, in their order.
 
-    Where a pattern means a robot of several parts, too, it is left out: its parts show all of it.
+    A robot of several parts is left out where its parts are selected as well.
 
     Args:
-        session: the one of the command line; of a single board it is the one that comes back.
-        joints: words for joints; boards that have none of them are left out.
+        session: of the command line; returned itself for a single board.
+        joints: words for joints; boards without such joints are left out.
 
     Raises:
         Refused: no board fits, or none has such joints.
@@ -61,7 +61,7 @@ def sessions_meant(session: Session, joints: Sequence[str] = ()) -> Iterator[dic
 
 
 def robots_among(boards: Mapping[str, Sequence[str]]) -> set[str]:
-    """Boards whose joints are those of the other ones beside them: robots of several parts.
+    """Boards whose joints are those of the boards beside them: robots of several parts.
 
     Args:
         boards: the joints of each, by its absolute name.
@@ -81,7 +81,7 @@ def robots_among(boards: Mapping[str, Sequence[str]]) -> set[str]:
 
 
 def boards_meant(session: Session) -> list[str]:
-    """Absolute names of the boards that ``--board`` names, which may be a pattern: ``/icub/*``.
+    """Absolute names of the boards that ``--board`` selects, also by a pattern: ``/icub/*``.
 
     Raises:
         Refused: no board fits the pattern.

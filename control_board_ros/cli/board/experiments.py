@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moving one joint for a measurement, recorded: prepared, run, and left as it was."""
+"""Recorded motions of one joint: preparation, run, and restored settings."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from .progress import Bar
 from .recordings import recorded
 from .session import Session
 
-#: States a second while it is measured, where the board's control rate allows it.
+#: Rate of the states during a measurement, Hz, at most the control rate.
 STATE_RATE = 500.0
-#: s of rest before and after, and between looks.
+#: s of rest before and after a motion; s between updates of a bar.
 REST, LOOK = 0.5, 0.1
 #: Timeout of the first state, s.
 FIRST_STATE = 10.0
@@ -32,7 +32,7 @@ FIRST_STATE = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """A joint under measurement: name, where it began (rad or m), limits, kind, control mode."""
+    """A joint under measurement: name, initial position (rad or m), limits, kind, control mode."""
 
     joint: str
     start: float
@@ -42,7 +42,7 @@ class Experiment:
 
 
 def prepare(session: Session, word: str) -> Experiment:
-    """The joint that a word means, where it can be measured.
+    """The joint that a word selects, if it can be measured.
 
     Raises:
         Refused: several joints, one that does not hold its position, or unknown limits.
@@ -64,10 +64,10 @@ def prepare(session: Session, word: str) -> Experiment:
 
 
 def check_reach(session: Session, experiment: Experiment, targets: list[float]) -> None:
-    """Refuse what would leave the software limits, before anything moves.
+    """Refuse targets outside the software limits, before anything moves.
 
     Raises:
-        Refused: where it would go, what is allowed, and the next step.
+        Refused: the target, the allowed range, and the next step.
     """
     limits, joint = experiment.limits, experiment.joint
     show = session.position
@@ -83,16 +83,16 @@ def check_reach(session: Session, experiment: Experiment, targets: list[float]) 
 def measured(
     session: Session, experiment: Experiment, run: Callable[[], None], keep: str | None
 ) -> tuple[Any, Path | None]:
-    """Record while a joint is moved; it is left in the mode it was in.
+    """Record a motion of a joint; its mode is restored.
 
     Args:
-        session: The session.
-        experiment: The joint.
-        run: Moves it; it is in POSITION_DIRECT meanwhile.
-        keep: The folder of the recording; None: it is not kept.
+        session: with the board.
+        experiment: the joint.
+        run: moves the joint, which is in POSITION_DIRECT.
+        keep: folder of the recording; None: it is not kept.
 
     Returns:
-        What the recording holds of the board, and its folder where it is kept.
+        The recording of the board, and its folder if kept.
 
     Raises:
         Refused: the board refuses a mode, or a joint faults.
@@ -125,7 +125,7 @@ def await_states(session: Session, recorder: Any) -> None:
     """Wait for the states of the recording.
 
     Raises:
-        Refused: none comes.
+        Refused: none within FIRST_STATE.
     """
     topic = STATE.of(session.client.board_name)
     if not recorder.await_first(topic, FIRST_STATE):
@@ -142,7 +142,7 @@ def faster_states(session: Session) -> Iterator[None]:
     if rate <= float(before["state_rate"]):
         yield
         return
-    try:  # Ctrl-C may come when the board has set it and its reply is on the way
+    try:  # Ctrl-C may arrive between the change and its reply
         reply = client.set_parameters({"state_rate": rate})
         if not reply:
             note(session, f"states come at {before['state_rate']:g} Hz: {reply.message}")
@@ -153,7 +153,7 @@ def faster_states(session: Session) -> Iterator[None]:
 
 @contextlib.contextmanager
 def in_position_direct(session: Session, experiment: Experiment) -> Iterator[None]:
-    """The joint in POSITION_DIRECT; stopped and back in its mode in the end, whatever happens."""
+    """The joint in POSITION_DIRECT; its mode is restored, and an interruption stops it."""
     client, joint = session.client, experiment.joint
     try:
         reply = client.set_control_mode(joint, STEPS)
@@ -171,7 +171,7 @@ def in_position_direct(session: Session, experiment: Experiment) -> Iterator[Non
 
 
 def wait(session: Session, label: str, seconds: float) -> None:
-    """Let time pass, and show how much is left."""
+    """Wait, and show the remaining time."""
     begun = time.monotonic()
     with Bar(session, label) as bar:
         while (elapsed := time.monotonic() - begun) < seconds:

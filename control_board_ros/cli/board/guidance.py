@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints made soft for a hand, and everything as before in the end."""
+"""Joints made compliant for guiding by hand, and restored at the end."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from ..line.words import Refused
 if TYPE_CHECKING:
     from control_board_ros.client import ControlBoardClient
 
-#: Damping over inertia, 1/s: a joint that is let go stops within half a second; and as much of
-#: the least inertia as the torque loop follows.
+#: Damping over inertia, 1/s: a released joint stops within half a second; and the maximum over
+#: the least inertia, which the torque loop can follow.
 DECAY, FASTEST = 10.0, 400.0
 
 
 class Guidance:
-    """Joints in COMPLIANT without a spring, gravity compensated, as long as it is entered.
+    """Joints in COMPLIANT with zero stiffness and gravity compensation, while entered.
 
     Args:
-        client: Of the board.
-        names: The joints, which implement COMPLIANT.
+        client: of the board.
+        names: joints that implement COMPLIANT.
 
-    Attributes: left (what is not as before in the end, in one line; empty: nothing).
+    Attributes: left (settings that were not restored, in one line; empty: none).
     """
 
     def __init__(self, client: ControlBoardClient, names: Sequence[str]) -> None:
@@ -65,9 +65,9 @@ class Guidance:
         ]
 
     def _restore(self) -> None:
-        """Hold first: earlier settings act on joints at rest, whose load is known.
+        """Hold the joints, then restore the settings, at rest and with known loads.
 
-        Joints that were without power are held: they would fall.
+        Joints that were unpowered stay held: they would fall.
         """
         client, names = self._client, self._names
         held = [
@@ -89,7 +89,7 @@ class Guidance:
         idle = [names[k] for k in held if self._modes[k] is ControlMode.IDLE]
         if idle:
             problems.append(
-                f"{', '.join(idle)}: without power before, held now; let go with cbctl mode … idl"
+                f"{', '.join(idle)}: unpowered before, held now; disable with cbctl mode … idl"
             )
         self.left = "; ".join(problems)
 

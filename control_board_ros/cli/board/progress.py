@@ -14,8 +14,8 @@ from .session import Session
 class Bar:
     """``with Bar(session, "moving") as bar: bar.update(0.5, "1.2 s")``.
 
-    It is drawn from the first update on: what is refused at once needs none.
-    Of what has no end known beforehand (``endless``) only the text is shown.
+    It appears with the first update, so that a refused request draws none. Without a known end
+    (``endless``), only the text is shown.
     """
 
     def __init__(self, session: Session, label: str, *, endless: bool = False) -> None:
@@ -48,11 +48,11 @@ class Bar:
 
 
 class Way:
-    """How much of a move is done, as measured: by the joint that is furthest behind.
+    """Progress of a move, as measured: of the joint that is furthest behind.
 
     Args:
         targets: by joint, rad or m.
-        near: ways that count as none, by joint.
+        near: distances that count as zero, by joint.
     """
 
     def __init__(self, targets: Mapping[str, float], near: Mapping[str, float]) -> None:
@@ -60,7 +60,7 @@ class Way:
         self._starts: dict[str, float] = {}
 
     def share(self, positions: Mapping[str, float]) -> float:
-        """From 0 to 1; the first positions are where the move began."""
+        """From 0 to 1; the first positions are the start of the move."""
         if not self._starts:
             self._starts = dict(positions)
         made = [1.0]
@@ -76,17 +76,17 @@ class Standstill:
 
     #: s for which the value must not change.
     PATIENCE = 1.0
-    HINT = "; paused? go on with: cbctl resume"
+    HINT = "; paused? resume with: cbctl resume"
 
     def __init__(self) -> None:
         self._value = math.nan
         self._since = 0.0
 
     def hint(self, value: float, now: float) -> str:
-        """What to add to a text.
+        """The hint to append to a text.
 
         Args:
-            value: what is left of a motion, s, or the stamp of a state; 0 when it has ended.
+            value: remaining time of a motion, or the stamp of a state, s; 0: it has ended.
             now: time of this process, s.
         """
         if value != self._value:

@@ -17,7 +17,7 @@ from ..line.options import Options
 from ..line.words import Quantity, Refused, UsageError, assigned, find_joints
 from ..text.output import load_drawing
 
-#: What comes after the unit of a position in that of each quantity that turns with it.
+#: Suffix of the unit of a position, by quantity.
 RATES = {"position": "", "speed": "/s", "acceleration": "/s²"}
 
 
@@ -30,13 +30,13 @@ def check_limits(
     """Refuse values beyond the limits, before anything moves.
 
     Args:
-        what: the values are: position, speed, acceleration, torque, current or output.
+        what: position, speed, acceleration, torque, current or output.
         given: by joint.
-        limits: likewise; None of a joint that is not known: the board itself decides.
+        limits: by joint; None: not known, the board itself decides.
         kinds: of the joints.
 
     Raises:
-        Refused: what was understood, in both units, and what is allowed.
+        Refused: the value in both units, and the allowed range.
     """
     wrong = []
     for name, value in given.items():
@@ -48,14 +48,14 @@ def check_limits(
 
 
 def within(what: str, value: float, limits: JointLimits, kind: JointKind) -> bool:
-    """Whether a value is within its limits, as they are shown: half of the last digit more."""
+    """Whether a value is within its limits as displayed, plus half of the last digit."""
     slack = 0.5 * kind.resolution if what in RATES else 0.0
     low, high = limits.range(what)
     return low - slack <= value <= high + slack
 
 
 def outside(what: str, given: Quantity, limits: JointLimits, kind: JointKind) -> str:
-    """What is wrong with a value, and what it may have meant."""
+    """Why a value is refused, and the unit that may have been intended."""
     low, high = limits.range(what)
     value = given.value
     if what not in RATES:
@@ -80,11 +80,11 @@ if TYPE_CHECKING:
 
 
 class Session:
-    """The options in force, and the client once a verb asks for it.
+    """The options in force, and the client from its first use on.
 
     Attributes: options, shared (whether several lines use it: the shell), run_line (runs another
-    line in this session, and gives its exit code; set by whatever runs a line), answers (takes
-    what would be printed as JSON, where several boards answer together; else None).
+    line in this session and returns its exit code; set by ``invoke``), answers (results of a board
+    where several boards answer in one JSON; else None).
     """
 
     run_line: Callable[[Sequence[str]], int]
@@ -108,7 +108,7 @@ class Session:
         return made
 
     def close(self) -> None:
-        """End the connection, if there is one."""
+        """End the connection, if open."""
         self._stack.close()
         self.__dict__.pop("client", None)
         self.__dict__.pop("node", None)
@@ -168,7 +168,7 @@ class Session:
         return node
 
     def line(self, *words: str) -> str:
-        """A line of cbctl for the board that is meant, as one types it: ``cbctl modes``."""
+        """A line of cbctl for this board, as typed: ``cbctl modes``."""
         address = "" if self.shared else self.options.address  # in the shell, it is known
         return " ".join(word for word in ("cbctl", address, *words) if word)
 
@@ -178,7 +178,7 @@ class Session:
         return self.client.names
 
     def joints(self, words: Sequence[str] | None) -> list[str]:
-        """The joints that words mean; none: all."""
+        """The joints that words select; none: all."""
         return find_joints(words or (), self.names)
 
     def values(self, pairs: Sequence[tuple[str, Quantity]]) -> dict[str, float]:
@@ -236,5 +236,5 @@ class Session:
             return {}
 
     def position(self, name: str, value: float) -> str:
-        """A position of a joint, for people."""
+        """A position of a joint as text."""
         return self.kind(name).position(value)

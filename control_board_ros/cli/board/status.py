@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What joints do now, in words, and the next step where nothing holds them."""
+"""The state of joints in words, and the next step where nothing holds them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..text.output import REFUSED, fail, note
 if TYPE_CHECKING:
     from .session import Session
 
-#: What a joint does in a mode without a reference.
+#: What a joint does in each mode.
 DOING = {
     "pos": "holds",
     "posd": "holds",
@@ -57,7 +57,7 @@ def what_they_do(session: Session, names: list[str]) -> str:
 
 
 def cancelled(session: Session, what: str, names: list[str]) -> int:
-    """Say what joints do after Ctrl-C; the exit code."""
+    """Report the state of joints after Ctrl-C; returns the exit code."""
     text = f"{what} cancelled: {what_they_do(session, names)}"
     if session.options.json:
         return fail(text, REFUSED, as_json=True)
@@ -66,11 +66,11 @@ def cancelled(session: Session, what: str, names: list[str]) -> int:
 
 
 def warn_without_power(session: Session, modes: Mapping[str, str]) -> None:
-    """Say which of the joints have no power, where they are, and how to hold them.
+    """Report the unpowered joints, their positions, and how to hold them.
 
     Args:
         session: with the board.
-        modes: the codes of the modes that joints have now, by joint.
+        modes: codes of the present modes, by joint.
     """
     if session.options.json:
         return
@@ -86,7 +86,7 @@ def warn_without_power(session: Session, modes: Mapping[str, str]) -> None:
 
 
 def without_brake(session: Session, names: list[str]) -> list[str]:
-    """Those of joints without power that no brake holds, now or in a moment."""
+    """Those of unpowered joints that no brake holds or is about to hold."""
     if not names:
         return []
     from control_board_ros.client import BoardError
@@ -100,7 +100,7 @@ def without_brake(session: Session, names: list[str]) -> list[str]:
 
 
 def warn_not_holding(session: Session, names: list[str]) -> None:
-    """Say which joints nothing holds, now that their torque or output is zero."""
+    """Report the joints that nothing holds, now that their torque or output is zero."""
     modes = session.client.get_control_mode(names)
     loose = [name for name, mode in zip(names, modes, strict=True) if mode in NOT_HOLDING]
     if loose:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints that follow trajectories: the move to the start, and everything as before in the end."""
+"""Joints that follow trajectories: the move to the start, and their modes at the end."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from control_board_ros.core.terms.vocabs import ControlMode
 
 from .session import Session
 
-#: What joints are left in where it ends early.
+#: Modes of joints after an early end.
 MOVING = (ControlMode.POSITION, ControlMode.POSITION_DIRECT)
-#: Mean speed of the move to the start, as a part of the speed limit.
+#: Mean speed of the move to the start, as a share of the speed limit.
 APPROACH = 0.1
 
 
 @contextlib.contextmanager
 def followed(session: Session, names: list[str]) -> Iterator[None]:
-    """Stop the joints in the end, and set their control modes as they were."""
+    """Stop the joints at the end, and restore their control modes."""
     client = session.client
     before = client.get_control_mode(names)
     try:
@@ -47,6 +47,6 @@ def approach(
 
 
 def agreed() -> bool:
-    """Ask whether it may move."""
+    """Ask for confirmation on the terminal."""
     print("Go on? [y/N] ", end="", file=sys.stderr, flush=True)
     return sys.stdin.readline().strip().lower() in ("y", "yes")

@@ -33,7 +33,7 @@ def number(text: str) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Argument:
-    """Names and settings, as of ``ArgumentParser.add_argument``, and what Tab offers."""
+    """Names and settings of ``ArgumentParser.add_argument``, and the words that Tab offers."""
 
     names: tuple[str, ...]
     settings: dict[str, Any]
@@ -74,13 +74,13 @@ def takes(*arguments: Argument) -> Callable[[Verb], Verb]:
 
 
 def several(verb: Verb) -> Verb:
-    """Say that a verb is run for each board, where ``--board`` is a pattern."""
+    """Mark a verb that runs once for each board, where ``--board`` is a pattern."""
     verb.several = True  # type: ignore[attr-defined]
     return verb
 
 
 def patterns(verb: Verb) -> Verb:
-    """Say that a verb itself sees to it that ``--board`` may be a pattern."""
+    """Mark a verb that handles a pattern of ``--board`` itself."""
     verb.patterns = True  # type: ignore[attr-defined]
     return verb
 
@@ -91,7 +91,7 @@ def arguments_of(verb: Callable[..., Any]) -> tuple[Argument, ...]:
 
 
 class Parser(argparse.ArgumentParser):
-    """Reads words; what is wrong is raised, and help is drawn elsewhere."""
+    """Reads words; errors are raised, and help is drawn by ``help``."""
 
     def __init__(self, name: str, arguments: Sequence[Argument]) -> None:
         super().__init__(prog=name, usage=name, add_help=False, allow_abbrev=False)
@@ -106,7 +106,7 @@ class Parser(argparse.ArgumentParser):
         """The values by name; options may be anywhere among the words.
 
         Raises:
-            UsageError: something is missing, unknown, or no value of its kind.
+            UsageError: an argument is missing, unknown or invalid.
         """
         joined: list[str] = []
         for word in words:
@@ -138,5 +138,5 @@ VALUES = argument(
     "words", nargs="+", metavar="JOINT=VALUE", help="A value for each joint.", offers=assignments
 )
 FOR = amount(
-    "--for", "time", dest="time", metavar="TIME", help="How long, e.g. 2s; then it stops."
+    "--for", "time", dest="time", metavar="TIME", help="Duration, e.g. 2s; then it stops."
 )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Moving a joint while a key is held: what each key does, and the dead man's time."""
+"""Moving a joint while a key is held: the keys, and the dead man's time."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ KEYS = {
 
 @dataclass(slots=True)
 class Jog:
-    """Which joint moves, and how fast, after the keys so far.
+    """The selected joint and its speed, after the keys pressed.
 
     Attributes: count (of joints), speed (rad/s or m/s), chosen (index of the joint), direction
-    (−1, 0 or 1), until (s; when the dead man's time is over), ended.
+    (−1, 0 or 1), until (end of the dead man's time, s), ended.
     """
 
     count: int

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Words for the argument that is typed: what Tab offers."""
+"""Completion of arguments: the words that Tab offers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .words import short_names
 
 
 class Typed(NamedTuple):
-    """A line at the cursor, and the board that it is for.
+    """A line at the cursor, and its board.
 
     Attributes: before (the words between the verb and the one that is typed), incomplete (what is
     typed of it), joints and poses (ask the board for its own; they may raise BoardError).
@@ -22,12 +22,12 @@ class Typed(NamedTuple):
     poses: Callable[[], Sequence[str]] = tuple
 
 
-#: What an argument offers; words that do not begin with what is typed are left out by the caller.
+#: The words of an argument; the caller drops those that do not begin with the typed characters.
 Offers = Callable[[Typed], Iterable[str]]
 
 
 def joints(typed: Typed) -> list[str]:
-    """Joints: by their short names, where what is typed begins one."""
+    """Joints: short names where one begins with the typed characters."""
     names = typed.joints()
     shorts = list(short_names(names).values())
     return shorts if any(short.startswith(typed.incomplete) for short in shorts) else [*names]

@@ -13,7 +13,7 @@ BOARD = argument(
     "--board",
     default="control_board",
     metavar="NAME",
-    help="Name of the board's node; of several boards a pattern: '/icub/*'.",
+    help="Name of the board's node, or a pattern for several boards: '/icub/*'.",
 )
 NAMESPACE = argument(
     "--namespace", default="", metavar="NAMESPACE", help="Namespace of the board."
@@ -23,13 +23,13 @@ TIMEOUT = argument(
     type=number,
     default=5.0,
     metavar="SECONDS",
-    help="To find the board, and to wait for each answer.",
+    help="Timeout for finding the board and for each answer.",
 )
 DOMAIN = argument(
-    "--domain", type=int, metavar="NUMBER", help="ROS domain; else that of ROS_DOMAIN_ID."
+    "--domain", type=int, metavar="NUMBER", help="ROS domain; default: ROS_DOMAIN_ID."
 )
-JSON = argument("--json", action="store_true", help="Print JSON, and nothing else, on stdout.")
-VERSION = argument("--version", action="store_true", help="Print the version, and leave.")
+JSON = argument("--json", action="store_true", help="Print only JSON on stdout.")
+VERSION = argument("--version", action="store_true", help="Print the version and exit.")
 
 #: Options that have a value, and those that do not.
 VALUED = ("--board", "--namespace", "--timeout", "--domain")
@@ -40,7 +40,7 @@ ROS_ARGUMENTS = "--ros-args"
 
 @dataclass(slots=True)
 class Options:
-    """What was requested in front of the verb.
+    """The common options of a line.
 
     Attributes: board (name of the node), namespace (of cbctl's own node: relative names start
     there), timeout (s, to find the board and for each answer), domain (ROS_DOMAIN_ID; None: of
@@ -56,12 +56,12 @@ class Options:
 
     @property
     def board_named(self) -> bool:
-        """Whether another board than the usual one is requested."""
+        """Whether the line names a board other than the default."""
         return bool(self.board != BOARD.settings["default"])
 
     @property
     def address(self) -> str:
-        """The options that lead to the same board again, as they are typed; often none."""
+        """The options that select the same board, as typed; often none."""
         found = [f"--board {self.board}"] if self.board_named else []
         if self.namespace:
             found.append(f"--namespace {self.namespace}")

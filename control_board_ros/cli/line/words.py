@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people type: joints, values with units, durations."""
+"""Typed words: joints, values with units, durations."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ UNITS["acceleration"] = UNITS["position"] | {
 
 
 class UsageError(Exception):
-    """The line is wrong in itself: exit code 2; one line: what, and what is allowed."""
+    """The line is invalid: exit code 2; one line: cause and what is allowed."""
 
 
 class Refused(Exception):  # noqa: N818  (the word of the exit code)
@@ -105,9 +105,9 @@ EXAMPLES = {
 
 
 def find_joint(word: str, names: Sequence[str]) -> list[str]:
-    """The joints that a word means: a name, an index, ``all``, or the part of one name.
+    """The joints that a word selects: a name, an index, ``all``, or a unique part of a name.
 
-    A part counts as an abbreviation (the beginning) first, then as a suffix, then anywhere.
+    A part is matched as a prefix first, then as a suffix, then anywhere.
 
     Raises:
         Refused: no joint, or several.
@@ -130,7 +130,7 @@ def find_joint(word: str, names: Sequence[str]) -> list[str]:
 
 
 def find_joints(words: Sequence[str], names: Sequence[str]) -> list[str]:
-    """The joints that words mean, each once, in the order given; no words: all.
+    """The joints that words select, each once, in the order given; no words: all.
 
     Raises:
         Refused: as find_joint.
@@ -143,7 +143,7 @@ def assigned(pairs: Sequence[tuple[str, Quantity]], names: Sequence[str]) -> dic
     """Values by joint.
 
     Raises:
-        Refused: a joint that is unknown, ambiguous or there twice.
+        Refused: a joint that is unknown, ambiguous or named twice.
     """
     values: dict[str, Quantity] = {}
     for word, value in pairs:
@@ -155,7 +155,7 @@ def assigned(pairs: Sequence[tuple[str, Quantity]], names: Sequence[str]) -> dic
 
 
 def short_names(names: Sequence[str], known: Sequence[str] = ()) -> dict[str, str]:
-    """Names without the words that all of the board begin with, but for the last such word."""
+    """Names without the leading words shared by the whole board, except the last of them."""
     words = [name.split("_") for name in known or names]
     k = 0
     while len(words) > 1 and len({tuple(word[k : k + 2]) for word in words}) == 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to type next, by the code of a reply: the board reports facts, and names no tool."""
+"""The next line to type, by the code of a reply: the board reports facts and names no tool."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from control_board_ros.core.terms.reply import Reply
 
-#: What to do about joints with a code, and with which verb; their names go between verb and mode.
+#: Step and verb by code of a reply; names of joints follow the verb.
 STEPS = {
     "in_fault": ("clear with", "clear"),
     "emergency_stop": ("release with", "estop"),
     "uncalibrated": ("calibrate with", "calibrate"),
-    "brake_closed": ("let the board work the brake with", "brake"),
+    "brake_closed": ("return the brake to the board with", "brake"),
     "other_mode": ("switch with", "mode"),
     "nothing_to_stop": ("disable with", "mode"),
 }
@@ -23,13 +23,13 @@ STEPS = {
 def advice(
     reply: Reply, everyone: Sequence[str], line: Callable[..., str], mode: str = "pos"
 ) -> str:
-    """What to type about the joints that did not do what was asked; empty: nothing.
+    """The lines to type for joints that did not accept a request; empty: none.
 
     Args:
         reply: of the board.
         everyone: the names of all its joints.
-        line: makes the line to type, of a verb and what follows it.
-        mode: in which the joints would have done it.
+        line: composes a line from a verb and its words.
+        mode: control mode that the request requires.
     """
     texts = []
     for code in dict.fromkeys(reply.codes):

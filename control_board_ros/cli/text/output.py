@@ -65,7 +65,7 @@ def console(*, stderr: bool = False, width: int | None = None) -> Console:
     from rich.segment import Segment
 
     class CleanConsole(Console):
-        """Shows texts of others without control sequences of terminals."""
+        """Removes control sequences of terminals from texts of other origin."""
 
         def render(
             self, renderable: RenderableType, options: ConsoleOptions | None = None
@@ -84,7 +84,7 @@ def console(*, stderr: bool = False, width: int | None = None) -> Console:
 
 
 def load_drawing() -> None:
-    """Load what draws tables, where there is time for it: while a board is being found."""
+    """Load the modules that draw tables, during the discovery of a board."""
     import rich.console
     import rich.table  # noqa: F401
 
@@ -131,7 +131,7 @@ def show(session: Asker, value: Any, render: Callable[[], RenderableType | str])
 
 
 def answer(session: Asker, value: Any) -> None:
-    """Print a result as JSON, or keep it for those of other boards."""
+    """Print a result as JSON, or keep it until all boards have answered."""
     if session.answers is None:
         put_json(value)
     else:
@@ -165,9 +165,9 @@ def conclude(
     Args:
         session: with the board.
         reply: of the board.
-        text: what was done, where all was accepted.
-        mode: in which joints would have done what they did not.
-        more: for machines, by name.
+        text: the result, where all was accepted.
+        mode: control mode that the request requires.
+        more: further fields of the JSON.
     """
     next_step = advice(reply, session.names, session.line, mode) if any(reply.codes) else ""
     message = "; ".join(filter(None, (reply.message, next_step)))
@@ -178,7 +178,7 @@ def conclude(
         complain(message)
     else:
         put(text or message or "done")
-        if text and message:  # what will be done in place of what was requested
+        if text and message:  # e.g. a bounded speed
             note(session, message)
     return DONE if reply else REFUSED
 
@@ -205,7 +205,7 @@ def mode_text(code: str, name: str = "") -> Text:
 
 
 def bar(value: float, lower: float, upper: float, width: int = 12) -> str:
-    """The place of a value between its limits: ``├────●─────┤``; empty without limits."""
+    """The position of a value between its limits: ``├────●─────┤``; empty without limits."""
     if not 0.0 < upper - lower < ENDLESS:
         return ""
     share = min(max((value - lower) / (upper - lower), 0.0), 1.0)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
 EMPTY = 0x2800
 
-#: What one may ask for: word -> field of the client's State, quantity.
+#: Kind of signal -> field of the client's State, quantity.
 SIGNALS = {
     "position": ("position", "position"),
     "velocity": ("velocity", "velocity"),
@@ -34,7 +34,7 @@ SIGNALS = {
     "temperature": ("temperature", "temperature"),
 }
 
-#: The span that a chart has at least, in the units of the state.
+#: Minimum span of a chart, in the units of the state.
 LEAST = {
     "position": DEGREE,
     "velocity": DEGREE,
@@ -43,7 +43,7 @@ LEAST = {
     "current": 0.1,
     "temperature": 1.0,
 }
-#: Part of it that is enough for a sliding joint, in m and N.
+#: Share of it for a sliding joint, in m and N.
 SLIDING = 0.1
 UNITS = {"output": "%", "current": "A", "temperature": "°C"}
 
@@ -55,8 +55,8 @@ class Signal:
     """A field of the state of one joint.
 
     Attributes: joint, field (of the client's State), label, chart (signals of one chart share
-    it), show (a value as text, with its unit), least (span that the scale has at least, in the
-    unit of the state).
+    it), show (a value as text, with its unit), least (minimum span of the scale, in the unit of
+    the state).
     """
 
     joint: str
@@ -68,7 +68,7 @@ class Signal:
 
 
 def signal_of(joint: JointKind, name: str, kind: str, label: str) -> Signal:
-    """A signal of one joint, with the unit that people read."""
+    """A signal of one joint, with the unit shown."""
     field, quantity = SIGNALS[kind]
     texts = {"position": joint.position, "velocity": joint.velocity, "torque": joint.force}
     show = texts.get(quantity, lambda value: f"{value:.1f} {UNITS[quantity]}")
@@ -88,7 +88,7 @@ class Trace:
     points: deque[tuple[float, float]] = field(default_factory=deque)
 
     def add(self, time: float, value: float) -> None:
-        """Add a value, and forget what has left the window; time that goes back clears it."""
+        """Add a value and drop those older than the window; a jump back in time clears all."""
         if self.points and time < self.points[-1][0]:
             self.points.clear()
         self.points.append((time, value))
@@ -97,7 +97,7 @@ class Trace:
 
 
 def scale(traces: Sequence[Trace]) -> tuple[float, float]:
-    """The lowest and the highest value to show: all that is finite, and the least span."""
+    """The lowest and highest value shown: the range of the finite values, at least the minimum."""
     values = [value for trace in traces for _, value in trace.points if math.isfinite(value)]
     if not values:
         return 0.0, traces[0].signal.least

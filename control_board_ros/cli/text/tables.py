@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables that fit: what a terminal has no room for goes below, and no number is ever cut."""
+"""Tables within the width of a terminal: further columns go below; no number is cut."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 #: Between two columns.
 GAP = 2
-#: Characters that a column of words has at least, where it has as many.
+#: Minimum width of a column of words with longer cells, characters.
 FOLDED = 14
 
 
@@ -31,17 +31,17 @@ def grid(
     caption: str = "",
     width: int | None = None,
 ) -> Any:
-    """A table; where it is too wide: short names, then short titles, then several below another.
+    """A table; where it is too wide: short names, then stacked titles, then several tables.
 
     Args:
         columns: cells by title, text or rich's Text; the joints are in the last of the keys.
-        names: all joints of the board, whose common beginning short names do without.
-        keys: how many of the first columns every part repeats.
+        names: all joints of the board, for the short names.
+        keys: number of leading columns that every part repeats.
         right: titles of columns that are aligned to the right.
         fold: titles of columns of words, that may have several lines.
         title: a line above.
         caption: a line below.
-        width: of the terminal, characters; None: as it is.
+        width: characters; None: that of the terminal.
     """
     from rich.console import Group
 
@@ -68,7 +68,7 @@ def text_of(cell: Any) -> Text:
 
 
 def heads(title: str, stack: str) -> list[str]:
-    """The lines of a title; it may end in spaces, where another one is the same."""
+    """The lines of a title; trailing spaces distinguish equal titles."""
     plain = title.strip()
     return plain.split(stack) if stack and plain else [plain]
 

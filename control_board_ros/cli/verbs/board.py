@@ -31,10 +31,10 @@ def calibrate(session: Session, joints: list[str]) -> int:
 
 
 def configure(session: Session) -> int:
-    """Leave NOT_CONFIGURED, on a board that does not do so by itself."""
+    """Leave NOT_CONFIGURED, on a board without autoconfigure."""
     return conclude(session, session.client.configure(), "configured")
 
 
 def power_cycle(session: Session) -> int:
-    """Go back to power-on."""
+    """Return to power-on."""
     return conclude(session, session.client.power_cycle(), "power cycled")

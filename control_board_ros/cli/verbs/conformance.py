@@ -26,11 +26,11 @@ def sentence(text: str) -> str:
     )
 )
 def conformance(session: Session, **given: Any) -> int:
-    """Try the rules of a control board on this one, and report of each whether it held.
+    """Test the rules of the specification on this board, and report each result.
 
-    One joint moves, within a part of its limits, and is without power at times; then all are left
-    as found. It asks before that. Exit code 1: a rule did not hold, or
-    more than a few were not tested that the board offers.
+    After a confirmation, one joint moves within a part of its limits and is unpowered at times;
+    all settings are restored. Exit code 1: a rule failed, or too many rules that the board offers
+    were not tested.
     """
     from control_board_ros.conformance.app import chosen, try_board
     from control_board_ros.conformance.rules import NotTestable, OutOfTime

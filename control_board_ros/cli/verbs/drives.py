@@ -14,13 +14,13 @@ from ..line.words import UsageError
         "action",
         metavar="scan|try",
         choices=("scan", "try"),
-        help="List what answers, or move each joint a little.",
+        help="List the drives, or move each joint slightly.",
     ),
     argument("what", metavar="PLANT|ROBOT.yaml", help="scan: moteus, …; try: a parameter file."),
     argument("--bus", metavar="BUS", help="scan: as socketcan:can0 or /dev/ttyUSB0."),
     argument("--joints", metavar="A,B", help="try: only these."),
-    argument("--turned", metavar="JOINT=DEG", help="try: how far a joint turned, if not as read."),
-    argument("--yes", action="store_true", help="try: ask nothing."),
+    argument("--turned", metavar="JOINT=DEG", help="try: how far a joint turned, if different."),
+    argument("--yes", action="store_true", help="try: move without confirmation."),
 )
 def drives(
     session: Session,
@@ -33,9 +33,10 @@ def drives(
 ) -> int:
     """List the drives on a bus, or bring up those of a robot; no board has to run.
 
-    scan lists id, type, firmware, voltage and fault of what answers. try shows each joint and its
-    drive, asks, moves each by 2 degrees under a tenth of its limits, and writes direction and
-    gear ratio into the file where the joint turned otherwise. Ctrl-C disables the motors.
+    scan lists id, type, firmware, voltage and fault of each drive. try shows each joint and its
+    drive, asks for confirmation, and moves each by 2 degrees within a tenth of its limits; where
+    a joint turned otherwise, it writes direction and gear ratio into the file. Ctrl-C disables
+    the motors.
     """
     if action == "scan" and not bus:
         raise UsageError("drives scan needs --bus, as --bus socketcan:can0")

@@ -14,7 +14,7 @@ from ..text.output import DONE, note, put, put_json
 
 
 def layout() -> Path:
-    """Where the layout is installed."""
+    """Path of the installed layout."""
     from ament_index_python.packages import get_package_share_directory
 
     share = Path(get_package_share_directory("control_board_ros"))
@@ -26,13 +26,13 @@ def layout() -> Path:
     argument(
         "--port", type=int, default=8765, metavar="PORT", help="To listen on; 0: a free one."
     ),
-    argument("--read-only", action="store_true", help="Show everything, operate nothing."),
+    argument("--read-only", action="store_true", help="Display only, without operation."),
 )
 def foxglove(session: Session, host: str, port: int, read_only: bool) -> int:
     """Serve the board to Foxglove: prints the address to open there; Ctrl-C ends it.
 
-    State, modes, faults, frames, parameters and services; who can connect operates, so only this
-    machine can unless --host has another address.
+    It serves state, modes, faults, frames, parameters and services. A client that connects can
+    operate the board: by default only this machine can connect (--host).
     """
     if not 0 <= port <= 65535:
         raise UsageError(f"--port {port} is not valid; give 0 to 65535")
@@ -68,7 +68,7 @@ def foxglove(session: Session, host: str, port: int, read_only: bool) -> int:
         if session.options.json:
             put_json({"success": True, "address": live.address, "read_only": read_only})
         else:
-            put(f"{live.board} is served" + (", to look only:" if read_only else ":"))
+            put(f"{live.board} is served" + (", read-only:" if read_only else ":"))
             put(f"  {live.address}  (in Foxglove: Open connection, Foxglove WebSocket)")
             put(f"  {live.app}")
             put(f"Layout: {layout()}. Ctrl-C ends it.")

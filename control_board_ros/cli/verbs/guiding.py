@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl guide and replay: an arm moved by hand, and moving along the same way by itself."""
+"""cbctl guide and replay: an arm guided by hand, and the recorded motion replayed."""
 
 from __future__ import annotations
 
@@ -25,28 +25,30 @@ from ..line.jogging import keys_at_once, pressed
 from ..line.words import Refused, UsageError, short_names
 from ..text.output import DONE, REFUSED, complain, conclude, fail, note, put, put_json
 
-#: s between looks at the keyboard, and between looks whether the joints are still guided.
+#: s between readings of the keyboard, and between readings of the modes.
 LOOK, LOOK_AT_MODES = 0.05, 0.5
 KEYS = "p saves a pose, q ends"
-YES = argument("--yes", action="store_true", help="Do not ask.")
-#: How near to the start of a way joints are so that nothing must be moved first, rad or m.
+YES = argument("--yes", action="store_true", help="Move without confirmation.")
+#: Distance from the start of a motion that requires no move to it, rad or m.
 NEAR = 5e-3
 
 
 @takes(
     JOINTS,
-    argument("--record", metavar="WAY.mcap", help="Record it, for cbctl replay and report."),
+    argument(
+        "--record", metavar="WAY.mcap", help="Record the motion, for cbctl replay and report."
+    ),
     FOR,
 )
 def guide(session: Session, joints: list[str], record: str | None, time: float | None) -> int:
-    """Guide joints by hand: without a spring, gravity compensated, with little damping.
+    """Guide joints by hand: zero stiffness, low damping, gravity compensation.
 
-    They stay where they are put, within their limits. Key p saves a pose (guided_1, …), q or
-    Ctrl-C ends: the joints hold, and what was set before is set again.
+    The joints stay where they are left, within their limits. Key p saves a pose (guided_1, …); q
+    or Ctrl-C ends: the joints hold, and their earlier settings are restored.
     """
     names = guided_joints(session, joints)
     if time is None and not sys.stdin.isatty():
-        raise UsageError("no key can be pressed here: run guide in a terminal, or give --for TIME")
+        raise UsageError("guide needs a terminal for its keys, or a duration: give --for TIME")
     target = None if record is None else unused_path(record)
     poses: list[str] = []
     with Guidance(session.client, names) as guidance, recorded_way(session, target):
@@ -66,7 +68,7 @@ def guide(session: Session, joints: list[str], record: str | None, time: float |
 
 
 def guided_joints(session: Session, words: Sequence[str]) -> list[str]:
-    """The joints that words mean; none: all that have COMPLIANT.
+    """The joints that words select; none: all that have COMPLIANT.
 
     Raises:
         Refused: one cannot be guided.
@@ -86,7 +88,7 @@ def guided_joints(session: Session, words: Sequence[str]) -> list[str]:
 
 
 def attend(session: Session, names: list[str], seconds: float | None, poses: list[str]) -> str:
-    """Let joints be guided until the end; returns why it came, if not requested."""
+    """Serve the keys until the end; returns its reason, empty if requested."""
     begun = asked = clock.monotonic()
     keyboard = sys.stdin.isatty() and not session.options.json
     keys = f": {KEYS}" if keyboard else ""
@@ -116,13 +118,13 @@ def attend(session: Session, names: list[str], seconds: float | None, poses: lis
 
 
 def wait() -> tuple[str, ...]:
-    """No keys: this is no terminal."""
+    """No keys without a terminal."""
     clock.sleep(LOOK)
     return ()
 
 
 def saved_pose(session: Session, names: list[str]) -> list[str]:
-    """Save where the joints are as the next of guided_1, guided_2, …; its name, where it was."""
+    """Save the measured positions as the next of guided_1, guided_2, …; its name, if saved."""
     known, number = set(session.client.list_poses()), 1
     while f"guided_{number}" in known:
         number += 1
@@ -132,10 +134,10 @@ def saved_pose(session: Session, names: list[str]) -> list[str]:
 
 
 def unused_path(text: str) -> Path:
-    """Where a recording goes.
+    """The path of a recording.
 
     Raises:
-        Refused: something is there already.
+        Refused: it exists.
     """
     path = Path(text)
     if path.exists():
@@ -167,15 +169,15 @@ def recorded_way(session: Session, target: Path | None) -> Iterator[None]:
 
 
 @takes(
-    argument("recording", metavar="WAY.mcap", help="Of cbctl guide --record, or any recording."),
+    argument("recording", metavar="WAY.mcap", help="A recording of cbctl guide, or any other."),
     argument("joints", nargs="*", metavar="JOINT", help="Joints; none: those that were guided."),
     argument("--speed", type=float, default=1.0, metavar="FACTOR", help="0.5: half as fast."),
     YES,
 )
 def replay(session: Session, recording: str, joints: list[str], speed: float, yes: bool) -> int:
-    """Move along a way that was guided, within the limits. Ctrl-C stops.
+    """Follow a recorded motion within the limits. Ctrl-C stops.
 
-    It asks before the move to the start of the way, and goes there slowly.
+    After a confirmation, the joints first move slowly to its start.
     """
     from control_board_ros.recording import RecordingError
     from control_board_ros.recording.way import way_of
@@ -183,7 +185,7 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
     if not 0.0 < speed <= 10.0:
         raise UsageError(f"--speed {speed:g} is not valid; give a factor above 0 and up to 10")
     if not yes and not sys.stdin.isatty():
-        raise UsageError("this is no terminal to ask whether it may move; give --yes")
+        raise UsageError("no terminal for the confirmation to move; give --yes")
     try:
         board = recording_of(session, Path(recording))
         names = session.joints(joints) if joints else guided_in(session, board)
@@ -198,7 +200,7 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
     if not goes_on(session, starts, way.duration, yes):
         return fail("nothing was moved", REFUSED, as_json=session.options.json)
     if way.stretched > 1.0:
-        note(session, f"the limits make it {way.stretched:.2g} times as long as asked")
+        note(session, f"the limits extend the motion to {way.stretched:.2g} times its duration")
     try:
         with followed(session, names), Bar(session, "replay") as bar:
             reply = approach(session, names, starts, [one.velocity for one in known])
@@ -220,10 +222,10 @@ def replay(session: Session, recording: str, joints: list[str], speed: float, ye
 
 
 def recording_of(session: Session, path: Path) -> Any:
-    """What a recording holds of this board.
+    """The recording of this board.
 
     Raises:
-        Refused: it is another board's.
+        Refused: it is of another board.
     """
     from control_board_ros.recording.reading import read
 
@@ -237,7 +239,7 @@ def recording_of(session: Session, path: Path) -> Any:
 
 
 def guided_in(session: Session, board: Any) -> list[str]:
-    """The joints that were COMPLIANT in a recording; where none was, all of the board."""
+    """The joints that were COMPLIANT in a recording; if none, all of the board."""
     mine = [name for name in session.names if name in board.names]
     soft = [
         name
@@ -250,7 +252,7 @@ def guided_in(session: Session, board: Any) -> list[str]:
 
 
 def goes_on(session: Session, starts: dict[str, float], seconds: float, yes: bool) -> bool:
-    """Say where it would go, and ask."""
+    """Report the motion, and ask for confirmation."""
     here = dict(zip(starts, session.client.get_encoder(list(starts)).tolist(), strict=True))
     ways = [
         f"{name} {session.position(name, here[name])} → {session.position(name, goal)}"
@@ -258,7 +260,7 @@ def goes_on(session: Session, starts: dict[str, float], seconds: float, yes: boo
         if abs(goal - here[name]) > NEAR
     ]
     there = f"first the joints move to its start: {', '.join(ways)}; then " if ways else ""
-    note(session, f"{there}{', '.join(starts)} along the way for {seconds:.1f} s")
+    note(session, f"{there}{', '.join(starts)} follow the motion for {seconds:.1f} s")
     if yes:
         return True
     return agreed()

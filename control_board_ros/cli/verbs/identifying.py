@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl identify: motions that show what joints are, and what follows from them."""
+"""cbctl identify: motions of joints, and the parameters found from them."""
 
 from __future__ import annotations
 
@@ -41,26 +41,30 @@ PROGRAM = "control_board_ros.identification"
 @takes(
     JOINTS,
     argument("-o", "--output", required=True, metavar="FILE.yaml", help="The file to write."),
-    argument("--range", dest="reach", metavar="SIZE", help="To either side; 20deg, 50mm."),
-    argument("--speed", type=float, default=SPEED, metavar="SHARE", help="Of the speed limits."),
+    argument(
+        "--range", dest="reach", metavar="SIZE", help="Range to either side, e.g. 20deg, 50mm."
+    ),
+    argument(
+        "--speed", type=float, default=SPEED, metavar="SHARE", help="Share of the speed limits."
+    ),
     argument(
         "--acceleration",
         type=float,
         default=ACCELERATION,
         metavar="SHARE",
-        help="Of the acceleration limits.",
+        help="Share of the acceleration limits.",
     ),
     argument(
         "--torque",
         type=float,
         default=TORQUE,
         metavar="SHARE",
-        help="Of the torque limits; beyond it, a motion is stopped.",
+        help="Share of the torque limits; above it, a motion is stopped.",
     ),
-    argument("--no-payload", action="store_true", help="It carries only what its URDF has."),
+    argument("--no-payload", action="store_true", help="No payload beyond the URDF."),
     argument("--keep", metavar="FOLDER", help="Keep the recording of the motions."),
-    argument("--data", metavar="FOLDER", help="Move nothing: a recording that was kept."),
-    argument("--yes", action="store_true", help="Do not ask."),
+    argument("--data", metavar="FOLDER", help="Use a kept recording, without motion."),
+    argument("--yes", action="store_true", help="Move without confirmation."),
 )
 def identify(
     session: Session,
@@ -75,11 +79,11 @@ def identify(
     data: str | None,
     yes: bool,
 ) -> int:
-    """Find friction, rotor inertia, motor constants, delay and payload from motions of a board.
+    """Identify friction, rotor inertia, motor constants, delay and payload from motions.
 
-    Each joint moves in slow ramps, sines and steps around where it is, then all together. What
-    the data shows goes into a parameter file and a report, with 95 % intervals; what it does not
-    show is named. It asks before it moves.
+    Each joint moves in slow ramps, sines and steps about its present position, then all together.
+    The identified values go into a parameter file and a report, with 95 % intervals; values that
+    the data does not determine are listed. It moves only after a confirmation.
     """
     from control_board_ros.identification.motions import motions_of
 
@@ -93,7 +97,7 @@ def identify(
         if not 0.0 < share <= 1.0:
             raise UsageError(f"--{name} {share:g} is not valid; give a share above 0 and up to 1")
     if not yes and not sys.stdin.isatty():
-        raise UsageError("this is no terminal to ask whether it may move; give --yes")
+        raise UsageError("no terminal for the confirmation to move; give --yes")
     if keep is not None and Path(keep).exists():
         raise Refused(f"{keep} exists already; choose another name")
     bounds = bounds_now(session, session.joints(joints), reach, shares)
@@ -116,10 +120,10 @@ def identify(
 def bounds_now(
     session: Session, names: Sequence[str], reach: str | None, shares: dict[str, float]
 ) -> list[Bounds]:
-    """What each joint may do around where it is.
+    """Bounds of the motion of each joint about its present position.
 
     Raises:
-        Refused: limits are not known, or leave no room.
+        Refused: limits are unknown, or leave no room.
     """
     from control_board_ros.identification.motions import NoRoomError, bounds_of
 
@@ -143,7 +147,7 @@ def bounds_now(
 
 
 def way(session: Session, one: Bounds) -> str:
-    """What a joint will do, for people."""
+    """The range and speed of a joint as text."""
     low, high = one.centre - one.reach, one.centre + one.reach
     kind = session.kind(one.joint)
     return f"{one.joint} {kind.travel(low, high)} at up to {kind.velocity(one.speed)}"
@@ -152,10 +156,10 @@ def way(session: Session, one: Bounds) -> str:
 def play(
     session: Session, folder: Path, bounds: Sequence[Bounds], motions: Sequence[Motion]
 ) -> None:
-    """Move and record; a joint that is stopped is left out of what follows.
+    """Move and record; a stopped joint is left out of later motions.
 
     Raises:
-        Refused: joints do not go to their centres, or the recording fails.
+        Refused: joints do not reach their centres, or the recording fails.
     """
     names, left = [one.joint for one in bounds], {one.joint: one for one in bounds}
     rows: list[dict[str, Any]] = []
@@ -192,7 +196,7 @@ def play(
 
 @contextlib.contextmanager
 def stiff(session: Session, names: list[str]) -> Iterator[None]:
-    """Joints in STIFF; their interaction modes as before in the end."""
+    """Joints in STIFF; their interaction modes are restored at the end."""
     client = session.client
     before = client.get_interaction_mode(names)
     try:
@@ -218,7 +222,7 @@ def follow(session: Session, motion: Motion, bounds: dict[str, Bounds]) -> dict[
         state = client.get_state()
         for name, column in zip(names, columns, strict=True):
             if abs(state.torque[column]) > bounds[name].torque:
-                raise Stopped(f"{name} needs more torque than it may have")
+                raise Stopped(f"{name} needs more torque than allowed")
             behind = abs(state.position_reference[column] - state.position[column])
             if behind > LAG * bounds[name].reach:
                 raise Stopped(f"{name} does not follow its reference")

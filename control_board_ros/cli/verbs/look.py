@@ -27,14 +27,14 @@ from ..text.tables import grid
 if TYPE_CHECKING:
     from control_board_ros.client.freeze_frame import FreezeFrame
 
-#: What is drawn of a freeze frame, chart by chart.
+#: Charts of a freeze frame.
 SHOWN = (("position", "reference"), ("velocity", "velocity_reference"), ("torque",), ("current",))
 #: Lines of each chart.
 HEIGHT = 6
 
 
 def frame_rows(frame: FreezeFrame) -> dict[str, Any]:
-    """A freeze frame for machines."""
+    """A freeze frame as JSON values."""
     from control_board_ros.client.freeze_frame import NUMBERS
 
     found = {name: getattr(frame, name).tolist() for name in (*NUMBERS, "motion_done")}
@@ -67,7 +67,7 @@ def show_frame(session: Session, name: str) -> None:
     """Show the freeze frame of a joint's last fault.
 
     Raises:
-        Refused: it has had none.
+        Refused: no fault yet.
     """
     frame = session.client.get_freeze_frame(name)
     if frame is None:
@@ -75,7 +75,7 @@ def show_frame(session: Session, name: str) -> None:
     show(session, frame_rows(frame), lambda: frame_charts(session, frame))
 
 
-#: Before this a stamp is simulated time, not a date, s.
+#: Smaller stamps are simulated time, not dates, s.
 DATES_FROM = 1e9
 
 REFERENCES = (
@@ -89,7 +89,7 @@ REFERENCES = (
     "speed",
     "accel.",
 )
-#: References of modes that few joints have, by title: left out where none was given.
+#: References of rare modes, by title: left out where all are zero.
 RARE = {"vel. dir.": "direct_velocity", "current": "current"}
 
 
@@ -120,7 +120,7 @@ def modes_table(session: Session, rows: Rows) -> Any:
 
 @several
 def info(session: Session) -> None:
-    """Show the board: joints with index, kind, limits, stops, modes, loops, and what axes move."""
+    """Show the joints: index, kind, limits, stops, modes, loops, and the joints that axes move."""
     board, rows = session.client.board_name, read_joints(session)
     show(session, {"board": board, "joints": rows}, lambda: joints_table(board, rows))
 
@@ -151,7 +151,7 @@ def joints_table(board: str, rows: Rows, width: int | None = None) -> Any:
 
 
 def ranges(rows: Rows, low: str, high: str) -> list[str]:
-    """The cells of a column of ranges; a dash where one is not known."""
+    """The cells of a column of ranges; a dash where one is unknown."""
     return [
         "-"
         if row[low] is None or row[high] is None
@@ -195,12 +195,12 @@ def references_table(session: Session, rows: Rows) -> Any:
 @takes(
     JOINTS,
     argument(
-        "--all", dest="every", action="store_true", help="Also the last faults, that are cleared."
+        "--all", dest="every", action="store_true", help="Also the last faults that are cleared."
     ),
-    argument("--frame", metavar="JOINT", help="Draw what was around its last fault."),
+    argument("--frame", metavar="JOINT", help="Draw the freeze frame of its last fault."),
 )
 def faults(session: Session, joints: list[str], every: bool, frame: str | None) -> None:
-    """Show the joints in fault, and why."""
+    """Show the joints in fault, with the reasons."""
     if frame is not None:
         show_frame(session, session.joints([frame])[0])
         return
@@ -229,7 +229,7 @@ def faults_table(rows: Rows, names: Sequence[str], cleared: int) -> Any:
 
 
 def when(stamp: float) -> str:
-    """A time stamp for people."""
+    """A time stamp as text."""
     if stamp < DATES_FROM:
         return f"{stamp:.3f} s"
     return f"{datetime.fromtimestamp(stamp):%H:%M:%S}"

@@ -21,18 +21,18 @@ from ..line.jogging import Jog, keys_at_once, pressed
 from ..line.words import Refused, UsageError, assignments, short_names
 from ..text.output import complain, conclude, console
 
-#: How near to its target a joint has arrived, rad and m.
+#: Tolerance of an arrival, rad and m.
 NEAR, NEAR_SLIDING = 0.01, 1e-3
 
 
 @takes(
     VALUES,
-    amount("--speed", "speed", metavar="SPEED", help="Mean speed, e.g. 20deg; else as set."),
+    amount("--speed", "speed", metavar="SPEED", help="Mean speed, e.g. 20deg; default: as set."),
     argument(
         "--wait",
         action=BooleanOptionalAction,
         default=True,
-        help="Wait for the end of the move, which is the default, or not.",
+        help="Wait for the end of the move (default), or return at once.",
     ),
 )
 def move(session: Session, words: list[str], speed: float | None, wait: bool) -> int:
@@ -70,12 +70,12 @@ def move(session: Session, words: list[str], speed: float | None, wait: bool) ->
 def arrived(
     session: Session, name: str, reached: dict[str, float], targets: dict[str, float]
 ) -> bool:
-    """Whether a joint is measured to be at its target."""
+    """Whether the measured position of a joint is at its target."""
     return abs(reached[name] - targets[name]) <= near(session, name)
 
 
 def near(session: Session, name: str) -> float:
-    """How near to its target a joint has arrived, rad or m."""
+    """Tolerance of an arrival, rad or m."""
     return session.kind(name).choose(NEAR, NEAR_SLIDING)
 
 
@@ -122,7 +122,7 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
     from rich.live import Live
 
     standstill = Standstill()
-    line(session, names[0], keys, standstill)  # from now on it is known without waiting
+    line(session, names[0], keys, standstill)  # later calls do not wait
     moving, used = "", dict[str, None]()
     screen = console(stderr=True)
     with keys_at_once() as terminal, Live(console=screen, auto_refresh=False) as live:
@@ -147,7 +147,7 @@ def jog_with_keys(session: Session, names: list[str], keys: Jog) -> list[str]:
 
 
 def line(session: Session, name: str, keys: Jog, standstill: Standstill) -> str:
-    """The joint, where it is, how fast it goes, and the keys."""
+    """The joint, its position and speed, and the keys."""
     state = session.client.get_state(fresh=False)
     angle = session.position(name, float(state.position[state.names.index(name)]))
     speed = session.position(name, keys.speed)
@@ -166,7 +166,7 @@ def stop(session: Session, joints: list[str]) -> int:
 
 @takes(
     VALUES,
-    argument("--acceleration", action="store_true", help="Set accelerations in place of speeds."),
+    argument("--acceleration", action="store_true", help="Set accelerations instead of speeds."),
 )
 def speed(session: Session, words: list[str], acceleration: bool) -> int:
     """Set the reference speeds of later moves."""

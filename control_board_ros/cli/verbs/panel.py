@@ -11,7 +11,7 @@ from ..line.arguments import amount, argument, takes
 from ..line.words import Refused, UsageError
 from ..text.output import DONE, note, put, put_json
 
-#: What the extra brings.
+#: Packages of the extra.
 NEEDED = ("starlette", "uvicorn", "websockets")
 
 
@@ -26,21 +26,21 @@ NEEDED = ("starlette", "uvicorn", "websockets")
         "time",
         default="10s",
         metavar="TIME",
-        help="Time for the operator to answer a request to take over; silence means yes.",
+        help="Time for the operator to answer a request to take over; no answer means yes.",
     ),
     argument(
         "--recordings",
         default="recordings",
         metavar="FOLDER",
-        help="For what the panel records, each into a folder of its own.",
+        help="For the recordings of the panel, each in a folder of its own.",
     ),
 )
 def panel(
     session: Session, host: str, port: int, read_only: bool, takeover: float, recordings: str
 ) -> int:
-    """Open the web panel for all boards of the domain: prints its address; Ctrl-C ends it.
+    """Serve the web panel for all boards of the domain: prints its address; Ctrl-C ends it.
 
-    Only this machine sees it; others do with --host 0.0.0.0, and with the token.
+    By default only this machine can connect; others can with --host 0.0.0.0 and the token.
     """
     if not 0 <= port <= 65535:
         raise UsageError(f"--port {port} is not valid; give 0 to 65535")
@@ -58,10 +58,10 @@ def panel(
         if as_json:
             put_json({"success": True, "addresses": addresses, "read_only": read_only})
             return
-        put("The panel is open" + (", to look only:" if read_only else ":"))
+        put("The panel is open" + (", read-only:" if read_only else ":"))
         for address in addresses:
             put(f"  {address}")
-        put("Who has the address operates: keep it to yourself. Ctrl-C ends it.")
+        put("The address grants operation: keep it secret. Ctrl-C ends the panel.")
 
     try:
         run(

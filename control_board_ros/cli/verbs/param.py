@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """cbctl param; ``save`` writes a parameter file that starts the same board or robot again.
 
-A robot of several parts is one in its file, too: what its node and those of its parts show goes
-into one section, which each of them reads.
+The parameters of a robot of several parts go into one section, which all its nodes read.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from ..line.offers import joints
 from ..line.words import Refused, UsageError, find_joint
 from ..text.output import DONE, conclude, show
 
-#: Beginnings of names that rclpy has of itself: no file of ours need hold them.
+#: Prefixes of parameters of rclpy itself, which are not saved.
 OF_RCLPY = ("qos_overrides.", "start_type_description_service", "use_sim_time")
 #: The section that every node of a robot reads, and the name of the robot's own node.
 SECTION, ROBOT = "control_board", "robot"
@@ -35,7 +34,7 @@ Values = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Saved:
-    """What goes into a file, and what starts it.
+    """The content of a parameter file, and how to start it.
 
     Attributes: section (name of the node, or one for all nodes of a robot), values (by name),
     renaming (ROS arguments: the names of nodes), left_out (what a file cannot hold).
@@ -73,8 +72,8 @@ def of_robot(folder: str, robot: Values, parts: Mapping[str, Values]) -> Saved:
 
     Args:
         folder: namespace of its nodes.
-        robot: what its own node shows.
-        parts: what those of its parts show.
+        robot: parameters of its own node.
+        parts: parameters of the nodes of its parts.
     """
     values = {name: v for name, v in robot.items() if name != JOINTS and not of_all(name)}
     left_out = []
@@ -88,8 +87,8 @@ def of_robot(folder: str, robot: Values, parts: Mapping[str, Values]) -> Saved:
         if all(value == first for value in found.values()):
             values[name] = first
         else:
-            told = ", ".join(f"{part} {value}" for part, value in found.items())
-            left_out.append(f"{name}, which has one value for all parts in a file: {told}")
+            each = ", ".join(f"{part} {value}" for part, value in found.items())
+            left_out.append(f"{name}, which has one value for all parts in a file: {each}")
     return Saved(SECTION, in_order(values, robot[JOINTS]), above(folder), left_out)
 
 
@@ -98,8 +97,8 @@ def of_one_part(folder: str, part: Values, robot: Values) -> Saved:
 
     Args:
         folder: namespace of the robot's nodes.
-        part: what the part's node shows.
-        robot: what the robot's shows.
+        part: parameters of the part's node.
+        robot: parameters of the robot's node.
     """
     identity = {name: v for name, v in robot.items() if name.startswith(IDENTITY)}
     values = in_order(identity | of_joints(part), robot[JOINTS])
@@ -107,7 +106,7 @@ def of_one_part(folder: str, part: Values, robot: Values) -> Saved:
 
 
 def in_order(values: Values, joints: Sequence[str]) -> Values:
-    """Parameters by name, but parts as they come in the robot, whose joints these are."""
+    """Parameters by name, but parts in the order of the robot's joints."""
     place = {joint: k for k, joint in enumerate(joints)}
 
     def key(name: str) -> tuple[str, int, str]:
@@ -130,7 +129,7 @@ def of_all(name: str) -> bool:
 
 
 def above(folder: str) -> list[str]:
-    """The argument for the namespace that comes before a robot's name, where there is one."""
+    """The argument for the namespace above a robot's name, if any."""
     found = folder.rpartition("/")[0]
     return [f"-r __ns:={found}"] * bool(found)
 
@@ -159,8 +158,8 @@ def yaml_value(value: Any) -> Any:
 def param(session: Session, words: list[str]) -> int:
     """Show parameters, set them, or save them to a file that control_board reads.
 
-    A name may begin with a short joint name: joint_1.limits.upper. A part of names chooses all
-    that hold it.
+    A name may begin with a short joint name: joint_1.limits.upper. A part of a name selects
+    all parameters that contain it.
     """
     doing, *rest = words
     if doing == "show":
@@ -175,7 +174,7 @@ def param(session: Session, words: list[str]) -> int:
 
 
 def read_parameters(session: Session, parts: list[str]) -> dict[str, Any]:
-    """Values by name of the parameters that hold one of the parts; none: all."""
+    """Values by name of the parameters that contain one of the parts; none: all."""
     names = [n for n in session.client.list_parameters() if not n.startswith(OF_RCLPY)]
     found = holding(parts, names, session.names)
     return {
@@ -184,15 +183,17 @@ def read_parameters(session: Session, parts: list[str]) -> dict[str, Any]:
 
 
 def holding(parts: list[str], names: list[str], joints: tuple[str, ...]) -> list[str]:
-    """The names that hold one of the parts; none: all.
+    """The names that contain one of the parts; none: all.
 
     Raises:
-        Refused: there is no such name.
+        Refused: no such name.
     """
     wanted = [full_name(part, names, joints) for part in parts]
     found = [n for n in names if not wanted or any(part in n for part in wanted)]
     if not found:
-        raise Refused(f"no parameter holds {' or '.join(map(repr, parts))}; try: cbctl param show")
+        raise Refused(
+            f"no parameter contains {' or '.join(map(repr, parts))}; try: cbctl param show"
+        )
     return found
 
 
@@ -233,7 +234,7 @@ def save(session: Session, path: Path, parts: list[str]) -> int:
     command = " ".join(
         ["control_board --ros-args", *saved.renaming, "--params-file", shlex.quote(str(path))]
     )
-    told = {
+    result = {
         "success": True,
         "file": str(path),
         "parameters": len(values),
@@ -241,7 +242,7 @@ def save(session: Session, path: Path, parts: list[str]) -> int:
         "command": command,
     }
     text = [f"{len(values)} parameters in {path}; start with: {command}"]
-    show(session, told, lambda: "\n".join([*(f"left out: {o}" for o in saved.left_out), *text]))
+    show(session, result, lambda: "\n".join([*(f"left out: {o}" for o in saved.left_out), *text]))
     return DONE
 
 

@@ -16,14 +16,14 @@ from ..line.words import UsageError, find_joint, short_names
 from ..text.output import console, put, put_json
 from ..text.plotting import SIGNALS, Signal, Trace, chart, signal_of
 
-#: Lines of a chart, with the one of its labels.
+#: Minimum and maximum lines of a chart, with its line of labels.
 LOWEST, HIGHEST = 5, 16
-#: s between looks at the state.
+#: s between readings of the state.
 PERIOD = 0.05
 
 
 def signals_offered(typed: Typed) -> list[str]:
-    """``joint_1.`` first, then what it has; or a kind of all joints."""
+    """``joint_1.``, then its kinds; or a kind of all joints."""
     joint, dot, _ = typed.incomplete.rpartition(".")
     kinds = [f"{joint}{dot}{kind}" for kind in SIGNALS]
     return kinds if dot else [f"{name}." for name in joints(typed)] + kinds
@@ -37,7 +37,9 @@ def signals_offered(typed: Typed) -> list[str]:
         help=f"JOINT.KIND, or KIND of all joints: {', '.join(SIGNALS)}.",
         offers=signals_offered,
     ),
-    argument("--window", type=number, default=10.0, metavar="SECONDS", help="How far back."),
+    argument(
+        "--window", type=number, default=10.0, metavar="SECONDS", help="Time span of a chart, s."
+    ),
     FOR,
 )
 def plot(session: Session, words: list[str], window: float, time: float | None) -> None:
@@ -58,7 +60,7 @@ def plot(session: Session, words: list[str], window: float, time: float | None) 
 
 
 def signals_of(session: Session, word: str) -> list[Signal]:
-    """The signals that a word means: ``joint_1.position``, or ``position`` of all joints.
+    """The signals that a word selects: ``joint_1.position``, or ``position`` of all joints.
 
     Raises:
         UsageError: no kind of signal.
@@ -78,7 +80,7 @@ def signals_of(session: Session, word: str) -> list[Signal]:
 
 
 def states(session: Session, seconds: float | None) -> Iterator[Any]:
-    """The new states at every look, until the time is over; a paused board has none."""
+    """New states, until the time is over; a paused board has none."""
     start, last = time.monotonic(), None
     while seconds is None or time.monotonic() - start < seconds:
         state = session.client.get_state()
@@ -96,7 +98,7 @@ def values_of(state: Any, signals: Sequence[Signal]) -> list[float]:
 
 
 def print_samples(session: Session, signals: Sequence[Signal], seconds: float | None) -> None:
-    """Print a line for each state that is seen, in the units of the board."""
+    """Print a line for each new state, in the units of the board."""
     labels = [f"{signal.joint}.{signal.field}" for signal in signals]
     if not session.options.json:
         put("\t".join(["time", *labels]))

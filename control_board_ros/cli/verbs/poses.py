@@ -22,7 +22,7 @@ SPEED = amount(
     "--speed",
     "speed",
     metavar="SPEED",
-    help="Mean speed of the slowest joint, e.g. 20deg; else the pose's.",
+    help="Mean speed of the slowest joint, e.g. 20deg; default: that of the pose.",
 )
 #: Poses by name: speed, and positions by joint.
 Rows = dict[str, dict[str, Any]]
@@ -30,7 +30,7 @@ Rows = dict[str, dict[str, Any]]
 
 @several
 def poses(session: Session) -> None:
-    """Show the poses that there are: those of the configuration, then those of the user."""
+    """Show the poses of the configuration, then those of the user."""
     rows = read_poses(session)
     show(session, rows, lambda: poses_table(session, rows))
 
@@ -72,7 +72,7 @@ def poses_offered(typed: Typed) -> list[str]:
         "words",
         nargs="+",
         metavar="NAME|save NAME",
-        help="A pose to go to; or save NAME, with joints, or JOINT=VALUE, for some of them.",
+        help="A pose to go to; or save NAME, then joints or JOINT=VALUE for some of them.",
         offers=poses_offered,
     ),
     SPEED,
@@ -80,8 +80,8 @@ def poses_offered(typed: Typed) -> list[str]:
 def pose(session: Session, words: list[str], speed: float | None) -> int:
     """Go to a pose, all joints arriving together (mode pos or mix); or save one. Ctrl-C stops.
 
-    save NAME saves where all joints are now, save NAME JOINT… some of them, and save NAME
-    JOINT=VALUE… what is given, in the user's own file.
+    save NAME saves the measured positions of all joints, save NAME JOINT… those of some joints,
+    save NAME JOINT=VALUE… the given positions, in the user's file.
     """
     name, *rest = words
     if name == "save" and rest:

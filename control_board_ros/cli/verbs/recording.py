@@ -17,14 +17,14 @@ from ..line.arguments import FOR, amount, argument, patterns, takes
 from ..line.words import Refused, UsageError
 from ..text.output import DONE, REFUSED, complain, note, put, put_json
 
-#: s between looks at a recording, and between looks whether its boards are there.
+#: s between updates of the progress, and between checks of the boards.
 LOOK, LOOK_AT_BOARDS = 0.25, 2.0
 
 
 @patterns
 @takes(
     argument(
-        "-o", "--output", required=True, metavar="FOLDER", help="The folder to make, or to fill."
+        "-o", "--output", required=True, metavar="FOLDER", help="The folder of the recording."
     ),
     FOR,
     amount(
@@ -40,7 +40,7 @@ LOOK, LOOK_AT_BOARDS = 0.25, 2.0
         "--last",
         "time",
         metavar="TIME",
-        help="A black box: keep the last seconds in memory, e.g. 60s, and write them into a new "
+        help="Black box: keep the last seconds in memory, e.g. 60s, and write them into a new "
         "folder below FOLDER when a fault happens.",
     ),
     amount(
@@ -48,9 +48,9 @@ LOOK, LOOK_AT_BOARDS = 0.25, 2.0
         "time",
         default="2s",
         metavar="TIME",
-        help="How long to go on after a fault, with --last.",
+        help="Time recorded after a fault, with --last.",
     ),
-    argument("--csv", action="store_true", help="Write tables beside the recording, too."),
+    argument("--csv", action="store_true", help="Also write CSV tables."),
 )
 def record(
     session: Session,
@@ -94,7 +94,7 @@ def record(
 
 
 def bag(folder: Path, limits: dict[str, Any]) -> Any:
-    """A bag that is written from now on."""
+    """A bag, written while recording."""
     from control_board_ros.recording.bag import Bag
 
     return Bag(folder, **limits, custom={"recorder": "cbctl record"})
@@ -124,10 +124,10 @@ def black_box(folder: Path, back: float, after: float) -> Any:
 
 
 def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> str:
-    """Show a recording until it ends; why it did."""
+    """Show a recording until its end; returns the reason of an early end."""
     begun = clock.monotonic()
     asked = begun
-    told = 0
+    reported = 0
     silence = Silence(begun)
     try:
         with Bar(session, "recording", endless=seconds is None) as bar:
@@ -138,10 +138,10 @@ def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> 
                     return ""
                 share = 0.0 if seconds is None else (now - begun) / seconds
                 bar.update(share, progress(recorder, sink, now - begun))
-                for path, fault in getattr(sink, "saved", [])[told:]:
+                for path, fault in getattr(sink, "saved", [])[reported:]:
                     note(session, f"{path}: {fault}")
                     keep_frames(session, [path])
-                    told += 1
+                    reported += 1
                 if now - asked >= LOOK_AT_BOARDS:
                     asked = now
                     if recorder.board_is_gone():
@@ -156,13 +156,13 @@ def watch(session: Session, recorder: Any, sink: Any, seconds: float | None) -> 
 
 
 def progress(recorder: Any, sink: Any, elapsed: float) -> str:
-    """Time, messages, size, rate, and what was dropped."""
-    heard = sum(recorder.counts.values())
+    """Time, messages, rate, size, and number of dropped messages."""
+    count = sum(recorder.counts.values())
     held = f"{sink.size / 1e6:.1f} MB"
     if hasattr(sink, "saved"):
         held += f" held, {len(sink.saved)} written"
-    rate = heard / elapsed if elapsed > 0.0 else 0.0
-    return f"{elapsed:.0f} s, {heard} messages ({rate:.0f}/s), {held}, {recorder.dropped} dropped"
+    rate = count / elapsed if elapsed > 0.0 else 0.0
+    return f"{elapsed:.0f} s, {count} messages ({rate:.0f}/s), {held}, {recorder.dropped} dropped"
 
 
 def written(sink: Any) -> list[Path]:
@@ -181,7 +181,7 @@ def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: lis
     why = recorder.ended or why
     folders = written(sink)
     size = sum(file.stat().st_size for folder in folders for file in folder.glob("*.mcap"))
-    heard = sum(recorder.counts.values())
+    count = sum(recorder.counts.values())
     if session.options.json:
         put_json(
             {
@@ -189,7 +189,7 @@ def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: lis
                 "message": why,
                 "folders": [str(folder) for folder in folders],
                 "tables": [str(table) for table in tables],
-                "messages": heard,
+                "messages": count,
                 "bytes": size,
                 "dropped": recorder.dropped,
             }
@@ -200,7 +200,7 @@ def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: lis
         put(f"{folder}: {files} {'file' if files == 1 else 'files'}")
     if not folders:
         put("no fault, nothing written")
-    put(f"{heard} messages received, {size / 1e6:.1f} MB written, {recorder.dropped} dropped")
+    put(f"{count} messages received, {size / 1e6:.1f} MB written, {recorder.dropped} dropped")
     for table in tables:
         put(f"table: {table}")
     if folders:
@@ -212,8 +212,10 @@ def report_end(session: Session, recorder: Any, sink: Any, why: str, tables: lis
 
 @takes(
     argument("recording", metavar="FOLDER", help="The folder of a recording, or one MCAP file."),
-    argument("-o", "--output", metavar="FILE.html", help="The report; else FOLDER/report.html."),
-    argument("--png", metavar="FOLDER", help="Draw pictures of the joints that moved, too."),
+    argument(
+        "-o", "--output", metavar="FILE.html", help="The report; default: FOLDER/report.html."
+    ),
+    argument("--png", metavar="FOLDER", help="Also draw pictures of the joints that moved."),
 )
 def report(session: Session, recording: str, output: str | None, png: str | None) -> int:
     """Make a report of a recording: one HTML file with modes, faults, tracking and figures.
@@ -243,7 +245,7 @@ def report(session: Session, recording: str, output: str | None, png: str | None
 
 
 def unused(folder: Path, name: str, paths: Sequence[Path]) -> Path:
-    """A picture's path that is not among these: other names may be the same as a file's."""
+    """A path for a picture that is not in use: names may differ and their files not."""
     path, number = folder / f"{name}.png", 2
     while path in paths:
         path, number = folder / f"{name}_{number}.png", number + 1

@@ -22,11 +22,13 @@ from ..text.tables import grid
 @takes(
     JOINTS,
     argument(
-        "--partial", action="store_true", help="Joints that can, also where others must wait."
+        "--partial",
+        action="store_true",
+        help="Recover the joints that can, even where others must wait.",
     ),
 )
 def recover(session: Session, joints: list[str], partial: bool) -> int:
-    """Leave a fault for the modes before it, where the joints are; none: all in fault."""
+    """Leave HW_FAULT for the modes before it, at the measured positions; none: all in fault."""
     names = session.joints(joints)
     faults = faults_now(session, names)
     if not faults:
@@ -48,20 +50,20 @@ def recover(session: Session, joints: list[str], partial: bool) -> int:
         "word",
         nargs="?",
         metavar="release",
-        help="release: let the stop go.",
+        help="release: end the stop.",
         offers=one_of(("release",)),
     ),
 )
 def estop(session: Session, word: str | None) -> int:
-    """Stop every joint of the robot at once, without power; estop release lets the stop go."""
+    """Disable every joint of the robot at once; estop release ends the stop."""
     if word not in (None, "release"):
         raise Refused(f"{word[:40]!r} is not valid; cbctl estop, or cbctl estop release")
     reply = session.client.emergency_stop(word is None)
     recover_with = f"recover with: {session.line('recover')}"
     text = f"released; the joints are still in HW_FAULT; {recover_with}"
     if word is None:
-        fall = "every joint is without power, and falls where no brake holds it"
-        text = f"{fall}; let the stop go with: {session.line('estop', 'release')}"
+        fall = "all joints are unpowered and fall where no brake holds them"
+        text = f"{fall}; release with: {session.line('estop', 'release')}"
     if reply.message:  # not in effect: simulated time is stopped
         text = ""
     return conclude(session, reply, text)
@@ -90,14 +92,14 @@ def faults_now(session: Session, names: list[str]) -> Rows:
 
 
 def nothing_in_fault(session: Session, verb: str, names: list[str], **empty: Any) -> int:
-    """There is nothing to do; the exit code."""
+    """Report that no joint is in fault; returns the exit code."""
     text = f"nothing to {verb}: none of {len(names)} is in fault"
     show(session, {"success": True} | empty, lambda: text)
     return DONE
 
 
 def cleared_rows(faults: Rows, reply: Reply) -> Rows:
-    """What the fault of each joint was, and whether it is cleared now."""
+    """The fault of each joint, and whether it is cleared."""
     return {
         name: {
             "code": faults[name]["code"],

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from control_board_ros.recording.figures import Response
 
 OUTPUT = argument(
-    "-o", "--output", metavar="FOLDER", help="Keep the recording, with a report.html in it."
+    "-o", "--output", metavar="FOLDER", help="Keep the recording, with a report.html."
 )
-#: Greatest frequency of a sweep: two states in a period at 500 Hz would be 250 Hz.
+#: Maximum frequency of a sweep, Hz: five states per period at 500 Hz.
 HIGHEST = 100.0
 
 
@@ -35,9 +35,9 @@ HIGHEST = 100.0
         help="A joint; without --size, control cycles.",
         offers=joints,
     ),
-    argument("--size", metavar="SIZE", help="Of the step, e.g. 5deg; −5deg goes the other way."),
+    argument("--size", metavar="SIZE", help="Size of the step, e.g. 5deg or -5deg."),
     amount(
-        "--for", "time", dest="time", default="2s", metavar="TIME", help="To look at each step."
+        "--for", "time", dest="time", default="2s", metavar="TIME", help="Duration of each step."
     ),
     OUTPUT,
 )
@@ -151,7 +151,7 @@ def show_steps(session: Session, experiment: Experiment, recording: Any, folder:
         "--amplitude",
         default="2deg",
         metavar="SIZE",
-        help="Greatest one; it falls with the frequency, as speed and acceleration allow.",
+        help="Maximum; it decreases with the frequency, within the speed and acceleration limits.",
     ),
     amount("--for", "time", dest="time", default="60s", metavar="TIME", help="Duration."),
     OUTPUT,
@@ -167,8 +167,8 @@ def chirp(
 ) -> int:
     """Sweep a joint through frequencies: gain, phase, coherence, −3 dB bandwidth.
 
-    The joint swings around where it is, in POSITION_DIRECT, within its limits of position, speed
-    and acceleration. Ctrl-C stops it.
+    The joint oscillates about its present position, in POSITION_DIRECT, within its limits of
+    position, speed and acceleration. Ctrl-C stops it.
     """
     from control_board_ros.recording.chirp import sweep
 
@@ -274,7 +274,7 @@ def put_response(response: Response) -> None:
 
 
 def write_report(folder: Path | None, recording: Any, section: str) -> str | None:
-    """A report beside the recording, where it is kept."""
+    """A report beside the recording, if kept."""
     from control_board_ros.recording.page import page, write_page
 
     if folder is None:

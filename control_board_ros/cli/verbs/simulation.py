@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl pause, resume, reset and inject: a simulated board only."""
+"""cbctl pause, resume, reset and inject, for simulated boards only."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ FAULTS = ("overcurrent", "encoder", "torque_sensor", "overheating", "external")
 
 def pause(session: Session) -> int:
     """Pause the simulation."""
-    text = f"paused; go on with: {session.line('resume')}"
+    text = f"paused; resume with: {session.line('resume')}"
     return conclude(session, session.client.pause(True), text)
 
 
 def resume(session: Session) -> int:
-    """Let a paused simulation go on."""
+    """Resume a paused simulation."""
     return conclude(session, session.client.pause(False), "running")
 
 
 def reset(session: Session) -> int:
-    """Go back to the initial pose and power-on."""
+    """Return to the initial pose and power-on."""
     return conclude(session, session.client.reset(), "reset")
 
 
@@ -40,7 +40,7 @@ def reset(session: Session) -> int:
     argument("--clear", action="store_true", help="Remove all injected causes."),
 )
 def inject(session: Session, words: list[str], persistent: bool, clear: bool) -> int:
-    """Break something in simulated joints, so that the board finds it."""
+    """Inject a fault into simulated joints."""
     if clear and not words:
         reply = session.client.clear_injected_faults()
         text = f"injected causes removed; clear the faults: {session.line('clear')}"

@@ -18,17 +18,17 @@ from ..line.words import UsageError
 from ..text.output import DONE, USAGE, complain, note, put
 from . import VERBS, load
 
-#: What ends the shell, and what shows the help of cbctl.
+#: Words that end the shell, and that show the help of cbctl.
 LEAVE = ("exit", "quit")
 HELP = ("help", "?")
 
 
 def shell(session: Session) -> int:
-    """Type verbs one after the other over one connection; help lists them, quit ends it.
+    """Run verbs interactively over one connection; help lists them, quit ends it.
 
     Lines may come from a pipe; then the exit code is that of the last line that failed.
     """
-    names = session.names  # fails at once where there is no board
+    names = session.names  # fails at once without a board
     session.shared = True
     lines = typed(session, names) if sys.stdin.isatty() else iter(sys.stdin)
     try:
@@ -64,7 +64,7 @@ def serve(lines: Iterable[str], run_line: Callable[[Sequence[str]], int]) -> int
 
 
 def typed(session: Session, names: Sequence[str]) -> Iterator[str]:
-    """Lines from a person, with history and completion."""
+    """Lines typed in a terminal, with history and completion."""
     from prompt_toolkit import PromptSession
     from prompt_toolkit.completion import Completer, Completion
     from prompt_toolkit.history import FileHistory, InMemoryHistory
@@ -95,7 +95,7 @@ def typed(session: Session, names: Sequence[str]) -> Iterator[str]:
 
 
 def history() -> Path:
-    """The file of typed lines; made where the desktop wants such files.
+    """The file of typed lines, created in the user's state folder (XDG).
 
     Raises:
         OSError: it cannot be written.

@@ -20,8 +20,8 @@ def tune(session: Session, **values: Any) -> int:
     """Search for gains of a robot in simulation, and write a parameter file and a report.
 
     PID, torque and impedance gains are tried in several poses, with and without a payload, on the
-    board without ROS; no board has to run. What is not better than before stays as it was. The
-    same command goes on where an earlier one ended.
+    board without ROS; no board has to run. Gains without improvement stay unchanged. The same
+    command continues an interrupted search.
     """
     words = [str(values.pop("robot"))]
     for name, value in values.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""cbctl watch: many rows on one screen, in blocks beside each other."""
+"""cbctl watch: many rows on one screen, in blocks side by side."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ TITLES = (
     "fault",
 )
 RIGHT = ("position", "reference", "torque", "output")
-#: What goes first where the terminal is narrow.
+#: Columns dropped on a narrow terminal, in this order.
 DISPENSABLE = ("output", "reference", "its limits", "torque", "int.")
-#: Lines of faults below joints in blocks, at most.
+#: Maximum number of lines of faults below joints in blocks.
 MOST_FAULTS = 3
-#: Characters that a fault has at least, where it has as many.
+#: Minimum width of a longer fault, characters.
 FAULT_WIDTH = 20
 
 
 def fitting(
     columns: Mapping[str, list[Text]], dispensable: Sequence[str], width: int, height: int
 ) -> tuple[dict[str, list[Text]], int]:
-    """The columns to show, and how many blocks of them fit beside each other.
+    """The columns to show, and how many blocks of them fit side by side.
 
-    Columns are left out, the first of the dispensable ones first, until all rows find room.
+    Dispensable columns are dropped in their order until all rows fit.
     """
     kept = dict(columns)
     count = max(map(len, kept.values()))
@@ -75,12 +75,12 @@ def dense(
     Args:
         columns: cells by title.
         right: titles of columns that are aligned to the right.
-        dispensable: titles of columns in the order in which they are left out.
+        dispensable: titles of columns, in the order in which they are dropped.
         width: of the screen.
         height: likewise.
 
     Returns:
-        What to draw, and how many of the rows found room.
+        The table, and how many rows fit.
     """
     from rich.table import Table
 
@@ -104,16 +104,16 @@ def dense(
 @takes(
     JOINTS,
     argument("--once", action="store_true", help="Show it once and end."),
-    argument("--rate", type=number, default=10.0, metavar="RATE", help="Times a second."),
+    argument("--rate", type=number, default=10.0, metavar="RATE", help="Frames per second."),
 )
 def watch(session: Session, joints: list[str], once: bool, rate: float) -> None:
-    """Watch joints live; Ctrl-C ends it. Into a pipe or file: frame after frame, as they come.
+    """Show joints live; Ctrl-C ends it. In a pipe or file: one frame after another.
 
-    Where the joints are more than the lines of the terminal, they are beside each other. With
-    --json a line per time.
+    Joints beyond the lines of the terminal are shown in blocks side by side. With --json: a line
+    per frame.
     """
     if not 0.0 < rate <= 100.0:
-        raise UsageError(f"--rate {rate:g} is not valid; give times a second, above 0 up to 100")
+        raise UsageError(f"--rate {rate:g} is not valid; give a rate above 0, up to 100 Hz")
     with sessions_meant(session, joints) as sessions:
         views = [View(board, one, one.joints(joints)) for board, one in sessions.items()]
         if once:
@@ -126,7 +126,7 @@ def watch(session: Session, joints: list[str], once: bool, rate: float) -> None:
 
 
 class View:
-    """What is watched of one board: its joints, with their limits.
+    """The joints of one board on screen, with their limits.
 
     Attributes: board (its name), session, rows (as last read).
     """
@@ -141,17 +141,17 @@ class View:
         self.rows = read_state(self.session, self._names)
 
     def table(self, width: int) -> Any:
-        """The table of what was read."""
+        """The table of the rows."""
         return watch_table(self.session, self.rows, self._limits, width)
 
     def columns(self) -> dict[str, list[Text]]:
-        """All columns of what was read, short names first."""
+        """All columns of the rows, with short names."""
         columns = columns_of(self.session, self.rows, self._limits)
         shorts = short_names(list(self.rows), self.session.names)
         return columns | {"joint": [text_of(shorts[name]) for name in self.rows]}
 
     def faults(self) -> list[tuple[str, str]]:
-        """Joints in trouble, and what it is."""
+        """Joints in fault, and the texts of their faults."""
         return [(name, row["fault"]) for name, row in self.rows.items() if row["fault"]]
 
 
@@ -163,12 +163,12 @@ def frame(session: Session, views: Sequence[View]) -> None:
 
 
 def values_of(views: Sequence[View]) -> dict[str, Any]:
-    """What was read: by joint, or of several boards by board and joint."""
+    """The rows: by joint, or of several boards by board and joint."""
     return views[0].rows if len(views) == 1 else {view.board: view.rows for view in views}
 
 
 def stacked(views: Sequence[View], width: int) -> Any:
-    """The tables of all boards below each other, as long as they are."""
+    """The tables of all boards, one below the other."""
     if len(views) == 1:
         return views[0].table(width)
     from rich.console import Group
@@ -196,7 +196,7 @@ def follow(session: Session, views: Sequence[View], period: float) -> NoReturn:
 
 
 def on_screen(views: Sequence[View], width: int, height: int) -> Any:
-    """All boards within a terminal: tables as ever where they fit, else joints in blocks."""
+    """All boards within a terminal: tables where they fit, else joints in blocks."""
     heads = HEAD if len(views) == 1 else HEAD + 2
     if sum(len(view.rows) + heads for view in views) < height:
         return stacked(views, width)
@@ -217,7 +217,7 @@ def on_screen(views: Sequence[View], width: int, height: int) -> Any:
     ]
     if len(troubles) > MOST_FAULTS:
         notes[-1] = Text(f"… {len(troubles) - MOST_FAULTS + 1} more in fault: cbctl faults", "red")
-    room = height - len(notes) - 2  # a line below for what finds none, and one for the cursor
+    room = height - len(notes) - 2  # lines for the number of hidden rows and for the cursor
     table, shown = dense(columns, RIGHT, DISPENSABLE, width, room)
     rest = len(columns["joint"]) - shown
     if rest:
@@ -227,7 +227,7 @@ def on_screen(views: Sequence[View], width: int, height: int) -> Any:
 
 
 def watch_table(session: Session, rows: Rows, limits: Limits, width: int) -> Any:
-    """The table, with what a terminal of this width has room for."""
+    """The table, with the columns that fit the width."""
     columns = fitted(columns_of(session, rows, limits), session.names, width)
     return drawn(columns, RIGHT)
 
@@ -260,7 +260,7 @@ def columns_of(session: Session, rows: Rows, limits: Limits) -> dict[str, list[T
 def fitted(
     columns: dict[str, list[Text]], names: Sequence[str], width: int
 ) -> dict[str, list[Text]]:
-    """Columns that fit: names without what all begin with, then without the least important."""
+    """Columns that fit: with short names first, then without the dispensable columns."""
     columns = dict(columns)
     if least(columns) > width:
         shorts = short_names([cell.plain for cell in columns["joint"]], names)
@@ -276,6 +276,6 @@ def fitted(
 
 
 def least(columns: dict[str, list[Text]]) -> int:
-    """The characters of columns; a long fault is cut rather than other columns."""
+    """Minimum width of columns, characters; a long fault is cut before other columns."""
     fault = max(cell.cell_len for cell in columns["fault"])
     return needed(columns, ()) - max(fault - FAULT_WIDTH, 0)
