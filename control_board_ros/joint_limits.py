@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The limits of joints as a board's parameters have them, for all who ask a board."""
+"""The limits of joints, read from the parameters of a board."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ class JointLimits:
     """The parameters ``<joint>.limits.*`` of a joint.
 
     Attributes: lower, upper (software limits), hard_lower, hard_upper (stops), in rad; velocity
-    (rad/s), acceleration (rad/s²), torque (N·m), output (PWM percent), peak_current (A); of a
-    sliding joint m and N.
-    Infinite: not known.
+    (rad/s), acceleration (rad/s²), torque (N·m), output (PWM percent), peak_current (A); m and N
+    of a sliding joint. Infinite: unknown.
     """
 
     lower: float = -math.inf
@@ -29,7 +28,7 @@ class JointLimits:
     peak_current: float = math.inf
 
     def range(self, kind: str) -> tuple[float, float]:
-        """The least and the greatest value of a kind: ``position``, ``speed``, …"""
+        """The minimum and maximum of a kind: ``position``, ``speed``, …"""
         if kind == "position":
             return self.lower, self.upper
         names = {"speed": "velocity", "current": "peak_current"}
@@ -46,7 +45,7 @@ def limit_parameters(joints: Iterable[str]) -> list[str]:
 
 
 def limits_of(joints: Sequence[str], values: Iterable[object]) -> dict[str, JointLimits | None]:
-    """The limits by joint; None of a joint of which one is no number.
+    """The limits by joint; None where one of them is not a number.
 
     Args:
         joints: names.

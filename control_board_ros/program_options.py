@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Options that programs share with cbctl: ``cbctl tune``, ``cbctl conformance``.
+"""Options of ``cbctl tune`` and ``cbctl conformance``, shared with these programs.
 
-Apart from these programs, which load the simulation or rclpy: the help of cbctl needs neither.
+The programs load the simulation or rclpy; this module, for the help of cbctl, does not.
 """
 
 from __future__ import annotations

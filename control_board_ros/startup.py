@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What makes ROS processes start and find each other sooner, and run evenly from the first cycle.
+"""Faster start and discovery of ROS processes, and even cycles from the first on.
 
-A DDS participant that starts learns of an older one by that one's answer to its first word.
-Where the answer is lost, which is often so while a process starts, it has to wait until the older
-one announces itself again: every 3 s with Fast DDS, every 0.2 s with the profile beside this file.
-A request or an answer that a network loses is missed with the writer's next heartbeat: within 3 s,
-or 0.1 s.
+A new DDS participant discovers an older one by its answer to the first announcement. That answer
+is often lost while a process starts; the next announcement of the older one follows after 3 s with
+Fast DDS, after 0.2 s with the profile beside this file. A message lost by the network is repeated
+with the writer's next heartbeat: within 3 s, or 0.1 s.
 """
 
 from __future__ import annotations
@@ -17,15 +16,15 @@ import sys
 from pathlib import Path
 from typing import Any, cast
 
-#: Where Fast DDS, the default middleware of ROS 2 Jazzy, looks for profiles.
+#: Path of the profiles of Fast DDS, the default middleware of ROS 2 Jazzy.
 VARIABLE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 PROFILE = Path(__file__).with_name("discovery.xml")
 
 
 def announce_often() -> None:
-    """Let this process and its children announce themselves often.
+    """Set the discovery profile for this process and its children.
 
-    Profiles that the user has chosen stay as they are. Other middlewares do not look at it.
+    Profiles chosen by the user stay; other middlewares ignore the variable.
     """
     os.environ.setdefault(VARIABLE, str(PROFILE))
 
@@ -34,22 +33,22 @@ def leave_out_the_generator() -> None:
     """Keep the code generator of messages out of a process that only uses messages.
 
     Loading the type support of a message imports its package, and with it a parser and a
-    template engine: 90 ms and 7 MB. The package itself expects that they may be missing.
+    template engine: 90 ms and 7 MB. The package works without them.
     """
     modules = cast(dict[str, Any], sys.modules)
     modules.setdefault("rosidl_generator_py.generate_py_impl", None)
 
 
 def defer_collection() -> None:
-    """Collect no garbage while modules load and nodes are made, a sixth of the time of that."""
+    """Disable garbage collection during the start, of which it is a sixth."""
     gc.disable()
 
 
 def resume_collection() -> None:
-    """Collect garbage from now on, of what is made from now on.
+    """Enable garbage collection, for objects created from now on.
 
-    What is there stays as long as the process; a collection that walked it, rclpy's and the
-    physics engine's objects among it, would hold up every thread for 40 ms.
+    Present objects last as long as the process; a collection over them, with those of rclpy and
+    the physics engine, blocks every thread for 40 ms.
     """
     gc.freeze()
     gc.enable()
@@ -58,7 +57,7 @@ def resume_collection() -> None:
 def search_modules() -> None:
     """Search all modules for a caller, as rclpy's logger does for its first line.
 
-    The search is kept. It takes the interpreter for 20 ms, and while other threads run up to
-    300 ms, in which drives answer late: so it is made before the control loop starts.
+    The result is cached. The search holds the interpreter for 20 ms, up to 300 ms beside other
+    threads, and delays the answers of drives: it is made before the control loop starts.
     """
     inspect.getmodule(inspect.currentframe())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names and texts of others, made safe to show, to store and to name a file by.
+"""Names and texts of other origin, made safe for display, storage and file names.
 
 ROS messages, drives and recordings contain texts of unknown origin. A terminal executes some
 characters (titles, colours, the clipboard), others reverse the direction of writing, lone
@@ -13,9 +13,9 @@ import re
 import unicodedata
 from collections.abc import Iterable
 
-#: Characters of a text that are shown; of a name.
+#: Maximum characters of a text and of a name.
 TEXT, NAME = 500, 120
-#: In the place of a character that is none to be shown.
+#: Replaces a character that is not displayed.
 REPLACED = "\N{REPLACEMENT CHARACTER}"
 _SPACES = frozenset("\t\n\v\f\r\x85\N{LINE SEPARATOR}\N{PARAGRAPH SEPARATOR}")
 
@@ -23,8 +23,8 @@ _SPACES = frozenset("\t\n\v\f\r\x85\N{LINE SEPARATOR}\N{PARAGRAPH SEPARATOR}")
 def clean(text: object, most: int = TEXT) -> str:
     """A text on one line, ``most`` characters long at most, safe for a terminal.
 
-    What separates lines and columns becomes a space; control characters, what changes the
-    direction of writing, and lone surrogates become U+FFFD. The end has what was left out.
+    Separators of lines and columns become spaces; control characters, changes of the direction
+    of writing, and lone surrogates become U+FFFD. The end has the number of omitted ones.
     """
     whole = text if type(text) is str else _words_of(text)
     if len(whole) <= most and whole.isprintable():
@@ -35,24 +35,24 @@ def clean(text: object, most: int = TEXT) -> str:
 
 
 def clean_lines(text: str) -> str:
-    """A text of several lines and columns, each as ``clean`` has it, whatever its length."""
+    """A text of several lines and columns, cleaned as by ``clean``, of any length."""
     if text.isprintable():
         return text
     return "".join(c if c in "\n\t" else _shown(c) for c in text)
 
 
 def clean_name(name: object) -> str:
-    """A name, as ``clean`` has it."""
+    """A name, cleaned as by ``clean``."""
     return clean(name, NAME)
 
 
 def clean_names(names: Iterable[object]) -> tuple[str, ...]:
-    """Names, as ``clean`` has them."""
+    """Names, cleaned as by ``clean``."""
     return tuple(clean(name, NAME) for name in names)
 
 
 def json_line(value: object) -> str:
-    """JSON on one line, of the same texts: what cannot be shown is escaped."""
+    """JSON on one line; characters that are not displayed are escaped."""
     made = json.dumps(value, ensure_ascii=False)
     if made.isprintable():
         return made
@@ -60,7 +60,7 @@ def json_line(value: object) -> str:
 
 
 def file_name(name: object) -> str:
-    """A name for a file in a folder: letters, digits, ``_``, ``-`` and ``.``, no way out of it."""
+    """A file name: letters, digits, ``_``, ``-`` and ``.``, no path to another folder."""
     safe = re.sub(r"[^\w.-]", "_", clean(name, NAME).encode("ascii", "replace").decode())
     return safe.lstrip(".") or "_"
 
@@ -69,7 +69,7 @@ def _words_of(something: object) -> str:
     """As ``str``, also of objects whose ``__str__`` fails."""
     try:
         return str.__str__(str(something))
-    except Exception as error:  # noqa: BLE001 - somebody else's code
+    except Exception as error:  # noqa: BLE001 - foreign code
         return f"{type(something).__name__} ({type(error).__name__} in its text)"
 
 
@@ -82,12 +82,12 @@ def _shown(character: str) -> str:
 
 
 def nearest(word: str, known: Iterable[str], likeness: float = 0.6) -> str:
-    """What a word may have meant, to end a phrase with: ``; did you mean 'park'?``, or nothing.
+    """The end of a phrase that suggests a known word: ``; did you mean 'park'?``, or nothing.
 
     Args:
-        word: that is not known.
-        known: those that are.
-        likeness: of the two, from 0 to 1, at least.
+        word: an unknown word.
+        known: the known words.
+        likeness: minimum similarity of the two, 0 to 1.
     """
     from difflib import get_close_matches  # only where something is misspelt
 

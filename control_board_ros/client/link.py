@@ -116,7 +116,7 @@ class Link:
         return entity
 
     def _fresh(self, endpoint: Endpoint) -> Any:
-        """QoS of a request: void after the answer timeout, so that a failed one is not executed
+        """QoS of a request: it lapses with the answer timeout, and a failed one is not executed
         when the network recovers.
         """
         profile = endpoint.qos.profile()
@@ -136,9 +136,7 @@ class Link:
         client = self._entity(service, make)
         if not await self.thread.until(client.service_is_ready, self.find_timeout):
             raise self.not_offered(service) if self.is_there() else self.not_found()
-        with contextlib.suppress(
-            BoardTimeout
-        ):  # a board that does not answer that may answer this
+        with contextlib.suppress(BoardTimeout):  # the request itself may be answered
             await self._get_acquainted(service, min(self.find_timeout, self.answer_timeout))
         future = client.call_async(client.srv_type.Request(**fields))
         if not await self.thread.outcome(future, self.answer_timeout):
@@ -164,7 +162,7 @@ class Link:
                 self._unsettled |= not settled
 
     async def publish(self, topic: Endpoint, **fields: Any) -> None:
-        """Publish on a topic once the board subscribes to it: the first message is not lost.
+        """Publish on a topic once the board subscribes to it, so that the first message arrives.
 
         Other subscribers (a recorder, a panel) do not count; the check is repeated when the number
         of subscriptions changes.
@@ -211,14 +209,14 @@ class Link:
         await self.settle()
         return client
 
-    async def _get_acquainted(self, asked: Endpoint, patience: float) -> None:
+    async def _get_acquainted(self, endpoint: Endpoint, patience: float) -> None:
         """Wait until this run of the board has discovered the client of a service or action.
 
         Before that its answer is lost, and a request must not be repeated. Endpoints are
         discovered in order of creation: an answer to one created later confirms the client. This
         query has no effect on the board and is repeated after a lost answer.
         """
-        if self._acquainted.get(asked) == self._identity():
+        if self._acquainted.get(endpoint) == self._identity():
             return
         name = self.full_name(GET_CONTROL_MODE)
         made = GET_CONTROL_MODE.load()
@@ -231,13 +229,13 @@ class Link:
             answered = False
             while ready and not answered and time.monotonic() < deadline:
                 sent.append(later.call_async(made.Request()))
-                # An answer that is late is one, too.
+                # A late answer counts.
                 answered = await self.thread.until(
                     lambda: any(future.done() for future in sent), ACQUAINTED
                 )
             if not answered:
-                raise self.timed_out(asked, patience)
-            self._acquainted[asked] = self._identity()
+                raise self.timed_out(endpoint, patience)
+            self._acquainted[endpoint] = self._identity()
         finally:
             with contextlib.suppress(BoardError, *GONE):  # otherwise destroyed with the node
                 self.thread.later(lambda: self._node.destroy_client(later))

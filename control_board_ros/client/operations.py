@@ -69,8 +69,8 @@ class operation(Generic[P, R]):  # noqa: N801  (a decorator)
         @wraps(coroutine)
         async def awaitable(self: Awaitable, /, *args: P.args, **kwargs: P.kwargs) -> R:
             with gone_as_board_error():
-                asked = coroutine(self._inside, *args, **kwargs)
-                return await run_async(asked, self._link.wake_user)
+                call = coroutine(self._inside, *args, **kwargs)
+                return await run_async(call, self._link.wake_user)
 
         self.coroutine, self.blocking, self.awaitable = coroutine, blocking, awaitable
 

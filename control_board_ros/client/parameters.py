@@ -144,8 +144,8 @@ class ParameterRequests(Interface):
     async def _of_joints(self, fields: Sequence[str], joints: Joints) -> list[Floats]:
         """Parameters of each joint in one request; an array of shape (k,) per field."""
         names = (await self._services.select(joints)).names
-        asked = [f"{name}.{field}" for field in fields for name in names]
-        values = await self.get_parameters(asked)
+        keys = [f"{name}.{field}" for field in fields for name in names]
+        values = await self.get_parameters(keys)
         columns = np.array(list(values.values()), dtype=np.float64)
         return list(columns.reshape(len(fields), len(names)))
 

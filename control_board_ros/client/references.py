@@ -38,7 +38,7 @@ from .services import reply_of
 
 
 class References(Interface):
-    """What moves joints: from IPositionControl to IOpenLoopControl and ICurrentControl."""
+    """IPositionControl to IOpenLoopControl and ICurrentControl: references and stop."""
 
     @operation
     async def position_move(
@@ -77,7 +77,7 @@ class References(Interface):
     async def set_position(
         self, joints: Joints, positions: Values, *, answered: bool = False
     ) -> Reply:
-        """Step the position reference, rad (P4); ``answered`` asks for the board's answer."""
+        """Step the position reference, rad (P4); ``answered``: by service."""
         return await self._send(POSITION_DIRECT_COMMAND, joints, answered, positions=positions)
 
     @operation
@@ -95,7 +95,7 @@ class References(Interface):
             joints: that move.
             velocities: rad/s; one for all joints, or shape (k,). They expire (P12).
             accelerations: rad/s², likewise; None: as set.
-            answered: whether to ask for the board's answer, instead of publishing.
+            answered: send by service, for the board's answer.
         """
         return await self._send(
             VELOCITY_COMMAND,
@@ -109,28 +109,28 @@ class References(Interface):
     async def set_ref_torque(
         self, joints: Joints, torques: Values, *, answered: bool = False
     ) -> Reply:
-        """Set the reference torque, N·m (P7); ``answered`` asks for the board's answer."""
+        """Set the reference torque, N·m (P7); ``answered``: by service."""
         return await self._send(TORQUE_COMMAND, joints, answered, torques=torques)
 
     @operation
     async def set_ref_velocity(
         self, joints: Joints, velocities: Values, *, answered: bool = False
     ) -> Reply:
-        """Set the velocity, rad/s, at once (Y1); ``answered`` asks for the board's answer."""
+        """Set the velocity, rad/s, at once (Y1); ``answered``: by service."""
         return await self._send(VELOCITY_DIRECT_COMMAND, joints, answered, velocities=velocities)
 
     @operation
     async def set_ref_current(
         self, joints: Joints, currents: Values, *, answered: bool = False
     ) -> Reply:
-        """Set the motor current, A (Y2); ``answered`` asks for the board's answer."""
+        """Set the motor current, A (Y2); ``answered``: by service."""
         return await self._send(CURRENT_COMMAND, joints, answered, currents=currents)
 
     @operation
     async def set_output(
         self, joints: Joints, outputs: Values, *, answered: bool = False
     ) -> Reply:
-        """Set the PWM in percent (P8); ``answered`` asks for the board's answer."""
+        """Set the PWM in percent (P8); ``answered``: by service."""
         return await self._send(OUTPUT_COMMAND, joints, answered, outputs=outputs)
 
     @operation
@@ -148,7 +148,7 @@ class References(Interface):
             joints: target joints.
             outputs: one for all joints, or shape (k,); None: unchanged.
             torques: likewise.
-            answered: whether to ask for the board's answer, instead of publishing.
+            answered: send by service, for the board's answer.
         """
         if outputs is None and torques is None:
             return refused("feedforward ignored: neither outputs nor torques given")
@@ -275,7 +275,7 @@ class References(Interface):
                 for name, array in fields.items()
                 if array is not None
             }
-        except RequestError as error:  # sent all the same: the board counts it (P13)
+        except RequestError as error:  # sent, for the board to count (P13)
             await self._publish(topic, self._named(joints), as_given(fields))
             return refused(f"{what} ignored: {error}")
         if not answered:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a client has received of a board: states, joint names, calibration statuses."""
+"""Received from a board: states, joint names, calibration statuses."""
 
 from __future__ import annotations
 
