@@ -117,7 +117,8 @@ class ControlBoardClient(Blocking, Interfaces):
     @property
     def names(self) -> tuple[str, ...]:
         """Joint names in the board's order."""
-        return self._services.joints.names or self.wait_until_found()
+        selector = self._services.selector
+        return self.wait_until_found() if selector is None else selector.names
 
 
 def connect(board: str = "control_board", **options: Any) -> ControlBoardClient:

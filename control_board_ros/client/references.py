@@ -276,7 +276,7 @@ class References(Interface):
                 if array is not None
             }
         except RequestError as error:  # sent, for the board to count (P13)
-            await self._publish(topic, self._named(joints), as_given(fields))
+            await self._publish(topic, await self._named(joints), as_given(fields))
             return refused(f"{what} ignored: {error}")
         if not answered:
             await self._publish(topic, selection.names, values)
@@ -298,12 +298,12 @@ class References(Interface):
         await self._link.publish(topic, names=list(names), **fields)
         self._services.states.changed()
 
-    def _named(self, joints: Joints) -> list[str]:
+    async def _named(self, joints: Joints) -> list[str]:
         """Names of joints, which may be unknown."""
         if joints is None:
             return []
         given = [joints] if isinstance(joints, str | int) else joints
-        names = self._services.joints.names
+        names = (await self._services.find()).names
         return [names[j] if isinstance(j, int) and 0 <= j < len(names) else str(j) for j in given]
 
 

@@ -18,7 +18,7 @@ from control_board_ros.text import NAME, clean
 from .checking import check_asked
 from .errors import BoardError
 from .link import Link
-from .state import CalibrationView, JointNames, StateView
+from .state import CalibrationView, StateView, joint_names
 
 Word = TypeVar("Word", bound=StrEnum)
 
@@ -32,15 +32,22 @@ class Services:
     Args:
         link: the connection.
 
-    Attributes: link, joints, states, calibrations (as last received), description (the URDF, once
-    requested).
+    Attributes: link, selector (the joints of the last ~/modes message; None before the first),
+    states, calibrations (as last received), description (the URDF, once requested).
     """
 
     def __init__(self, link: Link) -> None:
-        self.link, self.joints, self.states = link, JointNames(), StateView(link)
+        self.link, self.states = link, StateView(link)
+        self.selector: Selector | None = None
         self.calibrations = CalibrationView()
         self.description: deque[str] = deque(maxlen=1)
-        link.subscribe(MODES, self.joints.on_message)
+        link.subscribe(MODES, self.on_modes)
+
+    def on_modes(self, message: Any) -> None:
+        """Process a JointModes message; a restarted board may have other joints."""
+        names = joint_names(message.names)
+        if self.selector is None or self.selector.names != names:
+            self.selector = Selector(names)
 
     async def find(
         self, timeout: float | None = None, also: Callable[[], bool] = lambda: True
@@ -52,13 +59,12 @@ class Services:
         """
         patience = self.link.find_timeout if timeout is None else timeout
         found = await self.link.thread.until(
-            lambda: self.joints.selector is not None and also(), patience
+            lambda: self.selector is not None and also(), patience
         )
         if not found:
             raise self.link.not_found(patience)
-        selector = self.joints.selector
-        assert selector is not None
-        return selector
+        assert self.selector is not None
+        return self.selector
 
     async def select(self, joints: Joints) -> Selection:
         """Resolve joints.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from control_board_ros.core.calibration.calibration import CalibrationStatus
-from control_board_ros.core.selection import RequestError, Selector
+from control_board_ros.core.selection import RequestError
 from control_board_ros.interface import GET_CONTROL_MODE, MOST_JOINTS, STATE
 from control_board_ros.protocols import Floats
 from control_board_ros.text import clean_names
@@ -197,27 +197,6 @@ def joint_names(names: Sequence[str]) -> tuple[str, ...]:
     if len(set(known)) != len(known) or not all(known):
         raise RequestError("a message with a joint of no name, or of another's, is left out")
     return known
-
-
-class JointNames:
-    """The joints of the last ~/modes message, updated by the link's thread.
-
-    Attributes: selector (None before the first message).
-    """
-
-    def __init__(self) -> None:
-        self.selector: Selector | None = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """In board order; empty before the first message."""
-        return self.selector.names if self.selector is not None else ()
-
-    def on_message(self, message: Any) -> None:
-        """Process a JointModes message; a restarted board may have other joints."""
-        names = joint_names(message.names)
-        if names != self.names:
-            self.selector = Selector(names)
 
 
 class CalibrationView:

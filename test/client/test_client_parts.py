@@ -18,7 +18,7 @@ from control_board_ros.client.modes import mode_texts
 from control_board_ros.client.operations import Awaitable, Blocking, Interface, operation
 from control_board_ros.client.references import as_given
 from control_board_ros.client.services import Services, reply_of
-from control_board_ros.client.state import CalibrationView, JointNames, StateView
+from control_board_ros.client.state import CalibrationView, StateView
 from control_board_ros.client.waiting import Wait, run
 from control_board_ros.core.terms.reply import Answer, accepted, refused, sent
 from control_board_ros.core.terms.vocabs import (
@@ -194,14 +194,15 @@ def test_states_that_waited_in_line_are_no_fresh_ones() -> None:
 
 def test_other_joints_on_another_board() -> None:
     """A board that comes back with other joints is taken as it is."""
-    joints = JointNames()
-    assert joints.names == ()
-    joints.on_message(SimpleNamespace(names=["a"]))
-    joints.on_message(SimpleNamespace(names=["x", "y"]))
-    assert joints.names == ("x", "y")
-    before = joints.selector
-    joints.on_message(SimpleNamespace(names=["x", "y"]))
-    assert joints.selector is before
+    services = Services(cast(Link, NoLink()))
+    assert services.selector is None
+    services.on_modes(SimpleNamespace(names=["a"]))
+    services.on_modes(SimpleNamespace(names=["x", "y"]))
+    before = services.selector
+    assert before is not None
+    assert before.names == ("x", "y")
+    services.on_modes(SimpleNamespace(names=["x", "y"]))
+    assert services.selector is before
 
 
 def test_answers_are_the_boards() -> None:
