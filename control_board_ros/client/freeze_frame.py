@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Self
 
 import numpy as np
@@ -18,17 +18,6 @@ from .state import seconds
 
 #: Maximum cycles of a frame: 2 s at 20 kHz.
 MOST_CYCLES = 40_000
-NUMBERS = (
-    "position",
-    "velocity",
-    "torque",
-    "position_reference",
-    "velocity_reference",
-    "torque_reference",
-    "output",
-    "current",
-    "temperature",
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,6 +78,14 @@ class FreezeFrame:
             motion_done=np.array(response.motion_done, dtype=np.bool_),
             **{name: np.array(getattr(response, name)) for name in NUMBERS},
         )
+
+
+#: Fields with a value per reading.
+NUMBERS = tuple(
+    field.name
+    for field in fields(FreezeFrame)
+    if field.type == "Floats" and field.name != "stamps"
+)
 
 
 def fault_record(fault: Any) -> FaultRecord:

@@ -12,7 +12,6 @@ from rcl_interfaces.msg import Parameter
 from rclpy.parameter import Parameter as TypedParameter
 from rclpy.parameter import parameter_value_to_python
 
-from control_board_ros.core.config.parts import Pid
 from control_board_ros.core.selection import RequestError, spread
 from control_board_ros.core.terms.reply import Reply
 from control_board_ros.interface import service
@@ -32,7 +31,6 @@ SET_PARAMETERS = service(
 )
 #: Fields of each controller with gains.
 CONTROLLERS = ("position", "direct", "torque", "current")
-GAINS = tuple(field.name for field in fields(Pid))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +47,9 @@ class Gains:
     kff: Floats
     integral_limit: Floats
     derivative_cutoff: Floats
+
+
+GAINS = tuple(field.name for field in fields(Gains))
 
 
 class ParameterRequests(Interface):
