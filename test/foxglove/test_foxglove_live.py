@@ -24,7 +24,7 @@ from talk import TIMEOUT, Talker
 from tf2_msgs.msg import TFMessage
 from websockets.sync.client import ClientConnection, connect
 
-from control_board_ros.cli.verbs.foxglove import layout
+from control_board_ros.cli.verbs.servers import layout
 from control_board_ros.foxglove.frames import frames_of
 from control_board_ros.interface import PUBLISHED, SERVICES, TF, TF_STATIC
 from control_board_ros.testing import BoardProcess
