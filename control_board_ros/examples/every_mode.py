@@ -4,7 +4,7 @@
     python -m control_board_ros.examples.every_mode every_mode.png
 
 No ROS is needed: the script holds the board and steps the simulation itself. The picture needs
-matplotlib (``pip install matplotlib``); without it, the script prints what happened.
+matplotlib (``pip install matplotlib``); without it, the script prints a summary.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ JOINT = "lbr_iiwa_joint_4"
 J = 3
 
 STYLES = ("C0", "C1--")
-#: Where a reference acts, and is worth drawing.
+#: Modes in which a reference acts and is drawn.
 SHOWN = {
     "position_reference": ("POSITION", "DIRECT", "VELOCITY", "MIXED", "COMPLIANT\npushed"),
     "torque_reference": ("TORQUE", "COMPLIANT\npushed"),
@@ -34,7 +34,7 @@ SHOWN = {
 
 @dataclass
 class Recording:
-    """What the joint did: one snapshot per control cycle, and the modes with their times (s)."""
+    """One snapshot per control cycle, and the modes with their times (s)."""
 
     snapshots: list[Snapshot] = field(default_factory=list)
     bands: list[tuple[float, float, str]] = field(default_factory=list)
@@ -44,7 +44,7 @@ Each = Callable[[Board, float], object]
 
 
 def walk(simulation: Simulation) -> Recording:
-    """Every mode in turn, one after the other without a pause."""
+    """Run through every mode."""
     board, recording = simulation.board, Recording()
     assert isinstance(board, Board)  # the iiwa has no parts
 
@@ -83,12 +83,12 @@ def move(target: float) -> Each:
 
 
 def turn(board: Board, _: float) -> None:
-    """A steady velocity, renewed before it times out."""
+    """A constant velocity, renewed before it times out."""
     board.velocity_move(JOINT, -0.3, 1.0)
 
 
 def drive(board: Board, _: float) -> None:
-    """A steady PWM."""
+    """A constant PWM."""
     board.set_output(JOINT, 8.0)
 
 
@@ -160,7 +160,7 @@ def plot(recording: Recording, path: str) -> None:
 
 
 def main() -> None:
-    """Walk, print what happened, plot where matplotlib is installed."""
+    """Walk, print a summary, plot where matplotlib is installed."""
     path = sys.argv[1] if len(sys.argv) > 1 else "every_mode.png"
     try:
         import matplotlib  # noqa: F401
@@ -172,7 +172,7 @@ def main() -> None:
         recording = walk(simulation)
         for event in simulation.board.take_events():
             print(f"{event.level}: {event.text}")
-    for line in told(recording):
+    for line in summary(recording):
         print(line)
     done = f"{len(recording.snapshots)} cycles through {len(recording.bands)} modes"
     if drawing:
@@ -182,8 +182,8 @@ def main() -> None:
         print(f"{done}; for the picture: pip install matplotlib, then run this again")
 
 
-def told(recording: Recording) -> list[str]:
-    """One line per mode: when, and from where to where the joint went."""
+def summary(recording: Recording) -> list[str]:
+    """One line per mode: its times, and the joint's positions at its start and end."""
     lines = []
     for start, end, title in recording.bands:
         shots = [shot for shot in recording.snapshots if start < shot.time <= end]

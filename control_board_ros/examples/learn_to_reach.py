@@ -20,7 +20,7 @@ from gymnasium.wrappers import FilterObservation, FlattenObservation, TimeLimit
 
 from control_board_ros.gym import ArmEnv
 
-#: What differs to reach; the rest is the same throughout.
+#: Observations used; the others are constant in this task.
 SEEN = ("position", "velocity", "tip", "to_goal")
 ARMS, STEPS = 4, 60_000
 

@@ -25,7 +25,7 @@ RATE = 50.0  # Hz
 PERIOD = 2.0  # s of one swing
 
 
-class Refused(Exception):  # noqa: N818 - the board's word for it
+class Refused(Exception):  # noqa: N818  (the word of the board)
     """The board refuses; the text is its reason."""
 
 

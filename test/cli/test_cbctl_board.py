@@ -211,7 +211,7 @@ def test_velocity_until_it_is_interrupted(cbctl: Any, ask: Any, number: int) -> 
     ask.mode("0", "vel")
     streaming = cbctl.start("velocity", "0=0.1")
     until(lambda: ask("references", "0")[FIRST]["velocity"] == 0.1)
-    # Further than one reference takes it before it expires (0.2 s): it is repeated.
+    # Further than one reference moves it before it expires (0.2 s): it is repeated.
     until(lambda: ask("watch", "0", "--once")[FIRST]["position"] > 3.0 * 0.2 * 0.1)
     streaming.send_signal(number)
     out, _ = streaming.communicate(timeout=GUARD)
@@ -353,7 +353,7 @@ def test_an_emergency_stop_that_waits_for_time_says_so(cbctl: Any, ask: Any) -> 
     assert cbctl("recover").code == 0
 
 
-def test_who_has_no_power_is_told_at_once(cbctl: Any, ask: Any) -> None:
+def test_unpowered_joints_are_reported(cbctl: Any, ask: Any) -> None:
     """M10, F1: a joint without power falls; where it is, and what holds it."""
     idle = cbctl("mode", "0", "idl")
     assert (idle.code, idle.out) == (0, f"{FIRST}: idl\n")
@@ -403,7 +403,7 @@ def test_a_reader_that_has_enough(cbctl: Any, ask: Any) -> None:
 
 
 def test_watch_into_a_pipe(cbctl: Any, ask: Any) -> None:
-    """Frames come as they are taken; who has read enough ends it: cbctl watch | head -3."""
+    """Frames arrive one by one; a closed pipe ends it: cbctl watch | head -3."""
     with cbctl.start("watch", "--rate", "20") as live:
         assert live.stdout is not None
         assert live.stderr is not None
@@ -417,7 +417,7 @@ def test_watch_into_a_pipe(cbctl: Any, ask: Any) -> None:
 
 
 def test_watch_into_a_file(cbctl: Any, ask: Any, tmp_path: Any) -> None:
-    """Every frame is in the file before the next one is taken."""
+    """Every frame is in the file before the next one."""
     path = tmp_path / "frames"
     with path.open("w") as file:
         live = subprocess.Popen(cbctl.command("watch"), env=cbctl.environment, stdout=file)
@@ -521,8 +521,8 @@ def test_shell_from_a_pipe(cbctl: Any, ask: Any) -> None:
     assert "check the quotes" in done.err
     assert "this is the shell already" in done.err
     assert cbctl.run("shell", text="mode 0 nonsense\nmodes 0\n").code == 1
-    told = cbctl.run("shell", text="modes 0 --json\nmodes --board other\n").err
-    assert told == "cbctl: the shell is connected; give --board and the like to cbctl shell\n"
+    text = cbctl.run("shell", text="modes 0 --json\nmodes --board other\n").err
+    assert text == "cbctl: the shell is connected; give --board and the like to cbctl shell\n"
 
 
 @pytest.mark.parametrize(
@@ -534,7 +534,7 @@ def test_shell_from_a_pipe(cbctl: Any, ask: Any) -> None:
     ],
 )
 def test_completion_in_bash(cbctl: Any, ask: Any, line: str, words: list[str]) -> None:
-    """Tab asks the board for its joints, and offers short names; modes after a joint."""
+    """Tab offers the joints of the board, short names; modes after a joint."""
     environment = cbctl.environment | {
         "_CBCTL_COMPLETE": "complete_bash",
         "COMP_WORDS": line,
@@ -558,8 +558,8 @@ def test_completion_in_bash(cbctl: Any, ask: Any, line: str, words: list[str]) -
 def test_other_boards(cbctl: Any, ask: Any) -> None:
     """The name and the namespace of the board; what there is instead is named."""
     assert cbctl("modes", "--board", "/control_board", "--namespace", "x").code == 0
-    told = "as /left/control_board; boards there are: /control_board"
-    until(lambda: told in cbctl("modes", "--namespace", "left", "--timeout", "1").err)
+    text = "as /left/control_board; boards there are: /control_board"
+    until(lambda: text in cbctl("modes", "--namespace", "left", "--timeout", "1").err)
     assert cbctl("modes", "--namespace", "left", "--timeout", "0.1").code == 1
 
 
@@ -571,7 +571,7 @@ def test_domains(alone: Any, process: Any, ask: Any) -> None:
 
 
 def test_remapping(cbctl: Any, ask: Any) -> None:
-    """What stands behind --ros-args goes to ROS."""
+    """Words after --ros-args go to ROS."""
     names = ("modes", "state", "get_control_mode", "get_interaction_mode")
     rules = [f"arm/{name}:=/control_board/{name}" for name in names]
     remapped = [word for rule in rules for word in ("-r", rule)]

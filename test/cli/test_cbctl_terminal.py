@@ -134,5 +134,5 @@ def test_jogging_on_a_paused_board(cbctl: Any) -> None:
 
 
 def test_jog_says_what_it_needs(cbctl: Any) -> None:
-    """A keyboard, and a joint that takes velocities."""
+    """A keyboard, and a joint that accepts velocities."""
     assert "jog needs a keyboard" in cbctl("jog").err

@@ -224,7 +224,7 @@ def test_options_of_a_verb() -> None:
     ],
 )
 def test_options_that_are_none(words: list[str], text: str) -> None:
-    """Nothing is guessed; where the help is, is told."""
+    """Nothing is guessed; the error names the help."""
     with pytest.raises(UsageError, match=f"{text}; see cbctl move --help"):
         Parser("cbctl move", arguments_of(move)).read(words)
 
@@ -276,7 +276,7 @@ RAIL = JointLimits(0.0, 0.4, -0.01, 0.41, 0.5, 2.0, 100.0, 100.0)
 
 
 @pytest.mark.parametrize(
-    ("joint", "word", "told"),
+    ("joint", "word", "text"),
     [
         (
             SHOULDER,
@@ -310,12 +310,12 @@ RAIL = JointLimits(0.0, 0.4, -0.01, 0.41, 0.5, 2.0, 100.0, 100.0)
         ),
     ],
 )
-def test_targets_outside_the_limits(joint: JointLimits, word: str, told: str) -> None:
+def test_targets_outside_the_limits(joint: JointLimits, word: str, text: str) -> None:
     """P9: what was understood in both units, what is allowed, and what may have been meant."""
     target = {"joint": quantity(word, "position")}
     with pytest.raises(Refused) as refused:
         check_limits("position", target, {"joint": joint}, {"joint": KINDS[joint is RAIL]})
-    assert str(refused.value) == told
+    assert str(refused.value) == text
 
 
 def test_targets_within_the_limits() -> None:
@@ -327,7 +327,7 @@ def test_targets_within_the_limits() -> None:
 
 
 @pytest.mark.parametrize(
-    ("joint", "kind", "word", "told"),
+    ("joint", "kind", "word", "text"),
     [
         (
             IIWA,
@@ -355,7 +355,7 @@ def test_targets_within_the_limits() -> None:
     ],
 )
 def test_other_values_beyond_the_limits(
-    joint: JointLimits, kind: str, word: str, told: str
+    joint: JointLimits, kind: str, word: str, text: str
 ) -> None:
     """P14: velocities, accelerations, torques and outputs, as positions."""
     with pytest.raises(Refused) as refused:
@@ -365,12 +365,12 @@ def test_other_values_beyond_the_limits(
             {"joint": joint},
             {"joint": KINDS[joint is RAIL]},
         )
-    assert str(refused.value) == told
+    assert str(refused.value) == text
     check_limits(kind, {"joint": quantity("0.2", kind)}, {"joint": joint}, {})
 
 
 def test_every_joint_that_is_outside_is_named() -> None:
-    """Of several targets all that are wrong are told at once."""
+    """Of several targets all that are wrong are reported at once."""
     targets = {"a": Quantity(3.0), "b": Quantity(0.0), "c": Quantity(-3.0)}
     with pytest.raises(Refused, match=r"^a: 3 rad.*; c: -3 rad"):
         check_limits("position", targets, dict.fromkeys(targets, IIWA), {})
@@ -387,17 +387,17 @@ def test_limits_are_known_whole_or_not_at_all() -> None:
 
 
 @pytest.mark.parametrize(
-    ("message", "told"), [("", ""), ("0.52 rad/s instead of 1.4", "0.52 rad/s instead of 1.4\n")]
+    ("message", "text"), [("", ""), ("0.52 rad/s instead of 1.4", "0.52 rad/s instead of 1.4\n")]
 )
 def test_what_is_done_in_place_of_what_was_asked(
-    capsys: pytest.CaptureFixture[str], message: str, told: str
+    capsys: pytest.CaptureFixture[str], message: str, text: str
 ) -> None:
     """P1: a reply that succeeds may still say something; it is shown, and stdout stays clean."""
     session: Any = SimpleNamespace(options=Options(), shared=False, answers=None)
     reply = Reply(("a",), (Answer.ACCEPTED,), message)
     assert conclude(session, reply, "under way: a") == 0
     shown = capsys.readouterr()
-    assert (shown.out, shown.err) == ("under way: a\n", told)
+    assert (shown.out, shown.err) == ("under way: a\n", text)
     session.options.json = True
     assert conclude(session, reply, "under way: a") == 0
     assert json.loads(capsys.readouterr().out)["message"] == message

@@ -26,7 +26,7 @@ OK = Reply(("j",), (Answer.ACCEPTED,))
 
 
 class Client:
-    """A board of one joint that takes each setting, and whose first reply Ctrl-C precedes."""
+    """A board of one joint that accepts each setting, and whose first reply Ctrl-C precedes."""
 
     def __init__(self, *, refuses: bool = False) -> None:
         self.mode: Any = ControlMode.POSITION

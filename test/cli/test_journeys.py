@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a verb asks the board: no more than it needs."""
+"""The requests of a verb: no more than necessary."""
 
 from __future__ import annotations
 

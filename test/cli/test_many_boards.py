@@ -127,9 +127,9 @@ def test_what_a_pattern_is_and_who_takes_it() -> None:
         True,
         False,
     ]
-    taken = {"modes", "watch", "info", "references", "faults", "poses", "record"}
-    taken |= {"clear", "recover", "estop", "stop"}
-    assert set(for_several()) == taken
+    accepted = {"modes", "watch", "info", "references", "faults", "poses", "record"}
+    accepted |= {"clear", "recover", "estop", "stop"}
+    assert set(for_several()) == accepted
 
 
 def test_a_verb_for_one_board_says_so(alone: Cbctl) -> None:
@@ -143,7 +143,7 @@ def test_a_verb_for_one_board_says_so(alone: Cbctl) -> None:
 @pytest.mark.ros
 @pytest.mark.slow
 def test_two_boards() -> None:
-    """A table below each name, JSON by board, one verb for both; the graph tells who is there."""
+    """A table below each name, JSON by board, one verb for both; the boards are discovered."""
     arm, two = {"joints": ["lbr_iiwa_joint_1"]}, {"robot": "panda"}
     with (
         board_process(arm, namespace="a") as first,

@@ -43,7 +43,7 @@ def test_the_scale_holds_all_values_and_the_least_span() -> None:
 
 
 def test_a_window_forgets() -> None:
-    """Only the last seconds are kept; simulated time that is set back begins anew."""
+    """Only the last seconds are kept; a jump back of simulated time clears it."""
     kept = trace([(0.0, 1.0), (5.0, 2.0), (12.0, 3.0)])
     assert list(kept.points) == [(5.0, 2.0), (12.0, 3.0)]
     kept.add(0.0, 4.0)

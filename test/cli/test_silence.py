@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorder that hears nothing says so."""
+"""A recorder without messages reports it."""
 
 from __future__ import annotations
 
 from control_board_ros.cli.board.recordings import Silence
 
 
-def test_a_silence_is_told_once() -> None:
+def test_a_silence_is_reported_once() -> None:
     """After five seconds; and again when it comes back later."""
     silence = Silence(100.0)
     assert silence.update(10, 101.0) == ""
@@ -19,5 +19,5 @@ def test_a_silence_is_told_once() -> None:
     assert silence.update(11, 206.0) != ""
 
 
-def test_a_board_that_says_nothing_from_the_beginning_is_told() -> None:
+def test_a_silence_from_the_start_is_reported() -> None:
     assert Silence(0.0).update(0, 5.0) != ""

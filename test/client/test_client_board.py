@@ -18,7 +18,7 @@ import pytest
 from talk import TIMEOUT, patient
 
 from control_board_ros import protocols
-from control_board_ros.client import BoardNotFound, BoardTimeout, ControlBoardClient
+from control_board_ros.client import BoardNotFound, BoardTimeout, ControlBoardClient, MoveFeedback
 from control_board_ros.core.selection import RequestError
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.core.terms.vocabs import ControlMode as M
@@ -294,20 +294,24 @@ def test_measured_state(client: ControlBoardClient) -> None:
         client.wait_for_state(lambda s: bool(s.position[6] > 9.0), 0.2)
 
 
-def test_move_waits_and_tells(client: ControlBoardClient) -> None:
+def test_move_waits_and_reports(client: ControlBoardClient) -> None:
     """P1: move returns at the end, with feedback on the way."""
-    told: list[Any] = []
+    received: list[Any] = []
     caller = threading.get_ident()
     start = time.monotonic()
-    reply = client.move([0, 1], [0.5, 0.7], 0.5, lambda f: told.append((threading.get_ident(), f)))
+
+    def feedback(progress: MoveFeedback) -> None:
+        received.append((threading.get_ident(), progress))
+
+    reply = client.move([0, 1], [0.5, 0.7], 0.5, feedback)
     assert reply, reply.message
     assert time.monotonic() - start > 0.8
     assert client.get_encoder([0, 1]) == pytest.approx([0.5, 0.7], abs=math.radians(1.0))
-    assert {thread for thread, _ in told} == {caller}
-    remaining = [f.remaining_time for _, f in told]
+    assert {thread for thread, _ in received} == {caller}
+    remaining = [f.remaining_time for _, f in received]
     assert remaining[0] > 0.0
     assert remaining == sorted(remaining, reverse=True)
-    assert told[0][1].names == NAMES[:2]
+    assert received[0][1].names == NAMES[:2]
 
 
 def test_a_bounded_move_says_so(client: ControlBoardClient) -> None:
@@ -332,7 +336,7 @@ def test_a_move_that_is_only_started_says_so_too(client: ControlBoardClient) -> 
 
 
 def test_move_fails_with_the_reason(client: ControlBoardClient) -> None:
-    """M4: a move of a joint whose mode takes none, or of none that exists."""
+    """M4: a move of a joint whose mode accepts none, or of none that exists."""
     assert client.set_control_mode(0, "vel")
     reply = client.move(0, 0.5)
     assert not reply
@@ -361,11 +365,11 @@ def test_an_interrupted_move_stops_the_joints(client: ControlBoardClient) -> Non
 
 def test_calibrate(client: ControlBoardClient) -> None:
     """K1, K3: started at once, or waited for; the statuses tell."""
-    told: list[Any] = []
-    reply = client.calibrate([0, 1], feedback=told.append)
+    received: list[Any] = []
+    reply = client.calibrate([0, 1], feedback=received.append)
     assert reply, reply.message
-    assert told[-1].names == NAMES[:2]
-    progress = np.array([feedback.progress for feedback in told])
+    assert received[-1].names == NAMES[:2]
+    progress = np.array([feedback.progress for feedback in received])
     assert (np.diff(progress, axis=0) >= 0.0).all()
     assert (progress[-1] > 0.0).all()  # the very last may come after the result
     assert all(status.done for status in client.get_calibration([0, 1]))
@@ -409,7 +413,7 @@ class Slow:
 
 
 def test_answers_that_come_at_once_are_not_lost(client: ControlBoardClient) -> None:
-    """An answer that rclpy takes before it has noted the question, it drops."""
+    """Rclpy drops an answer that it processes before it has stored the request."""
     assert client.calibrate(2)
     action = client._link._entities[CALIBRATE]
     action._client_handle, quick = Slow(action._client_handle), action._client_handle

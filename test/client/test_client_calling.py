@@ -50,7 +50,7 @@ def test_within_a_callback(process: BoardProcess, spinning: Any) -> None:
 
 
 def test_in_a_coroutine_of_rclpy(process: BoardProcess, spinning: Any) -> None:
-    """Await in a coroutine of the node's executor, which stays free meanwhile."""
+    """Await in a coroutine of the node's executor, which stays free."""
     done = threading.Event()
     answers: list[Any] = []
     with patient(spinning, process.name) as client:

@@ -167,7 +167,7 @@ def test_a_node_that_was_destroyed(process: BoardProcess) -> None:
 
 
 def test_a_message_that_cannot_be_read(process: BoardProcess, capfd: Any) -> None:
-    """One line in the log, however many there are, and the next good one is taken."""
+    """One line in the log, however many there are, and the next valid one is processed."""
     read: list[str] = []
 
     def take(message: Any) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is published goes to the board, whoever else listens; a goal goes to one that knows us."""
+"""Publications reach the board, with other subscribers or not; a goal waits for discovery."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ TOPIC = "/board/command/position"
 
 
 class Ear:
-    """Notes down what a node hears on the topic of position commands."""
+    """Records the messages of the topic of position commands."""
 
     def __init__(self, node: Any) -> None:
-        self.heard: list[float] = []
+        self.received: list[float] = []
         self._changed = threading.Condition()
         node.create_subscription(PositionCommand, TOPIC, self._take, QoSProfile(depth=10))
 
     def _take(self, message: PositionCommand) -> None:
         with self._changed:
-            self.heard += message.positions
+            self.received += message.positions
             self._changed.notify_all()
 
-    def hears(self, *values: float) -> bool:
-        """Wait until it has heard this, and nothing else."""
+    def receives(self, *values: float) -> bool:
+        """Wait for these values, and no others."""
         with self._changed:
-            return self._changed.wait_for(lambda: self.heard == list(values), GUARD)
+            return self._changed.wait_for(lambda: self.received == list(values), GUARD)
 
 
 def test_a_command_waits_for_the_board_itself() -> None:
@@ -69,14 +69,14 @@ def test_a_command_waits_for_the_board_itself() -> None:
                         node.create_publisher(JointModes, "~/modes", 1)
                         own = Ear(node)
                         run(link.publish(POSITION_COMMAND, positions=[value]))
-                        assert own.hears(value)
-                assert other.hears(2.0, 3.0)
+                        assert own.receives(value)
+                assert other.receives(2.0, 3.0)
         finally:
             link.close()
 
 
 def test_what_was_published_is_settled_when_a_call_has_been_answered() -> None:
-    """A call that failed settles nothing: the next one asks again."""
+    """A call that failed settles nothing: the next one queries again."""
     sent: list[str] = []
     with free_domain() as domain, ros_node(domain, "user", spin=False) as user:
         link = Link(user, "board", find_timeout=GUARD, answer_timeout=GUARD)
@@ -97,7 +97,7 @@ def test_what_was_published_is_settled_when_a_call_has_been_answered() -> None:
             try:
                 run(link.call(GET_CONTROL_MODE))  # client and board are acquainted from now on
                 run(link.publish(POSITION_COMMAND, positions=[1.0]))
-                assert ear.hears(1.0)
+                assert ear.receives(1.0)
                 sent.clear()
                 link.answer_timeout, losing = 0.5, True
                 with pytest.raises(BoardTimeout):
@@ -196,7 +196,7 @@ def test_a_state_is_heard_again_by_new_subscriptions(monkeypatch: pytest.MonkeyP
                 whole = state_of(["a"])
                 node.create_timer(0.02, lambda: states.publish(whole))
                 view = state.StateView(link)
-                until(lambda: heard(view))
+                until(lambda: received(view))
                 deaf = link._entities[STATE]
                 deaf.callback = lambda *_: None  # as one that nobody sends to any more
                 until(lambda: run(view.following(0.1)) is not None)
@@ -253,7 +253,7 @@ def test_a_state_without_one_value_for_each_joint_is_refused(field: str) -> None
         short.checked()
 
 
-def heard(view: state.StateView) -> bool:
+def received(view: state.StateView) -> bool:
     """Whether a state came within a moment."""
     with contextlib.suppress(BoardTimeout):
         return bool(run(view.latest()).names)

@@ -153,7 +153,7 @@ def test_a_cancelled_task_reaches_the_coroutine() -> None:
 
 
 class NoLink:
-    """A connection over which nothing comes, and time does not pass."""
+    """A connection without messages, on which no time passes."""
 
     answer_timeout = 1.0
 
@@ -162,7 +162,7 @@ class NoLink:
         self.asked: list[bool] = []
 
     def subscribe(self, *_: object) -> None:
-        """What is heard, the test tells."""
+        """The test delivers the messages."""
 
     async def settle(self) -> None:
         """Nothing was published."""
@@ -174,7 +174,7 @@ class NoLink:
 
 
 def test_states_that_waited_in_line_are_no_fresh_ones() -> None:
-    """On a busy machine, states of before a request are taken after its answer."""
+    """On a busy machine, states from before a request are processed after its answer."""
     link = NoLink()
     states = StateView(cast(Link, link))
     early = time.time_ns()
@@ -193,7 +193,7 @@ def test_states_that_waited_in_line_are_no_fresh_ones() -> None:
 
 
 def test_other_joints_on_another_board() -> None:
-    """A board that comes back with other joints is taken as it is."""
+    """A restarted board may have other joints."""
     services = Services(cast(Link, NoLink()))
     assert services.selector is None
     services.on_modes(SimpleNamespace(names=["a"]))
@@ -265,7 +265,7 @@ def test_a_condition_that_fails_ends_its_wait_only() -> None:
 
 
 def test_calibrations() -> None:
-    """K3, K4: what feedback and results tell; feedback that is late tells nothing."""
+    """K3, K4: statuses from feedback and results; late feedback is ignored."""
     view = CalibrationView()
     assert view.status("a").phase == "none"
     view.started(["a", "b"])
@@ -281,7 +281,7 @@ def test_calibrations() -> None:
     assert not view.status("b").running
     assert not view.status("b").done
     view.on_feedback(SimpleNamespace(names=["a", "b"], progress=[1.0, 1.0], phase=""))
-    assert view.status("b").done  # it waited in line when the result was taken
+    assert view.status("b").done  # queued when the result was processed
     assert view.status("b").message == ""
 
 

@@ -156,19 +156,19 @@ def test_the_exit_code_is_checked() -> None:
 
 @pytest.mark.ros
 def test_nodes_of_tests() -> None:
-    """Two contexts on one domain, in one process; what one says the other hears."""
+    """Two contexts on one domain, in one process; messages of one reach the other."""
     from std_msgs.msg import String
 
-    heard: list[str] = []
+    received: list[str] = []
     with free_domain() as domain, ros_node(domain, "a") as a, ros_node(domain, "b") as b:
         assert a.context is not b.context
         publisher = a.create_publisher(String, "word", 10)
-        b.create_subscription(String, "word", lambda m: heard.append(m.data), 10)
+        b.create_subscription(String, "word", lambda m: received.append(m.data), 10)
         deadline = time.monotonic() + 120.0
-        while not heard and time.monotonic() < deadline:
+        while not received and time.monotonic() < deadline:
             publisher.publish(String(data="hello"))
             time.sleep(0.02)
-    assert heard[0] == "hello"
+    assert received[0] == "hello"
 
 
 @pytest.mark.ros

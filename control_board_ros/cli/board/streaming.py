@@ -67,8 +67,8 @@ def stream(
     except KeyboardInterrupt:
         interrupted = seconds is not None
     if reply is not None and not reply:
-        if taken := accepted_joints(reply):
-            end(session, send, taken)
+        if accepting := accepted_joints(reply):
+            end(session, send, accepting)
         return conclude(session, reply, mode=mode)
     if interrupted:
         note(session, f"interrupted after {time.monotonic() - start:.1f} s of {seconds:g} s")
