@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The frames of a board's links, of the description and the positions that it publishes.
+"""Schemas of messages and services, and the frames of a board's links.
 
-Definitions of topics and services are as Foxglove expects them (``ros2msg``).
+The frames are computed from the published robot description and joint positions.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from ..recording.definitions import SEPARATOR, definition, referred, share_file
+from ..recording.definitions import definition, share_file, whole_text
 from ..urdf_xml import DescribedJoint, Vector, heard_joints
 
 ENCODING, DEFINITIONS = "cdr", "ros2msg"
@@ -25,7 +25,7 @@ ENCODING, DEFINITIONS = "cdr", "ros2msg"
 
 @cache
 def schema(type_name: str) -> Schema:
-    """That of ``package/msg/Name``.
+    """The schema of ``package/msg/Name``.
 
     Raises:
         RecordingError: its package is not installed.
@@ -35,32 +35,17 @@ def schema(type_name: str) -> Schema:
 
 @cache
 def service_schema(type_name: str) -> ServiceSchema:
-    """That of ``package/srv/Name``, whose halves are named ``…_Request`` and ``…_Response``."""
+    """The schema of ``package/srv/Name``: its messages are ``…_Request`` and ``…_Response``."""
     request, _, response = share_file(type_name, ".srv").read_text("utf-8").partition("---\n")
-    halves = {"Request": request, "Response": response}
-    made = {
-        half: MessageSchema(
-            encoding=ENCODING,
-            schema=Schema(
-                name=f"{type_name}_{half}",
-                encoding=DEFINITIONS,
-                data=with_parts(type_name, text).encode(),
-            ),
-        )
-        for half, text in halves.items()
-    }
-    return ServiceSchema(type_name, request=made["Request"], response=made["Response"])
 
+    def half(name: str, text: str) -> MessageSchema:
+        data = whole_text(type_name, text).encode()
+        made = Schema(name=f"{type_name}_{name}", encoding=DEFINITIONS, data=data)
+        return MessageSchema(encoding=ENCODING, schema=made)
 
-def with_parts(type_name: str, text: str) -> str:
-    """Half of a service with the definitions that it refers to."""
-    parts = [text.rstrip("\n")]
-    for name in dict.fromkeys(referred(type_name, text)):
-        package, _, message = name.split("/")
-        parts.append(
-            f"{SEPARATOR}\nMSG: {package}/{message}\n{definition(name).text}".rstrip("\n")
-        )
-    return "\n".join(parts) + "\n"
+    return ServiceSchema(
+        type_name, request=half("Request", request), response=half("Response", response)
+    )
 
 
 Quat = tuple[float, float, float, float]
@@ -68,11 +53,11 @@ Quat = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """The frame of a link in that of the link before it.
+    """The frame of a link in the frame of its parent link.
 
-    Attributes: parent and child (links), xyz and turn (of the joint at 0), axis, leader (the joint
-    whose position moves it; empty: none), slides, factor and offset (of a follower: q = factor ·
-    leader + offset).
+    Attributes: parent and child (links), xyz and turn (pose at joint position 0), axis (unit
+    vector), leader (joint whose position moves the frame; empty: none), slides, factor and offset
+    (joint position = factor · leader's + offset).
     """
 
     parent: str
@@ -86,7 +71,7 @@ class Frame:
     offset: float = 0.0
 
     def at(self, q: float) -> tuple[Vector, Quat]:
-        """Where it is with its leader at a position."""
+        """Position (m) and quaternion with the leader at position ``q``, rad or m."""
         q = self.factor * q + self.offset
         ax, ay, az = self.axis
         if self.slides:
@@ -98,12 +83,12 @@ class Frame:
 
 
 def frames_of(description: str) -> list[Frame]:
-    """The frames of a robot description; none where it cannot be read."""
+    """The frames of a robot description; none if it is invalid."""
     return [frame_of(name, joint) for name, joint in heard_joints(description).items()]
 
 
 def frame_of(name: str, joint: DescribedJoint) -> Frame:
-    """The frame that a joint carries."""
+    """The frame of a joint's child link."""
     x, y, z = joint.axis
     length = math.hypot(x, y, z) or 1.0
     return Frame(
@@ -120,7 +105,7 @@ def frame_of(name: str, joint: DescribedJoint) -> Frame:
 
 
 def of_rpy(rpy: Vector) -> Quat:
-    """Fixed axes: about x, then y, then z."""
+    """The quaternion of rotations about the fixed axes x, then y, then z."""
     (sr, sp, sy), (cr, cp, cy) = (
         tuple(function(angle / 2.0) for angle in rpy) for function in (math.sin, math.cos)
     )
@@ -133,7 +118,7 @@ def of_rpy(rpy: Vector) -> Quat:
 
 
 def times(a: Quat, b: Quat) -> Quat:
-    """The turn b, then a."""
+    """The product a ⊗ b: the rotation b, then a."""
     x, y, z, w = a
     p, q, r, s = b
     return (
@@ -145,13 +130,13 @@ def times(a: Quat, b: Quat) -> Quat:
 
 
 def turned(by: Quat, vector: Vector) -> Vector:
-    """A vector, turned."""
+    """A vector rotated by a quaternion."""
     x, y, z, _ = times(times(by, (*vector, 0.0)), (-by[0], -by[1], -by[2], by[3]))
     return x, y, z
 
 
 def message(frames: list[Frame], positions: Mapping[str, float], stamp: Any) -> TFMessage:
-    """The frames as /tf has them; a joint without a position is at 0."""
+    """The frames as a message of /tf; joints without a position are at 0."""
     found = []
     for frame in frames:
         (x, y, z), (a, b, c, w) = frame.at(positions.get(frame.leader, 0.0))

@@ -38,7 +38,8 @@ def definition(type_name: str) -> Definition:
         RecordingError: the package has no such file.
     """
     try:
-        return Definition(whole_text(type_name), type_hash(type_name))
+        text = share_file(type_name, ".msg").read_text("utf-8")
+        return Definition(whole_text(type_name, text), type_hash(type_name))
     except (LookupError, OSError, ValueError) as error:
         raise RecordingError(f"no definition of {type_name} is installed: {error}") from error
 
@@ -56,20 +57,18 @@ def type_hash(type_name: str) -> str:
     return found
 
 
-def whole_text(type_name: str) -> str:
-    """The text of a definition with those it refers to, each below a line of ``=``."""
-    texts: dict[str, str] = {}
-    wanted = [type_name]
+def whole_text(type_name: str, text: str) -> str:
+    """A definition followed by those it refers to, each below a line of ``=``."""
+    parts, known = [text], {type_name}
+    wanted = [*referred(type_name, text)]
     while wanted:
         name = wanted.pop(0)
-        if name not in texts:
-            texts[name] = share_file(name, ".msg").read_text("utf-8")
-            wanted += referred(name, texts[name])
-    first, *others = texts.items()
-    parts = [first[1]]
-    for name, text in others:
-        package, _, message = name.split("/")
-        parts.append(f"{SEPARATOR}\nMSG: {package}/{message}\n{text}")
+        if name not in known:
+            known.add(name)
+            part = share_file(name, ".msg").read_text("utf-8")
+            package, _, message = name.split("/")
+            parts.append(f"{SEPARATOR}\nMSG: {package}/{message}\n{part}")
+            wanted += referred(name, part)
     return "\n".join(part.rstrip("\n") for part in parts) + "\n"
 
 
