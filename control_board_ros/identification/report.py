@@ -48,7 +48,7 @@ def overview(outcome: Outcome) -> str:
         text = "yes" if not finding.why else finding.why
         rows.append([finding.joint, TITLES[finding.quantity], shown(finding, kind), text])
     heads = ["joint", "quantity", "value, 95 % interval", "in the parameter file"]
-    return f"<h2>{escape('What the data shows')}</h2>" + table(heads, rows, text=1)
+    return f"<h2>{escape('What the data shows')}</h2>" + table(heads, rows, text=True)
 
 
 def section(outcome: Outcome, joint: str) -> str:

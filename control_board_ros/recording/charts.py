@@ -4,12 +4,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.core.terms.modes import STATES
@@ -18,8 +17,6 @@ from control_board_ros.protocols import Floats
 from .figures import Response
 from .moves import FOLLOWING, Move
 from .reading import BoardRecording
-
-Bools = NDArray[np.bool_]
 
 #: Implausible values in any unit, which do not extend a chart's axis.
 BEYOND = 1e30
@@ -113,20 +110,18 @@ def tracking_charts(
     time, factor = recording.time, kind.shown_factor
     position = factor * recording.signal("position", joint)
     reference = factor * recording.signal("position_reference", joint)
-    controlled = in_modes(recording, joint, FOLLOWING)
-    followed = np.where(controlled, reference, np.nan)
+    controlling = recording.control_modes(joint)
+    followed = np.where(recording.during(controlling, FOLLOWING), reference, np.nan)
     bounds = [factor * recording.parameter(joint, f"limits.{side}") for side in ("lower", "upper")]
     torque = recording.parameter(joint, "limits.torque")
     output = recording.parameter(joint, "limits.output", 100.0)
     torques = [Trace("measured", time, recording.signal("torque", joint))]
-    following = in_modes(recording, joint, ("torq",)) | compliant(recording, joint)
+    following = recording.during(controlling, ("torq",))
+    following |= recording.during(recording.interaction_modes(joint), ("comp",))
     if following.any():
         wanted = np.where(following, recording.signal("torque_reference", joint), np.nan)
         torques.append(Trace("reference", time, wanted, "reference"))
-    spans = [
-        (begin, end, MODE_COLOURS.get(code, "#cccccc"))
-        for begin, end, code in recording.control_modes(joint)
-    ]
+    spans = [(begin, end, MODE_COLOURS.get(code, "#cccccc")) for begin, end, code in controlling]
     marks = [(fault.time, "fault") for fault in recording.faults if fault.joint == joint]
     return [
         Chart(
@@ -164,24 +159,6 @@ def tracking_charts(
 def within(limit: float) -> str:
     """A limit, for a chart's title."""
     return f" (limits ±{limit:.3g})" if math.isfinite(limit) else ""
-
-
-def in_modes(recording: BoardRecording, joint: str, codes: Container[str]) -> Bools:
-    """Whether the joint is in one of the modes, per state."""
-    inside = np.zeros(recording.time.shape, dtype=bool)
-    for begin, end, code in recording.control_modes(joint):
-        if code in codes:
-            inside |= (recording.time >= begin) & (recording.time <= end)
-    return inside
-
-
-def compliant(recording: BoardRecording, joint: str) -> Bools:
-    """Whether the joint is COMPLIANT, per state."""
-    inside = np.zeros(recording.time.shape, dtype=bool)
-    for modes in recording.modes:
-        later = recording.time >= modes.time
-        inside[later] = modes.interaction.get(joint) == "comp"
-    return inside
 
 
 def bode_charts(response: Response) -> list[Chart]:

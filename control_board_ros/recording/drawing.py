@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from hashlib import sha256
 from html import escape
 from pathlib import Path
@@ -134,7 +134,8 @@ def timeline(recording: BoardRecording, shorts: Sequence[str]) -> str:
         ]
         bars += [
             bar(begin, stop, "background:var(--hatch)", f"{joint}: COMPLIANT")
-            for begin, stop in compliant_spans(recording, joint, end)
+            for begin, stop, code in recording.interaction_modes(joint)
+            if code == "comp"
         ]
         bars += [
             f'<b style="left:{100.0 * max(fault.time, 0.0) / end:.3f}%" '
@@ -145,12 +146,3 @@ def timeline(recording: BoardRecording, shorts: Sequence[str]) -> str:
         parts.append(f"<span>{escape(short)}</span><div>{''.join(bars)}</div>")
     times = "".join(f"<span>{end * k / 4:.3g}{' s' * (k == 4)}</span>" for k in range(5))
     return f'<div class="timeline">{"".join(parts)}<span></span><div>{times}</div></div>'
-
-
-def compliant_spans(
-    recording: BoardRecording, joint: str, end: float
-) -> Iterator[tuple[float, float]]:
-    ends = [modes.time for modes in recording.modes[1:]] + [end]
-    for modes, stop in zip(recording.modes, ends, strict=True):
-        if modes.interaction.get(joint) == "comp":
-            yield max(modes.time, 0.0), stop

@@ -22,7 +22,7 @@ from .charts import (
 from .drawing import draw, foot, head, timeline
 from .errors import RecordingError
 from .moves import Move, moves_of
-from .reading import BoardRecording, kinds_of
+from .reading import BoardRecording, Note, Request, kinds_of
 
 #: Maximum number of steps drawn individually per joint.
 STEPS_SHOWN = 4
@@ -93,13 +93,17 @@ def board_section(recording: BoardRecording) -> str:
         timeline(recording, list(shorts.values())),
         mode_legend(recording),
         fault_table(recording),
-        note_table(recording),
-        gap_table(recording),
-        request_table(recording),
-        log_table(recording),
+        section("Notes", ["at, s", "note"], [line_row(note) for note in recording.notes]),
+        section(
+            "Gaps: no messages from the board",
+            ["at, s", "for, s"],
+            [[f"{gap.time:.3f}", f"{gap.until - gap.time:.2f}"] for gap in recording.gaps],
+            text=False,
+        ),
+        folded("answers to requests", "request and answer", recording.requests),
+        folded("warnings of the board", "warning", recording.log, opened=" open"),
     ]
-    if moves:
-        parts.append(move_table(moves, kinds, shorts))
+    parts.append(move_table(moves, kinds, shorts))
     for joint in joints:
         steps = [m for m in joint.moves if m.mode == "posd" and m.step is not None]
         charts = [
@@ -154,8 +158,6 @@ def mode_legend(recording: BoardRecording) -> str:
 
 
 def fault_table(recording: BoardRecording) -> str:
-    if not recording.faults:
-        return ""
     rows = [
         [
             f"{fault.time:.3f}",
@@ -166,51 +168,22 @@ def fault_table(recording: BoardRecording) -> str:
         ]
         for fault in recording.faults
     ]
-    return "<h3>Faults</h3>" + table(["at, s", "for, s", "joint", "code", "cause"], rows, text=3)
+    return section("Faults", ["at, s", "for, s", "joint", "code", "cause"], rows)
 
 
-def note_table(recording: BoardRecording) -> str:
-    """The operator's notes."""
-    if not recording.notes:
+def line_row(line: Note | Request) -> list[str]:
+    return [f"{line.time:.3f}", line.text]
+
+
+def folded(what: str, head: str, lines: Sequence[Note | Request], opened: str = "") -> str:
+    """The first lines below a summary, as a table; empty without lines."""
+    if not lines:
         return ""
-    rows = [[f"{note.time:.3f}", note.text] for note in recording.notes]
-    return "<h3>Notes</h3>" + table(["at, s", "note"], rows, text=2)
-
-
-def gap_table(recording: BoardRecording) -> str:
-    """Gaps without messages of the board."""
-    if not recording.gaps:
-        return ""
-    rows = [[f"{gap.time:.3f}", f"{gap.until - gap.time:.2f}"] for gap in recording.gaps]
-    return "<h3>Gaps: no messages from the board</h3>" + table(["at, s", "for, s"], rows)
-
-
-def request_table(recording: BoardRecording) -> str:
-    if not recording.requests:
-        return ""
-    rows = [[f"{one.time:.3f}", one.text] for one in recording.requests[:LINES_SHOWN]]
-    if (more := len(recording.requests) - len(rows)) > 0:
+    rows = [line_row(line) for line in lines[:LINES_SHOWN]]
+    if (more := len(lines) - len(rows)) > 0:
         rows.append(["", f"and {more} more"])
-    return (
-        f"<details><summary>{len(recording.requests)} answers to requests</summary>"
-        + table(["at, s", "request and answer"], rows, text=2)
-        + "</details>"
-    )
-
-
-def log_table(recording: BoardRecording) -> str:
-    """The board's warnings."""
-    if not recording.log:
-        return ""
-    rows = [[f"{line.time:.3f}", line.text] for line in recording.log[:LINES_SHOWN]]
-    more = len(recording.log) - len(rows)
-    if more > 0:
-        rows.append(["", f"and {more} more"])
-    return (
-        f"<details open><summary>{len(recording.log)} warnings of the board</summary>"
-        + table(["at, s", "warning"], rows, text=2)
-        + "</details>"
-    )
+    shown = table(["at, s", head], rows, text=True)
+    return f"<details{opened}><summary>{len(lines)} {what}</summary>{shown}</details>"
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -230,7 +203,7 @@ def move_table(moves: Sequence[Move], kinds: dict[str, JointKind], shorts: dict[
     rows = [move_row(move, kinds[move.joint], shorts[move.joint]) for move in moves[:MOVES_SHOWN]]
     if len(moves) > MOVES_SHOWN:
         rows.append(["", f"and {len(moves) - MOVES_SHOWN} more", *[""] * (len(heads) - 2)])
-    return "<h3>Moves</h3>" + table(heads, rows)
+    return section("Moves", heads, rows, text=False)
 
 
 def move_row(move: Move, kind: JointKind, short: str) -> list[str]:
@@ -262,8 +235,15 @@ def difference(value: float, kind: JointKind) -> str:
     return number(kind.shown_factor * value, 4) + kind.choose("°", " mm")
 
 
-def table(heads: Sequence[str], rows: Sequence[Sequence[str]], text: int = 0) -> str:
-    """A table; columns from ``text`` on are left-aligned (0: none)."""
+def section(
+    title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], *, text: bool = True
+) -> str:
+    """A table below its title; empty without rows."""
+    return f"<h3>{escape(title)}</h3>{table(heads, rows, text=text)}" if rows else ""
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[str]], *, text: bool = False) -> str:
+    """A table; ``text``: its last column is left-aligned text."""
     head = "".join(f"<th>{escape(name)}</th>" for name in heads)
     kind = ' class="text"' if text else ""
     body = "".join(

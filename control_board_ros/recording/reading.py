@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from control_board_ros.core.terms.joint_kind import JointKind
 from control_board_ros.interface import (
@@ -28,19 +29,19 @@ from control_board_ros.urdf_xml import heard_joints
 from .errors import RecordingError, library
 from .topics import GAPS, PARAMETERS, ROSOUT
 
-#: Numeric fields of a state per joint, with their unit for rotating joints.
-SIGNALS = {
-    "position": "rad",
-    "velocity": "rad/s",
-    "torque": "N·m",
-    "position_reference": "rad",
-    "velocity_reference": "rad/s",
-    "torque_reference": "N·m",
-    "output": "%",
-    "current": "A",
-    "temperature": "°C",
-}
-#: The same of motors; NaN where a board does not report them.
+#: Numeric fields of a state per joint: rad, N·m, s (m, N of sliding joints), %, A, °C.
+SIGNALS = (
+    "position",
+    "velocity",
+    "torque",
+    "position_reference",
+    "velocity_reference",
+    "torque_reference",
+    "output",
+    "current",
+    "temperature",
+)
+#: Likewise of motors; NaN where a board does not report them.
 OF_MOTORS = ("motor_position",)
 #: Field of a parameter's value, by rcl_interfaces/msg/ParameterType.
 VALUE_FIELDS = {
@@ -55,6 +56,10 @@ VALUE_FIELDS = {
 }
 #: rcl_interfaces/msg/Log: warnings and above.
 WARNING = 30
+
+Bools = NDArray[np.bool_]
+#: An interval with one mode: from, until (s), code.
+Span = tuple[float, float, str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +83,10 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True)
-class LogLine:
-    """A warning or error of a node: time (s), level, node, text."""
+class Note:
+    """A note of the operator, or a warning of the log: time (s), text."""
 
     time: float
-    level: int
-    node: str
     text: str
 
 
@@ -109,14 +112,6 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
-    """A note of the operator: time (s), text."""
-
-    time: float
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
 class Gap:
     """A gap without messages of the board: from, until (s)."""
 
@@ -138,7 +133,6 @@ class BoardRecording:
         names: Of the joints.
         time: Of each state, shape (n,).
         signals: By the names of SIGNALS and OF_MOTORS, shape (n, joints).
-        motion_done: Shape (n, joints).
         rejected: Commands ignored, shape (n, joints).
         modes: In order; the first precedes the first state.
         faults: In order.
@@ -155,13 +149,12 @@ class BoardRecording:
     names: tuple[str, ...]
     time: Floats
     signals: dict[str, Floats]
-    motion_done: Any
     rejected: Any
     modes: list[Modes] = field(default_factory=list)
     faults: list[Fault] = field(default_factory=list)
     gaps: list[Gap] = field(default_factory=list)
     requests: list[Request] = field(default_factory=list)
-    log: list[LogLine] = field(default_factory=list)
+    log: list[Note] = field(default_factory=list)
     notes: list[Note] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
     urdf: str = ""
@@ -174,20 +167,28 @@ class BoardRecording:
         value = self.parameters.get(f"{joint}.{name}", default)
         return float(value) if isinstance(value, int | float) else default
 
-    def control_modes(self, joint: str) -> list[tuple[float, float, str]]:
-        """The control modes of a joint: from, until (s), code; empty without modes."""
-        return self._spans([(max(m.time, 0.0), m.control.get(joint, "")) for m in self.modes])
+    def control_modes(self, joint: str) -> list[Span]:
+        """The control modes of a joint; empty without modes."""
+        return self._spans([m.control.get(joint, "") for m in self.modes])
 
-    def interaction_modes(self, joint: str) -> list[tuple[float, float, str]]:
+    def interaction_modes(self, joint: str) -> list[Span]:
         """The interaction modes of a joint, likewise."""
-        return self._spans([(max(m.time, 0.0), m.interaction.get(joint, "")) for m in self.modes])
+        return self._spans([m.interaction.get(joint, "") for m in self.modes])
 
-    def _spans(self, marks: list[tuple[float, str]]) -> list[tuple[float, float, str]]:
-        """Intervals from, until (s), of marks; each change once."""
-        merged = [m for k, m in enumerate(marks) if k == 0 or m[1] != marks[k - 1][1]]
-        end = float(self.time[-1]) if self.time.size else 0.0
-        ends = [mark[0] for mark in merged[1:]] + [end] if merged else []
-        return [(begin, stop, code) for (begin, code), stop in zip(merged, ends, strict=True)]
+    def _spans(self, codes: list[str]) -> list[Span]:
+        """The intervals of a code per element of ``modes``; each change once."""
+        changes = [k for k, code in enumerate(codes) if k == 0 or code != codes[k - 1]]
+        times = [max(self.modes[k].time, 0.0) for k in changes]
+        times.append(float(self.time[-1]) if self.time.size else 0.0)
+        return [(times[n], times[n + 1], codes[k]) for n, k in enumerate(changes)]
+
+    def during(self, spans: Sequence[Span], codes: Container[str]) -> Bools:
+        """Whether each state is in a span of one of the codes, shape (n,)."""
+        inside = np.zeros(self.time.shape, dtype=bool)
+        for begin, end, code in spans:
+            if code in codes:
+                inside |= (self.time >= begin) & (self.time <= end)
+        return inside
 
 
 def read(path: Path) -> list[BoardRecording]:
@@ -238,9 +239,10 @@ def stamp_of(stamp: Any) -> float:
 
 def read_board(reader: Any, board: str) -> BoardRecording | None:
     """Load the recording of a board; None without states."""
-    states = [message for _, message in messages(reader, STATE.of(board))]
-    if not states:
+    received = list(messages(reader, STATE.of(board)))
+    if not received:
         return None
+    origin, states = received[0][0], [message for _, message in received]
     stamps = np.array([stamp_of(message.header.stamp) for message in states])
     newer = np.concatenate(([True], stamps[1:] > np.maximum.accumulate(stamps)[:-1]))
     kept = [message for message, is_newer in zip(states, newer, strict=True) if is_newer]
@@ -256,7 +258,6 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
             for name in SIGNALS
         }
         | {name: of_motors(kept, name) for name in OF_MOTORS},
-        motion_done=np.array([message.motion_done for message in kept], dtype=bool),
         rejected=np.array([message.rejected_commands for message in kept], dtype=np.int64),
     )
     for _, message in messages(reader, PARAMETERS.of(board)):
@@ -265,10 +266,17 @@ def read_board(reader: Any, board: str) -> BoardRecording | None:
         recording.urdf = str(message.data)
     recording.modes = read_modes(reader, recording)
     recording.faults = read_faults(reader, recording)
-    recording.gaps = read_gaps(reader, recording)
     recording.requests = read_requests(reader, recording)
     recording.log = read_log(reader, recording)
-    recording.notes = read_notes(reader, recording)
+    # without stamps of the board: in its time by the reception of the first state
+    recording.notes = [
+        Note(time - origin, clean(message.data))
+        for time, message in messages(reader, NOTES.of(board))
+    ]
+    gaps = [json.loads(message.data) for _, message in messages(reader, GAPS.of(board))]
+    recording.gaps = [
+        Gap(float(gap["begin"]) - origin, float(gap["end"]) - origin) for gap in gaps
+    ]
     return recording
 
 
@@ -316,30 +324,6 @@ def read_faults(reader: Any, recording: BoardRecording) -> list[Fault]:
     return sorted([*over, *running.values()], key=lambda fault: fault.time)
 
 
-def read_gaps(reader: Any, recording: BoardRecording) -> list[Gap]:
-    """Gaps without messages of the board, in its own time.
-
-    Converted from the recorder's clock by the first state.
-    """
-    found: list[Gap] = []
-    gaps = [json.loads(message.data) for _, message in messages(reader, GAPS.of(recording.board))]
-    if not gaps:
-        return found
-    received, _ = next(messages(reader, STATE.of(recording.board)))
-    for times in gaps:
-        found.append(Gap(float(times["begin"]) - received, float(times["end"]) - received))
-    return found
-
-
-def read_notes(reader: Any, recording: BoardRecording) -> list[Note]:
-    """Notes in the board's time: they have no stamp, so the time of reception counts."""
-    found = [(at, message) for at, message in messages(reader, NOTES.of(recording.board))]
-    if not found:
-        return []
-    received, _ = next(messages(reader, STATE.of(recording.board)))
-    return [Note(at - received, clean(message.data)) for at, message in found]
-
-
 def read_requests(reader: Any, recording: BoardRecording) -> list[Request]:
     """Requests to the board during the recording."""
     return [
@@ -356,16 +340,11 @@ def read_requests(reader: Any, recording: BoardRecording) -> list[Request]:
     ]
 
 
-def read_log(reader: Any, recording: BoardRecording) -> list[LogLine]:
-    """Warnings and errors of the log during the recording."""
+def read_log(reader: Any, recording: BoardRecording) -> list[Note]:
+    """Warnings and errors of the board's log during the recording."""
     node = recording.board.strip("/").replace("/", ".")
     return [
-        LogLine(
-            stamp_of(message.stamp) - recording.start,
-            int(message.level),
-            clean_name(message.name),
-            clean(message.msg),
-        )
+        Note(stamp_of(message.stamp) - recording.start, clean(message.msg))
         for _, message in messages(reader, ROSOUT.name)
         if message.level >= WARNING and message.name == node
     ]

@@ -19,12 +19,11 @@ from typing import Any, Protocol
 
 from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from ..client.executor_thread import GONE, ExecutorThread
-from ..interface import MODES
+from ..interface import MODES, QoS
 from .errors import RecordingError
 from .parameters import Parameters
 from .topics import DEPTH, GAPS, PARAMETER_EVENTS, Topic, topic_of, topics_for_yarp, topics_of
@@ -157,13 +156,13 @@ class Recorder:
         loaded = [(topic, load(topic)) for topic in topics]
         self.skipped = [topic.name for topic, kind in loaded if kind is None]
         self._loaded = [(topic, kind) for topic, kind in loaded if kind is not None]
-        self._listen()
+        self._subscribe()
 
-    def _listen(self) -> None:
+    def _subscribe(self) -> None:
         """Subscribe to all topics; a thread receives them."""
         self._subscriptions = [
             self._node.create_subscription(
-                kind, topic.name, partial(self._hear, topic), qos(topic), raw=True
+                kind, topic.name, partial(self._receive, topic), qos(topic), raw=True
             )
             for topic, kind in self._loaded
         ]
@@ -183,7 +182,7 @@ class Recorder:
         self._release()
         self._context, self._own_context = context, True
         self._node = node_of(context)
-        self._listen()
+        self._subscribe()
 
     def _release(self) -> None:
         """Destroy the node, and the participant if owned by the recorder."""
@@ -235,15 +234,15 @@ class Recorder:
 
     # --- in the thread ------------------------------------------------------------------------
 
-    def _hear(self, topic: Topic, data: bytes, info: Mapping[str, Any]) -> None:
+    def _receive(self, topic: Topic, data: bytes, info: Mapping[str, Any]) -> None:
         stamp = int(info["received_timestamp"]) or time.time_ns()
         self.counts[topic] = self.counts.get(topic, 0) + 1
         if topic.board:
             self._count_dropped(topic, info.get("publication_sequence_number"))
             if ended := self._gaps.received(topic.board, time.monotonic(), stamp):
-                self._guard(partial(self._take, topic_of(GAPS, topic.board), stamp, ended))
+                self._guard(self._take, topic_of(GAPS, topic.board), stamp, ended)
         if not self.ended:
-            self._guard(partial(self._take, topic, stamp, bytes(data)))
+            self._guard(self._take, topic, stamp, bytes(data))
 
     def _count_dropped(self, topic: Topic, number: int | None) -> None:
         if number is None:  # middleware without sequence numbers
@@ -288,9 +287,9 @@ class Recorder:
             self._sink.write(topic_of(GAPS, board), now, ended)
         self._sink.close()
 
-    def _guard(self, work: Callable[[], None]) -> None:
+    def _guard(self, work: Callable[..., None], *values: Any) -> None:
         try:
-            work()
+            work(*values)
         except RecordingError as error:
             self.ended = self.ended or str(error)
 
@@ -317,14 +316,6 @@ def load(topic: Topic) -> Any:
         return None
 
 
-def qos(topic: Topic) -> QoSProfile:
+def qos(topic: Topic) -> Any:
     """QoS of a subscription: as published, with a queue for slow disks."""
-    return QoSProfile(
-        depth=DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE
-        if topic.reliable
-        else ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL
-        if topic.latched
-        else DurabilityPolicy.VOLATILE,
-    )
+    return QoS(depth=DEPTH, reliable=topic.reliable, latched=topic.latched).profile()

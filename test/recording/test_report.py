@@ -25,7 +25,6 @@ from control_board_ros.recording.reading import (
     SIGNALS,
     BoardRecording,
     Fault,
-    LogLine,
     Modes,
     Note,
 )
@@ -53,7 +52,6 @@ def recording() -> BoardRecording:
         names=JOINTS,
         time=time,
         signals=signals,
-        motion_done=np.ones((time.size, 2), dtype=bool),
         rejected=np.zeros((time.size, 2), dtype=np.int64),
         modes=[
             Modes(-5.0, dict.fromkeys(JOINTS, "pos"), dict.fromkeys(JOINTS, "stif")),
@@ -61,7 +59,7 @@ def recording() -> BoardRecording:
             Modes(6.0, dict(zip(JOINTS, ("pos", "hwfa"), strict=True)), {JOINTS[0]: "comp"}),
         ],
         faults=[Fault(6.0, JOINTS[1], 10, "encoder <silent>", None)],
-        log=[LogLine(6.0, 30, "board", "warned & said")],
+        log=[Note(6.0, "warned & said")],
         parameters={f"{JOINTS[0]}.limits.upper": 2.0, f"{JOINTS[0]}.limits.output": 100.0},
     )
 
@@ -87,7 +85,6 @@ def test_notes_faults_and_interaction_modes(tmp_path: Path) -> None:
         still,
         names=names,
         signals={name: np.zeros((count, 4)) for name in SIGNALS},
-        motion_done=np.ones((count, 4), dtype=bool),
         rejected=np.zeros((count, 4), dtype=np.int64),
         notes=[Note(3.5, "the <gripper> slipped")],
     )
