@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from ..recording import RecordingError
 from . import IdentificationError
 
 DONE, REFUSED = 0, 1
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         return write(given.data, given.output, payload=not given.no_payload)
-    except IdentificationError as error:
+    except (IdentificationError, RecordingError) as error:
         print(f"cbctl: {error}", file=sys.stderr)
         return REFUSED
 
@@ -31,7 +32,8 @@ def write(data: Path, output: Path, *, payload: bool) -> int:
     """Identify what was recorded, and write parameters and report.
 
     Raises:
-        IdentificationError: the data shows nothing, or a file cannot be written.
+        IdentificationError: the data shows nothing.
+        RecordingError: a file cannot be written.
     """
     try:
         from .files import summary, write_parameters

@@ -11,22 +11,11 @@ import yaml
 from .. import __version__
 from ..core.terms.joint_kind import JointKind
 from ..description.robots import NAMES
-from . import IdentificationError
-from .outcome import Finding, Outcome
+from ..recording.page import write_page
+from .outcome import QUANTITIES, Finding, Outcome
 
 #: Names of the quantities.
-TITLES = {
-    "torque_constant": "torque constant",
-    "efficiency": "gearbox efficiency",
-    "resistance": "winding resistance",
-    "delay": "delay",
-    "coulomb": "Coulomb friction",
-    "viscous": "viscous friction",
-    "breakaway": "breakaway friction",
-    "inertia": "rotor inertia",
-    "mass": "payload",
-    "center": "payload's centre",
-}
+TITLES = {name: quantity.title for name, quantity in QUANTITIES.items()}
 
 
 def parameters(outcome: Outcome) -> dict[str, Any]:
@@ -45,10 +34,10 @@ def parameters(outcome: Outcome) -> dict[str, Any]:
 
 
 def write_parameters(path: Path, outcome: Outcome) -> None:
-    """Write the parameter file, with the intervals as comments; nothing that is not shown.
+    """Write the parameter file, with the intervals as comments; only what the data shows.
 
     Raises:
-        IdentificationError: it cannot be written.
+        RecordingError: it cannot be written.
     """
     robot = outcome.robot.name
     lines = [
@@ -60,15 +49,7 @@ def write_parameters(path: Path, outcome: Outcome) -> None:
             f"# Use it on top of the robot's own: --params-file … --params-file {path.name}"
         )
     body = yaml.safe_dump(parameters(outcome), sort_keys=False)
-    write(path, "\n".join(lines) + "\n" + body)
-
-
-def write(path: Path, text: str) -> None:
-    """Write a file; raises IdentificationError where it cannot be written."""
-    try:
-        path.write_text(text, "utf-8")
-    except OSError as error:
-        raise IdentificationError(f"cannot write {path}: {error.strerror}") from error
+    write_page(path, "\n".join(lines) + "\n" + body)
 
 
 def summary(outcome: Outcome) -> list[str]:

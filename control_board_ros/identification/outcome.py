@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the records of motions show: values that are sure enough to be written, or why not."""
+"""Results of an identification: values with narrow enough intervals, or why not."""
 
 from __future__ import annotations
 
@@ -26,41 +26,74 @@ from .robot import Robot
 from .samples import Record, samples_of
 from .troubles import troubles_of
 
-#: Parameter of each unknown, below the joint's name.
-PARAMETERS = {
-    KT: "motor.torque_constant",
-    EFFICIENCY: "motor.efficiency",
-    RESISTANCE: "motor.resistance",
-    DELAY: "drive_delay",
-    COULOMB: "motor.coulomb",
-    VISCOUS: "motor.viscous",
-    BREAKAWAY: "motor.breakaway",
-    ROTOR: "motor.inertia",
-    MASS: "payload.mass",
-    CENTER: "payload.center",
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity that is identified.
+
+    Attributes:
+        title: For people.
+        parameter: Below the joint's name.
+        unit: Of a turning joint.
+        sliding_unit: Of a sliding one.
+        sure: Greatest half width of an interval that is written, as a share of the value.
+        helps: How to move for a narrower interval.
+    """
+
+    title: str
+    parameter: str
+    unit: str
+    sliding_unit: str
+    sure: float = 0.0
+    helps: str = ""
+
+
+QUANTITIES = {
+    KT: Quantity(
+        "torque constant", "motor.torque_constant", "N·m/A", "N·m/A", 0.05, "further and faster"
+    ),
+    EFFICIENCY: Quantity(
+        "gearbox efficiency", "motor.efficiency", "", "", 0.05, "with more torque"
+    ),
+    RESISTANCE: Quantity(
+        "winding resistance", "motor.resistance", "ohm", "ohm", 0.05, "with more torque"
+    ),
+    DELAY: Quantity("delay", "drive_delay", "s", "s", 0.1, "with more --acceleration"),
+    COULOMB: Quantity("Coulomb friction", "motor.coulomb", "N·m", "N", 0.1, "further"),
+    VISCOUS: Quantity(
+        "viscous friction",
+        "motor.viscous",
+        "N·m·s/rad",
+        "N·s/m",
+        0.1,
+        "faster (--speed) and further (--range)",
+    ),
+    BREAKAWAY: Quantity(
+        "breakaway friction", "motor.breakaway", "N·m", "N", 0.1, "from several poses"
+    ),
+    ROTOR: Quantity(
+        "rotor inertia",
+        "motor.inertia",
+        "kg·m²",
+        "kg·m²",
+        0.05,
+        "with more --acceleration, and together with joints that carry it",
+    ),
+    MASS: Quantity(
+        "payload",
+        "payload.mass",
+        "kg",
+        "kg",
+        0.05,
+        "together with joints that lift it, further (--range)",
+    ),
+    CENTER: Quantity("payload's centre", "payload.center", "m", "m"),
 }
-#: Units, where the joint turns and where it slides.
-UNITS = {
-    KT: ("N·m/A", "N·m/A"),
-    EFFICIENCY: ("", ""),
-    RESISTANCE: ("ohm", "ohm"),
-    DELAY: ("s", "s"),
-    COULOMB: ("N·m", "N"),
-    VISCOUS: ("N·m·s/rad", "N·s/m"),
-    BREAKAWAY: ("N·m", "N"),
-    ROTOR: ("kg·m²", "kg·m²"),
-    MASS: ("kg", "kg"),
-    CENTER: ("m", "m"),
-}
-#: Half width of an interval that is sure enough, as a share of the value.
-SURE = dict.fromkeys((KT, EFFICIENCY, RESISTANCE, ROTOR, MASS), 0.05) | dict.fromkeys(
-    (COULOMB, VISCOUS, BREAKAWAY, DELAY), 0.1
-)
-#: What is too small to matter: friction as a share of the torque limit, rotors as one of the least
-#: inertia, delays in cycles; and how sure the centre of a payload has to be, m.
+#: Negligible values: friction as a share of the torque limit, rotors as one of the least inertia,
+#: delays in cycles. Greatest half width of the interval of a payload's centre, m.
 LITTLE_FRICTION, LITTLE_ROTOR, LITTLE_DELAY = 5e-4, 0.01, 0.25
 SURE_CENTER = 0.01
-#: Deviation of k_t N from the configured one that is a wrong parameter, not a motor's tolerance.
+#: Relative deviation of k_t N from the configured one beyond any motor's tolerance.
 WRONG = 0.25
 LOOKS_ALIKE = "not shown: inertia of the payload looks the same; identify it without one"
 
@@ -83,11 +116,11 @@ class Finding:
 
     @property
     def parameter(self) -> str:
-        return f"{self.joint}.{PARAMETERS[self.quantity]}"
+        return f"{self.joint}.{QUANTITIES[self.quantity].parameter}"
 
     def unit(self, kind: JointKind) -> str:
-        turning, sliding = UNITS[self.quantity]
-        return kind.choose(turning, sliding)
+        quantity = QUANTITIES[self.quantity]
+        return kind.choose(quantity.unit, quantity.sliding_unit)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,10 +151,10 @@ def identify(
         robot: As configured.
         records: Of motions.
         joints: That moved in them.
-        payload: Estimate one; without, the robot carries exactly what its URDF has.
+        payload: Estimate one; else the robot carries exactly what its URDF has.
 
     Raises:
-        IdentificationError: the data shows nothing, or the robot's masses are unknown.
+        IdentificationError: the data is too short, or the robot's masses are unknown.
     """
     troubles = troubles_of(robot, records, joints)
     good = [joint for joint in joints if joint not in troubles]
@@ -143,7 +176,7 @@ def identify(
 
 
 def judge(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
-    """The findings of a fit, and joints whose constants cannot be true."""
+    """The findings of a fit, and joints with impossible motor constants."""
     findings, wrong = [], {}
     for joint in fitted.joints:
         if text := off_plate(robot, fitted, joint):
@@ -159,7 +192,7 @@ def judge(robot: Robot, fitted: Fitted) -> tuple[list[Finding], dict[str, str]]:
 
 
 def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
-    """Why motor constants cannot be a motor's tolerance; empty: they can."""
+    """Why motor constants are beyond a motor's tolerance; empty: within it."""
     found, key = fitted.estimates.get((joint, KT)), "motor.torque_constant"
     if found is None or found.relative > WRONG:
         return ""
@@ -173,7 +206,7 @@ def off_plate(robot: Robot, fitted: Fitted, joint: str) -> str:
 
 
 def of_joint(robot: Robot, joint: str, quantity: str, found: Estimate) -> Finding:
-    """A quantity of a joint: written where it is sure, or surely too small to matter."""
+    """A quantity of a joint: written if its interval is narrow, or the value negligible."""
     value, why = found.value, ""
     little = little_of(robot, joint, quantity)
     if abs(value) + found.sure <= little or (quantity == DELAY and found.sure <= little):
@@ -182,11 +215,11 @@ def of_joint(robot: Robot, joint: str, quantity: str, found: Estimate) -> Findin
         why = f"not shown: 0 is within its interval, {value:.2g} ± {found.sure:.2g}"
     elif value <= 0.0:
         why = f"not shown: {value:.3g} ± {found.sure:.2g} is not above 0"
-    elif found.relative > SURE[quantity]:
-        why = unsure(found, SURE[quantity], quantity)
+    elif found.relative > QUANTITIES[quantity].sure:
+        why = unsure(found, quantity)
     if quantity == EFFICIENCY and not why and value > 1.0:
         value = 1.0
-        if found.value - found.sure > 1.0 + SURE[EFFICIENCY]:
+        if found.value - found.sure > 1.0 + QUANTITIES[EFFICIENCY].sure:
             why = f"{found.value:.3g} is above 1: torque sensor and current sensor disagree"
     before = configured(robot, joint, quantity)
     return Finding(joint, quantity, (value,), (found.sure,), before, why)
@@ -194,14 +227,14 @@ def of_joint(robot: Robot, joint: str, quantity: str, found: Estimate) -> Findin
 
 def configured(robot: Robot, joint: str, quantity: str) -> tuple[float, ...] | None:
     """The parameter of a quantity, a number or a list of them; None without it."""
-    value = robot.values.get(f"{joint}.{PARAMETERS[quantity]}")
+    value = robot.values.get(f"{joint}.{QUANTITIES[quantity].parameter}")
     if isinstance(value, int | float):
         return (float(value),)
     return tuple(map(float, value)) if isinstance(value, Sequence) else None
 
 
 def little_of(robot: Robot, joint: str, quantity: str) -> float:
-    """Below which a quantity does not matter."""
+    """The value below which a quantity is negligible."""
     torque = robot.number(joint, "limits.torque")
     match quantity:
         case "coulomb" | "breakaway":
@@ -216,21 +249,11 @@ def little_of(robot: Robot, joint: str, quantity: str) -> float:
     return 0.0
 
 
-def unsure(found: Estimate, allowed: float, quantity: str) -> str:
+def unsure(found: Estimate, quantity: str) -> str:
     """Why an interval is too wide, and what helps."""
-    helps = {
-        KT: "further and faster",
-        EFFICIENCY: "with more torque",
-        RESISTANCE: "with more torque",
-        DELAY: "with more --acceleration",
-        COULOMB: "further",
-        VISCOUS: "faster (--speed) and further (--range)",
-        BREAKAWAY: "from several poses",
-        ROTOR: "with more --acceleration, and together with joints that carry it",
-        MASS: "together with joints that lift it, further (--range)",
-    }
+    allowed, helps = QUANTITIES[quantity].sure, QUANTITIES[quantity].helps
     width = "as wide as the value" if found.relative > 1.0 else f"±{100.0 * found.relative:.0f} %"
-    return f"not shown: {width}, ±{100.0 * allowed:.0f} % allowed; move it {helps[quantity]}"
+    return f"not shown: {width}, ±{100.0 * allowed:.0f} % allowed; move it {helps}"
 
 
 def of_payload(robot: Robot, fitted: Fitted) -> list[Finding]:
@@ -246,10 +269,10 @@ def of_payload(robot: Robot, fitted: Fitted) -> list[Finding]:
         return [Finding(joint, MASS, (0.0,), (mass.sure,), known)]
     if none:
         why = f"none: {mass.value:.3f} ± {mass.sure:.3f} kg"
-    elif mass.value <= 0.0 and mass.relative <= SURE[MASS]:
+    elif mass.value <= 0.0 and mass.relative <= QUANTITIES[MASS].sure:
         why = f"{mass.value:.3g} kg: the robot is lighter than its URDF"
-    elif mass.relative > SURE[MASS]:
-        why = unsure(mass, SURE[MASS], MASS)
+    elif mass.relative > QUANTITIES[MASS].sure:
+        why = unsure(mass, MASS)
     elif any(one.sure > SURE_CENTER for one in center):
         axis, worst = max(zip("xyz", center, strict=True), key=lambda pair: pair[1].sure)
         why = (

@@ -3,16 +3,15 @@
 
 from __future__ import annotations
 
-from html import escape
 from pathlib import Path
 
 import numpy as np
 
 from ..core.terms.joint_kind import JointKind
 from ..recording.charts import Chart, Trace
-from ..recording.page import chart_section, document, table
+from ..recording.page import chart_section, document, table, write_page
 from .equations import FRICTION, MOTOR, SENSOR, WINDING
-from .files import TITLES, shown, write
+from .files import TITLES, shown
 from .fit import Traced
 from .outcome import Outcome
 
@@ -31,13 +30,13 @@ def write_report(path: Path, outcome: Outcome, source: str) -> None:
     """Write the report.
 
     Raises:
-        IdentificationError: it cannot be written.
+        RecordingError: it cannot be written.
     """
     sections = [overview(outcome)]
     joints = [*outcome.troubles, *(outcome.fitted.joints if outcome.fitted else ())]
     for joint in dict.fromkeys(joints):
         sections.append(section(outcome, joint))
-    write(path, document(f"{source}: identified", "".join(sections), NOTE))
+    write_page(path, document(f"{source}: identified", "".join(sections), NOTE))
 
 
 def overview(outcome: Outcome) -> str:
@@ -48,7 +47,7 @@ def overview(outcome: Outcome) -> str:
         text = "yes" if not finding.why else finding.why
         rows.append([finding.joint, TITLES[finding.quantity], shown(finding, kind), text])
     heads = ["joint", "quantity", "value, 95 % interval", "in the parameter file"]
-    return f"<h2>{escape('What the data shows')}</h2>" + table(heads, rows, text=True)
+    return "<h2>What the data shows</h2>" + table(heads, rows, text=True)
 
 
 def section(outcome: Outcome, joint: str) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ..core.terms.vocabs import InteractionMode
 from ..program_options import TUNING
+from ..recording import RecordingError
 from ..settings.loading import Settings, SettingsError
 from . import TuningError
 from .files import summary, write_parameters, write_report
@@ -22,7 +23,7 @@ from .search import Found, Plan, run_all, settings_of
 from .space import COMPLIANT, POSITION
 from .storage import optuna, shown, storage_of
 
-DONE, REFUSED, USAGE = 0, 1, 2
+DONE, REFUSED = 0, 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: ends the processes
     try:
         tune(given)
-    except (TuningError, SettingsError) as error:
+    except (TuningError, SettingsError, RecordingError) as error:
         say(f"cbctl: {error}")
         return REFUSED
     except KeyboardInterrupt:
@@ -51,7 +52,8 @@ def tune(given: argparse.Namespace) -> None:
     """Search for the gains of a robot.
 
     Raises:
-        TuningError: a value is not allowed, or something fails.
+        TuningError: a value is not allowed, or the search fails.
+        RecordingError: a file cannot be written.
         SettingsError: the robot cannot be loaded.
     """
     optuna()

@@ -16,8 +16,7 @@ from ..core.config.config import JointConfig
 from ..core.terms.joint_kind import JointKind
 from ..core.terms.measurement import Array
 from ..recording.charts import Chart, Trace
-from ..recording.page import chart_section, difference, document, number
-from . import TuningError
+from ..recording.page import chart_section, difference, document, number, write_page
 from .bench import Motion
 from .cost import GUARDED, WEIGHTS
 from .outcome import Outcome, Played
@@ -61,7 +60,11 @@ def parameters(outcomes: Sequence[Outcome], robot: str) -> dict[str, Any]:
 
 
 def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
-    """Write the parameter file, with the figures as comments; raises TuningError on failure."""
+    """Write the parameter file, with the figures as comments.
+
+    Raises:
+        RecordingError: it cannot be written.
+    """
     lines = [
         f"# Gains found by cbctl tune (control_board_ros {__version__}) for {plan.robot}:",
         f"# {plan.trials} trials for each controller, payload up to {plan.payload:.3g} kg, "
@@ -75,14 +78,7 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
         files = " ".join(f"--params-file {file}" for file in (*below, path.name))
         lines.append(f"# Use it on top: {files}")
     body = yaml.safe_dump(parameters(outcomes, plan.robot), sort_keys=False)
-    write(path, "\n".join(lines) + "\n" + body)
-
-
-def write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, "utf-8")
-    except OSError as error:
-        raise TuningError(f"cannot write {path}: {error.strerror}") from error
+    write_page(path, "\n".join(lines) + "\n" + body)
 
 
 def summary(outcomes: Sequence[Outcome], plan: Plan) -> list[str]:
@@ -140,7 +136,7 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
     """Write the report: figures of each controller before and after, and the motions of its joint.
 
     Raises:
-        TuningError: it cannot be written.
+        RecordingError: it cannot be written.
     """
     units = kinds_of(plan.robot)
     sections = [section(outcome, units[outcome.joint]) for outcome in outcomes]
@@ -149,7 +145,7 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
         f"{plan.payload:.3g} kg, seed {plan.seed}. Grey: before. All figures are from poses that "
         f"the search did not see, with the gains of all joints together; mean over them. {CAUTION}"
     )
-    write(path, document(f"{Path(plan.robot).stem}: gains", "".join(sections), note))
+    write_page(path, document(f"{Path(plan.robot).stem}: gains", "".join(sections), note))
 
 
 def section(outcome: Outcome, kind: JointKind) -> str:
