@@ -82,9 +82,7 @@ class Board:
     def close(self) -> None:
         """Destroy its subscriptions and its client."""
         self.watch(on=False)
-        for topic in (self._modes, self._faults, self._description):
-            topic.close()
-        for topic in (*self._commands.values(), self._requests):
+        for topic in self._topics():
             topic.close()
         if self._notes is not None:
             self._node.destroy_publisher(self._notes)
@@ -147,10 +145,14 @@ class Board:
 
     def _renew(self) -> None:
         """Renew the subscriptions, after the old ones receive nothing any more."""
-        topics = (self.state, self._modes, self._faults, self._description)
-        for one in (*topics, *self._commands.values(), self._requests):
-            if one is not None:
-                one.renew()
+        for topic in self._topics():
+            topic.renew()
+
+    def _topics(self) -> list[Newest]:
+        """Its subscriptions."""
+        latched = (self._modes, self._faults, self._description)
+        state = [] if self.state is None else [self.state]
+        return [*state, *latched, *self._commands.values(), self._requests]
 
     def _changes(self, modes: dict[str, Any]) -> str:
         """Text of the joints' changes of control mode."""
@@ -241,7 +243,7 @@ class Board:
         try:
             coupling = await self.client.aio.get_coupling()
         except (BoardError, RequestError):
-            return []  # the joints stand still in the view
+            return []  # these joints do not move in the view
         return moved_by_axes(names, coupling)
 
     async def _limits(self, names: list[str]) -> dict[str, list[float | None]]:

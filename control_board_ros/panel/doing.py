@@ -16,7 +16,7 @@ from typing import Any
 from ..core.terms.reply import Reply
 from ..interface import POSITION_COMMAND, POSITION_DIRECT_COMMAND
 from .boards import Board, finite
-from .lines import HELD
+from .requests import HOLDS
 
 #: s without confirmation after which a control counts as released.
 PATIENCE = 0.3
@@ -86,7 +86,6 @@ Given = Mapping[str, Any]
 Progress = Callable[[float, str], None]
 CONTROLLERS = ("position", "direct", "torque", "current")
 
-
 #: Next step by reply code, in the page's terms.
 ADVICE = {
     "in_fault": "clear the fault",
@@ -97,8 +96,7 @@ ADVICE = {
     "brake_closed": "set its brake to automatic: cbctl brake",
 }
 
-
-#: What the page draws of a freeze frame, and of how many cycles.
+#: Columns of a freeze frame for the page, and their maximum length.
 FRAME = ("position", "position_reference", "torque", "torque_reference", "current", "output")
 MOST_OF_FRAME = 500
 
@@ -123,7 +121,7 @@ async def recover(board: Board, given: Given, _: Progress) -> dict[str, Any]:
 
 
 async def frame(board: Board, given: Given, _: Progress) -> dict[str, Any]:
-    """What was around the last fault of a joint (E3): columns of at most MOST_OF_FRAME numbers."""
+    """The freeze frame of a joint's last fault (E3)."""
     found = await board.client.aio.get_freeze_frame(given["joint"])
     if found is None:
         return {"ok": False, "message": f"{given['joint']} has had no fault", "frame": {}}
@@ -179,7 +177,7 @@ def one_or_many(given: Given) -> list[Any]:
 
 async def send_held(board: Board, kind: str, joint: str, value: float) -> Reply:
     """Send the reference of a held control."""
-    topic, _, _, method = HELD[kind]
+    topic, _, method = HOLDS[kind]
     board.sending(topic, [joint], [value])
     reply: Reply = await getattr(board.client.aio, method)(joint, value, answered=True)
     return reply

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -174,6 +175,16 @@ class Hub:
             due = max(due + period(), time.monotonic())
             await asyncio.sleep(due - time.monotonic())
 
+    @contextlib.contextmanager
+    def _reported(self, board: Board) -> Iterator[None]:
+        """Report errors of a board, whose messages may be invalid; they end nothing."""
+        try:
+            yield
+        except (BoardError, RequestError) as error:
+            self._complain(f"{board.name}: {error}")
+        except Exception as error:  # noqa: BLE001  (messages may be invalid)
+            self._complain(f"{board.name}: {type(error).__name__}: {error}")
+
     def _complain(self, text: str) -> None:
         """Report a problem once."""
         if text not in self._complaints:
@@ -222,30 +233,25 @@ class Hub:
     def _hear(self) -> None:
         """Forward modes, faults, descriptions, and the operator."""
         for board in list(self.shared.boards.values()):
-            try:
-                news = board.hear()
-            except Exception as error:  # noqa: BLE001  (messages may be invalid)
-                self._complain(f"{board.name}: {type(error).__name__}: {error}")
-                continue
-            for what in ("modes", "faults"):
-                if what in news:
-                    self.shared.tell_all(what, board=board.name, **news[what])
-            if "elsewhere" in news and not any(map(board.repeats, self.shared.boards.values())):
-                self.shared.log("", f"{board.name}: {news['elsewhere']}")
-            if "robot" in news:
-                self._asked.pop(board.name, None)
+            with self._reported(board):
+                self._forward(board, board.hear())
         self.operators.look()
+
+    def _forward(self, board: Board, news: dict[str, Any]) -> None:
+        for what in ("modes", "faults"):
+            if what in news:
+                self.shared.tell_all(what, board=board.name, **news[what])
+        if "elsewhere" in news and not any(map(board.repeats, self.shared.boards.values())):
+            self.shared.log("", f"{board.name}: {news['elsewhere']}")
+        if "robot" in news:
+            self._asked.pop(board.name, None)
 
     async def _overhear(self) -> None:
         """Forward other programs' commands."""
         for board in list(self.shared.boards.values()):
-            try:
-                commands = board.overhear()
-            except Exception as error:  # noqa: BLE001  (as above)
-                self._complain(f"{board.name}: {type(error).__name__}: {error}")
-                continue
-            for words in commands:
-                self.shared.log("another program", f"{board.name} {words}", board=board.name)
+            with self._reported(board):
+                for words in board.overhear():
+                    self.shared.log("another program", f"{board.name} {words}", board=board.name)
 
     async def _targets(self) -> None:
         """Request the targets of watched boards, and less often their limits."""
@@ -253,22 +259,15 @@ class Hub:
 
     async def _ask(self, board: Board) -> None:
         now = time.monotonic()
-        try:
+        with self._reported(board):
             if board.names and now - self._asked.get(board.name, -INFO) >= INFO:
                 self._asked[board.name] = now
                 before = board.info
                 await board.ask_info()
                 if board.info != before:
                     self.shared.tell_all("info", board=board.name, **board.info)
-            watched = any(
-                board.name in browser.watched for browser in self.shared.browsers.values()
-            )
-            if watched and await board.ask_targets():
+            if board.name in self._watched() and await board.ask_targets():
                 self.shared.tell_targets(board)
-        except (BoardError, RequestError) as error:
-            self._complain(f"{board.name}: {error}")
-        except Exception as error:  # noqa: BLE001  (messages may be invalid)
-            self._complain(f"{board.name}: {type(error).__name__}: {error}")
 
     async def _discover(self) -> None:
         """Discover new boards, remove those that ended."""

@@ -6,17 +6,15 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from control_board_ros.interface import (
     CALIBRATE,
     CONFIGURE,
-    CURRENT_COMMAND,
     EMERGENCY_STOP,
     GO_TO_POSE,
     MOVE,
-    OUTPUT_COMMAND,
     POSITION_COMMAND,
     POSITION_DIRECT_COMMAND,
     RECOVER,
@@ -26,22 +24,10 @@ from control_board_ros.interface import (
     SET_INTERACTION_MODE,
     SET_REFERENCE_SPEED,
     STOP,
-    TORQUE_COMMAND,
-    VELOCITY_COMMAND,
-    VELOCITY_DIRECT_COMMAND,
     Endpoint,
 )
 
-from .requests import Request
-
-#: Kind of a held reference: topic, its field, cbctl's unit, the client's method.
-HELD: dict[str, tuple[Endpoint, str, str, str]] = {
-    "velocity": (VELOCITY_COMMAND, "velocities", "", "velocity_move"),
-    "torque": (TORQUE_COMMAND, "torques", "", "set_ref_torque"),
-    "output": (OUTPUT_COMMAND, "outputs", "", "set_output"),
-    "veldirect": (VELOCITY_DIRECT_COMMAND, "velocities", "", "set_ref_velocity"),
-    "current": (CURRENT_COMMAND, "currents", "", "set_ref_current"),
-}
+from .requests import HOLDS, Request
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +39,7 @@ class Lines:
     python: str = ""
 
     def shown(self) -> dict[str, str]:
-        return {"cbctl": self.cbctl, "ros2": self.ros2, "python": self.python}
+        return asdict(self)
 
 
 def lines_of(request: Request) -> Lines:
@@ -147,9 +133,9 @@ def of_direct(board: str, joints: list[str], given: Mapping[str, Any]) -> Lines:
 
 def of_hold(board: str, _: list[str], given: Mapping[str, Any]) -> Lines:
     joint, kind, value = given["joint"], given["kind"], given["value"]
-    topic, field, unit, method = HELD[kind]
+    topic, field, method = HOLDS[kind]
     return Lines(
-        cbctl(board, kind, f"{joint}={value:.6g}{unit}"),
+        cbctl(board, kind, f"{joint}={value:.6g}"),
         published(board, topic, {"names": [joint], field: [value]}, "-r 25"),
         python(method, joint, value),
     )

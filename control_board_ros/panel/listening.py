@@ -9,15 +9,15 @@ at no cost.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from control_board_ros.interface import Endpoint
+from control_board_ros.interface import HISTORY, LATCHED, Endpoint
 
 #: The panels' operators; used between panels only, not part of a board's interface.
 OPERATOR = "/control_board_panel/operator"
@@ -36,12 +36,7 @@ class Newest:
     """
 
     def __init__(self, node: Node, topic: Endpoint, board: str) -> None:
-        latched = topic.qos.latched
-        qos = QoSProfile(
-            depth=1,
-            reliability=ReliabilityPolicy.RELIABLE if latched else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-        )
+        qos = replace(topic.qos, depth=1, reliable=topic.qos.latched).profile()
         self._node, self._kind = node, topic.load()
         self._make = partial(
             node.create_subscription, self._kind, topic.of(board), ignore, qos, raw=True
@@ -86,24 +81,16 @@ class OperatorTopic:
     """The topic of the panels' operators: latched, for new panels."""
 
     def __init__(self, node: Node) -> None:
-        self._handle = node.create_subscription(String, OPERATOR, ignore, latched(50)).handle
-        self._publisher = node.create_publisher(String, OPERATOR, latched(1))
+        subscribed = node.create_subscription(String, OPERATOR, ignore, HISTORY.profile())
+        self._handle = subscribed.handle
+        self._publisher = node.create_publisher(String, OPERATOR, LATCHED.profile())
 
     def send(self, text: str) -> None:
         self._publisher.publish(String(data=text))
 
     def take(self) -> list[str]:
-        said = []
+        texts = []
         with self._handle:
             while (taken := self._handle.take_message(String, False)) is not None:
-                said.append(taken[0].data)
-        return said
-
-
-def latched(depth: int) -> QoSProfile:
-    """Reliable; late subscribers receive the last message of each publisher."""
-    return QoSProfile(
-        depth=depth,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-    )
+                texts.append(taken[0].data)
+        return texts

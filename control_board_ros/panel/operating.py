@@ -83,8 +83,8 @@ class Operating:
         if request.do not in ("stop", "estop"):
             return Lines()
         boards = list(self._shared.boards.values())
-        if request.do == "estop":  # a robot's stop includes its parts
-            boards = [b for b in boards if not any(other.repeats(b) for other in boards)]
+        if request.do == "estop":
+            boards = self._without_parts()
         each = [lines_of(replace(request, board=board.name)) for board in boards]
         return Lines(
             " && ".join(line.cbctl for line in each),
@@ -158,10 +158,11 @@ class Operating:
         joint, kind, value = (request.given[key] for key in ("joint", "kind", "value"))
         held = self.holds.get(board.name, joint)
         fresh = held is None or held.kind != kind
-        if fresh or held is None:
-            rest = self._torque_reference(board, joint) if kind == "torque" else 0.0
-        else:
+        rest: float | None = 0.0
+        if held is not None and not fresh:
             rest = held.rest
+        elif kind == "torque":
+            rest = self._torque_reference(board, joint)
         if rest is None:
             message = f"the torque that holds {joint} is not known yet; hold again"
             return {"ok": False, "message": message}
@@ -236,8 +237,7 @@ class Operating:
         if on:
             self.holds.everything()
             self._end_what_lasts()
-        boards = list(self._shared.boards.values())
-        boards = [b for b in boards if not any(other.repeats(b) for other in boards)]
+        boards = self._without_parts()
         for board in boards:
             board.asking()
         return summed(
@@ -246,6 +246,11 @@ class Operating:
                 *(board.client.aio.emergency_stop(on) for board in boards), return_exceptions=True
             ),
         )
+
+    def _without_parts(self) -> list[Board]:
+        """The boards without the parts of a robot's board, whose stop includes them."""
+        boards = list(self._shared.boards.values())
+        return [board for board in boards if not any(one.repeats(board) for one in boards)]
 
     def _end_what_lasts(self) -> None:
         for browser in self._shared.browsers.values():

@@ -13,6 +13,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from control_board_ros.interface import (
+    CURRENT_COMMAND,
+    OUTPUT_COMMAND,
+    TORQUE_COMMAND,
+    VELOCITY_COMMAND,
+    VELOCITY_DIRECT_COMMAND,
+    Endpoint,
+)
+
 MAX_NAMES = 256
 MAX_TEXT = 200
 
@@ -101,7 +110,14 @@ def one_of(*words: str) -> Callable[[Any], str]:
     return check
 
 
-HOLDS = ("velocity", "torque", "output", "veldirect", "current")
+#: Kinds of held references: topic, its field, the client's method.
+HOLDS: dict[str, tuple[Endpoint, str, str]] = {
+    "velocity": (VELOCITY_COMMAND, "velocities", "velocity_move"),
+    "torque": (TORQUE_COMMAND, "torques", "set_ref_torque"),
+    "output": (OUTPUT_COMMAND, "outputs", "set_output"),
+    "veldirect": (VELOCITY_DIRECT_COMMAND, "velocities", "set_ref_velocity"),
+    "current": (CURRENT_COMMAND, "currents", "set_ref_current"),
+}
 JOINTS = {"joints": names}
 
 KINDS: dict[str, Kind] = {
