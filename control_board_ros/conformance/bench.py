@@ -27,15 +27,31 @@ M, K = ControlMode, CommandKind
 T = TypeVar("T", float, str)
 STIFF, COMPLIANT = InteractionMode.STIFF, InteractionMode.COMPLIANT
 
-#: Per kind of reference: the method to send it, and the one to read the last accepted one.
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A kind of reference.
+
+    Attributes: send and last (the client's methods to send it and to read the last accepted one),
+    field (of its message), mode (accepts it).
+    """
+
+    send: str
+    last: str
+    field: str
+    mode: ControlMode
+
+
 COMMANDS = {
-    K.POSITION: ("position_move", "get_target_position"),
-    K.POSITION_DIRECT: ("set_position", "get_ref_position"),
-    K.VELOCITY: ("velocity_move", "get_target_velocity"),
-    K.TORQUE: ("set_ref_torque", "get_ref_torque"),
-    K.OUTPUT: ("set_output", "get_output"),
-    K.VELOCITY_DIRECT: ("set_ref_velocity", "get_direct_velocity"),
-    K.CURRENT: ("set_ref_current", "get_ref_current"),
+    K.POSITION: Command("position_move", "get_target_position", "positions", M.POSITION),
+    K.POSITION_DIRECT: Command("set_position", "get_ref_position", "positions", M.POSITION_DIRECT),
+    K.VELOCITY: Command("velocity_move", "get_target_velocity", "velocities", M.VELOCITY),
+    K.TORQUE: Command("set_ref_torque", "get_ref_torque", "torques", M.TORQUE),
+    K.OUTPUT: Command("set_output", "get_output", "outputs", M.OPENLOOP),
+    K.VELOCITY_DIRECT: Command(
+        "set_ref_velocity", "get_direct_velocity", "velocities", M.VELOCITY_DIRECT
+    ),
+    K.CURRENT: Command("set_ref_current", "get_ref_current", "currents", M.CURRENT),
 }
 
 #: Modes with a position reference other than POSITION.
@@ -213,10 +229,10 @@ class Bench:
         """Send a reference to the joint; moves and velocities at the speed of the range."""
         limits = self.range
         along = {K.POSITION: [limits.speed], K.VELOCITY: [limits.acceleration]}.get(kind, [])
-        getattr(self.client, COMMANDS[kind][0])(self.joint, value, *along)
+        getattr(self.client, COMMANDS[kind].send)(self.joint, value, *along)
 
     def last(self, kind: CommandKind, joint: str | None = None) -> float:
-        return float(getattr(self.client, COMMANDS[kind][1])(joint or self.joint)[0])
+        return float(getattr(self.client, COMMANDS[kind].last)(joint or self.joint)[0])
 
     def another(self, kind: CommandKind) -> float:
         """A reference with little effect that differs from the last accepted one."""
@@ -255,7 +271,7 @@ class Bench:
         """A state that includes the effect of earlier requests."""
         fresh = self.client.get_state()
         check_lengths("~/state", fresh, PER_JOINT)
-        self.wait(lambda: self.latest().stamp >= fresh.stamp, self.channel.patience)
+        self.channel.wait_for(lambda: self.latest().stamp >= fresh.stamp, self.channel.patience)
         if self._requested:  # not by the client, whose states may be older
             self._requested = False
             return self.following(2)
@@ -268,7 +284,8 @@ class Bench:
             BoardTimeout: it is not received.
         """
         wanted = self.channel.states_received + count
-        if not self.wait(lambda: self.channel.states_received >= wanted, self.channel.patience):
+        channel = self.channel
+        if not channel.wait_for(lambda: channel.states_received >= wanted, channel.patience):
             raise BoardTimeout(f"no state of {self.channel.board}; is it paused?")
         return self.channel.states[-1]
 
@@ -294,7 +311,7 @@ class Bench:
 
         The time of processing of published messages is unknown.
         """
-        self.wait(lambda: condition(self.latest()), TIMEOUT)
+        self.channel.wait_for(lambda: condition(self.latest()), TIMEOUT)
         return self.latest()
 
     def latest(self) -> State:
@@ -366,7 +383,7 @@ class Bench:
             return guarded and not self.range.is_near(float(self.latest().position[self.j]))
 
         patience = self.channel.patience + 20.0 * seconds
-        if not self.wait(lambda: condition() or left(), patience):
+        if not self.channel.wait_for(lambda: condition() or left(), patience):
             raise BoardTimeout(f"the time of {self.channel.board} does not go on; is it paused?")
         if not left():
             return
@@ -376,7 +393,3 @@ class Bench:
         if mode in STOPPABLE:
             raise NotHeld(text)
         raise NotTestable(f"{text}; try a joint without load: --joint NAME")
-
-    def wait(self, condition: Callable[[], bool], patience: float) -> bool:
-        """Wait until a state or a change of modes fulfils a condition; false on timeout."""
-        return self.channel.wait_for(condition, patience)

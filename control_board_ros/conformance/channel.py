@@ -12,10 +12,10 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from control_board_ros.client import BoardTimeout, State
+from control_board_ros.client.executor_thread import ExecutorThread
 from control_board_ros.interface import JOINT_STATES, MODES, STATE, Endpoint
 
 from .rules import OutOfTime
@@ -27,8 +27,6 @@ KEPT = 10_000
 DEPTH = 100
 #: s from the match of a subscription until delivery to it is certain.
 MATCHING = 0.05
-#: s after a failed message: limits the load of persistent failures.
-PAUSE = 0.01
 
 
 class Channel:
@@ -53,23 +51,18 @@ class Channel:
         self._came = threading.Condition(threading.RLock())
         self._clients: dict[str, Any] = {}
         self._publishers: dict[str, Any] = {}
-        self._ended = threading.Event()
         self._joints: dict[str, float] | None = None
         self._subscriptions = [
             self._subscribe(STATE, self._on_state),
             self._subscribe(MODES, self._on_modes),
         ]
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(node)
-        self._thread = threading.Thread(target=self._spin, name="conformance", daemon=True)
-        self._thread.start()
+        self._thread = ExecutorThread(
+            node, lambda error: self._keep(Malformed("A", f"a message cannot be read: {error}"))
+        )
 
     def close(self) -> None:
         """End the thread, and restore the node."""
-        self._ended.set()
-        self._executor.wake()
-        self._thread.join(timeout=5.0)
-        self._executor.shutdown(timeout_sec=1.0)
+        self._thread.close()
         for subscription in self._subscriptions:
             self.node.destroy_subscription(subscription)
         for client in self._clients.values():
@@ -218,13 +211,3 @@ class Channel:
         with self._came:
             self.malformed = error
             self._came.notify_all()
-
-    def _spin(self) -> None:
-        while not self._ended.is_set():
-            try:
-                self._executor.spin_once(timeout_sec=0.2)
-            except ExternalShutdownException:
-                return
-            except Exception as error:  # noqa: BLE001  (the conversion of a message; kept)
-                self._keep(Malformed("A", f"a message cannot be read: {error}"))
-                time.sleep(PAUSE)

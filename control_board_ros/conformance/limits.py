@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from control_board_ros.client import BoardError
 from control_board_ros.core.selection import RequestError
-from control_board_ros.joint_limits import limit_parameters, limits_of
+from control_board_ros.joint_limits import JointLimits, limit_parameters, limits_of
 from control_board_ros.urdf_xml import DescribedJoint, heard_joints
 
 if TYPE_CHECKING:
@@ -20,20 +20,6 @@ TURN = (-math.pi, math.pi)
 SPEED, ACCELERATION, TORQUE = 0.5, 1.0, 2.0
 #: s; duration of a move, for about one minute in total.
 LONGEST_MOVE = 0.8
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """The limits of a joint: lower, upper (rad), velocity (rad/s), acceleration (rad/s²), torque
-    (N·m); known (whether lower and upper are known).
-    """
-
-    lower: float
-    upper: float
-    velocity: float
-    acceleration: float
-    torque: float
-    known: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +50,11 @@ class Range:
         return self.low - margin <= position <= self.high + margin
 
     @classmethod
-    def of(cls, limits: Limits, position: float, fraction: float) -> Range:
+    def of(cls, limits: JointLimits, position: float, fraction: float) -> Range:
         """A fraction of the limits around a position, well inside of them."""
-        half = 0.5 * fraction * (limits.upper - limits.lower)
-        middle = min(max(position, limits.lower + half), limits.upper - half)
+        lower, upper = (limits.lower, limits.upper) if bounded(limits) else TURN
+        half = 0.5 * fraction * (upper - lower)
+        middle = min(max(position, lower + half), upper - half)
         speed = fraction * limits.velocity / 1.875
         step = min(0.6 * half, speed * LONGEST_MOVE)
         return cls(
@@ -85,8 +72,16 @@ class Range:
         )
 
 
-def read_limits(client: ControlBoardClient, name: str) -> Limits:
-    """The limits in force from the board's parameters, else from its robot description."""
+def bounded(limits: JointLimits) -> bool:
+    """Whether the positions of a joint are limited."""
+    return math.isfinite(limits.upper - limits.lower)
+
+
+def read_limits(client: ControlBoardClient, name: str) -> JointLimits:
+    """The limits in force from the board's parameters, else from its robot description.
+
+    The limits of position are infinite where unknown, or more than two turns apart.
+    """
     try:
         values = client.get_parameters(limit_parameters([name]))
     except (BoardError, RequestError):  # other boards lack the parameters
@@ -94,19 +89,22 @@ def read_limits(client: ControlBoardClient, name: str) -> Limits:
     limits = limits_of([name], values.values())[name]
     if limits is None:
         return described_limits(client, name)
-    endless = limits.upper - limits.lower > 4.0 * math.pi
-    lower, upper = TURN if endless else (limits.lower, limits.upper)
-    return Limits(lower, upper, limits.velocity, limits.acceleration, limits.torque, not endless)
+    if limits.upper - limits.lower > 4.0 * math.pi:
+        return replace(limits, lower=-math.inf, upper=math.inf)
+    return limits
 
 
-def described_limits(client: ControlBoardClient, name: str) -> Limits:
-    """The limits of a joint in the URDF; one turn by default."""
+def described_limits(client: ControlBoardClient, name: str) -> JointLimits:
+    """The limits of a joint in the URDF."""
     try:
         joint = heard_joints(client.get_robot_description()).get(name, DescribedJoint(""))
     except BoardError:
         joint = DescribedJoint("")
-    known = math.isfinite(joint.upper - joint.lower) and joint.lower < joint.upper
-    lower, upper = (joint.lower, joint.upper) if known else TURN
-    velocity = SPEED if joint.velocity is None else joint.velocity
-    torque = TORQUE if joint.effort is None else joint.effort
-    return Limits(lower, upper, velocity, ACCELERATION, torque, known)
+    known = joint.lower < joint.upper
+    return JointLimits(
+        joint.lower if known else -math.inf,
+        joint.upper if known else math.inf,
+        velocity=SPEED if joint.velocity is None else joint.velocity,
+        acceleration=ACCELERATION,
+        torque=TORQUE if joint.effort is None else joint.effort,
+    )

@@ -90,7 +90,7 @@ def stream(
             VELOCITY_COMMAND, names=[bench.joint], velocities=[velocity], accelerations=[along]
         )
         longest, sent = max(longest, bench.latest().stamp - sent), bench.latest().stamp
-        bench.wait(lambda: bench.latest().stamp >= sent + RENEWAL, RENEWAL)  # noqa: B023
+        bench.channel.wait_for(lambda: bench.latest().stamp >= sent + RENEWAL, RENEWAL)  # noqa: B023
     longest = max(longest, bench.latest().stamp - sent)
     in_time(longest < 3.0 * RENEWAL, f"{longest:.2g} s between two velocities")
     haste = (bench.latest().stamp - begin) / (bench.channel.clock() - began)

@@ -8,7 +8,7 @@ import math
 from control_board_ros.interface import SET_REFERENCE_SPEED, STOP
 
 from .bench import COMPLIANT, Bench, K, M
-from .limits import read_limits
+from .limits import bounded, read_limits
 from .moving import amid_a_move, run_on
 from .rules import assume, expect, inside, offered, rule
 
@@ -113,7 +113,7 @@ def limits_bound(bench: Bench) -> str:
     client, joint = bench.client, bench.joint
     limits = read_limits(client, joint)
     lower, upper = limits.lower, limits.upper
-    offered(limits.known, "its limits are unknown")
+    offered(bounded(limits), "its limits are unknown")
     slow = 0.5 * bench.range.speed
     for target, limit in ((upper + 1.0, upper), (lower - 1.0, lower)):
         client.position_move(joint, target, slow)

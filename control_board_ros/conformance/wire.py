@@ -13,30 +13,8 @@ from control_board_ros.interface import (
     Endpoint,
 )
 
-from .bench import OTHERS, Bench, K, M
+from .bench import COMMANDS, OTHERS, Bench, M
 from .rules import assume, expect, rule
-
-#: Field of the references of each kind.
-FIELDS = {
-    K.POSITION: "positions",
-    K.POSITION_DIRECT: "positions",
-    K.VELOCITY: "velocities",
-    K.TORQUE: "torques",
-    K.OUTPUT: "outputs",
-    K.VELOCITY_DIRECT: "velocities",
-    K.CURRENT: "currents",
-}
-
-#: A mode that accepts each kind of reference.
-MODES = {
-    K.POSITION: M.POSITION,
-    K.POSITION_DIRECT: M.POSITION_DIRECT,
-    K.VELOCITY: M.VELOCITY,
-    K.TORQUE: M.TORQUE,
-    K.OUTPUT: M.OPENLOOP,
-    K.VELOCITY_DIRECT: M.VELOCITY_DIRECT,
-    K.CURRENT: M.CURRENT,
-}
 
 
 @rule("M7", "a request is checked whole and acts at once")
@@ -86,9 +64,11 @@ def malformed(bench: Bench) -> str:
     tried = []
     for topic in COMMAND_TOPICS:
         kind = topic.reference
-        if topic.name.startswith("~/command/") and kind is not None and MODES[kind] in bench.modes:
+        if not topic.name.startswith("~/command/") or kind is None:
+            continue
+        if COMMANDS[kind].mode in bench.modes:
             bench.home()
-            bench.enter(MODES[kind])
+            bench.enter(COMMANDS[kind].mode)
             rejected(bench, topic, kind)
             tried.append(str(kind))
     return f"NaN, infinite and wrong-length references ignored: {', '.join(tried)}"
@@ -96,13 +76,13 @@ def malformed(bench: Bench) -> str:
 
 def rejected(bench: Bench, topic: Endpoint, kind: CommandKind) -> None:
     """Send malformed references of a kind; the last accepted one remains."""
-    good = bench.another(kind)
-    before = bench.last(kind)
+    field, mode = COMMANDS[kind].field, COMMANDS[kind].mode
+    good, before = bench.another(kind), bench.last(kind)
     for values in ([math.nan], [math.inf], [-math.inf], [], [good, good]):
         count = bench.rejected()
-        bench.channel.send(topic, names=[bench.joint], **{FIELDS[kind]: values})
+        bench.channel.send(topic, names=[bench.joint], **{field: values})
         bench.poll(lambda: bench.rejected() != count)  # noqa: B023 - used at once
         last = bench.last(kind)
         expect(last == before, f"{values} for one joint was accepted as a {kind} of {last:.4g}")
-        expect(bench.mode is MODES[kind], f"{values} switched {MODES[kind]} to {bench.mode}")
+        expect(bench.mode is mode, f"{values} switched {mode} to {bench.mode}")
     bench.command(kind, good)

@@ -19,7 +19,7 @@ from control_board_msgs.msg import BoardState, JointModes
 from std_msgs.msg import Header
 
 from control_board_ros.conformance import Outcome, Result, Rule, app, as_junit, as_text
-from control_board_ros.conformance.limits import Limits, Range
+from control_board_ros.conformance.limits import Range
 from control_board_ros.conformance.motion import fitted, minimum_jerk
 from control_board_ros.conformance.report import too_few
 from control_board_ros.conformance.rules import NotHeld, NotTestable, NotTested, OutOfTime
@@ -33,6 +33,7 @@ from control_board_ros.conformance.shapes import (
 )
 from control_board_ros.core.terms.reply import Answer
 from control_board_ros.interface import SET_CONTROL_MODE
+from control_board_ros.joint_limits import JointLimits
 from control_board_ros.testing import board_process
 
 HELD, NOT_HELD, NOT_TESTED = Outcome.HELD, Outcome.NOT_HELD, Outcome.NOT_TESTED
@@ -288,7 +289,7 @@ def test_a_board_that_answers_late_ends(capsys: pytest.CaptureFixture[str]) -> N
 
 
 def test_a_joint_at_its_limit_has_room_for_a_step() -> None:
-    limits = Limits(-2.0, 2.0, 3.0, 20.0, 60.0)
+    limits = JointLimits(-2.0, 2.0, velocity=3.0, acceleration=20.0, torque=60.0)
     for position in (-2.0, -1.9, 0.3, 2.0):
         tried = Range.of(limits, position, 0.1)
         assert tried.found == position
