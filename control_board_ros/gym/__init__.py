@@ -4,21 +4,20 @@
     import gymnasium
     env = gymnasium.make("control_board_ros/Reach-v0", control="velocity")
 
-Gymnasium finds them by itself where the package is installed; importing this module registers
-them, too.
+The package's entry point registers them with Gymnasium; importing this module does as well.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-#: Name, its task in ``tasks``, and the steps of an episode.
+#: Steps of an episode by task; see ``tasks``.
 TASKS = {"Reach": 100, "Track": 200, "Impedance": 200}
 NAMESPACE = "control_board_ros"
 
 
 def register_envs(namespace: str = NAMESPACE) -> None:
-    """Register the environments: what Gymnasium calls when it loads this plug-in."""
+    """Register the environments; Gymnasium calls it when it loads this plug-in."""
     from gymnasium.envs.registration import current_namespace, register, registry
 
     prefix = "" if current_namespace == namespace else f"{namespace}/"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One arm, or many of one kind, on one board: what actions do to it and what it shows."""
+"""One or several arms of one kind on one board: actions in, measurements out."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from ..settings.loading import Settings
 from ..sim.plant import Body, SimulatedPlant, make_body
 
 M, K = ControlMode, CommandKind
-#: Share of a limit that an action of 1 asks for.
+#: Share of a limit at an action of 1.
 REACH = 0.5
 #: Number of a mode in observations.
 NUMBERS = {mode: number for number, mode in enumerate(STATES)}
-#: Control cycles until a board is up.
+#: Control cycles of a board's start.
 START_CYCLES = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """How actions, each number within −1…1, become references.
+    """Conversion of actions, from −1 to 1, to references.
 
-    Attributes: mode and interaction (of all joints), width (numbers per joint), send (hands
+    Attributes: mode and interaction (of all joints), width (numbers per joint), send (sends
     actions of shape (arms, width, n) to the board).
     """
 
@@ -48,7 +48,7 @@ class Arms:
 
     Args:
         settings: Of one arm.
-        count: How many there are; more than one need MuJoCo.
+        count: Number of arms; several require MuJoCo.
         control: One of CONTROLS.
         cycles: Control cycles of one step.
 
@@ -56,7 +56,7 @@ class Arms:
     step, s), home (positions, shape (n,)), board, plant.
 
     Raises:
-        ValueError: no such control, or a joint that does not implement its mode.
+        ValueError: unknown control, or a joint does not implement its mode.
         PlantError: the body cannot be made.
     """
 
@@ -115,7 +115,7 @@ class Arms:
         self._come_up(range(self.count))
 
     def restart(self, arms: list[int], positions: Floats) -> None:
-        """Some arms from power-on, at rest at positions, shape (k, n); the others go on."""
+        """Restart some arms from power-on, at rest at positions, shape (k, n)."""
         groups = list(self.board.parts.values()) or [self.board]
         for k, at in zip(arms, positions, strict=True):
             self.plant.place(at, slice(k * self.n, (k + 1) * self.n))
@@ -133,22 +133,22 @@ class Arms:
                 raise ValueError(f"the arm does not start: {reply.message}")
 
     def act(self, actions: Floats) -> None:
-        """Hand actions, shape (arms, width · n), to the joints that are not in fault."""
+        """Send actions, shape (arms, width · n)."""
         shape = (self.count, self.control.width, self.n)
         self.control.send(self, np.clip(actions.astype(float), -1.0, 1.0).reshape(shape))
 
     def command(self, kind: CommandKind, values: Floats) -> None:
-        """References for all joints, shape (arms, n)."""
+        """Send references to all joints, shape (arms, n)."""
         self.board.command(kind, None, values.ravel())
 
     def tick(self, cycles: int) -> None:
-        """Let control cycles pass."""
+        """Run control cycles."""
         read, tick, write = self.plant.read, self.board.tick, self.plant.write
         for _ in range(cycles):
             write(tick(read()))
 
     def step(self, done: int = 0) -> None:
-        """Let the rest of a step pass, of which some cycles have passed."""
+        """Run the cycles of a step, less those already done."""
         self.tick(max(0, self._cycles - done))
 
     def modes(self) -> NDArray[np.int64]:
@@ -162,7 +162,7 @@ class Arms:
         return np.array(active, dtype=np.int8).reshape(self.count, self.n)
 
     def tips(self, positions: Floats) -> Floats:
-        """Where the last links have their origins, m, shape (arms, 3).
+        """Origins of the last links, m, shape (arms, 3).
 
         Raises:
             ValueError: the configuration has no URDF.
@@ -188,7 +188,7 @@ class Arms:
         return places[-1][0]
 
     def close(self) -> None:
-        """Let go of the body; safe to call twice."""
+        """Close the body; may be called twice."""
         self.body.close()
 
 
@@ -215,7 +215,7 @@ def _position(arms: Arms, actions: Floats) -> None:
 
 
 def _direct(arms: Arms, actions: Floats) -> None:
-    """The reference goes on from where it is, by no more than the speed limit allows."""
+    """Step the reference, at most by a share of the speed limit."""
     way = REACH * arms.velocity_limit * arms.duration * actions[:, 0]
     arms.target = np.clip(arms.target + way, arms.lower, arms.upper)
     arms.command(K.POSITION_DIRECT, arms.target)
@@ -230,7 +230,7 @@ def _torque(arms: Arms, actions: Floats) -> None:
 
 
 def _impedance(arms: Arms, actions: Floats) -> None:
-    """As direct, with stiffness and damping from 0 (−1) to their greatest (1)."""
+    """As direct, with stiffness and damping from 0 (action −1) to their maximum (1)."""
     share = (actions[:, 1:] + 1.0) / 2.0
     stiffness, damping = share[:, 0] * arms.max_stiffness, share[:, 1] * arms.max_damping
     arms.board.set_impedance(None, stiffness.ravel(), damping.ravel())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The environments: one arm (ArmEnv), and many on one board in one process (FleetEnv)."""
+"""The environments: one arm (ArmEnv), and several on one board in one process (FleetEnv)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from .tasks import TASKS, Task
 Observation = dict[str, NDArray[Any]]
 #: Reward of a fault, which ends an episode.
 FAULT = -10.0
-#: Values beyond their limits by this factor are shown as that.
+#: Bounds of velocities and torques in observations, as multiples of their limits.
 MARGIN = 2.0
 #: Pixels of a picture.
 WIDTH, HEIGHT = 320, 240
@@ -35,16 +35,16 @@ FPS = 20
 
 @cache
 def shipped(robot: str, engine: str | None) -> Settings:
-    """The settings of a shipped configuration: the same for each of many environments."""
+    """The settings of a shipped configuration, shared by environments."""
     return load(robot, {} if engine is None else {"physics": engine})
 
 
 def made(task: str, robot: str, control: str, rate: float, physics: str, count: int) -> Arms:
-    """Arms for a task; without physics in MuJoCo, where it is installed.
+    """Arms for a task; by default in MuJoCo, if installed.
 
     Raises:
-        SettingsError: an unknown robot, or a configuration that is not allowed.
-        ValueError: a control or a rate that is not possible.
+        SettingsError: unknown robot, or invalid configuration.
+        ValueError: unknown control, or a rate that is too high.
     """
     engine = physics or (MUJOCO if find_spec(MUJOCO) else None)
     is_file = "/" in robot or robot.endswith((".yaml", ".yml"))
@@ -56,15 +56,15 @@ def made(task: str, robot: str, control: str, rate: float, physics: str, count: 
     return Arms(settings, count, control or DEFAULTS[task], cycles)
 
 
-#: Control that suits a task.
+#: Control by task.
 DEFAULTS = {"Reach": "velocity", "Track": "direct", "Impedance": "impedance"}
 
 
 class Episodes:
-    """Episodes of some arms: observations, rewards and ends, arrays over arms.
+    """Episodes of arms: observations, rewards and ends, arrays over arms.
 
     Args:
-        arms: Whose they are.
+        arms: The arms.
         task: One of TASKS.
     """
 
@@ -93,17 +93,17 @@ class Episodes:
         self.actions = spaces.Box(-1.0, 1.0, (arms.control.width * arms.n,), np.float32)
 
     def begin(self, randoms: Sequence[Generator]) -> None:
-        """A new episode of every arm, with everything reset."""
+        """Start a new episode of every arm; resets everything."""
         self.arms.begin(self.task.begin(range(self.arms.count), randoms))
         self.steps[:] = 0
 
     def again(self, chosen: list[int], randoms: Sequence[Generator]) -> None:
-        """A new episode of some arms."""
+        """Start a new episode of some arms."""
         self.arms.restart(chosen, self.task.begin(chosen, randoms))
         self.steps[chosen] = 0
 
     def observe(self) -> Observation:
-        """What is seen now, each of shape (arms, …)."""
+        """The observations, each of shape (arms, …)."""
         arms = self.arms
         seen = {
             "position": arms.position,
@@ -118,7 +118,7 @@ class Episodes:
         return found | {"mode": arms.modes(), "fault": arms.faults()}
 
     def step(self, actions: NDArray[Any], passed: int = 0) -> None:
-        """Act, and let the time of a step pass."""
+        """Act for one step, of which ``passed`` cycles are done."""
         self.task.before(self.steps)
         self.arms.act(actions)
         self.arms.step(passed)
@@ -127,7 +127,7 @@ class Episodes:
     def judge(
         self, actions: NDArray[Any]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Rewards, successes, and where a joint is in fault, shape (arms,)."""
+        """Rewards, successes, and faults, shape (arms,)."""
         reward, success = self.task.judge(actions, self.task.observe(self.steps))
         faulty = self.arms.faults().max(axis=1).astype(np.bool_)
         return np.where(faulty, FAULT, reward), success & ~faulty, faulty
@@ -139,15 +139,15 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     Args:
         task: ``Reach``, ``Track`` or ``Impedance``.
         robot: A shipped configuration, or the path of a parameter file.
-        control: ``position``, ``direct``, ``velocity``, ``torque``, ``impedance``; empty: what
-            suits the task.
+        control: ``position``, ``direct``, ``velocity``, ``torque``, ``impedance``; empty: the
+            default of the task.
         rate: Steps per simulated second, Hz.
-        physics: ``mujoco``, ``pybullet`` or ``ideal``; empty: MuJoCo where it is installed.
+        physics: ``mujoco``, ``pybullet`` or ``ideal``; empty: MuJoCo if installed.
         render_mode: ``rgb_array``, ``human`` (a window by pygame) or None.
 
     Raises:
-        SettingsError: an unknown robot, or a configuration that is not allowed.
-        ValueError: a control or a rate that is not possible.
+        SettingsError: unknown robot, or invalid configuration.
+        ValueError: unknown control, or a rate that is too high.
     """
 
     metadata: dict[str, Any] = {
@@ -174,7 +174,7 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """A new episode; board and plant restart."""
+        """Start a new episode; board and plant restart."""
         super().reset(seed=seed)
         self._episodes.begin([self.np_random])
         self._show()
@@ -183,7 +183,7 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Act for one step; what is not finite is ignored, as the board ignores it."""
+        """Act for one step; the board ignores numbers that are not finite."""
         self._episodes.step(action[None])
         (reward,), (success,), (faulty,) = self._episodes.judge(action[None])
         self._show()
@@ -194,11 +194,11 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         return self.observe(), float(reward), bool(success or faulty), False, info
 
     def render(self) -> Any:
-        """A picture, RGB, shape (240, 320, 3); None in a window."""
+        """A picture, RGB, shape (240, 320, 3); None in mode ``human``."""
         return self._picture() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Let go of body and window; safe to call twice."""
+        """Close body and window; may be called twice."""
         self._episodes.arms.close()
         if self._window is not None:
             import pygame
@@ -207,7 +207,6 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
             self._window = None
 
     def observe(self) -> Observation:
-        """What is seen now."""
         return {key: values[0] for key, values in self._episodes.observe().items()}
 
     def _picture(self) -> NDArray[np.uint8]:
@@ -232,16 +231,16 @@ class ArmEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
 
 class FleetEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
-    """Many arms on one board, in one world of MuJoCo, in one process.
+    """Several arms on one board, in one world of MuJoCo, in one process.
 
     ``gymnasium.make_vec("control_board_ros/Reach-v0", num_envs=64,
-    vectorization_mode="vector_entry_point")``. An arm whose episode has ended begins its next one
-    in the following step, whose action for it counts for nothing (AutoresetMode.NEXT_STEP).
+    vectorization_mode="vector_entry_point")``. After the end of an episode, the arm's next step
+    starts a new one and ignores the action (AutoresetMode.NEXT_STEP).
 
     Args:
-        num_envs: How many arms.
+        num_envs: Number of arms.
         task, robot, control, rate: As of ArmEnv.
-        max_episode_steps: When episodes are truncated.
+        max_episode_steps: Steps until an episode is truncated.
     """
 
     metadata: dict[str, Any] = {"render_modes": [], "autoreset_mode": AutoresetMode.NEXT_STEP}
@@ -269,7 +268,7 @@ class FleetEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Any = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """New episodes of all arms; arm k has the seed + k."""
+        """Start new episodes of all arms; the seed of arm k is seed + k."""
         if seed is not None:
             seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else seed
             for k, one in enumerate(seeds):
@@ -282,7 +281,7 @@ class FleetEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
     def step(
         self, actions: NDArray[np.float32]
     ) -> tuple[Observation, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
-        """Act for one step with all arms; actions of shape (arms, width · n)."""
+        """Act for one step; actions of shape (arms, width · n)."""
         ended = self._over
         if begun := np.flatnonzero(ended).tolist():
             self._episodes.again(begun, [self._randoms[k] for k in begun])
@@ -303,5 +302,5 @@ class FleetEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]]):
         )
 
     def close_extras(self, **_: Any) -> None:
-        """Let go of the body."""
+        """Close the body."""
         self._episodes.arms.close()

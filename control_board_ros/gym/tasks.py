@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is to be done, what it shows, what it is worth: for one arm or many, arrays over arms.
+"""Tasks of one or several arms: goals, observations and rewards, arrays over arms.
 
-Each task has ``spaces`` (low and high of what it adds to an observation), ``begin`` (a new
-episode of some arms, each with its own random numbers), ``before`` (a step), ``observe``, and
-``judge`` (reward and success, shape (arms,)).
+Each task has ``spaces`` (low and high of its observations), ``begin`` (a new episode of some
+arms, each with its own random numbers), ``before`` (each step), ``observe``, and ``judge``
+(reward and success, shape (arms,)).
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ..protocols import Floats
 from .arms import Arms
 
-#: Share of the way to each limit from home, within which episodes begin and goals lie.
+#: Range of initial positions and goals, as a share of the way from home to each limit.
 SPREAD = 0.25
-#: m from the goal at which it is reached.
+#: Distance at which a goal is reached, m.
 REACHED = 0.05
-#: m; goals and tips are within.
+#: Bound of goals and tips, m.
 FAR = 3.0
 
 Bounds = tuple[Floats, Floats]
@@ -37,10 +37,10 @@ def near_home(arms: Arms, random: Generator) -> Floats:
 
 
 class Reach:
-    """Bring the last link's origin to a point that the arm can reach.
+    """Move the last link's origin to a reachable point.
 
-    Reward: −distance (m) − 0.01 · mean of squared actions, and 1 when it is reached, within 5 cm,
-    which ends the episode.
+    Reward: −distance (m) − 0.01 · mean of squared actions, and 1 within 5 cm, where the episode
+    ends.
     """
 
     def __init__(self, arms: Arms) -> None:
@@ -50,7 +50,7 @@ class Reach:
         self.spaces: dict[str, Bounds] = {"tip": (-far, far), "to_goal": (-far, far)}
 
     def begin(self, chosen: Sequence[int], randoms: Sequence[Generator]) -> Floats:
-        """Draw goals; returns where the arms start, shape (k, n)."""
+        """Draw goals; returns initial positions, shape (k, n)."""
         arms = self._arms
         starts = np.array([near_home(arms, random) for random in randoms])
         goals = np.array([near_home(arms, random) for random in randoms])
@@ -58,10 +58,10 @@ class Reach:
         return starts
 
     def before(self, step: NDArray[np.int64]) -> None:
-        """Nothing moves the goal."""
+        """Nothing: the goal is constant."""
 
     def observe(self, step: NDArray[np.int64]) -> dict[str, Floats]:
-        """Tip, and the way from it to the goal, m."""
+        """Tip, and the vector from it to the goal, m."""
         tip = self._arms.tips(self._arms.position)
         return {"tip": tip, "to_goal": self._goal - tip}
 
@@ -73,7 +73,7 @@ class Reach:
 
 
 class Track:
-    """Follow a motion of all joints: each a sine of its own about home.
+    """Follow a motion of all joints, each a sine about home.
 
     Reward: exp(−10 · rms error of the positions, rad).
     """
@@ -88,7 +88,7 @@ class Track:
         }
 
     def begin(self, chosen: Sequence[int], randoms: Sequence[Generator]) -> Floats:
-        """Draw motions; returns where they start, shape (k, n)."""
+        """Draw motions; returns initial positions, shape (k, n)."""
         arms = self._arms
         for k, random in zip(chosen, randoms, strict=True):
             self._centre[k] = near_home(arms, random)
@@ -100,7 +100,7 @@ class Track:
         return self._at(np.zeros(arms.count))[0][list(chosen)]
 
     def before(self, step: NDArray[np.int64]) -> None:
-        """The motion goes on by itself."""
+        """Nothing: the motion is a function of time."""
 
     def _at(self, times: Floats) -> tuple[Floats, Floats]:
         angle = self._rate * times[:, None] + self._phase
@@ -110,21 +110,21 @@ class Track:
         )
 
     def observe(self, step: NDArray[np.int64]) -> dict[str, Floats]:
-        """Where the joints shall be now, and how fast."""
+        """Position and velocity of the motion."""
         reference, velocity = self._at(np.float64(self._arms.duration) * step.astype(np.float64))
         return {"reference": reference, "reference_velocity": velocity}
 
     def judge(self, actions: Floats, shown: dict[str, Floats]) -> Judged:
-        """Reward; there is no end to it."""
+        """Reward; never a success."""
         error = np.sqrt(np.mean((self._arms.position - shown["reference"]) ** 2, axis=1))
         return np.exp(-10.0 * error), np.zeros(len(error), dtype=bool)
 
 
 class Impedance:
-    """Stay at a pose while pushes come, as softly as that goes.
+    """Hold a pose against pushes, with little stiffness.
 
-    A random joint is pushed, half a second long, with up to a fifth of its torque limit. Reward:
-    exp(−5 · rms error, rad) − 0.1 · the share of the greatest stiffness.
+    Every second a random joint is pushed for 0.5 s, with up to 20 % of its torque limit. Reward:
+    exp(−5 · rms error, rad) − 0.1 · the mean share of the maximum stiffness.
     """
 
     def __init__(self, arms: Arms) -> None:
@@ -144,7 +144,7 @@ class Impedance:
         return self._target[list(chosen)]
 
     def before(self, step: NDArray[np.int64]) -> None:
-        """Every other half second another push."""
+        """Begin and end pushes."""
         arms = self._arms
         for k, random in enumerate(self._randoms):
             due, off = divmod(int(step[k]), self._hold)
@@ -163,11 +163,11 @@ class Impedance:
         self._pushed[k] = None
 
     def observe(self, step: NDArray[np.int64]) -> dict[str, Floats]:
-        """The pose to stay at."""
+        """The pose to hold."""
         return {"target": self._target}
 
     def judge(self, actions: Floats, shown: dict[str, Floats]) -> Judged:
-        """Reward; there is no end to it."""
+        """Reward; never a success."""
         arms = self._arms
         error = np.sqrt(np.mean((arms.position - self._target) ** 2, axis=1))
         stiffness = arms.board.get_impedance()[0].reshape(arms.count, arms.n)

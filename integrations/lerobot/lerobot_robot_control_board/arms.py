@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What both devices stand on: a running board over ROS, or one that is simulated here."""
+"""The arm of a device: a running board over ROS, or a simulated one in this process."""
 
 from __future__ import annotations
 
@@ -8,33 +8,33 @@ from typing import Any, Protocol
 from control_board_ros.settings.loading import Settings
 from control_board_ros.simulation import Simulation, made_board
 
-#: Control cycles until a simulated board is up.
+#: Control cycles of a simulated board's start.
 START_CYCLES = 3
 
 
 class Arm(Protocol):
-    """A board, and the passing of its time.
+    """A board and its time.
 
-    Attributes: board (has the interfaces of ``control_board_ros.protocols``).
+    Attributes: board (offers the interfaces of ``control_board_ros.protocols``).
     """
 
     board: Any
 
     def pass_time(self, seconds: float) -> None:
-        """Let simulated time pass; real time passes by itself."""
+        """Advance simulated time; no effect on real time."""
 
     def send(self, positions: list[float]) -> list[float]:
-        """Direct positions of all joints, rad; those in force, NaN where none was taken."""
+        """Send direct positions of all joints, rad; returns those in force, NaN if ignored."""
 
     def be_guided(self) -> None:
-        """Give way to a hand, with the load of gravity carried."""
+        """Set all joints COMPLIANT, without stiffness, with gravity compensation."""
 
     def close(self) -> None:
-        """Let go of it."""
+        """Disconnect."""
 
 
 class SimulatedArm:
-    """A board and its plant in this process; see Arm."""
+    """A board and its plant in this process."""
 
     def __init__(self, settings: Settings) -> None:
         self._simulation = Simulation(made_board(settings), settings.simulation)
@@ -57,7 +57,7 @@ class SimulatedArm:
 
 
 class RosArm:
-    """A board that runs, over ROS; see Arm."""
+    """A running board, over ROS."""
 
     def __init__(self, name: str) -> None:
         from control_board_ros.client import connect
@@ -66,7 +66,7 @@ class RosArm:
         self._before: tuple[Any, Any, Any] | None = None
 
     def pass_time(self, seconds: float) -> None:
-        """Its time is real."""
+        """Nothing: its time is real."""
 
     def send(self, positions: list[float]) -> list[float]:
         return list(self.board.set_position(None, positions, answered=True).values)
@@ -92,7 +92,7 @@ class RosArm:
             self.board.close()
 
     def _hold(self, compensation: Any, impedance: Any, interaction: Any) -> None:
-        """Hold the arm where the hand has left it, then set what was set before."""
+        """Hold the present positions, then restore the previous settings."""
         check(self.board.set_interaction_mode(None, "stif"))
         check(self.board.set_parameters(compensation))
         check(self.board.set_impedance(None, *impedance))
@@ -100,10 +100,10 @@ class RosArm:
 
 
 def check(reply: Any) -> None:
-    """Raise where a board refuses.
+    """Check that a board accepts a request.
 
     Raises:
-        RuntimeError: with its reason, one line.
+        RuntimeError: refused; one line with the reason.
     """
     if not reply:
         raise RuntimeError(str(reply))

@@ -43,13 +43,13 @@ class ControlBoardHandConfig(TeleoperatorConfig):
 
 
 class Connection:
-    """An arm that is there between connect and disconnect.
+    """The arm of a device, between connect and disconnect.
 
     Args:
         config: Of the device.
         overrides: Parameters of a simulated arm.
 
-    Attributes: names (of the joints, known without a connection).
+    Attributes: names (of the joints, also without a connection).
     """
 
     def __init__(self, config: Any, **overrides: Any) -> None:
@@ -65,7 +65,7 @@ class Connection:
         """Connect.
 
         Raises:
-            DeviceAlreadyConnectedError: it is.
+            DeviceAlreadyConnectedError: connected already.
             RuntimeError: the board has other joints.
         """
         if self._arm is not None:
@@ -80,36 +80,36 @@ class Connection:
 
     @property
     def arm(self) -> Arm:
-        """What is connected.
+        """The connected arm.
 
         Raises:
-            DeviceNotConnectedError: nothing is.
+            DeviceNotConnectedError: not connected.
         """
         if self._arm is None:
             raise DeviceNotConnectedError("the control board is not connected; call connect()")
         return self._arm
 
     def positions(self) -> dict[str, float]:
-        """Where the joints are, by ``<joint>.pos``."""
+        """The measured positions, by ``<joint>.pos``."""
         measured = self.arm.board.get_encoder().tolist()
         return {f"{name}.pos": value for name, value in zip(self.names, measured, strict=True)}
 
     def pass_time(self) -> None:
-        """Let the time of one action pass."""
+        """Advance simulated time by one action."""
         self.arm.pass_time(1.0 / self._config.fps)
 
     def close(self) -> None:
         """Disconnect.
 
         Raises:
-            DeviceNotConnectedError: nothing is connected.
+            DeviceNotConnectedError: not connected.
         """
         self.arm.close()
         self._arm = None
 
 
 class ControlBoardRobot(Robot):
-    """A board that follows actions: positions of its joints, rad (m where one slides)."""
+    """A board that follows actions: positions of its joints, rad (m of sliding ones)."""
 
     config_class = ControlBoardRobotConfig
     name = "control_board"
@@ -128,16 +128,14 @@ class ControlBoardRobot(Robot):
 
     @property
     def action_features(self) -> dict[str, type]:
-        """``<joint>.pos`` of each joint."""
         return {f"{name}.pos": float for name in self._connection.names}
 
     @property
     def is_connected(self) -> bool:
-        """Between connect and disconnect."""
         return bool(self._connection)
 
     def connect(self, calibrate: bool = True) -> None:
-        """Connect, calibrate where that is needed and wanted, and take positions."""
+        """Connect, calibrate if requested and necessary, and enter POSITION_DIRECT."""
         self._connection.open()
         if calibrate and not self.is_calibrated:
             self.calibrate()
@@ -145,15 +143,15 @@ class ControlBoardRobot(Robot):
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether every joint has left calibration behind; the board knows for itself."""
+        """Whether every joint is configured and none calibrates."""
         modes = self._connection.arm.board.get_control_mode()
         return not {mode.code for mode in modes} & {"cfgn", "cal"}
 
     def calibrate(self) -> None:
-        """The board calibrates by its own configuration, when it starts or is asked to."""
+        """Nothing: the board calibrates by its own configuration."""
 
     def configure(self) -> None:
-        """All joints into POSITION_DIRECT, STIFF.
+        """Set all joints to POSITION_DIRECT, STIFF.
 
         Raises:
             RuntimeError: a joint refuses, e.g. in fault.
@@ -163,7 +161,7 @@ class ControlBoardRobot(Robot):
         check(board.set_control_mode(None, "posd"))
 
     def get_observation(self) -> dict[str, float]:
-        """What is measured now."""
+        """The measured positions, velocities and torques."""
         board = self._connection.arm.board
         columns = {
             "pos": board.get_encoder(),
@@ -177,31 +175,32 @@ class ControlBoardRobot(Robot):
         }
 
     def send_action(self, action: dict[str, float]) -> dict[str, float]:
-        """Send positions; a joint that is left out stays where its reference is.
+        """Send positions; a joint without one keeps its reference.
 
         Returns:
-            What was sent, as the board bounded it; where a joint took nothing, its position.
+            The positions sent, as bounded by the board; of a joint that ignored its position, the
+            measured one.
         """
         arm, names = self._connection.arm, self._connection.names
-        here = self._connection.positions()
-        standing = arm.board.get_ref_position().tolist()
-        asked = [
-            float(action.get(f"{name}.pos", at)) for name, at in zip(names, standing, strict=True)
+        measured = self._connection.positions()
+        present = arm.board.get_ref_position().tolist()
+        wanted = [
+            float(action.get(f"{name}.pos", at)) for name, at in zip(names, present, strict=True)
         ]
-        taken = arm.send(asked) or [math.nan] * len(names)
+        accepted = arm.send(wanted) or [math.nan] * len(names)
         self._connection.pass_time()
         return {
-            key: value if math.isfinite(value) else here[key]
-            for key, value in zip(here, taken, strict=True)
+            key: value if math.isfinite(value) else measured[key]
+            for key, value in zip(measured, accepted, strict=True)
         }
 
     def disconnect(self) -> None:
-        """Stop and let go."""
+        """Stop and disconnect."""
         self._connection.close()
 
 
 class ControlBoardHand(Teleoperator):
-    """A board that is guided by hand; its actions are where it is."""
+    """A board that is guided by hand; its actions are the measured positions."""
 
     config_class = ControlBoardHandConfig
     name = "control_board_hand"
@@ -214,34 +213,32 @@ class ControlBoardHand(Teleoperator):
 
     @property
     def action_features(self) -> dict[str, type]:
-        """``<joint>.pos`` of each joint."""
         return {f"{name}.pos": float for name in self._connection.names}
 
     @property
     def feedback_features(self) -> dict[str, type]:
-        """None: the hand feels the arm itself."""
+        """None: the hand holds the arm itself."""
         return {}
 
     @property
     def is_connected(self) -> bool:
-        """Between connect and disconnect."""
         return bool(self._connection)
 
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002
-        """Connect, and give way to the hand."""
+        """Connect, and make the joints compliant."""
         self._connection.open()
         self.configure()
 
     @property
     def is_calibrated(self) -> bool:
-        """The board calibrates itself."""
+        """Always: the board calibrates by its own configuration."""
         return True
 
     def calibrate(self) -> None:
-        """The board calibrates by its own configuration."""
+        """Nothing: the board calibrates by its own configuration."""
 
     def configure(self) -> None:
-        """All joints COMPLIANT, without stiffness, their gravity compensated.
+        """Set all joints COMPLIANT, without stiffness, with gravity compensation.
 
         Raises:
             RuntimeError: a joint refuses.
@@ -249,13 +246,13 @@ class ControlBoardHand(Teleoperator):
         self._connection.arm.be_guided()
 
     def get_action(self) -> dict[str, float]:
-        """Where the hand has put the joints."""
+        """The measured positions."""
         self._connection.pass_time()
         return self._connection.positions()
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
-        """There is none."""
+        """Nothing: there is no feedback."""
 
     def disconnect(self) -> None:
-        """Let go."""
+        """Disconnect."""
         self._connection.close()
