@@ -12,7 +12,6 @@ from typing import Any
 import yaml
 
 from .. import __version__
-from ..core.config.config import JointConfig
 from ..core.terms.joint_kind import JointKind
 from ..core.terms.measurement import Array
 from ..recording.charts import Chart, Trace
@@ -20,7 +19,7 @@ from ..recording.page import chart_section, difference, document, number, write_
 from .bench import Motion
 from .cost import GUARDED, WEIGHTS
 from .outcome import Outcome, Played
-from .search import Plan, settings_of
+from .search import Plan
 from .space import POSITION
 
 #: Validity of the gains of a search.
@@ -83,8 +82,8 @@ def write_parameters(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> Non
 
 def summary(outcomes: Sequence[Outcome], plan: Plan) -> list[str]:
     """One line per controller."""
-    units = kinds_of(plan.robot)
-    return [line_of(outcome, units[outcome.joint]) for outcome in outcomes]
+    kinds = kinds_of(plan)
+    return [line_of(outcome, kinds[outcome.joint]) for outcome in outcomes]
 
 
 def line_of(outcome: Outcome, kind: JointKind) -> str:
@@ -109,9 +108,8 @@ def before_and_after(outcome: Outcome, name: str, kind: JointKind, arrow: str) -
     return f"{then} {arrow} {now}"
 
 
-def kinds_of(robot: str) -> Mapping[str, JointKind]:
-    joints: Sequence[JointConfig] = settings_of(robot).board.joints
-    return {joint.name: joint.kind for joint in joints}
+def kinds_of(plan: Plan) -> Mapping[str, JointKind]:
+    return {joint.name: joint.kind for joint in plan.settings.board.joints}
 
 
 def mean_text(name: str, played: Played, kind: JointKind) -> str:
@@ -138,8 +136,8 @@ def write_report(path: Path, outcomes: Sequence[Outcome], plan: Plan) -> None:
     Raises:
         RecordingError: it cannot be written.
     """
-    units = kinds_of(plan.robot)
-    sections = [section(outcome, units[outcome.joint]) for outcome in outcomes]
+    kinds = kinds_of(plan)
+    sections = [section(outcome, kinds[outcome.joint]) for outcome in outcomes]
     note = (
         f"Gains for {plan.robot}: {plan.trials} trials for each controller, payload up to "
         f"{plan.payload:.3g} kg, seed {plan.seed}. Grey: before. All figures are from poses that "

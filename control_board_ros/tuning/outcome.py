@@ -18,7 +18,7 @@ from ..settings.loading import Settings
 from .bench import Bench, Faulted, Motion
 from .cost import GUARDED, SLACK, WEIGHTS, Figures, cost, figures
 from .scenes import Scene, scenes
-from .search import Found, Plan, settings_of
+from .search import Found, Plan
 from .space import space_of
 
 #: A controller: joint and stage. Parameters of the board, by name.
@@ -96,7 +96,7 @@ def harm(stage: str, before: Played, after: Played) -> str:
 
 def judge(plan: Plan, found: Sequence[Found]) -> list[Outcome]:
     """Accept gains that are better alone and combined; the others keep the present gains."""
-    settings = settings_of(plan.robot, plan.found)
+    settings = plan.settings
     fresh = scenes(settings, plan.payload, plan.seed, fresh=True)
     bench = Bench(settings, fresh)
 

@@ -32,8 +32,8 @@ MARGIN, MARGIN_SHARE = 1.8, 0.25
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What to search: robot (file or name), payload (kg), trials, seed, storage (file or URL), and
-    what cbctl identify found (a file on top of the robot's; empty: none).
+    """A search: robot (file or name), payload (kg), trials, seed, storage (file or URL), found
+    (result of cbctl identify, a file on top of the robot's; empty: none).
     """
 
     robot: str
@@ -44,9 +44,15 @@ class Plan:
     found: str = ""
 
     @property
+    def settings(self) -> Settings:
+        return settings_of(self.robot, self.found)
+
+    @property
     def digest(self) -> str:
         """Identifies the study of trials."""
-        text = json.dumps([robot_digest(self.robot, self.found), self.payload, self.seed])
+        values = sorted((name, str(value)) for name, value in self.settings.values.items())
+        robot = hashlib.sha256(json.dumps(values).encode()).hexdigest()
+        text = json.dumps([robot, self.payload, self.seed])
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -61,6 +67,7 @@ class Found:
     trials: int
 
 
+@cache
 def settings_of(robot: str, found: str = "") -> Settings:
     """The robot, without calibrations: they cost time and do not affect gains.
 
@@ -76,27 +83,14 @@ def settings_of(robot: str, found: str = "") -> Settings:
     return load(robot, values, on_top=on_top)
 
 
-@cache
-def robot_digest(robot: str, found: str) -> str:
-    values = sorted((name, str(value)) for name, value in settings_of(robot, found).values.items())
-    return hashlib.sha256(json.dumps(values).encode()).hexdigest()
-
-
 def study_name(plan: Plan, joint: str, stage: str) -> str:
     return f"{joint}.{stage}.{plan.digest}"
 
 
 @cache
-def bench_of(robot: str, payload: float, seed: int, found: str) -> Bench:
+def bench_of(plan: Plan) -> Bench:
     """The bench of this process, created once."""
-    settings = settings_of(robot, found)
-    return Bench(settings, scenes(settings, payload, seed, fresh=False))
-
-
-@cache
-def space_in(robot: str, joint: str, stage: str, found: str) -> Space:
-    """The search space, loaded once per process."""
-    return space_of(settings_of(robot, found), joint, stage)
+    return Bench(plan.settings, scenes(plan.settings, plan.payload, plan.seed, fresh=False))
 
 
 def run(plan: Plan, joint: str, stage: str) -> Found:
@@ -106,7 +100,7 @@ def run(plan: Plan, joint: str, stage: str) -> Found:
         TuningError: the joint faults with the present gains, or the storage fails.
     """
     with kept_in(plan.storage):
-        return search(plan, space_in(plan.robot, joint, stage, plan.found))
+        return search(plan, space_of(plan.settings, joint, stage))
 
 
 def search(plan: Plan, space: Space) -> Found:
@@ -163,7 +157,7 @@ def base_figures(plan: Plan, space: Space) -> list[Figures]:
     Raises:
         TuningError: the joint faults with both.
     """
-    bench = bench_of(plan.robot, plan.payload, plan.seed, plan.found)
+    bench = bench_of(plan)
     for changes in ({}, space.changes(dict.fromkeys(space.ranges, 0.0))):
         try:
             return [
@@ -179,7 +173,7 @@ def value_of(
     plan: Plan, space: Space, exponents: Mapping[str, float], before: list[Figures]
 ) -> float:
     """The cost of gains, a quarter of it with the same gains times MARGIN at home."""
-    bench, stage = bench_of(plan.robot, plan.payload, plan.seed, plan.found), space.stage
+    bench, stage = bench_of(plan), space.stage
     harder = {name: exponent + math.log2(MARGIN) for name, exponent in exponents.items()}
     try:
         found = [
