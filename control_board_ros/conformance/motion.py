@@ -161,7 +161,7 @@ def velocities(bench: Bench) -> str:
 @rule("P6", "mixed adds trajectory and velocity up")
 def mixed(bench: Bench) -> str:
     added = added_up(bench)
-    moved_anew(bench)
+    retargeted_in_mixed(bench)
     return f"{added:.3g} rad added to a move; a new move started there, and the velocity continued"
 
 
@@ -193,7 +193,7 @@ def added_up(bench: Bench) -> float:
 
 
 @patiently
-def moved_anew(bench: Bench) -> float:
+def retargeted_in_mixed(bench: Bench) -> float:
     """Start a move during a velocity: the reference does not jump, the velocity continues."""
     limits = bench.range
     velocity = 0.15 * min(limits.speed, limits.step / LONGEST_MOVE)

@@ -53,7 +53,7 @@ def on_request(bench: Bench) -> str:
 
 
 @rule("K2", "while calibrating")
-def meanwhile(bench: Bench) -> str:
+def while_calibrating(bench: Bench) -> str:
     count, last = bench.channel.modes_received, calibrators_modes(bench)[0]
     other = next(mode for mode in bench.modes if mode.code != last)
     begin(bench)

@@ -77,7 +77,7 @@ class Board:
         self._requests = Newest(node, REQUEST_LOG, name)
         self._requests_known = False  # the first one may be old
         self._sent = deque[tuple[float, Endpoint, tuple[str, ...], tuple[float, ...]]](maxlen=256)
-        self._asked = -math.inf
+        self._requested = -math.inf
 
     def close(self) -> None:
         """Destroy its subscriptions and its client."""
@@ -124,7 +124,7 @@ class Board:
         names: list[str] = self.modes.get("names", [])
         return names
 
-    def hear(self) -> dict[str, Any]:
+    def poll(self) -> dict[str, Any]:
         """News since the last call, for the page, by kind."""
         if self.state is not None and time.monotonic() - self.state.last >= SILENCE:
             self._renew()
@@ -133,7 +133,7 @@ class Board:
             shown = shown_modes(modes)
             changes = self._changes(shown)
             news["modes"] = self.modes = shown
-            if changes and time.monotonic() - self._asked > OWN:
+            if changes and time.monotonic() - self._requested > OWN:
                 news["elsewhere"] = changes
         if (faults := self._faults.take_read()) is not None:
             self.faults = {"faults": [shown_fault(one) for one in faults.faults[:MOST_JOINTS]]}
@@ -162,11 +162,11 @@ class Board:
         words = [f"{name} {before[name]} → {mode}" for name, mode in changed[:3]]
         return ", ".join(words) + (f" and {len(changed) - 3} more" if len(changed) > 3 else "")
 
-    def overhear(self) -> list[str]:
+    def poll_commands(self) -> list[str]:
         """Texts of other programs' commands: the newest on each topic."""
         found: list[str] = []
         if self.measured:
-            self.asking()
+            self.requesting()
         for topic, newest in self._commands.items():
             raw = newest.take()
             if raw is None:
@@ -176,11 +176,11 @@ class Board:
             if not self.measured and not self._was_sent(topic, names, values):
                 found.append(f"{topic.short}: {in_words(names, values)}")
         if (asked := self._requests.take_read()) is not None and self._requests_known:
-            found += self._asked_elsewhere(asked)
+            found += self._requested_elsewhere(asked)
         self._requests_known = True
         return found
 
-    def _asked_elsewhere(self, asked: Any) -> list[str]:
+    def _requested_elsewhere(self, asked: Any) -> list[str]:
         """Text of another program's request; empty for the panel's own."""
         names, values, what = tuple(names_of(asked)), tuple[float, ...](), asked.name
         try:
@@ -193,13 +193,13 @@ class Board:
         topic = next((t for t in COMMAND_TOPICS if t.short == f"command/{what}"), None)
         if topic is not None and self._was_sent(topic, names, values):
             return []
-        if topic is None and time.monotonic() - self._asked <= OWN:
+        if topic is None and time.monotonic() - self._requested <= OWN:
             return []
         return [f"{clean(what)}: {in_words(names, values)}"]
 
-    def asking(self) -> None:
+    def requesting(self) -> None:
         """Mark following mode changes as the panel's own."""
-        self._asked = time.monotonic()
+        self._requested = time.monotonic()
 
     def sending(self, topic: Endpoint, names: Sequence[str], values: Sequence[float]) -> None:
         """Mark a command as the panel's own."""

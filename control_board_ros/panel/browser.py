@@ -38,10 +38,10 @@ class Browser:
         self._frames: dict[int, bytes] = {}
         self._news = asyncio.Event()
 
-    def tell(self, what: str, /, **fields: Any) -> None:
-        self.tell_text(json.dumps({"is": what} | fields, ensure_ascii=False, allow_nan=False))
+    def send(self, what: str, /, **fields: Any) -> None:
+        self.send_text(json.dumps({"is": what} | fields, ensure_ascii=False, allow_nan=False))
 
-    def tell_text(self, text: str) -> None:
+    def send_text(self, text: str) -> None:
         self.lost = self.lost or len(self._texts) >= MAX_WAITING
         self._texts.append(text)
         self._news.set()

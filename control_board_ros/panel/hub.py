@@ -30,7 +30,7 @@ from .shared import Shared
 #: Frames per second for few and for many joints.
 FAST, SLOW, MANY = 60.0, 30.0, 16
 #: s between updates of modes and faults, other programs' commands, targets, the graph.
-HEAR, OVERHEAR, TARGETS, DISCOVER = 0.05, 0.5, 1.0, 1.0
+POLL, COMMANDS, TARGETS, DISCOVER = 0.05, 0.5, 1.0, 1.0
 #: s between requests for the limits of a board.
 INFO = 30.0
 
@@ -80,7 +80,7 @@ class Hub:
         )
         self._node, self._answer_timeout = node, answer_timeout
         self._numbers, self._board_numbers = itertools.count(1), itertools.count()
-        self._asked: dict[str, float] = {}
+        self._info_requested: dict[str, float] = {}
         self._known = set[str]()
         self._polled = 0.0
         self._complaints = set[str]()
@@ -91,12 +91,12 @@ class Hub:
         """Add a browser; the first one operates, if permitted."""
         browser = Browser(next(self._numbers), name)
         self.shared.browsers[browser.number] = browser
-        browser.tell("hello", you=browser.number, read_only=self.shared.read_only)
+        browser.send("hello", you=browser.number, read_only=self.shared.read_only)
         for board in self.shared.boards.values():
             self._introduce(board, browser)
-        browser.tell("recordings", **self.shared.recordings.shown())
-        browser.tell("history", entries=list(self.shared.history))
-        self.shared.tell_boards()
+        browser.send("recordings", **self.shared.recordings.shown())
+        browser.send("history", entries=list(self.shared.history))
+        self.shared.send_boards()
         self.operators.enter(browser)
         return browser
 
@@ -112,25 +112,25 @@ class Hub:
     def _introduce(self, board: Board, browser: Browser) -> None:
         for what in ("info", "modes", "faults"):
             if fields := getattr(board, what):
-                browser.tell(what, board=board.name, **fields)
-        browser.tell("targets", board=board.name, targets=board.targets)
+                browser.send(what, board=board.name, **fields)
+        browser.send("targets", board=board.name, targets=board.targets)
 
     def receive(self, browser: Browser, message: str) -> None:
         """Process a message of a browser."""
         if not browser.bucket.take(time.monotonic()):
             browser.lost = True
-            browser.tell("error", message="too many messages; connection closed")
+            browser.send("error", message="too many messages; connection closed")
             return
         try:
             request = parse(message)
             self._check(browser, request)
         except BadRequest as error:
-            browser.tell("answer", id=error.id, ok=False, message=str(error))
+            browser.send("answer", id=error.id, ok=False, message=str(error))
             return
         if request.do == "watch":
             browser.watched = frozenset(request.given["boards"])
             self._watch()
-            browser.tell("answer", id=request.id, ok=True, message="")
+            browser.send("answer", id=request.id, ok=True, message="")
         elif request.do in ("operate", "hand_over", "step_back"):
             self.operators.settle(browser, request)
         else:
@@ -154,7 +154,7 @@ class Hub:
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._every(lambda: 1.0 / self._rate(), self._look))
-                group.create_task(self._every(lambda: OVERHEAR, self._overhear))
+                group.create_task(self._every(lambda: COMMANDS, self._poll_commands))
                 group.create_task(self._every(lambda: TARGETS, self._targets))
                 group.create_task(self._every(lambda: DISCOVER, self._discover))
                 group.create_task(self.operating.run())
@@ -205,7 +205,7 @@ class Hub:
     def _rate(self) -> float:
         watched = self._watched()
         if not watched:
-            return 1.0 / HEAR
+            return 1.0 / POLL
         joints = sum(
             len(self.shared.boards[name].names) for name in watched if name in self.shared.boards
         )
@@ -214,9 +214,9 @@ class Hub:
     async def _look(self) -> None:
         """Send frames, and other news every few frames: one timer for both."""
         self._frames()
-        if time.monotonic() - self._polled >= HEAR:
+        if time.monotonic() - self._polled >= POLL:
             self._polled = time.monotonic()
-            self._hear()
+            self._poll()
 
     def _frames(self) -> None:
         """Send the newest state of each watched board: number, length, message."""
@@ -230,27 +230,27 @@ class Hub:
                     if board.name in browser.watched:
                         browser.show(board.number, frame)
 
-    def _hear(self) -> None:
+    def _poll(self) -> None:
         """Forward modes, faults, descriptions, and the operator."""
         for board in list(self.shared.boards.values()):
             with self._reported(board):
-                self._forward(board, board.hear())
+                self._forward(board, board.poll())
         self.operators.look()
 
     def _forward(self, board: Board, news: dict[str, Any]) -> None:
         for what in ("modes", "faults"):
             if what in news:
-                self.shared.tell_all(what, board=board.name, **news[what])
+                self.shared.send_all(what, board=board.name, **news[what])
         if "elsewhere" in news and not any(map(board.repeats, self.shared.boards.values())):
             self.shared.log("", f"{board.name}: {news['elsewhere']}")
         if "robot" in news:
-            self._asked.pop(board.name, None)
+            self._info_requested.pop(board.name, None)
 
-    async def _overhear(self) -> None:
+    async def _poll_commands(self) -> None:
         """Forward other programs' commands."""
         for board in list(self.shared.boards.values()):
             with self._reported(board):
-                for words in board.overhear():
+                for words in board.poll_commands():
                     self.shared.log("another program", f"{board.name} {words}", board=board.name)
 
     async def _targets(self) -> None:
@@ -260,14 +260,14 @@ class Hub:
     async def _ask(self, board: Board) -> None:
         now = time.monotonic()
         with self._reported(board):
-            if board.names and now - self._asked.get(board.name, -INFO) >= INFO:
-                self._asked[board.name] = now
+            if board.names and now - self._info_requested.get(board.name, -INFO) >= INFO:
+                self._info_requested[board.name] = now
                 before = board.info
                 await board.ask_info()
                 if board.info != before:
-                    self.shared.tell_all("info", board=board.name, **board.info)
+                    self.shared.send_all("info", board=board.name, **board.info)
             if board.name in self._watched() and await board.ask_targets():
-                self.shared.tell_targets(board)
+                self.shared.send_targets(board)
 
     async def _discover(self) -> None:
         """Discover new boards, remove those that ended."""
@@ -278,10 +278,10 @@ class Hub:
             )
         for name in set(self.shared.boards) - found:
             board = self.shared.boards.pop(name)
-            self._asked.pop(name, None)
+            self._info_requested.pop(name, None)
             await asyncio.to_thread(board.close)
             self.shared.log("", f"{name} is gone")
         self._watch()
         if found != self._known:
             self._known = found
-            self.shared.tell_boards()
+            self.shared.send_boards()

@@ -47,7 +47,7 @@ class Operating:
         """Run a request; the answer goes to the browser, the line to all."""
         if request.id in browser.running or len(browser.running) >= MAX_RUNNING:
             text = "too many requests under way, or two of one id; wait for answers"
-            browser.tell("answer", id=request.id, ok=False, message=text)
+            browser.send("answer", id=request.id, ok=False, message=text)
             return
         loop = asyncio.get_running_loop()
         task = loop.create_task(self._run(browser, request), name=request.do)
@@ -64,7 +64,7 @@ class Operating:
             text = f"{request.board} does not answer: it has ended" if gone else str(error)
             answer = {"ok": False, "message": text}
         lines = self._lines(request).shown()
-        browser.tell("answer", id=request.id, lines=lines, **answer)
+        browser.send("answer", id=request.id, lines=lines, **answer)
         if KINDS[request.do].commands and not answer.pop("quiet", False):
             self._shared.log(
                 browser.name,
@@ -98,18 +98,18 @@ class Operating:
         board = self._shared.boards[request.board]
         for other in self._shared.boards.values():  # a robot's board includes its parts
             if other.space == board.space and KINDS[request.do].commands:
-                other.asking()
+                other.requesting()
         own = {"hold": self._hold, "release": self._release, "stop": self._stop_some}
         own |= {"step": self._measure, "chirp": self._measure}
         if request.do in own:
             return await own[request.do](browser, board, request)
 
         def progress(share: float, words: str) -> None:
-            browser.tell("progress", id=request.id, share=share, words=words)
+            browser.send("progress", id=request.id, share=share, words=words)
 
         answer = await doing.DOERS[request.do](board, request.given, progress)
         if request.do in ("position", "direct", "move") and await board.ask_targets():
-            self._shared.tell_targets(board)
+            self._shared.send_targets(board)
         return answer
 
     async def _do_for_all(self, browser: Browser, request: Request) -> dict[str, Any]:
@@ -239,7 +239,7 @@ class Operating:
             self._end_what_lasts()
         boards = self._without_parts()
         for board in boards:
-            board.asking()
+            board.requesting()
         return summed(
             boards,
             await asyncio.gather(
@@ -271,7 +271,7 @@ class Operating:
 
     async def _stop(self, board: Board, names: list[str]) -> dict[str, Any]:
         """Stop joints of a board; those in torque or output modes then hold their position."""
-        board.asking()
+        board.requesting()
         dropped = [self.holds.release(board.name, name) for name in names]
         modes = dict(zip(board.names, board.modes.get("control", ()), strict=True))
         unheld = [name for name in names if modes.get(name) in UNHELD]

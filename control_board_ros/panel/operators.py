@@ -56,7 +56,7 @@ class Operators:
         self._ready, self._open = now + look_round, False
         self._holder: Who | None = None
         self._sent: dict[str, object] = {}
-        self._beat, self._said = Beat(panel=self._panels.name), 0.0
+        self._beat, self._beaten = Beat(panel=self._panels.name), 0.0
 
     def enter(self, browser: Browser) -> None:
         """Add a browser; it operates if permitted and nobody else does."""
@@ -89,27 +89,27 @@ class Operators:
             message = "" if ok else "nobody asks"
         elif not self.lease.leave(browser.number):
             ok, message = False, "you do not operate"
-        browser.tell("answer", id=request.id, ok=ok, message=message)
+        browser.send("answer", id=request.id, ok=ok, message=message)
         self.changed()
 
     def _answer(self, browser: Browser, *, yes: bool) -> bool:
         asked = self.lease.answer(browser.number, yes=yes)
         if not yes and isinstance(asked, int):
-            self._tell_refused(asked, browser.name)
+            self._notify_refused(asked, browser.name)
         elif not yes and isinstance(asked, str):
             self._panels.refuse(asked)
         return asked is not None
 
-    def _tell_refused(self, number: int, who: str) -> None:
+    def _notify_refused(self, number: int, who: str) -> None:
         if number in self._shared.browsers:
-            self._shared.browsers[number].tell("notice", message=f"{who} keeps operating")
+            self._shared.browsers[number].send("notice", message=f"{who} keeps operating")
 
     def look(self) -> None:
         """Process other panels' beats, advance time, send beats; called frequently."""
         now = time.monotonic()
         for text in self._topic.take():
             if (beat := Beat.read(text)) is not None:
-                self._panels.hear(beat, now)
+                self._panels.receive(beat, now)
         self.lease.tick(now)
         if not self._open and now >= self._ready:
             self._panels.settle(now)
@@ -125,29 +125,26 @@ class Operators:
         who = self._panels.who(holder) if isinstance(holder, str) else ""
         refused = self._panels.settle(now)
         if refused is not None:
-            self._tell_refused(refused, who)
+            self._notify_refused(refused, who)
         before, self._holder = self._holder, self.lease.holder
         if isinstance(before, int) and before != self._holder:
             self._dismiss(before)
-        if self._shown() != self._sent:
-            self.tell()
-        self._say(now)
+        if (shown := self._shown()) != self._sent:
+            self._sent = shown
+            self._shared.send_all("operator", **shown)
+        self._send_beat(now)
 
-    def _say(self, now: float) -> None:
+    def _send_beat(self, now: float) -> None:
         own = self.lease.holder if isinstance(self.lease.holder, int) else self.lease.asking
         browser = self._shared.browsers.get(own) if isinstance(own, int) else None
         who = f"{browser.name} at {socket.gethostname()}" if browser else ""
-        if now - self._said >= PERIOD or self._panels.beat(who) != self._beat:
-            self._panels.said(now)
-            self._beat, self._said = self._panels.beat(who), now
+        if now - self._beaten >= PERIOD or self._panels.beat(who) != self._beat:
+            self._panels.sent(now)
+            self._beat, self._beaten = self._panels.beat(who), now
             self._topic.send(self._beat.text())
 
-    def tell(self) -> None:
-        """Send operator, watchers and takeover requests to all browsers."""
-        self._sent = self._shown()
-        self._shared.tell_all("operator", **self._sent)
-
     def _shown(self) -> dict[str, object]:
+        """Operator, watchers and takeover request for the page."""
         names: dict[Who, str] = {b.number: b.name for b in self._shared.browsers.values()}
         for who in (self.lease.holder, self.lease.asking):
             if isinstance(who, str):

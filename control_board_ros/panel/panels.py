@@ -76,7 +76,7 @@ class Panels:
         self._beaten = self._sure_from = now
         self._alone = True
 
-    def hear(self, beat: Beat, now: float) -> None:
+    def receive(self, beat: Beat, now: float) -> None:
         """Process another panel's beat."""
         if beat.panel != self.name:
             self._others[beat.panel] = (beat, now)
@@ -92,7 +92,7 @@ class Panels:
         """Operator or applicant at another panel."""
         return self._others[panel][0].who if panel in self._others else "somebody"
 
-    def said(self, now: float) -> None:
+    def sent(self, now: float) -> None:
         """Record a beat of this panel."""
         if now - self._beaten >= EXPIRY:  # it was blocked: process received beats first
             self._sure_from = now + PERIOD

@@ -79,7 +79,7 @@ class Recordings:
         if self.running is not None or self.busy:
             return refused("a recording is running already; stop it first")
         folder, self.boards = self._new("recording"), boards
-        self._say("Starting …")
+        self._show("Starting …")
         process = self._process = await start(*of_boards(boards), "record", "-o", str(folder))
         try:
             while process.returncode is None:
@@ -87,12 +87,12 @@ class Recordings:
                     self.running, self.since = folder, time.time()
                     return {"ok": True, "message": f"recording into {folder}"}
                 await asyncio.sleep(LOOK)
-            return refused(await last_words(process))
+            return refused(await last_line(process))
         except asyncio.CancelledError:
             await interrupted(process)
             raise
         finally:
-            self._say("")
+            self._show("")
 
     async def end(self) -> Answer:
         """End the recording and write its report."""
@@ -100,15 +100,15 @@ class Recordings:
         if folder is None or process is None:
             return refused("no recording is running")
         self.running = None
-        self._say("Drawing …")
+        self._show("Drawing …")
         try:
-            said = await interrupted(process)
+            reason = await interrupted(process)
             report = await start("report", str(folder))
-            words = await last_words(report)
+            words = await last_line(report)
         finally:
-            self._say("")
+            self._show("")
         if report.returncode != 0:
-            return refused(f"{said}; no report: {words}" if said else f"no report: {words}")
+            return refused(f"{reason}; no report: {words}" if reason else f"no report: {words}")
         self._keep(folder)
         return {"ok": True, "message": "", "report": folder.name}
 
@@ -118,12 +118,12 @@ class Recordings:
         words = (*of_boards([board]), verb, joint, *options, "-o", str(folder))
         process = await start(*words)
         try:
-            said = await last_words(process)
+            reason = await last_line(process)
         except asyncio.CancelledError:
             await interrupted(process)
             raise
         if process.returncode != 0 or not (folder / "report.html").is_file():
-            return refused(said)
+            return refused(reason)
         self._keep(folder)
         return {"ok": True, "message": "", "report": folder.name}
 
@@ -132,7 +132,7 @@ class Recordings:
         if self._process is not None and self._process.returncode is None:
             await interrupted(self._process)
 
-    def _say(self, busy: str) -> None:
+    def _show(self, busy: str) -> None:
         self.busy = busy
         self._changed()
 
@@ -165,7 +165,7 @@ async def start(*words: str) -> asyncio.subprocess.Process:
     )
 
 
-async def last_words(process: asyncio.subprocess.Process) -> str:
+async def last_line(process: asyncio.subprocess.Process) -> str:
     """Wait for its end; returns its last line, of stderr if any."""
     out, err = await process.communicate()
     lines = (err.decode(errors="replace") or out.decode(errors="replace")).splitlines()
@@ -178,8 +178,8 @@ async def interrupted(process: asyncio.subprocess.Process) -> str:
         process.send_signal(signal.SIGINT)
     try:
         async with asyncio.timeout(ENDS):
-            said = await last_words(process)
+            reason = await last_line(process)
     except TimeoutError:
         process.kill()
         return "the recording did not end by itself"
-    return "" if process.returncode == 0 else said
+    return "" if process.returncode == 0 else reason

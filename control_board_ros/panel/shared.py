@@ -31,30 +31,30 @@ class Shared:
         self.read_only = read_only
         self.boards: dict[str, Board] = {}
         self.browsers: dict[int, Browser] = {}
-        self.recordings = Recordings(recordings, self.tell_recordings)
+        self.recordings = Recordings(recordings, self.send_recordings)
         self.history = deque[dict[str, Any]](maxlen=HISTORY)
 
-    def tell_all(self, what: str, /, **fields: Any) -> None:
+    def send_all(self, what: str, /, **fields: Any) -> None:
         """Send a message to every browser."""
         text = json.dumps({"is": what, **fields}, ensure_ascii=False, allow_nan=False)
         for browser in self.browsers.values():
-            browser.tell_text(text)
+            browser.send_text(text)
 
-    def tell_boards(self) -> None:
+    def send_boards(self) -> None:
         """Send the list of boards."""
         shown = [{"name": b.name, "number": b.number} for b in self.boards.values()]
-        self.tell_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
+        self.send_all("boards", boards=sorted(shown, key=lambda b: str(b["name"])))
 
-    def tell_recordings(self) -> None:
+    def send_recordings(self) -> None:
         """Send the state of the recordings."""
-        self.tell_all("recordings", **self.recordings.shown())
+        self.send_all("recordings", **self.recordings.shown())
 
-    def tell_targets(self, board: Board) -> None:
+    def send_targets(self, board: Board) -> None:
         """Send the targets of a board's joints."""
-        self.tell_all("targets", board=board.name, targets=board.targets)
+        self.send_all("targets", board=board.name, targets=board.targets)
 
     def log(self, who: str, what: str, **more: Any) -> None:
         """Log an action for all browsers, also later ones; at is in s since 1970."""
         entry = {"at": time.time(), "who": who, "what": what} | more
         self.history.append(entry)
-        self.tell_all("log", **entry)
+        self.send_all("log", **entry)

@@ -27,6 +27,6 @@ def test_a_silent_board_is_listened_for_anew(monkeypatch: pytest.MonkeyPatch) ->
             until(lambda: watched.take() is not None)
             deaf = watched._subscription
             node.destroy_subscription(deaf)  # as one that nobody sends to any more
-            until(lambda: board.hear() == {} and watched._subscription is not deaf)
+            until(lambda: board.poll() == {} and watched._subscription is not deaf)
             until(lambda: watched.take() is not None)
         board.close()

@@ -58,13 +58,13 @@ class Domain:
         arrived = [entry for entry in self._under_way if entry[0] <= self.now]
         for entry in [entry for entry in arrived if entry[1] == panel.name]:
             self._under_way.remove(entry)
-            panel.panels.hear(entry[2], self.now)
+            panel.panels.receive(entry[2], self.now)
         panel.lease.tick(self.now)
         refused = panel.panels.settle(self.now)
         panel.refused += [] if refused is None else [refused]
         beat = panel.panels.beat(panel.name)
         if beat != panel.last or self.now - panel.said >= PERIOD:
-            panel.panels.said(self.now)
+            panel.panels.sent(self.now)
             panel.last, panel.said = beat, self.now
             for other in self.panels:
                 self._send(panel.name, other, beat)
@@ -256,6 +256,6 @@ def test_what_is_no_beat(text: str) -> None:
 
 def test_its_own_beats_mean_nothing() -> None:
     domain = Domain("a")
-    domain["a"].panels.hear(replace(Beat(panel="a"), holder="a", term=9), 0.0)
+    domain["a"].panels.receive(replace(Beat(panel="a"), holder="a", term=9), 0.0)
     domain.run(0.2)
     assert domain["a"].lease.holder is None

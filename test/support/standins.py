@@ -101,17 +101,17 @@ class StandIn:
         self.noted.append(text)
         return True
 
-    def hear(self) -> dict[str, Any]:
+    def poll(self) -> dict[str, Any]:
         return {}
 
-    def overhear(self) -> list[str]:
+    def poll_commands(self) -> list[str]:
         heard, self.heard = self.heard, []
         return heard
 
     def watch(self, *, on: bool) -> None:
         self.watched = on
 
-    def asking(self) -> None:
+    def requesting(self) -> None:
         pass
 
     def sending(self, *_: Any) -> None:
