@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parameters of a robot's joints: friction, rotor inertia, motor constants, delay, payload.
 
-``motions`` plans what joints do, ``bench`` plays it on a simulation (``cbctl identify`` on a
-board), ``samples`` filters what was recorded, ``rigid`` gives the torques of the arm's masses,
-``fit`` solves for the unknowns, ``troubles`` names joints that cannot be identified, ``outcome``
-decides what the data shows, ``files`` and ``report`` write it.
+``motions`` plans motions, ``bench`` plays them on a simulation (``cbctl identify`` on a board),
+``samples`` filters the recorded signals, ``rigid`` computes the torques of the arm's masses,
+``fit`` solves for the unknowns, ``troubles`` detects joints that cannot be identified, ``outcome``
+selects the values to write, ``files`` and ``report`` write them.
 """
 
 
 class IdentificationError(Exception):
-    """A value that is not allowed, or data that shows nothing; one line for people."""
+    """Invalid value, or data that shows nothing; one line: cause and next step."""

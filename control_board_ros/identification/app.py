@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def write(data: Path, output: Path, *, payload: bool) -> int:
-    """Identify what was recorded, and write parameters and report.
+    """Identify recorded motions, and write parameters and report.
 
     Raises:
         IdentificationError: the data shows nothing.

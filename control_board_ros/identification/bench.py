@@ -30,7 +30,7 @@ class Bench:
     """Plays motions on a simulation whose board is configured.
 
     Args:
-        simulation: Stepped by this bench meanwhile.
+        simulation: Stepped by this bench.
     """
 
     def __init__(self, simulation: Simulation) -> None:
@@ -45,11 +45,11 @@ class Bench:
     def play(self, motions: Sequence[Motion], bounds: Sequence[Bounds]) -> list[Record]:
         """Play motions, one after the other; joints begin and end at their centres, in POSITION.
 
-        A motion ends early where a joint needs more torque than its bound, or faults; joints that
-        did are left out of those that follow.
+        A motion ends early if a joint exceeds its torque bound, or faults; later motions omit its
+        joints.
 
         Raises:
-            IdentificationError: a joint refuses the modes of the motions.
+            IdentificationError: a joint refuses a request.
         """
         self._approach(bounds)
         records, left = [], {one.joint: one for one in bounds}

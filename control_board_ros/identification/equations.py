@@ -9,9 +9,9 @@ Of each joint, with the masses' torque τ_m (``rigid``) and N the gear ratio::
     winding   V(t − delay) = R i(t + T/2) + L di/dt + k_t N q̇   where the board gives a PWM
 
 The load is τ(t + lag), or τ_m without torque sensor. Coulomb friction is that of gearbox and
-bearing, before and beyond the torque sensor, which reads later than the other sensors by a lag. A
-PWM acts for the whole cycle T after its reading: on the current T/2 later. A payload is a ball:
-mass, centre, and spin, the inertia about its centre, which looks like the rotor of a last joint.
+bearing, before and beyond the torque sensor, whose reading lags behind the others. A PWM acts for
+the whole cycle T after its reading: on the current T/2 later. A payload is a ball: mass, centre,
+and spin, the inertia about its centre, indistinguishable from the rotor of a last joint.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ OF_JOINT = (KT, EFFICIENCY, RESISTANCE, DELAY, COULOMB, VISCOUS, BREAKAWAY, BEAR
 SENSOR, MOTOR, WINDING, FRICTION = "sensor", "motor", "winding", "friction"
 #: Lower bound of the mass in the tensor of a point mass, kg.
 LEAST_MASS = 1e-3
-#: Likely distance of a payload's centre from the link's origin, m: decides, with a wide interval,
-#: what masses and rotors explain only together.
+#: Prior distance of a payload's centre from the link's origin, m: separates, with a wide interval,
+#: masses from rotors.
 LIKELY = 0.3
-#: Likely radius of gyration of a payload about its centre, m; likewise.
+#: Prior radius of gyration of a payload about its centre, m.
 GYRATION = 0.05
 
 
@@ -167,7 +167,7 @@ class Problem:
         return given - load, whole - load
 
     def start_of(self, k: int) -> Floats:
-        """Direction in which joint k leaves its rest at each sample; 0: it does not."""
+        """Direction in which joint k starts to move at each sample; else 0."""
         return self._start[:, k]
 
     def residuals(self, x: Floats, weights: dict[str, Floats]) -> Floats:
@@ -183,7 +183,7 @@ class Problem:
         return np.concatenate(rows)
 
     def weights(self, rest: dict[str, Floats]) -> dict[str, Floats]:
-        """1/RMS of each joint's values of an equation, shape (k,); 1 where none is used."""
+        """1/RMS of each joint's used values of an equation, shape (k,); 1 without any."""
         return {name: 1.0 / spread_of(values, self.uses[name]) for name, values in rest.items()}
 
     @property
@@ -197,7 +197,7 @@ class Problem:
 
 
 def spread_of(values: Floats, used: np.ndarray) -> Floats:
-    """RMS of each column where it is used; 1 where it nowhere is."""
+    """RMS of each column's used values; 1 without any."""
     count = used.sum(axis=0)
     square = np.where(used, values, 0.0) ** 2
     rms = np.sqrt(square.sum(axis=0) / np.maximum(count, 1))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parameter file of what was found, and the same in lines for a terminal."""
+"""The identified values as a parameter file, and as lines for a terminal."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TITLES = {name: quantity.title for name, quantity in QUANTITIES.items()}
 
 
 def parameters(outcome: Outcome) -> dict[str, Any]:
-    """The file's contents: the name of a shipped robot, and the parameters that are shown."""
+    """The file's contents: the name of a shipped robot, and the identified parameters."""
     joints: dict[str, Any] = {}
     for finding in outcome.written:
         place = joints.setdefault(finding.joint, {})
@@ -62,7 +62,7 @@ def summary(outcome: Outcome) -> list[str]:
 
 
 def shown(finding: Finding, kind: JointKind) -> str:
-    """Value, interval and unit; what it was before."""
+    """Value, interval and unit; the configured value if different."""
     unit, factor = finding.unit(kind), 1.0
     if finding.quantity in ("delay", "center"):
         unit, factor = f"m{unit}", 1e3
@@ -78,7 +78,7 @@ def shown(finding: Finding, kind: JointKind) -> str:
 
 
 def interval(value: float, sure: float) -> str:
-    """``0.123 ± 0.004``: as many digits as are sure."""
+    """``0.123 ± 0.004``: significant digits only."""
     if sure <= 0.0:
         return f"{value:.4g}"
     width = f"{sure:.1g}"

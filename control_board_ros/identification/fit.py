@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The unknowns of joints (``equations``), by least squares, with confidence intervals.
 
-Equations are weighted by their residuals in a first fit. The intervals hold 95 %: they
-are those of the greater of two covariances, the usual one and the one of sums of residuals over
-each second (a sandwich), as residuals near in time are alike.
+Equations are weighted by their residuals in a first fit. The intervals have 95 % confidence: they
+are of the greater of two covariances, the usual one and one of sums of residuals over each second
+(a sandwich), as residuals are correlated in time.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .rigid import Loads, loads_of
 from .robot import Robot
 from .samples import Samples
 
-#: A payload that is surely less is none, kg.
+#: Mass below which there is no payload, kg.
 NO_MASS = 0.05
 #: The level of confidence.
 LEVEL = 0.95
@@ -65,7 +65,7 @@ class Traced:
 
     @property
     def unexplained(self) -> float:
-        """RMS of the residuals over that of what is measured about its mean."""
+        """RMS of the residuals over the standard deviation of the measured values."""
         spread = float(np.std(self.measured))
         rest = float(np.sqrt(np.mean((self.measured - self.model) ** 2)))
         return rest / spread if spread > 0.0 else float("inf")
@@ -76,7 +76,7 @@ class Fitted:
     """Result of a fit.
 
     Attributes: joints, estimates (by joint and unknown), payload (MASS and CENTER's x, y, z by
-    name; empty: none was estimated), carrier (of the payload), traces (by joint and equation),
+    name; empty: not estimated), carrier (of the payload), traces (by joint and equation),
     samples (number).
     """
 
@@ -89,7 +89,7 @@ class Fitted:
 
     @property
     def carries(self) -> bool:
-        """A payload was found."""
+        """Whether there is a payload."""
         mass = self.payload.get(MASS)
         return mass is not None and abs(mass.value) + mass.sure > NO_MASS
 
@@ -118,7 +118,7 @@ def uncertainty(jacobian: Floats, residuals: Floats, blocks: np.ndarray) -> tupl
     Args:
         jacobian: Of whitened residuals, shape (r, p).
         residuals: Shape (r,).
-        blocks: Residuals of one block may depend on each other, shape (r,).
+        blocks: Number of a residual's block; within one they may correlate, shape (r,).
     """
     size = np.sqrt((jacobian**2).sum(axis=0))
     size[size == 0.0] = 1.0
@@ -146,7 +146,7 @@ def fit(robot: Robot, joints: Sequence[str], samples: Samples, *, payload: bool 
         payload: Estimate one.
 
     Raises:
-        IdentificationError: the joints do not feel the URDF's masses.
+        IdentificationError: the URDF's masses have no effect on the joints.
     """
     carrier = robot.payload_joint()
     columns = [robot.names.index(name) for name in joints]
@@ -156,7 +156,7 @@ def fit(robot: Robot, joints: Sequence[str], samples: Samples, *, payload: bool 
     found = solved(robot, joints, samples, loads, carrier, with_payload=payload)
     if found.carries or not payload:
         return found
-    # none: rotors must not compensate for its noise
+    # without payload: rotors must not compensate for its noise
     alone = solved(robot, joints, samples, loads, carrier, with_payload=False)
     return replace(alone, payload=found.payload)
 
@@ -209,7 +209,7 @@ def solved(
 
 
 def payload_of(x: Floats, widths: Floats, covariance: Floats) -> dict[str, Estimate]:
-    """Mass and centre c = h/m, with the intervals that those of m and h give."""
+    """Mass and centre c = h/m, with intervals propagated from those of m and h."""
     mass = heavy(float(x[0]))
     center = x[1:4] / mass
     quantile = widths[0] / np.sqrt(covariance[0, 0])

@@ -18,13 +18,13 @@ from ..joint_limits import JointLimits
 from ..protocols import Floats
 from .shares import ACCELERATION, SPEED, TORQUE
 
-#: s between the points of a motion, and of rest where a joint reverses and at both ends.
+#: s between the points of a motion; s of rest at reversals and at both ends.
 GRID, REST = 0.02, 0.4
-#: Half the range where none is given, rad and m.
+#: Default of half the range, rad and m.
 RANGE, RANGE_SLIDING = 0.35, 0.05
-#: Speeds of ramps, as shares of a joint's bound; the first ones are short, for the breakaway.
+#: Speeds of ramps, as shares of a joint's bound; slow ones are short, for the breakaway.
 SLOW, RAMPS = 0.03, (0.3, 0.6, 1.0, 1.0)
-#: Duration of slow ramps, which accelerate half of it and brake the other half, s; their number.
+#: Duration of slow ramps, half of it accelerating and half braking, s; their number.
 CRAWL, CRAWLS = 2.4, 6
 #: Frequencies of the two tones of a sine, Hz, with their shares; duration, s.
 TONES, SINES = ((0.5, 1.0), (1.3, 0.5)), 8.0
@@ -47,7 +47,7 @@ class Bounds:
     """Limits of the motions of one joint.
 
     Attributes: joint, centre (rad), reach (to either side, rad), speed (rad/s), acceleration
-    (rad/s²), torque (N·m; beyond it the motion is stopped).
+    (rad/s²), torque (N·m; stops the motion if exceeded).
     """
 
     joint: str
@@ -92,13 +92,13 @@ def bounds_of(
     acceleration: float = ACCELERATION,
     torque: float = TORQUE,
 ) -> Bounds:
-    """The bounds of a joint around where it is, away from its limits where it has to be.
+    """The bounds of a joint around its position, clear of its limits.
 
     Args:
         joint: Its name.
         kind: Of the joint.
         limits: In force.
-        position: Where it is, rad.
+        position: Measured, rad.
         reach: To either side, rad; None: RANGE.
         speed: Share of its limit.
         acceleration: Likewise.
@@ -143,7 +143,7 @@ def _motion(what: str, joints: tuple[str, ...], columns: list[Floats]) -> Motion
 
 
 def _ramps(one: Bounds) -> Floats:
-    """Ways at constant speeds, with rests between: short ones that leave rest slowly first."""
+    """Ways at constant speeds with rests between, first short ones with slow starts."""
     slow = SLOW * one.speed
     short = min(0.5 * slow * CRAWL, one.reach)
     crawls = [(short if k % 2 == 0 else -short, slow) for k in range(CRAWLS)]
@@ -156,7 +156,7 @@ def _ramps(one: Bounds) -> Floats:
 
 
 def _steps(one: Bounds) -> Floats:
-    """Ways as fast as the bounds allow, all of them with both signs of acceleration."""
+    """Ways at the bounds of speed and acceleration."""
     ways = [(one.reach, one.speed)]
     ways += [(-2.0 * one.reach, one.speed), (2.0 * one.reach, one.speed)] * STEPS
     return _ways(one, [*ways, (-one.reach, one.speed)], rest=0.25 * REST)
@@ -178,7 +178,7 @@ def _still(place: float, seconds: float) -> Floats:
 
 
 def _way(start: float, distance: float, speed: float, acceleration: float) -> Floats:
-    """A trapezoid of velocity, sampled; its last sample is at rest."""
+    """A sampled trapezoid of velocity; its last sample is at rest."""
     size = abs(distance)
     ramp = min(speed / acceleration, math.sqrt(size / acceleration))
     top = acceleration * ramp
@@ -194,19 +194,19 @@ def _way(start: float, distance: float, speed: float, acceleration: float) -> Fl
 
 
 def _sines(one: Bounds) -> Floats:
-    """Two tones; their amplitude fills the tightest bound."""
+    """Two tones at the greatest amplitude within the bounds."""
     return _filled(one, SINES, [(f, share, 0.0) for f, share in TONES])
 
 
 def _tones_of(k: int, one: Bounds) -> Floats:
-    """Three tones of joint k, at frequencies of its own."""
+    """Three tones of joint k, at frequencies that differ from joint to joint."""
     base = LOWEST * RATIO ** (k % 8)
     tones = [(base, 1.0, 0.9 * k), (2.3 * base, 0.5, 2.1 * k), (4.1 * base, 0.25, 0.4 * k)]
     return _filled(one, TOGETHER, tones)
 
 
 def _filled(one: Bounds, seconds: float, tones: Sequence[tuple[float, float, float]]) -> Floats:
-    """Tones (Hz, share, phase) that fade in and out, as large as the bounds allow."""
+    """Tones (Hz, share, phase) that fade in and out, at the greatest amplitude in the bounds."""
     t = GRID * np.arange(round(seconds / GRID) + 1)
     shape = np.zeros_like(t)
     for frequency, share, phase in tones:

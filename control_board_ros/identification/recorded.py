@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motions of a board as ``cbctl identify`` leaves them: a recording with its plan.
+"""Motions of a board recorded by ``cbctl identify``: a recording with its plan.
 
-The plan has of each motion: what, joints with their speeds, begin and end (s, board's time), and
-why it ended early.
+The plan has of each motion its kind, joints with their speeds, begin and end (s, board's time),
+and the reason of an early end.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def record_of(recording: BoardRecording, row: dict[str, Any]) -> Record:
 
 
 def robot_of(recording: BoardRecording) -> Robot:
-    """The robot as its board had it."""
+    """The robot as configured on its board."""
     if not recording.urdf or not recording.parameters:
         raise IdentificationError("the recording has no robot description, or no parameters")
     try:

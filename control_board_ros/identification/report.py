@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The report of an identification: measured against model, and what the model leaves."""
+"""The report of an identification: measured and model, and the residuals."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from .outcome import Outcome
 
 #: Speeds over which friction is averaged, for its curve.
 SPEEDS = 40
-#: The longest time without samples that is drawn, s, and the longest across which a line goes.
+#: Maximum drawn time without samples, and maximum gap bridged by a line, s.
 PAUSE, GAP = 0.5, 0.1
 NOTE = (
-    "Intervals hold 95 %. Measured and model are filtered alike (20 ms). Friction over speed: "
-    "torque of the motor beyond the joint's, mean at each speed. Time leaves out what "
-    "is not of the equation: other joints' motions, reversals, rest."
+    "Intervals have 95 % confidence. Measured and model are filtered alike (20 ms). Friction over "
+    "speed: torque of the motor beyond the joint's, mean at each speed. Time omits what is not of "
+    "the equation: other joints' motions, reversals, rest."
 )
 
 
@@ -97,7 +97,7 @@ def charts(traces: dict[str, Traced], kind: JointKind) -> list[Chart]:
 
 
 def parted(traced: Traced, pause: float) -> Traced:
-    """The same with pauses no longer than ``pause``, s, and no line across gaps."""
+    """The same with pauses shortened to ``pause``, s, and no line across gaps."""
     steps = np.diff(traced.time, prepend=traced.time[0])
     time = np.cumsum(np.minimum(steps, pause))
     breaks = np.flatnonzero(steps > GAP)

@@ -46,7 +46,7 @@ def loads_of(
         model: Of the arm, without their rotors.
         columns: The identified joints.
         carrier: The joint whose link carries the payload.
-        in_links: Rotors turn with their whole link, as in pybullet.
+        in_links: Whether rotors turn with their whole link, as in pybullet.
     """
     arm = model.arm()
     bodies: list[Body] = arm.bodies

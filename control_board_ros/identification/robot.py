@@ -38,7 +38,6 @@ class Robot:
 
     @classmethod
     def of(cls, settings: Settings) -> Robot:
-        """The robot of settings."""
         names, values = settings.board.names, settings.values
         return cls(names, values, settings.urdf, str(values["robot"]))
 
@@ -46,7 +45,7 @@ class Robot:
         """A numeric parameter of a joint.
 
         Raises:
-            IdentificationError: there is none.
+            IdentificationError: missing.
         """
         value = self.values.get(f"{joint}.{key}")
         if not isinstance(value, int | float):
@@ -54,7 +53,7 @@ class Robot:
         return float(value)
 
     def numbers(self, key: str, joints: Sequence[str] | None = None) -> Floats:
-        """The same of several joints, or of all (None)."""
+        """A numeric parameter of several joints, or of all (None)."""
         chosen = self.names if joints is None else joints
         return np.array([self.number(joint, key) for joint in chosen])
 
@@ -68,11 +67,11 @@ class Robot:
 
     @property
     def rotors_in_links(self) -> bool:
-        """Rotors turn with their whole links, as in pybullet."""
+        """Whether rotors turn with their whole links, as in pybullet."""
         return self.values["physics"] == PYBULLET and not self.values["plant"]
 
     def hands_voltage(self, joint: str) -> bool:
-        """The board gives its drive a PWM: the voltage of the motor is given."""
+        """Whether the drive gets a PWM from the board: the motor's voltage is known."""
         return list(self.values.get(f"{joint}.drive") or [SetPoint.PWM.code]) == [
             SetPoint.PWM.code
         ]
@@ -81,10 +80,10 @@ class Robot:
         """The arm's masses, without friction, and without the rotors of some joints.
 
         Args:
-            joints: Whose rotors are left out.
+            joints: Those whose rotors are omitted.
 
         Raises:
-            IdentificationError: the joints do not feel the URDF's masses.
+            IdentificationError: the URDF's masses have no effect on the joints.
         """
         if not self.values["base_fixed"]:
             raise IdentificationError("base_fixed is false: the direction of gravity is unknown")
@@ -106,6 +105,6 @@ class Robot:
         return arm_model(self.urdf, self.names, motors, homes, (x, y, z))
 
     def payload_joint(self) -> str:
-        """The joint whose link carries what the robot holds: the last one that turns."""
+        """The joint whose link carries the payload: the last one that turns."""
         turning = [name for name in self.names if not self.kind(name).slides]
         return (turning or list(self.names))[-1]

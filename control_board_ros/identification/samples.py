@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records of motions, and the samples that a fit uses: filtered, with accelerations.
+"""Records of motions, and the samples of a fit: filtered, with accelerations.
 
 All signals pass the same zero-phase low pass (a Gaussian), which leaves linear equations of motion
 true; the acceleration is the derivative of the filtered velocity. Units: rad, rad/s, rad/s², N·m,
@@ -36,7 +36,7 @@ SIGNALS = (
 WIDTH = 0.02
 #: Cut at both ends, and around reversals, in standard deviations.
 TAIL = 4.0
-#: Least duration of a recording that is used, s.
+#: Minimum duration of a used record, s.
 SHORTEST = 0.5
 #: How far apart the peaks of friction of several starts are, s.
 NEAR = 0.2
@@ -50,11 +50,11 @@ class Record:
 
     Attributes:
         what: The kind of motion.
-        speeds: The greatest speed requested, by the name of each joint that moves, rad/s.
+        speeds: The greatest requested speed of each moving joint, by name, rad/s.
         time: Of each reading, s, shape (m,).
-        signals: By the names of SIGNALS: of the board's joints, shape (m, n); output in %, NaN
-            where something is not measured.
-        ended: Why it ended before its time; empty: it did not.
+        signals: By the names of SIGNALS, of the board's joints, shape (m, n); output in %; NaN
+            where not measured.
+        ended: Reason of an early end; empty: none.
     """
 
     what: str
@@ -70,15 +70,15 @@ class Samples:
 
     Attributes:
         position, velocity, acceleration, torque, current: Filtered, shape (m, n); torque NaN
-            where it is not measured.
+            where not measured.
         change: Of the current, A/s, shape (m, n).
         rise: Of the torque, N·m/s, shape (m, n).
         voltage: Of the motors: value, per s, per s², shape (m, n, 3).
         moving: The joint moves steadily in one direction, shape (m, n).
-        commanded: The motion is one of the joint's, shape (m, n).
-        start: The joint is about to leave its rest: 1 or −1 for the direction, shape (m, n).
-        time: s from the first sample, without the time between motions, shape (m,).
-        block: Number of the second that a sample is of, shape (m,).
+        commanded: The motion is of the joint, shape (m, n).
+        start: The joint starts to move, 1 or −1 by direction; else 0, shape (m, n).
+        time: s from the first sample, without pauses between motions, shape (m,).
+        block: Number of a sample's second, shape (m,).
     """
 
     position: Floats
@@ -108,7 +108,7 @@ def samples_of(
         gain: Torque per ampere of each, about, N·m/A, shape (n,).
 
     Raises:
-        ValueError: nothing was recorded that is long enough.
+        ValueError: every record is too short.
     """
     parts: list[dict[str, Floats]] = []
     blocks, since = 0, 0.0
@@ -150,7 +150,7 @@ def samples_of(
 
 
 def joined(parts: Sequence[dict[str, Floats]]) -> dict[str, Floats]:
-    """Rows of several parts, one after the other."""
+    """The parts' rows, concatenated."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
@@ -182,7 +182,7 @@ def smoothed(record: Record, supply: Floats) -> tuple[float, Signals]:
 
 
 def near_gaps(readings: Floats, time: Floats) -> Bools:
-    """Which times are so near to a gap of readings that the low pass is without data, s."""
+    """Whether times, s, are so near to a gap of readings that the low pass lacks data."""
     gaps = np.flatnonzero(np.diff(readings) > WIDTH)
     found = np.zeros(time.size, dtype=np.bool_)
     for begin, end in zip(readings[gaps], readings[gaps + 1], strict=True):
@@ -205,11 +205,11 @@ def steady(
 
 
 def starts(signals: Signals, step: float, column: int, gain: float, slow: float) -> list[int]:
-    """Samples at which a joint leaves its rest: where friction is greatest, at every slow start.
+    """Samples at which a joint starts to move: the friction peak of every slow start.
 
-    Friction is what the current gives beyond the measured torque; without torque sensor, the
-    current itself, as the load hardly changes on so short a way. The starts are laid over each
-    other first, and smoothed: the greatest of the mean is not the greatest noise.
+    Friction is the current's torque beyond the measured one; without torque sensor the current's
+    torque, as the load is almost constant on so short a way. The peak is searched near that of the
+    mean of all starts, smoothed, which is not the greatest noise.
 
     Args:
         signals: Filtered, of ramps.
@@ -241,7 +241,7 @@ def starts(signals: Signals, step: float, column: int, gain: float, slow: float)
 def of_starts(
     whole: Signals, rows: NDArray[np.intp], column: int, time: Floats
 ) -> dict[str, Floats]:
-    """The samples at which a joint leaves its rest."""
+    """The samples at which a joint starts to move."""
     part = {name: values[rows] for name, values in whole.items()}
     part["moving"], part["start"] = np.zeros_like(part["velocity"]), part["start"].copy()
     part["start"][:, column] = np.sign(part["reference"][:, column])

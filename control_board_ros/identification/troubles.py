@@ -17,22 +17,22 @@ from ..protocols import Floats
 from .robot import Robot
 from .samples import Record
 
-#: Share of its reference that a joint must move, and that a motor must for its belt to be torn.
+#: Minimum travel of a joint, and of a motor with a torn belt, as shares of the reference's.
 MOVED, TURNED = 0.2, 0.5
-#: Deviation of a gear ratio that is no inaccuracy of encoders.
+#: Relative deviation of a gear ratio beyond the inaccuracy of encoders.
 OFF = 0.02
-#: Play that is more than encoders and a stiff gearbox make, rad and m.
+#: Play beyond that of encoders and a stiff gearbox, rad and m.
 PLAY, PLAY_SLIDING = 2e-3, 2e-4
-#: Least speed at which the side of the play is certain, rad/s or m/s as a share of the greatest.
+#: Minimum speed with a certain side of the play, as a share of the greatest speed.
 SURE_SPEED = 0.1
-#: Way after a reversal in which play is taken up, rad and m.
+#: Travel after a reversal in which play is taken up, rad and m.
 TAKEN_UP, TAKEN_UP_SLIDING = 0.015, 1.5e-3
-#: Least travel that shows a gear ratio, rad and m.
+#: Minimum travel that shows a gear ratio, rad and m.
 TRAVEL, TRAVEL_SLIDING = 5e-3, 5e-4
 
 
 def troubles_of(robot: Robot, records: Sequence[Record], joints: Sequence[str]) -> dict[str, str]:
-    """The trouble of joints, by name; only of those with one."""
+    """The troubles of joints, by name."""
     found = {}
     for joint in joints:
         own = [record for record in records if joint in record.speeds]
@@ -42,7 +42,7 @@ def troubles_of(robot: Robot, records: Sequence[Record], joints: Sequence[str]) 
 
 
 def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
-    """The trouble of a joint; empty: none."""
+    """The trouble of a joint; empty without one."""
     column = robot.names.index(joint)
     if not any(record.time.size for record in records):
         return "was not moved: no readings"
@@ -75,17 +75,17 @@ def trouble(robot: Robot, records: Sequence[Record], joint: str) -> str:
 
 
 def blamed(record: Record, joint: str) -> bool:
-    """Whether it was this joint that ended a motion."""
+    """Whether this joint ended a motion."""
     return len(record.speeds) == 1 or record.ended.startswith(f"{joint} ")
 
 
 def after(why: str) -> str:
-    """The end of a sentence with what stopped the joint."""
+    """The reason of a stop, in brackets."""
     return f" ({why})" if why else ""
 
 
 def of_gearbox(rows: dict[str, Floats], kind: JointKind, ratio: float) -> str:
-    """Contradiction of the encoders of motor and joint; empty: none.
+    """Contradiction between the encoders of motor and joint; empty without one.
 
     Args:
         rows: Of one joint: ``position``, ``velocity``, ``motor_position``.

@@ -117,7 +117,7 @@ def offered(topic: Topic) -> Any:
 #: Bytes kept free on the disk, for the index of the open file and other programs.
 RESERVE = 64_000_000
 #: Bytes written between checks of free space; overhead of a message, bytes.
-LOOK_EVERY, OVERHEAD = 1_000_000, 31
+CHECK_EVERY, OVERHEAD = 1_000_000, 31
 
 
 class Bag:
@@ -149,7 +149,7 @@ class Bag:
         self.folder = folder
         self._split_size, self._split_time = split_size, split_time
         self._custom = dict(custom or {})
-        self._reserve, self._unseen = reserve, 0
+        self._reserve, self._unchecked = reserve, 0
         self._latched: dict[Topic, bytes] = {}
         self._writer: Any = None
         self._connections: dict[Topic, Any] = {}
@@ -161,7 +161,7 @@ class Bag:
             raise RecordingError(f"{folder} exists already; choose another folder") from None
         except OSError as error:
             raise RecordingError(f"cannot make {folder}: {error.strerror}") from None
-        self._look_at_disk()
+        self._check_disk()
 
     @property
     def messages(self) -> int:
@@ -218,7 +218,7 @@ class Bag:
     def _begin_part(self, stamp: int) -> None:
         name = f"{self.folder.name}_{len(self.parts)}"
         part = Part(self.folder / f"{name}.mcap", stamp, stamp)
-        with self._telling():
+        with self._disk_errors():
             writer = self._rosbag2.Writer(
                 self.folder / name,
                 version=VERSION,
@@ -232,7 +232,7 @@ class Bag:
 
     def _add(self, topic: Topic, stamp: int, data: bytes) -> None:
         part = self.parts[-1]
-        with self._telling():
+        with self._disk_errors():
             connection = self._connections.get(topic)
             if connection is None:
                 connection = self._connections[topic] = self._connect(topic)
@@ -240,9 +240,9 @@ class Bag:
         part.last = max(part.last, stamp)
         part.counts[topic] = part.counts.get(topic, 0) + 1
         part.size += len(data) + OVERHEAD
-        self._unseen += len(data) + OVERHEAD
-        if self._unseen >= LOOK_EVERY:
-            self._look_at_disk()
+        self._unchecked += len(data) + OVERHEAD
+        if self._unchecked >= CHECK_EVERY:
+            self._check_disk()
 
     def _connect(self, topic: Topic) -> Any:
         known = definition(topic.type)
@@ -258,7 +258,7 @@ class Bag:
         writer, self._writer = self._writer, None
         part = self.parts[-1]
         try:
-            with self._telling():
+            with self._disk_errors():
                 writer.close()
                 made = self.folder / part.path.stem
                 (made / part.path.name).rename(part.path)
@@ -271,8 +271,8 @@ class Bag:
 
     # --- the disk -----------------------------------------------------------------------------
 
-    def _look_at_disk(self) -> None:
-        self._unseen = 0
+    def _check_disk(self) -> None:
+        self._unchecked = 0
         free = shutil.disk_usage(self.folder).free
         if free < self._reserve:
             raise RecordingError(
@@ -281,7 +281,7 @@ class Bag:
             )
 
     @contextlib.contextmanager
-    def _telling(self) -> Any:
+    def _disk_errors(self) -> Any:
         """Convert errors of the disk to RecordingError."""
         try:
             yield
@@ -302,7 +302,7 @@ class Bag:
             sort_keys=False,
             allow_unicode=True,
         )
-        with self._telling():
+        with self._disk_errors():
             try:
                 fresh.write_text(text, "utf-8")
                 fresh.replace(path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The way that joints were guided, as a trajectory within their limits."""
+"""The recorded motion of guided joints, as a trajectory within their limits."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from control_board_ros.protocols import Floats
 from .errors import RecordingError
 from .reading import BoardRecording
 
-#: s between the points of a way; what is shorter than two of them is a hand's tremble.
+#: s between points; motion within twice that is a hand's tremor.
 GRID = 0.05
-#: What a joint moves at least that counts as motion, rad or m.
+#: Minimum travel that counts as motion, rad or m.
 STILL = 2e-3
-#: Part of a joint's limits of speed and acceleration that a replay uses.
+#: Share of a joint's limits of speed and acceleration used by a replay.
 SHARE = 0.9
 
 
@@ -28,10 +28,10 @@ class Way:
 
     Attributes:
         names: Of the joints.
-        times: Of its n points, from 0 on, s.
+        times: Of its n points, from 0, s.
         positions: rad, shape (n, k).
-        velocities: rad/s, shape (n, k); at rest at both ends.
-        stretched: Duration over the requested one, so that limits hold.
+        velocities: rad/s, shape (n, k); 0 at both ends.
+        stretched: Duration over the requested one, for the limits.
     """
 
     names: tuple[str, ...]
@@ -42,26 +42,25 @@ class Way:
 
     @property
     def duration(self) -> float:
-        """Duration, s."""
         return float(self.times[-1])
 
 
 def way_of(
     recording: BoardRecording, names: Sequence[str], limits: Sequence[JointLimits], speed: float
 ) -> Way:
-    """The way of joints in a recording, without the rest before and after it.
+    """The motion of joints in a recording, without the rest before and after it.
 
-    Points every GRID s are means over ±GRID, with the velocities of central differences; slower
-    where a joint's limits of speed or acceleration ask for it, and within those of position.
+    Points every GRID s are means over ±GRID, with velocities of central differences, bounded by
+    the limits of position; slower where the limits of speed or acceleration require it.
 
     Args:
         recording: Of the board.
         names: The joints.
         limits: Of each joint.
-        speed: Of the replay; 1: as it was recorded.
+        speed: Of the replay; 1: as recorded.
 
     Raises:
-        RecordingError: nothing moved in it, or joints are not in it.
+        RecordingError: no joint moves, or joints are missing.
     """
     if missing := [name for name in names if name not in recording.names]:
         raise RecordingError(f"{', '.join(missing)}: not in the recording")
@@ -84,7 +83,7 @@ def way_of(
     step = (end - begin) / count / speed
     velocities = np.zeros_like(points)
     velocities[1:-1] = (points[2:] - points[:-2]) / (2.0 * step)
-    # of the cubic between two points: its greatest speed and acceleration
+    # greatest speed and acceleration of the cubic between two points
     slope = np.diff(points, axis=0) / step
     before, after = velocities[:-1], velocities[1:]
     middle = np.abs(1.5 * slope - 0.25 * (before + after))
@@ -103,7 +102,7 @@ def way_of(
 
 
 def _means(time: Floats, values: Floats, grid: Floats) -> Floats:
-    """The mean of a signal within GRID around each time: of its integral's differences."""
+    """The mean of a signal within ±GRID around each time, from differences of its integral."""
     areas = np.concatenate([[0.0], np.cumsum(np.diff(time) * 0.5 * (values[1:] + values[:-1]))])
     low = np.maximum(grid - GRID, time[0])
     high = np.minimum(grid + GRID, time[-1])

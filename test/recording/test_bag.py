@@ -143,7 +143,7 @@ def test_split_by_size(tmp_path: Path) -> None:
 def test_a_full_disk_ends_it_cleanly(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was written before is a whole recording; one line says what happened."""
     bag = Bag(tmp_path / "bag", reserve=1000)
-    monkeypatch.setattr("control_board_ros.recording.bag.LOOK_EVERY", 1000)
+    monkeypatch.setattr("control_board_ros.recording.bag.CHECK_EVERY", 1000)
     bag._reserve = 2**62
     with pytest.raises(RecordingError, match="nearly full"):
         write_states(bag, 1000)
